@@ -1,0 +1,14 @@
+// What the exposure does to a tone.
+#pragma once
+
+#include <complex>
+
+namespace ocisac {
+
+// sin(πx)/(πx), signed, 1 at 0; exact zeros at the other whole numbers.
+double sinc(double x);
+
+// H(f) = sinc(f·T_e)·e^{−jπ f T_e}: the response of a box of length `exposure` (s) that ends at the sampling instant.
+std::complex<double> exposure_response(double frequency, double exposure);
+
+}  // namespace ocisac

@@ -1,0 +1,36 @@
+// Checks of arguments: one line that names the argument, its value and what is allowed.
+#pragma once
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+#include <string_view>
+
+namespace ocisac {
+
+template <class Value>
+[[noreturn]] void refuse(std::string_view argument, const Value& value, std::string_view allowed) {
+  std::ostringstream message;
+  message.precision(17);
+  message << argument << ": got " << value << ", allowed: " << allowed;
+  throw std::invalid_argument(message.str());
+}
+
+template <class Value>
+void require(bool holds, std::string_view argument, const Value& value, std::string_view allowed) {
+  if (!holds) refuse(argument, value, allowed);
+}
+
+inline void require_finite(std::string_view argument, double value) {
+  require(std::isfinite(value), argument, value, "a finite number");
+}
+
+inline void require_positive(std::string_view argument, double value) {
+  require(std::isfinite(value) && value > 0, argument, value, "a finite number above 0");
+}
+
+inline void require_not_negative(std::string_view argument, double value) {
+  require(std::isfinite(value) && value >= 0, argument, value, "a finite number, 0 or above");
+}
+
+}  // namespace ocisac

@@ -1,0 +1,78 @@
+#include "ocisac/camera/linear_light.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "ocisac/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+// Light of every value an integer sample can have.
+template <class T>
+std::vector<double> light_table(const ToneCurve& curve) {
+  std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
+  for (std::size_t value = 0; value < table.size(); ++value)
+    table[value] = linear_light(curve, static_cast<double>(value), sample_maximum<T>());
+  return table;
+}
+
+// Reads along rows, as the frame lies in memory, and writes the transposed block.
+template <class T, class Light>
+std::vector<double> gather(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
+                           Light light) {
+  std::vector<double> signals(count * view.rows);
+  for (std::size_t row = 0; row < view.rows; ++row)
+    for (std::size_t column = 0; column < count; ++column)
+      signals[column * view.rows + row] = light(view(frame, row, first + column));
+  return signals;
+}
+
+}  // namespace
+
+std::vector<double> column_signals(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+                                   const ToneCurve& curve) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        if (curve.kind == ToneCurve::Kind::linear)
+          return gather(view, frame, first, count, [&](T v) { return static_cast<double>(v) - curve.dark_level; });
+        if constexpr (std::is_integral_v<T>) {
+          const auto table = light_table<T>(curve);
+          return gather(view, frame, first, count, [&](T v) { return table[v]; });
+        } else {
+          return gather(view, frame, first, count,
+                        [&](T v) { return linear_light(curve, static_cast<double>(v), sample_maximum<T>()); });
+        }
+      },
+      frames);
+}
+
+Shape shape_of(const AnyFramesView& frames) {
+  return std::visit([](const auto& view) { return Shape{view.frames, view.rows, view.columns}; }, frames);
+}
+
+double saturation_level(const AnyFramesView& frames) {
+  return std::visit(
+      []<class T>(const FramesView<const T>&) {
+        return std::is_integral_v<T> ? sample_maximum<T>() : std::numeric_limits<double>::quiet_NaN();
+      },
+      frames);
+}
+
+void check(const AnyFramesView& frames) {
+  const Shape shape = shape_of(frames);
+  require(shape.rows > 0, "columns", "0 rows", "at least one row");
+  require(shape.columns > 0, "columns", "0 columns", "at least one column");
+  std::visit(
+      []<class T>(const FramesView<const T>& view) {
+        if constexpr (std::is_floating_point_v<T>)
+          for (std::size_t frame = 0; frame < view.frames; ++frame)
+            for (std::size_t row = 0; row < view.rows; ++row)
+              for (std::size_t column = 0; column < view.columns; ++column)
+                require_finite("columns", static_cast<double>(view(frame, row, column)));
+      },
+      frames);
+}
+
+}  // namespace ocisac

@@ -1,0 +1,7 @@
+// ocisac_fast._core: one register function a topic.
+#include "register.hpp"
+
+PYBIND11_MODULE(_core, module) {
+  module.doc() = "C++ core of ocisac_fast; use the package's own functions, which carry the documentation";
+  ocisac::bindings::register_camera(module);
+}

@@ -1,0 +1,9 @@
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace ocisac::bindings {
+
+void register_camera(pybind11::module_& module);
+
+}  // namespace ocisac::bindings
