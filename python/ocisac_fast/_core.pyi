@@ -1,0 +1,17 @@
+from typing import Any
+
+import numpy.typing as npt
+
+class Camera:
+    def __init__(
+        self,
+        row_time: float,
+        exposure: float | None,
+        frame_time: float | None,
+        tone_curve: str,
+        gamma: float,
+        dark_level: float,
+        white_level: float | None,
+    ) -> None: ...
+
+def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> Any: ...
