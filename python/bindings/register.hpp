@@ -5,5 +5,6 @@
 namespace ocisac::bindings {
 
 void register_camera(pybind11::module_& module);
+void register_tone_gain(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

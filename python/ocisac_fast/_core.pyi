@@ -15,3 +15,16 @@ class Camera:
     ) -> None: ...
 
 def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> Any: ...
+
+def tone_gain(
+    columns: npt.NDArray[Any],
+    camera: Camera,
+    frequencies: npt.ArrayLike,
+    method: str,
+    waveform: str,
+    duty: float,
+    background: npt.ArrayLike,
+    efficiency: float,
+    threads: int,
+    pooled: bool,
+) -> tuple[Any, Any, Any, Any, Any, Any]: ...

@@ -1,0 +1,14 @@
+// Work in blocks over threads.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+namespace ocisac {
+
+// Calls work(block) once for each block in [0, blocks) on `threads` threads (1: the caller's own). Which thread takes
+// which block is left open, so a block must write only what is its own; then the result does not depend on `threads`.
+// The first exception is thrown again in the caller, after all threads have ended.
+void for_each_block(std::size_t blocks, int threads, const std::function<void(std::size_t)>& work);
+
+}  // namespace ocisac

@@ -1,0 +1,68 @@
+#include "ocisac/estimation/tone_gain.hpp"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <string>
+
+#include "arrays.hpp"
+#include "register.hpp"
+
+namespace ocisac::bindings {
+
+namespace {
+
+using DoubleArray = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+GainMethod gain_method(const std::string& name) {
+  if (name == "fit") return GainMethod::fit;
+  if (name == "dft") return GainMethod::dft;
+  refuse("method", name, "fit or dft");
+}
+
+WaveformShape waveform_shape(const std::string& name) {
+  if (name == "tone") return WaveformShape::tone;
+  if (name == "square") return WaveformShape::square;
+  refuse("waveform", name, "tone or square");
+}
+
+template <class T>
+py::array_t<T> as_array(const std::vector<T>& values, const std::vector<py::ssize_t>& shape) {
+  py::array_t<T> array(shape);
+  std::ranges::copy(values, array.mutable_data());
+  return array;
+}
+
+// (tones, frames, columns) arrays: gain, gain_std, phase, mean, snr, flags.
+py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const DoubleArray& frequencies,
+                           const std::string& method, const std::string& waveform, double duty,
+                           const DoubleArray& background, double efficiency, int threads, bool pooled) {
+  const AnyFramesView view = any_view(columns);
+  const std::span tones(frequencies.data(), static_cast<std::size_t>(frequencies.size()));
+  const ToneGainOptions options{gain_method(method),
+                                waveform_shape(waveform),
+                                duty,
+                                {background.data(), static_cast<std::size_t>(background.size())},
+                                efficiency,
+                                threads};
+  ToneGain result;
+  {
+    const py::gil_scoped_release unlocked;
+    result = pooled ? pooled_tone_gain(view, camera, tones, options) : tone_gain(view, camera, tones, options);
+  }
+  const auto size = [](std::size_t n) { return static_cast<py::ssize_t>(n); };
+  const std::vector<py::ssize_t> shape{size(result.tones), size(result.frames), size(result.columns)};
+  return py::make_tuple(as_array(result.gain, shape), as_array(result.gain_std, shape), as_array(result.phase, shape),
+                        as_array(result.mean, shape), as_array(result.snr, shape), as_array(result.flags, shape));
+}
+
+}  // namespace
+
+void register_tone_gain(py::module_& module) {
+  module.def("tone_gain", &tone_gain_arrays, py::arg("columns"), py::arg("camera"), py::arg("frequencies"),
+             py::arg("method"), py::arg("waveform"), py::arg("duty"), py::arg("background"), py::arg("efficiency"),
+             py::arg("threads"), py::arg("pooled"));
+}
+
+}  // namespace ocisac::bindings

@@ -1,0 +1,34 @@
+"""What a caller must know of an estimate beside its standard error."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+
+class Flag(IntFlag):
+    """Bits of a ``flags`` mask; an estimate without any is what it seems."""
+
+    SATURATED = 1 << 0
+    """Samples at the top of the scale: the gain reads low or distorted."""
+    NEAR_NULL = 1 << 1
+    """The exposure leaves next to nothing of the tone: |sinc(f T_e)| < 0.05."""
+    WEAK = 1 << 2
+    """The amplitude is below three standard errors: mostly noise."""
+    FEW_CYCLES = 1 << 3
+    """Less than one cycle in the frame."""
+    ALIASED = 1 << 4
+    """The tone is above half the row rate and was seen at its alias."""
+    UNRESOLVABLE = 1 << 5
+    """No answer (NaN): a multiple of half the row rate, tones that coincide, or too few rows."""
+    NO_LIGHT = 1 << 6
+    """No answer (NaN): the mean less the background is not above 0."""
+    OFF_BIN = 1 << 7
+    """Method ``dft``: the tone lies beside its bin and the gain is biased."""
+    ILL_CONDITIONED = 1 << 8
+    """The rows hardly tell the parts of the model apart."""
+    HARMONICS_DROPPED = 1 << 9
+    """Harmonics were left out of the model: too many for the rows, or on another tone."""
+
+    def names(self) -> list[str]:
+        """The bits that are set, in lower case."""
+        return [bit.name.lower() for bit in Flag if bit in self and bit.name]
