@@ -19,8 +19,8 @@ TEST_CASE("half spectra agree with the sum that defines them, and invert") {
       for (std::size_t k = 0; k < bins; ++k) {
         std::complex<double> sum = 0;
         for (std::size_t n = 0; n < length; ++n)
-          sum += signals[s * length + n] *
-                 std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k * n % length) / static_cast<double>(length));
+          sum += signals[s * length + n] * std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k * n % length) /
+                                                               static_cast<double>(length));
         CHECK(std::abs(spectra[s * bins + k] - sum) < 1e-10 * std::sqrt(static_cast<double>(length)));
       }
     const auto back = ocisac::signals_of_half_spectra(spectra, length);

@@ -15,7 +15,6 @@ class Camera:
     ) -> None: ...
 
 def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> Any: ...
-
 def tone_gain(
     columns: npt.NDArray[Any],
     camera: Camera,

@@ -68,11 +68,11 @@ def tone_gain(
         frequency: of the light, Hz, above 0; one value or a (tones,) array, fitted together. Above half the row rate
             the tone is seen at its alias (flag ALIASED).
         method: ``"fit"`` or ``"dft"``.
-        waveform: ``"tone"``, or ``"square"``: all harmonics of a square wave below half the row rate are fitted too, and
-            the gain is that of its fundamental.
+        waveform: ``"tone"``, or ``"square"``: all harmonics of a square wave below half the row rate are fitted too,
+            and the gain is that of its fundamental.
         duty: share of the period in which the square wave is bright, inside (0, 1).
-        background: light that is not the source's, DN above dark: one value, or (columns,) or (frames, columns). What is
-            left in the mean lowers the gain to share times |sinc|.
+        background: light that is not the source's, DN above dark: one value, or (columns,) or (frames, columns). What
+            is left in the mean lowers the gain to share times |sinc|.
         efficiency: least share of the fit's statistical efficiency to keep, in (0, 1].
         threads: threads to use, 1 or more; the result does not depend on it.
         pooled: combine the columns of a frame into one first, weighted by brightness, without saturated columns.

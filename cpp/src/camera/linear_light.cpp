@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include "ocisac/require.hpp"
 
@@ -35,6 +36,9 @@ std::vector<double> column_signals(const AnyFramesView& frames, std::size_t fram
                                    const ToneCurve& curve) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
+        const double white = white_level(curve, sample_maximum<T>());
+        require(curve.kind == ToneCurve::Kind::linear || white > curve.dark_level, "dark_level", curve.dark_level,
+                "below the white level (" + std::to_string(white) + " for these samples)");
         if (curve.kind == ToneCurve::Kind::linear)
           return gather(view, frame, first, count, [&](T v) { return static_cast<double>(v) - curve.dark_level; });
         if constexpr (std::is_integral_v<T>) {

@@ -89,6 +89,7 @@ struct Block {
 };
 
 Block solve_block(const MatrixXd& design, Index wanted) {
+  if (design.cols() == 0) return {MatrixXd(design.rows(), 0), MatrixXd(design.rows(), 0), MatrixXd(0, 0)};
   const Eigen::ColPivHouseholderQR<MatrixXd> qr(design);
   const Index rank = qr.rank();
   Block block;
