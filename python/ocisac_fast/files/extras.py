@@ -1,0 +1,25 @@
+"""The libraries that only files need, imported when a file is read or written."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from ocisac_fast.files.recording import FileError
+
+
+def _library(module: str, name: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise FileError(f"needs {name}: pip install 'ocisac-fast[files]'") from error
+
+
+def pillow() -> Any:
+    """``PIL.Image``."""
+    return _library("PIL.Image", "Pillow")
+
+
+def pyav() -> Any:
+    """``av``."""
+    return _library("av", "PyAV")

@@ -1,0 +1,138 @@
+"""Pictures: PNG, JPEG, TIFF, PNM, BMP, WebP; all bits that are stored, without colour management.
+
+Pillow reads them, but reduces colour of 16 bits to 8: those pictures are decoded by FFmpeg (PyAV).
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ocisac_fast.files.extras import pillow, pyav
+from ocisac_fast.files.profiles import response_of_picture
+from ocisac_fast.files.recording import FileError, Frame, LightResponse, RecordingStream
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+FORMATS = ("PNG", "JPEG", "TIFF", "PPM", "BMP", "WEBP")
+_PNM_HEADER = re.compile(rb"P([56])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
+_TIFF_BITS_PER_SAMPLE = 258
+
+
+def is_picture(head: bytes) -> bool:
+    """Whether a file that begins with these bytes (12 or more) is one of the pictures read here."""
+    starts = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"BM")
+    return (
+        head.startswith(starts)
+        or (head[:1] == b"P" and head[1:2] in b"123456" and head[2:3] in b" \t\r\n#")
+        or (head[:4] == b"RIFF" and head[8:12] == b"WEBP")
+    )
+
+
+def open_picture(source: Path | bytes) -> RecordingStream:
+    """A picture as one frame; the pages of a TIFF file as frames."""
+    data = source.read_bytes() if isinstance(source, Path) else source
+    if data[:2] in (b"P5", b"P6"):
+        frames, response = _binary_pnm(data)
+    else:
+        frames, response = _picture(data)
+    return RecordingStream.of_array(frames, "picture", response)
+
+
+def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
+    """PGM and PPM, whose values are kept as stored, with the file's maximum as the white level."""
+    header = _PNM_HEADER.match(data)
+    if header is None:
+        raise FileError("damaged PNM header")
+    width, height, largest = (int(header[k]) for k in (2, 3, 4))
+    channels = 1 if header[1] == b"5" else 3
+    dtype = np.dtype(np.uint8 if largest < 256 else ">u2")
+    count = width * height * channels
+    if count == 0 or not 1 <= largest <= 65535:
+        raise FileError(f"PNM picture of {width} x {height}, largest value {largest}")
+    if len(data) - header.end() < count * dtype.itemsize:
+        raise FileError(f"truncated: PNM picture of {width} x {height} with {len(data) - header.end()} bytes of pixels")
+    pixels = np.frombuffer(data, dtype, count, header.end())
+    shape = (1, height, width) if channels == 1 else (1, height, width, 3)
+    native = pixels.astype(dtype.newbyteorder("="), copy=False).reshape(shape)
+    return native, LightResponse(white_level=float(largest), told_by="PNM header")
+
+
+def _picture(data: bytes) -> tuple[Frame, LightResponse]:
+    image_module = pillow()
+    if data[:4] == b"\x89PNG" and b"IEND" not in data:
+        raise FileError("truncated: PNG without its end")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # large pictures are what cameras make; Pillow still refuses absurd ones
+            with image_module.open(io.BytesIO(data), formats=FORMATS) as image:
+                response = response_of_picture(image)
+                return _pages(image, data), response
+    except image_module.DecompressionBombError as error:
+        raise FileError("absurd size: more pixels than any camera has") from error
+    except image_module.UnidentifiedImageError as error:
+        raise FileError("damaged or not a picture") from error
+    except (OSError, SyntaxError, ValueError, EOFError, IndexError, KeyError, TypeError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"truncated or damaged picture ({' '.join(str(error).split())})") from error
+
+
+def _pages(image: Image, data: bytes) -> Frame:
+    pages = []
+    for page in range(getattr(image, "n_frames", 1) if image.format == "TIFF" else 1):
+        if page:
+            image.seek(page)
+        image.load()  # decodes all of it: FFmpeg below would fill in what a truncated file lacks
+        pages.append(_pixels(image))
+        if pages[-1].shape != pages[0].shape:
+            raise FileError(f"page {page} is {pages[-1].shape} after pages of {pages[0].shape}")
+    if _is_deep_colour(image, data):
+        if len(pages) > 1:
+            raise FileError("several pages of 16-bit colour, allowed: one")
+        return _deep_colour(data)[np.newaxis]
+    return np.stack(pages)
+
+
+def _pixels(image: Image) -> Frame:
+    """Values of a loaded picture, without alpha; a palette becomes colours."""
+    mode = image.mode
+    if mode == "1":
+        image = image.convert("L")
+    elif mode in ("P", "PA"):
+        image = image.convert("RGB")
+    elif mode in ("LA", "La", "RGBA", "RGBa", "RGBX"):
+        return np.asarray(image)[..., : len(mode) - 1].squeeze(-1 if len(mode) == 2 else ())
+    elif mode not in ("L", "RGB", "F", "I", "I;16", "I;16B", "I;16L", "I;16N"):
+        raise FileError(f"picture of mode {mode}, allowed: grey or RGB")
+    values = np.asarray(image)
+    if mode == "I" and image.format in ("PNG", "PPM"):  # older Pillows hold 16 bits in 32
+        values = values.astype(np.uint16)
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+def _is_deep_colour(image: Image, data: bytes) -> bool:
+    """Whether the file holds several channels of 16 bits, of which Pillow keeps 8."""
+    if image.format == "PNG":
+        return data[24] == 16 and data[25] in (2, 4, 6)  # bit depth, colour type of IHDR
+    if image.format == "TIFF":
+        bits = image.tag_v2.get(_TIFF_BITS_PER_SAMPLE, (1,))  # type: ignore[attr-defined]
+        return len(bits) > 1 and max(bits) == 16
+    return False
+
+
+def _deep_colour(data: bytes) -> Frame:
+    av = pyav()
+    try:
+        with av.open(io.BytesIO(data)) as container:
+            frame = next(container.decode(video=0))
+            grey = frame.format.name.startswith(("ya", "gray"))
+            return np.ascontiguousarray(frame.to_ndarray(format="gray16le" if grey else "rgb48le"))
+    except (av.FFmpegError, StopIteration, IndexError) as error:
+        raise FileError(f"16-bit colour that cannot be decoded ({error})") from error

@@ -1,0 +1,98 @@
+"""Reading recordings: the kind of a file is told by its first bytes, never by its name."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from ocisac_fast.files.arrays import MAGIC, open_array
+from ocisac_fast.files.pictures import is_picture, open_picture
+from ocisac_fast.files.recording import FileError, Frame, Recording, RecordingStream
+from ocisac_fast.files.videos import Prefixed, open_video
+
+STANDARD_INPUT = "-"
+_HEAD = 16
+_MOST_BYTES = 4 << 30
+
+
+def read_frames(path: str | os.PathLike[str], *, colour: bool = False, most_bytes: int = _MOST_BYTES) -> Recording:
+    """Read all frames of a picture, a video or a .npy array.
+
+    Args:
+        path: PNG, JPEG, TIFF (its pages are frames), PNM, BMP, WebP; any video that FFmpeg decodes; .npy with
+            (rows,), (rows, columns), (frames, rows, columns) or (frames, rows, columns, channels); ``"-"``: standard
+            input. Pictures need Pillow (and PyAV for 16-bit colour), videos PyAV: ``ocisac-fast[files]``.
+        colour: red, green and blue of a video instead of its luma plane.
+        most_bytes: a recording of more is refused; read it with ``open_recording``.
+
+    Returns:
+        ``Recording``; values as stored (uint8, uint16, ...), range and tone curve as far as the file tells.
+
+    Raises:
+        FileError: a ValueError: empty, truncated, damaged, absurdly large, or none of these kinds.
+        OSError: missing, a directory, or not permitted.
+    """
+    with open_recording(path, colour=colour) as stream, _named(_name(path)):
+        return stream.read(most_bytes)
+
+
+def open_recording(path: str | os.PathLike[str], *, colour: bool = False) -> RecordingStream:
+    """Open a recording for reading frame by frame; a video of any length takes the memory of a few frames.
+
+    Arguments and errors as ``read_frames``; to be used in a ``with`` statement and iterated once.
+    """
+    name = _name(path)
+    with _named(name):
+        if os.fspath(path) == STANDARD_INPUT:
+            stream = _of_stream(sys.stdin.buffer, name, colour)
+        else:
+            stream = _of_file(Path(path), name, colour)
+    return stream.map_frames(lambda frames: _named_frames(name, frames))
+
+
+def _of_file(path: Path, name: str, colour: bool) -> RecordingStream:
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe or a device: its beginning comes only once
+        return _of_stream(path.open("rb"), name, colour)
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    if not head:
+        raise FileError("empty file")
+    if head.startswith(MAGIC):
+        return open_array(path)
+    return open_picture(path) if is_picture(head) else open_video(path, name, colour)
+
+
+def _of_stream(file: BinaryIO, name: str, colour: bool) -> RecordingStream:
+    head = file.read(_HEAD)
+    if not head:
+        raise FileError("empty")
+    if head.startswith(MAGIC):
+        return open_array(head + file.read())
+    if is_picture(head):
+        return open_picture(head + file.read())
+    return open_video(Prefixed(head, file), name, colour)  # type: ignore[arg-type]
+
+
+def _name(path: str | os.PathLike[str]) -> str:
+    return "standard input" if os.fspath(path) == STANDARD_INPUT else os.fspath(path)
+
+
+@contextlib.contextmanager
+def _named(name: str) -> Iterator[None]:
+    """Put the file's name before the messages about it."""
+    try:
+        yield
+    except FileError as error:
+        message = str(error)
+        raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
+
+
+def _named_frames(name: str, frames: Iterator[Frame]) -> Iterator[Frame]:
+    with _named(name):
+        yield from frames

@@ -1,0 +1,134 @@
+"""What a file of pictures holds: frames, and what the file says of the camera's response to light."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Frame = npt.NDArray[Any]
+
+
+class FileError(ValueError):
+    """A file that cannot be read as a recording, or values that a file type cannot hold; the message names both."""
+
+
+class FileWarning(UserWarning):
+    """A recording that was read, but not whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class LightResponse:
+    """How stored values follow the light; the fields of the same names of ``Camera``.
+
+    Attributes:
+        tone_curve: ``"linear"``, ``"gamma"`` or ``"srgb"``.
+        gamma: exponent from stored value to light, for ``"gamma"``.
+        dark_level: stored value of no light (DN).
+        white_level: stored value of full light (DN); None: the largest value of the array's type.
+        told_by: what said so (``"PNG sRGB chunk"``), empty where the file says nothing and linear is assumed.
+    """
+
+    tone_curve: str = "linear"
+    gamma: float = 2.2
+    dark_level: float = 0.0
+    white_level: float | None = None
+    told_by: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """All frames of a file.
+
+    Attributes:
+        frames: (frames, rows, columns) or (frames, rows, columns, channels), as stored: EXIF orientation is ignored,
+            alpha dropped, channels in the order red, green, blue.
+        kind: ``"picture"``, ``"video"`` or ``"array"``.
+        response: what the file says of range and tone curve.
+        frame_rate: frames a second where the file says so.
+    """
+
+    frames: Frame
+    kind: str
+    response: LightResponse
+    frame_rate: float | None = None
+
+
+class RecordingStream:
+    """A file opened for reading one frame at a time; a context manager and an iterable of frames.
+
+    Attributes:
+        kind, response, frame_rate: as in ``Recording``.
+        frame_count: frames that the file announces, None where it does not; a damaged file may hold fewer.
+        luma: whether the frames are the luma plane of a video.
+    """
+
+    def __init__(
+        self,
+        frames: Iterator[Frame],
+        kind: str,
+        response: LightResponse,
+        frame_rate: float | None = None,
+        frame_count: int | None = None,
+        luma: bool = False,
+        close: Callable[[], object] | None = None,
+    ) -> None:
+        self._frames = frames
+        self.kind = kind
+        self.response = response
+        self.frame_rate = frame_rate
+        self.frame_count = frame_count
+        self.luma = luma
+        self._cleanup = contextlib.ExitStack()
+        if close is not None:
+            self._cleanup.callback(close)
+
+    @classmethod
+    def of_array(cls, frames: Frame, kind: str, response: LightResponse) -> RecordingStream:
+        """Frames (frames, rows, columns[, channels]) that are in memory, or mapped into it, already."""
+        return cls(iter(frames), kind, response, frame_count=len(frames))
+
+    def map_frames(self, function: Callable[[Iterator[Frame]], Iterator[Frame]]) -> RecordingStream:
+        """This stream, its frames passed through a function of their iterator."""
+        self._frames = function(self._frames)
+        return self
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self._frames
+
+    def __enter__(self) -> RecordingStream:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the file; frames already read stay valid."""
+        self._cleanup.close()
+
+    def read(self, most_bytes: int) -> Recording:
+        """All frames that are left.
+
+        Raises:
+            FileError: no frame, frames of different shapes, or more than ``most_bytes`` of them.
+        """
+        frames: list[Frame] = []
+        size = 0
+        for frame in self:
+            size += frame.nbytes
+            if size > most_bytes:
+                raise FileError(f"more than {most_bytes >> 20} MiB of frames, read it frame by frame")
+            if frames and frame.shape != frames[0].shape:
+                raise FileError(f"frame {len(frames)} is {frame.shape} after frames of {frames[0].shape}")
+            frames.append(frame)
+        if not frames:
+            raise FileError("no frame in it")
+        whole = frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames)
+        return Recording(whole, self.kind, self.response, self.frame_rate)

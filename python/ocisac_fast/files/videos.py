@@ -1,0 +1,176 @@
+"""Videos through FFmpeg (PyAV), one frame at a time: the luma plane as it is coded, without a colour conversion."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from ocisac_fast.files.extras import pyav
+from ocisac_fast.files.profiles import response_of_video, transfer_of
+from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream
+
+_REFUSED_CONTAINERS = {"tty", "hls", "dash", "concat", "srt", "webvtt", "ass", "ansi", "bin", "xbin", "adf", "idf"}
+_LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp|gray|nv\d\d|[py][024]1[026](le|be)$")
+_PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}  # first of every second byte
+_UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and its kin keep their bits at the top of a word
+_FULL_RANGE = 2
+_UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
+_MOST_PIXELS = 1 << 28
+
+
+def open_video(source: Path | BinaryIO, name: str, colour: bool = False) -> RecordingStream:
+    """The frames of a video, decoded as they are asked for.
+
+    Args:
+        source: path, or a binary stream (spooled to a temporary file where its kind needs seeking).
+        name: the file's name in warnings.
+        colour: red, green and blue by a colour conversion instead of luma.
+    """
+    av = pyav()
+    file: Any = source.open("rb") if isinstance(source, Path) else source
+    try:
+        if not isinstance(source, Path) and not file.seekable():
+            file = _seekable_where_needed(file)
+        container = av.open(file, options={"protocol_whitelist": ""})
+        return _stream(av, container, file, name, colour)
+    except FileError:
+        file.close()
+        raise
+    except (av.FFmpegError, UnicodeDecodeError, ValueError) as error:
+        file.close()
+        raise FileError(_UNKNOWN) from error
+
+
+def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
+    """MP4 may keep its index at its end; other kinds are read as they come."""
+    head = file.read(12)
+    prefixed = Prefixed(head, file)
+    if head[4:8] != b"ftyp":
+        return prefixed  # type: ignore[return-value]
+    spool = tempfile.TemporaryFile()  # noqa: SIM115 (the stream closes it)
+    shutil.copyfileobj(prefixed, spool)
+    spool.seek(0)
+    return spool
+
+
+class Prefixed:
+    """A stream of which the first bytes have been read already."""
+
+    def __init__(self, head: bytes, rest: BinaryIO) -> None:
+        self._head = io.BytesIO(head)
+        self._rest = rest
+
+    def read(self, size: int = -1) -> bytes:
+        head = self._head.read(size)
+        if size < 0:
+            return head + self._rest.read()
+        return head or self._rest.read(size)
+
+    def seekable(self) -> bool:
+        return False
+
+    def close(self) -> None:
+        self._rest.close()
+
+
+def _stream(av: Any, container: Any, file: Any, name: str, colour: bool) -> RecordingStream:
+    def close() -> None:
+        container.close()
+        file.close()
+
+    if container.format.name in _REFUSED_CONTAINERS or not container.streams.video:
+        close()
+        raise FileError(_UNKNOWN)
+    stream = container.streams.video[0]
+    context = stream.codec_context
+    pixels = context.width * context.height
+    if not 0 < pixels <= _MOST_PIXELS:
+        close()
+        raise FileError(f"absurd size: frames of {context.width} x {context.height}" if pixels else _UNKNOWN)
+    stream.thread_type = "AUTO"
+    pixel_format = context.pix_fmt or ""
+    values, response = _layout(av, pixel_format, context, colour)
+    rate = float(stream.average_rate) if stream.average_rate else None
+    return RecordingStream(
+        _frames(av, container, stream, name, values),
+        "video",
+        response,
+        rate,
+        stream.frames or None,
+        luma=_has_luma(pixel_format) and not colour,
+        close=close,
+    )
+
+
+def _has_luma(name: str) -> bool:
+    return bool(_LUMA_PLANE.match(name)) or name in _PACKED_LUMA
+
+
+def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[Any], Frame], LightResponse]:
+    """How the values of a frame of this pixel format are taken, and what they mean."""
+    transfer = transfer_of(context)
+    if not name or colour or not _has_luma(name):
+        deep = bool(name) and av.VideoFormat(name).components[0].bits > 8
+        target = "rgb48le" if deep else "rgb24"
+        return lambda frame: frame.to_ndarray(format=target), response_of_video(transfer, False, 16 if deep else 8, 0)
+    bits = av.VideoFormat(name).components[0].bits
+    # Without a word in the stream, YUV is of limited range by convention; grey is a sensor's own.
+    stated_full = int(context.color_range or 0) == _FULL_RANGE
+    stated_limited = int(context.color_range or 0) == 1
+    limited = stated_limited or not (stated_full or name.startswith(("yuvj", "gray")))
+    shift = 16 - bits if _UPPER_BITS.match(name) else 0
+    response = response_of_video(transfer, limited, bits, shift, stated_full or stated_limited)
+    dtype = np.dtype(np.uint8 if bits == 8 else ">u2" if name.endswith("be") else "<u2")
+    first = _PACKED_LUMA.get(name)
+    step = 1 if first is None and not name.startswith("y2") else 2
+    return lambda frame: _luma(frame, dtype, first or 0, step), response
+
+
+def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
+    """A copy of the luma of plane 0, whose lines are padded; the decoder uses its memory again."""
+    plane = frame.planes[0]
+    lines = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: frame.height]
+    values = lines[:, : frame.width * step * dtype.itemsize].view(dtype)[:, first::step]
+    return np.array(values, dtype=dtype.newbyteorder("="), order="C")
+
+
+def _frames(av: Any, container: Any, stream: Any, name: str, values: Callable[[Any], Frame]) -> Iterator[Frame]:
+    count = damaged = 0
+    end = None
+    try:
+        for frame in container.decode(stream):
+            if frame.is_corrupt:
+                damaged += 1
+                continue
+            count += 1
+            if frame.pts is not None and frame.time_base:
+                end = float(frame.pts * frame.time_base)
+            yield values(frame)
+    except av.FFmpegError as error:
+        if count == 0:
+            raise FileError("no frame that can be decoded") from error
+        damaged += 1
+    if count == 0:
+        raise FileError("no frame that can be decoded")
+    if damaged or _ends_early(container, stream, count, end):
+        announced = f" of {stream.frames}" if stream.frames else ""
+        message = f"{name}: truncated or damaged video: {count}{announced} frames are whole"
+        warnings.warn(message, FileWarning, stacklevel=2)
+
+
+def _ends_early(container: Any, stream: Any, count: int, end: float | None) -> bool:
+    """Whether fewer frames came than the file announces by their number or, failing that, by its duration."""
+    if stream.frames:
+        return bool(count < stream.frames)
+    if container.duration is None or end is None or not stream.average_rate:
+        return False
+    begin = (container.start_time or 0) * 1e-6
+    return bool(end - begin < container.duration * 1e-6 - 2.5 / float(stream.average_rate))

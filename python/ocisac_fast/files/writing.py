@@ -1,0 +1,167 @@
+"""Writing recordings: whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ocisac_fast.files.extras import pillow, pyav
+from ocisac_fast.files.recording import FileError, Frame
+
+_PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF"}
+_VIDEOS = {".mkv": "ffv1", ".mp4": "libx264"}
+_FULL_RANGE, _LINEAR_TRANSFER = 2, 8
+
+
+@contextlib.contextmanager
+def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A temporary path beside ``path`` with the same suffix, renamed to it on success and removed on an error."""
+    target = Path(path)
+    handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)
+        temporary.replace(target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], frame_rate: float = 30.0) -> None:
+    """Write frames without loss; the suffix tells the kind, and no half file is ever left under that name.
+
+    Args:
+        path: ``.png`` (one frame), ``.tif``/``.tiff`` (a page a frame), ``.mkv`` (FFV1), ``.mp4`` (H.264 without loss,
+            8 bits) or ``.npy`` (any type). The directory must exist.
+        frames: any iterable of (rows, columns) or (rows, columns, 3), all of one shape and type, such as an array
+            (frames, rows, columns); an array (rows, columns) is one frame. uint8 or uint16; float32 goes to TIFF
+            and .npy as well, float64 to .npy.
+        frame_rate: frames a second of a video, above 0.
+
+    Raises:
+        FileError: a ValueError: an unknown suffix, no frame, or a type or shape that the kind of file cannot hold.
+        OSError: the file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if isinstance(frames, np.ndarray) and frames.ndim == 2:
+        frames = frames[np.newaxis]
+    try:
+        with atomic_path(path) as temporary:
+            if suffix == ".npy":
+                with temporary.open("wb") as file:
+                    np.save(file, np.stack(_alike(frames)), allow_pickle=False)
+            elif suffix in _PICTURES:
+                _write_picture(temporary, _alike(frames), _PICTURES[suffix])
+            elif suffix in _VIDEOS:
+                _write_video(temporary, frames, _VIDEOS[suffix], frame_rate)
+            else:
+                allowed = ", ".join([*_PICTURES, *_VIDEOS, ".npy"])
+                raise FileError(f"suffix: got {suffix!r}, allowed: {allowed}")
+    except FileError as error:
+        raise FileError(f"{os.fspath(path)}: {error}") from error.__cause__
+
+
+def _alike(frames: Iterable[Frame]) -> list[Frame]:
+    every = [np.asarray(frame) for frame in frames]
+    if not every:
+        raise FileError("no frame to write")
+    if any(frame.shape != every[0].shape or frame.dtype != every[0].dtype for frame in every):
+        raise FileError("frames of different shapes or types")
+    return every
+
+
+def _check(frame: Frame, dtypes: tuple[type, ...]) -> None:
+    if frame.dtype not in dtypes:
+        names = ", ".join(np.dtype(dtype).name for dtype in dtypes)
+        raise FileError(f"frames of {frame.dtype}, this kind of file holds {names}")
+    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[2] != 3) or frame.size == 0:
+        raise FileError(f"frame of shape {frame.shape}, allowed: (rows, columns) or (rows, columns, 3)")
+
+
+def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
+    first = frames[0]
+    _check(first, (np.uint8, np.uint16, np.float32) if kind == "TIFF" and first.ndim == 2 else (np.uint8, np.uint16))
+    if len(frames) > 1 and kind != "TIFF":
+        raise FileError(f"{len(frames)} frames, a {kind} picture holds one (use .tif, .mkv or .npy)")
+    if first.ndim == 3 and first.dtype == np.uint16:  # Pillow has no colour of 16 bits
+        if len(frames) > 1:
+            raise FileError("several frames of 16-bit colour (use .mkv or .npy)")
+        codec, pixels = ("png", "rgb48be") if kind == "PNG" else ("tiff", "rgb48le")
+        path.write_bytes(b"".join(bytes(packet) for packet in _encode(frames, codec, pixels, Fraction(25), {})))
+        return
+    images = [pillow().fromarray(np.ascontiguousarray(frame)) for frame in frames]
+    options = {"save_all": True, "append_images": images[1:]} if len(images) > 1 else {}
+    images[0].save(path, kind, **options)
+
+
+def _encode(frames: Iterable[Frame], codec: str, pixels: str, rate: Fraction, options: dict[str, str]) -> Iterator[Any]:
+    """Packets of frames through an encoder of its own, without a container."""
+    av = pyav()
+    context = None
+    for frame in frames:
+        if context is None:
+            context = av.CodecContext.create(codec, "w")
+            context.height, context.width = frame.shape[:2]
+            context.pix_fmt, context.time_base, context.options = pixels, 1 / rate, options
+        yield from context.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=pixels))
+    if context is not None:
+        yield from context.encode(None)
+
+
+def _write_video(path: Path, frames: Iterable[Frame], codec: str, frame_rate: float) -> None:
+    """One frame at a time; the stream says full range and linear, which `read_frames` understands."""
+    av = pyav()
+    if not 0 < frame_rate < float("inf"):
+        raise FileError(f"frame_rate: got {frame_rate}, allowed: above 0")
+    shape: tuple[int, ...] = ()
+    dtype: Any = None
+    index_first = {"movflags": "+faststart"} if path.suffix == ".mp4" else {}  # readable from a pipe, or when cut
+    with av.open(str(path), "w", options=index_first) as container:
+        stream = None
+        for count, raw in enumerate(frames):
+            frame = np.asarray(raw)
+            if stream is None:
+                _check(frame, (np.uint8, np.uint16) if codec == "ffv1" else (np.uint8,))
+                shape, dtype = frame.shape, frame.dtype
+                stream, pixels = _video_stream(container, codec, frame, frame_rate)
+            if frame.shape != shape or frame.dtype != dtype:
+                raise FileError(f"frame {count} is {frame.dtype} {frame.shape} after frames of {dtype} {shape}")
+            picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=pixels)
+            picture.color_range = _FULL_RANGE
+            picture.pts = count
+            try:
+                container.mux(stream.encode(picture))
+            except av.FFmpegError as error:
+                raise FileError(f"{codec} cannot hold frames of {shape[1]} x {shape[0]} pixels") from error
+        if stream is None:
+            raise FileError("no frame to write")
+        container.mux(stream.encode(None))
+
+
+def _video_stream(container: Any, codec: str, frame: Frame, frame_rate: float) -> tuple[Any, str]:
+    deep = frame.dtype == np.uint16
+    if frame.ndim == 2:
+        pixels = "gray16le" if deep else "gray"
+    elif codec == "ffv1":
+        pixels = "gbrp16le" if deep else "rgb24"
+    else:
+        raise FileError("colour frames (use .mkv or .npy)")
+    stream = container.add_stream(codec, rate=Fraction(frame_rate).limit_denominator(100_000))
+    stream.height, stream.width = frame.shape[:2]
+    stream.pix_fmt = "bgr0" if pixels == "rgb24" else pixels  # FFV1's own order; the encoder reorders
+    stream.codec_context.color_range = _FULL_RANGE
+    stream.codec_context.color_trc = _LINEAR_TRANSFER
+    if codec == "libx264":
+        stream.options = {"qp": "0", "preset": "veryfast"}
+    return stream, pixels
