@@ -30,7 +30,9 @@ FramesView<T> typed_view(const py::array& array, T* data) {
     case 1: return {data, 1, length(0), 1, 0, stride(0), 0};
     case 2: return {data, 1, length(0), length(1), 0, stride(0), stride(1)};
     case 3: return {data, length(0), length(1), length(2), stride(0), stride(1), stride(2)};
-    default: refuse("columns", std::to_string(array.ndim()) + " dimensions", "(rows,), (rows, columns) or (frames, rows, columns)");
+    default:
+      refuse("columns", std::to_string(array.ndim()) + " dimensions",
+             "(rows,), (rows, columns) or (frames, rows, columns)");
   }
 }
 
@@ -53,7 +55,8 @@ inline py::array_t<double> new_array(const std::vector<py::ssize_t>& shape) { re
 
 inline FramesView<double> mutable_view(py::array& array) {
   require(array.writeable(), "out", "a read-only array", "a writable array");
-  require(array.dtype().equal(py::dtype::of<double>()), "out", "dtype " + py::str(array.dtype()).cast<std::string>(), "float64");
+  require(array.dtype().equal(py::dtype::of<double>()), "out", "dtype " + py::str(array.dtype()).cast<std::string>(),
+          "float64");
   return typed_view<double>(array, static_cast<double*>(array.mutable_data()));
 }
 

@@ -26,7 +26,8 @@ ToneCurve::Kind tone_curve_kind(const std::string& name) {
 Camera make_camera(double row_time, std::optional<double> exposure, std::optional<double> frame_time,
                    const std::string& tone_curve, double gamma, double dark_level, std::optional<double> white) {
   if (white) require(*white > dark_level, "white_level", *white, "a finite number above dark_level");
-  const Camera camera{row_time, exposure, frame_time, {tone_curve_kind(tone_curve), gamma, dark_level, white.value_or(0)}};
+  const Camera camera{
+      row_time, exposure, frame_time, {tone_curve_kind(tone_curve), gamma, dark_level, white.value_or(0)}};
   check(camera);
   return camera;
 }

@@ -3,6 +3,7 @@
 
 PYBIND11_MODULE(_core, module) {
   module.doc() = "C++ core of ocisac_fast; use the package's own functions, which carry the documentation";
+  ocisac::bindings::register_build_info(module);
   ocisac::bindings::register_camera(module);
   ocisac::bindings::register_tone_gain(module);
 }

@@ -14,7 +14,8 @@ void check(const Camera& camera) {
 }
 
 double known_exposure(const Camera& camera, const char* purpose) {
-  if (!camera.exposure) refuse("exposure", "none", std::string("the exposure of the camera in seconds, needed for ") + purpose);
+  if (!camera.exposure)
+    refuse("exposure", "none", std::string("the exposure of the camera in seconds, needed for ") + purpose);
   return *camera.exposure;
 }
 

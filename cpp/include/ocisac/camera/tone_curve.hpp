@@ -11,9 +11,9 @@ namespace ocisac {
 struct ToneCurve {
   enum class Kind { linear, gamma, srgb };
   Kind kind = Kind::linear;
-  double gamma = 2.2;       // exponent of Kind::gamma, > 0
-  double dark_level = 0;    // DN of no light
-  double white_level = 0;   // DN of full light; 0: the largest value of the sample type (255, 65535; 1 for floats)
+  double gamma = 2.2;      // exponent of Kind::gamma, > 0
+  double dark_level = 0;   // DN of no light
+  double white_level = 0;  // DN of full light; 0: the largest value of the sample type (255, 65535; 1 for floats)
 };
 
 void check(const ToneCurve& curve);

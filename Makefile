@@ -1,0 +1,92 @@
+# From a fresh clone: `make demo` and `make test` install what is missing, build what has changed, and run.
+PYTHON ?= python3
+VENV ?= .venv
+JOBS ?= $(shell nproc)
+# ON: compiler warnings are errors (as in CI)
+WERROR ?= OFF
+
+build := build/dev
+bin := $(VENV)/bin
+python_sources := python tests scripts/requirements scripts/check-wheel
+cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
+# Folders as well: a source that comes or goes changes their time.
+native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings)
+
+export PYTHON
+export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
+export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
+
+.DELETE_ON_ERROR:
+.PHONY: help demo test nightly lint format clean build cpp-build cpp-test packages
+
+help:
+	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
+	@echo 'make test      all tests: C++, then Python (installs what is missing)'
+	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
+	@echo 'make lint      ruff, mypy, stubtest, clang-format, clang-tidy'
+	@echo 'make format    formats C++ and Python'
+	@echo 'make build     the virtual environment $(VENV) with the package (editable), and no more'
+	@echo 'make clean     removes build/ and $(VENV)'
+	@echo 'variables: PYTHON=$(PYTHON) VENV=$(VENV) JOBS=$(JOBS) WERROR=$(WERROR)'
+
+demo: build
+	@$(bin)/ocisac demo
+
+test: cpp-test $(VENV)/.requirements-test
+	@echo '==> Python tests'
+	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest $(PYTEST_ARGS)
+
+nightly: cpp-test $(VENV)/.requirements-test
+	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
+	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
+	@echo '==> Python tests, those of minutes included, with ten times the random cases'
+	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest -m '' --hypothesis-profile nightly $(PYTEST_ARGS)
+
+build: packages $(VENV)/.requirements-cli $(VENV)/.extension
+
+cpp-build: build
+	@echo '==> C++ tests and executable: build'
+	@cmake -S . -B $(build) -DOCISAC_BUILD_TESTS=ON -DOCISAC_BUILD_APPS=ON >$(build)/configure.log || { cat $(build)/configure.log; exit 1; }
+	@cmake --build $(build)
+
+cpp-test: cpp-build
+	@echo '==> C++ tests'
+	@ctest --test-dir $(build) --output-on-failure
+
+lint: build $(VENV)/.requirements-lint
+	@scripts/system-packages lint
+	@echo '==> ruff'
+	@$(bin)/ruff check -q $(python_sources) && $(bin)/ruff format -q --check $(python_sources)
+	@echo '==> mypy --strict'
+	@MYPYPATH=python $(bin)/mypy
+	@echo '==> stubtest'
+	@MYPYPATH=python $(bin)/python -m mypy.stubtest --allowlist python/stubtest-allowlist ocisac_fast
+	@echo '==> clang-format'
+	@$(bin)/clang-format --dry-run -Werror $(cpp_files)
+	@echo '==> clang-tidy'
+	@cmake -S . -B $(build) >/dev/null
+	@printf '%s\n' $(filter cpp/src/%.cpp,$(cpp_files)) | xargs -P $(JOBS) -n 1 clang-tidy -p $(build) --quiet --warnings-as-errors='*' 2>/dev/null
+
+format: $(VENV)/.requirements-lint
+	@$(bin)/ruff check -q --fix-only $(python_sources); $(bin)/ruff format $(python_sources)
+	@$(bin)/clang-format -i $(cpp_files)
+
+clean:
+	rm -rf build $(VENV)
+
+packages:
+	@scripts/system-packages build
+
+$(bin)/python: | packages
+	@echo '==> virtual environment $(VENV) on $(PYTHON)'
+	@$(PYTHON) -m venv --clear $(VENV)
+
+$(VENV)/.requirements-%: pyproject.toml scripts/requirements | $(bin)/python
+	@echo '==> Python packages for: $*'
+	@$(bin)/python scripts/requirements $* >$@ && $(bin)/python -m pip install -qq -r $@
+
+$(VENV)/.extension: $(native) pyproject.toml | $(VENV)/.requirements-cli
+	@echo '==> C++ core and Python package: build and install (editable)'
+	@$(bin)/python -m pip install -qq --no-deps --no-build-isolation -C build-dir=$(build) \
+	  -C cmake.define.OCISAC_WARNINGS_AS_ERRORS=$(WERROR) -e .
+	@touch $@

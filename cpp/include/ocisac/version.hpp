@@ -1,0 +1,20 @@
+// What was built: version, commit, compiler, and the OpenCV it runs with.
+#pragma once
+
+#include <string>
+
+namespace ocisac {
+
+/// Version of the library, "MAJOR.MINOR.PATCH".
+const char* version();
+
+/// Short hash of the commit it was built from; "unknown" when it was not built from a git checkout.
+const char* commit();
+
+/// Compiler that built the library, with its version.
+const char* compiler();
+
+/// Version of the OpenCV that is loaded at run time.
+std::string opencv_version();
+
+}  // namespace ocisac

@@ -1,0 +1,22 @@
+"""What all tests share: real recordings where they are to be had, and how hard hypothesis tries."""
+
+import os
+import pathlib
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
+
+settings.register_profile("default", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("nightly", settings.get_profile("default"), max_examples=1000)
+settings.load_profile("default")
+
+
+@pytest.fixture(scope="session")
+def recordings() -> pathlib.Path:
+    """Folder of recordings made by real cameras: OCISAC_RECORDINGS, or shared/recordings beside the repository."""
+    folder = pathlib.Path(os.environ.get("OCISAC_RECORDINGS", REPOSITORY.parent / "shared" / "recordings"))
+    if not folder.is_dir():
+        pytest.skip(f"no recordings at {folder}")
+    return folder

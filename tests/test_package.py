@@ -1,0 +1,73 @@
+"""The package as a whole: what its import needs and costs, what it says of itself, and that it lives beside cv2."""
+
+import importlib.metadata
+import importlib.resources
+import re
+import subprocess
+import sys
+
+import ocisac_fast
+import pytest
+from ocisac_fast import _core
+
+
+def run_python(program: str) -> str:
+    """Standard output of a program run by a fresh interpreter that imports what this one does."""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_import_needs_numpy_and_the_standard_library_only() -> None:
+    loaded = run_python(
+        "import sys; before = set(sys.modules); import ocisac_fast;"
+        "print(*{name.partition('.')[0] for name in set(sys.modules) - before})"
+    )
+    foreign = set(loaded.split()) - sys.stdlib_module_names - {"numpy", "ocisac_fast"}
+    assert {name for name in foreign if not name.startswith(("_", "pybind11"))} == set()
+
+
+def test_import_is_quick_beside_that_of_numpy() -> None:
+    program = (
+        "import time; import numpy; start = time.perf_counter(); import ocisac_fast; print(time.perf_counter() - start)"
+    )
+    assert min(float(run_python(program)) for _ in range(3)) < 0.3
+
+
+def test_version_is_that_of_the_distribution() -> None:
+    assert ocisac_fast.__version__ == importlib.metadata.version("ocisac-fast") == _core.version()
+
+
+def test_build_tells_its_commit_compiler_and_opencv() -> None:
+    assert re.fullmatch("[0-9a-f]{7,40}|unknown", _core.commit())
+    assert re.match(r"(GCC|Clang) \d+", _core.compiler())
+    assert re.match(r"\d+\.\d+\.\d+", _core.opencv_version())
+
+
+def test_package_is_marked_as_typed_and_ships_the_stub_of_its_extension() -> None:
+    files = importlib.resources.files(ocisac_fast)
+    assert (files / "py.typed").is_file()
+    assert "def version() -> str" in (files / "_core.pyi").read_text()
+
+
+@pytest.mark.parametrize("first", ["cv2", "ocisac_fast"])
+def test_lives_beside_cv2_in_one_process(first: str) -> None:
+    """Both run their own OpenCV's DFT, in turn, and each keeps its own version."""
+    pytest.importorskip("cv2")
+    second = {"cv2": "ocisac_fast", "ocisac_fast": "cv2"}[first]
+    run_python(
+        f"""
+import {first}, {second}
+import numpy as np
+from ocisac_fast import _core
+
+alone = _core.opencv_version()
+signals = np.random.default_rng(1).normal(size=(3, 720))
+expected = np.fft.rfft(signals, axis=1)
+for _ in range(2):
+    packed = cv2.dft(signals, flags=cv2.DFT_ROWS | cv2.DFT_COMPLEX_OUTPUT)
+    assert np.allclose(packed[:, :361, 0] + 1j * packed[:, :361, 1], expected, atol=1e-9)
+assert _core.opencv_version() == alone
+assert cv2.__version__
+"""
+    )
