@@ -5,7 +5,7 @@ JOBS ?= $(shell nproc)
 # ON: compiler warnings are errors (as in CI)
 WERROR ?= OFF
 
-build := build/dev
+build := build/make
 bin := $(VENV)/bin
 python_sources := python tests scripts/requirements scripts/check-wheel
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
