@@ -6,8 +6,9 @@ import re
 import subprocess
 import sys
 
-import ocisac_fast
 import pytest
+
+import ocisac_fast
 from ocisac_fast import _core
 
 
@@ -55,19 +56,19 @@ def test_lives_beside_cv2_in_one_process(first: str) -> None:
     """Both run their own OpenCV's DFT, in turn, and each keeps its own version."""
     pytest.importorskip("cv2")
     second = {"cv2": "ocisac_fast", "ocisac_fast": "cv2"}[first]
-    run_python(
-        f"""
+    program = f"""
 import {first}, {second}
 import numpy as np
-from ocisac_fast import _core
+from ocisac_fast import Camera, _core, tone_gain
 
-alone = _core.opencv_version()
-signals = np.random.default_rng(1).normal(size=(3, 720))
-expected = np.fft.rfft(signals, axis=1)
+version = _core.opencv_version()
+rows = np.arange(720)
+signals = 100 + 50 * np.cos(2 * np.pi * 9 / 720 * rows + np.arange(3)[:, np.newaxis])
+camera = Camera(row_time=1.0)
 for _ in range(2):
-    packed = cv2.dft(signals, flags=cv2.DFT_ROWS | cv2.DFT_COMPLEX_OUTPUT)
-    assert np.allclose(packed[:, :361, 0] + 1j * packed[:, :361, 1], expected, atol=1e-9)
-assert _core.opencv_version() == alone
-assert cv2.__version__
+    spectra = cv2.dft(signals, flags=cv2.DFT_ROWS | cv2.DFT_COMPLEX_OUTPUT)
+    assert np.allclose(np.hypot(*spectra[:, 9].T) / 360, 50)
+    assert np.allclose(tone_gain(signals.T, camera, 9 / 720, method="dft").gain, 0.5)
+assert _core.opencv_version() == version
 """
-    )
+    run_python(program)
