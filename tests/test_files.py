@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames
 
 image_module = pytest.importorskip("PIL.Image")

@@ -6,4 +6,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_build_info(module);
   ocisac::bindings::register_camera(module);
   ocisac::bindings::register_tone_gain(module);
+  ocisac::bindings::register_waveforms(module);
 }

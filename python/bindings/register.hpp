@@ -7,5 +7,6 @@ namespace ocisac::bindings {
 void register_build_info(pybind11::module_& module);
 void register_camera(pybind11::module_& module);
 void register_tone_gain(pybind11::module_& module);
+void register_waveforms(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

@@ -4,7 +4,35 @@ from ocisac_fast._core import version as _version
 from ocisac_fast.camera import Camera, exposure_response
 from ocisac_fast.flags import Flag
 from ocisac_fast.gain import ToneGain, tone_gain
-
-__all__ = ["Camera", "Flag", "ToneGain", "exposure_response", "tone_gain"]
+from ocisac_fast.waveforms import (
+    Chips,
+    Constant,
+    Product,
+    Samples,
+    SquareWave,
+    Sum,
+    Tone,
+    Waveform,
+    integrate_exposure,
+    sample_waveform,
+)
 
 __version__ = _version()
+
+__all__ = [
+    "Camera",
+    "Chips",
+    "Constant",
+    "Flag",
+    "Product",
+    "Samples",
+    "SquareWave",
+    "Sum",
+    "Tone",
+    "ToneGain",
+    "Waveform",
+    "exposure_response",
+    "integrate_exposure",
+    "sample_waveform",
+    "tone_gain",
+]
