@@ -45,8 +45,8 @@ def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], frame_ra
         path: ``.png`` (one frame), ``.tif``/``.tiff`` (a page a frame), ``.mkv`` (FFV1), ``.mp4`` (H.264 without loss,
             8 bits) or ``.npy`` (any type). The directory must exist.
         frames: any iterable of (rows, columns) or (rows, columns, 3), all of one shape and type, such as an array
-            (frames, rows, columns); an array (rows, columns) is one frame. uint8 or uint16; float32 goes to TIFF
-            and .npy as well, float64 to .npy.
+            (frames, rows, columns); an array (rows, columns) is one frame, and is saved so to .npy. uint8 or uint16;
+            float32 goes to TIFF and .npy as well, float64 to .npy.
         frame_rate: frames a second of a video, above 0.
 
     Raises:
@@ -54,13 +54,15 @@ def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], frame_ra
         OSError: the file cannot be written.
     """
     suffix = Path(path).suffix.lower()
-    if isinstance(frames, np.ndarray) and frames.ndim == 2:
-        frames = frames[np.newaxis]
+    single = isinstance(frames, np.ndarray) and frames.ndim == 2
+    if single:
+        frames = [np.asarray(frames)]
     try:
         with atomic_path(path) as temporary:
             if suffix == ".npy":
+                every = _alike(frames)
                 with temporary.open("wb") as file:
-                    np.save(file, np.stack(_alike(frames)), allow_pickle=False)
+                    np.save(file, every[0] if single else np.stack(every), allow_pickle=False)
             elif suffix in _PICTURES:
                 _write_picture(temporary, _alike(frames), _PICTURES[suffix])
             elif suffix in _VIDEOS:

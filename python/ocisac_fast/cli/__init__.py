@@ -1,0 +1,20 @@
+"""The command line ``ocisac``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; the exit code: 0, 2 for a refused input, 130 when interrupted, 141 for a closed pipe."""
+    try:
+        from ocisac_fast.cli.application import run
+
+        return run(sys.argv[1:] if arguments is None else list(arguments))
+    except ModuleNotFoundError as error:
+        library = str(error.name).partition(".")[0]
+        if library not in ("click", "rich"):
+            raise
+        print(f"ocisac: the command line needs {library}: pip install 'ocisac-fast[cli]'", file=sys.stderr)
+        return 2

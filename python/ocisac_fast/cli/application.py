@@ -1,0 +1,89 @@
+"""The group of commands, each imported when it is called, and the one place where errors become a line and a code."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import warnings
+from typing import Any
+
+import click
+
+_COMMANDS = {
+    "simulate": "Make a recording of a modulated light.",
+    "info": "Versions, build and processor features.",
+}
+
+
+class _LazyGroup(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        command = getattr(importlib.import_module(f"ocisac_fast.cli.{cmd_name}"), cmd_name)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+
+def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked:
+        from ocisac_fast import __version__
+
+        click.echo(f"ocisac {__version__}")
+        ctx.exit()
+
+
+@click.group(cls=_LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_show_version, help="Show the version."
+)
+@click.pass_context
+def ocisac(ctx: click.Context) -> None:
+    """Receiver for optical camera communication and sensing with a rolling shutter.
+
+    Times and frequencies take units: 9.2us, 1/8000s, 4.95kHz; plain numbers are seconds and Hz.
+    """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+def run(arguments: list[str]) -> int:
+    """Run with these arguments; errors as one line on standard error, see ``ocisac_fast.cli.main`` for the code."""
+    warnings.showwarning = _warn
+    try:
+        with ocisac.make_context("ocisac", list(arguments)) as context:
+            ocisac.invoke(context)
+        sys.stdout.flush()
+        return 0
+    except click.exceptions.Exit as done:
+        return done.exit_code
+    except click.ClickException as error:
+        return _fail(error.format_message())
+    except (KeyboardInterrupt, click.Abort):
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the last flush has somewhere to go
+        return 141
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename is not None else ""
+        return _fail(name + (error.strerror or str(error)))
+    except MemoryError as error:
+        return _fail(f"out of memory: {error}")
+    except (ValueError, ArithmeticError) as error:
+        return _fail(str(error))
+
+
+def _fail(message: str) -> int:
+    print("ocisac:", " ".join(message.split()), file=sys.stderr)
+    return 2
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    print("ocisac: warning:", " ".join(str(message).split()), file=sys.stderr)

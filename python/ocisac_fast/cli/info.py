@@ -1,0 +1,53 @@
+"""``ocisac info``."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+
+import click
+import numpy as np
+
+from ocisac_fast.cli.output import emit_facts, emit_json
+from ocisac_fast.cli.pictures import json_option
+
+_LIBRARIES = ("numpy", "pillow", "av", "matplotlib", "click", "rich")
+
+
+@click.command(short_help="Versions, build and processor features.")
+@json_option
+def info(as_json: bool) -> None:
+    """Show what a report of a problem needs: versions, how the core was built, the SIMD target in use."""
+    facts = _facts()
+    if as_json:
+        emit_json(facts)
+        return
+    libraries = facts.pop("libraries")
+    assert isinstance(libraries, dict)
+    lines = {name.replace("_", " "): str(value) for name, value in facts.items()}
+    emit_facts("", {**lines, **{name: version or "not installed" for name, version in libraries.items()}})
+
+
+def _facts() -> dict[str, object]:
+    from ocisac_fast import __version__, _core
+
+    simd_target = getattr(_core, "simd_target", lambda: "the compiler's baseline")
+    return {
+        "version": __version__,
+        "commit": _core.commit(),
+        "compiler": _core.compiler(),
+        "opencv": _core.opencv_version(),
+        "simd_target": simd_target(),
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "libraries": {name: _version(name) for name in _LIBRARIES},
+    }
+
+
+def _version(name: str) -> str | None:
+    if name == "numpy":
+        return np.__version__
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None

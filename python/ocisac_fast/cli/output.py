@@ -1,0 +1,95 @@
+"""What commands print: JSON lines for machines, tables for people, progress on a terminal."""
+
+from __future__ import annotations
+
+import enum
+import json
+import math
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+
+import click
+import numpy as np
+
+_Item = TypeVar("_Item")
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON knows it: NumPy's types become Python's, what is not finite becomes None."""
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        value = value.item()
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def emit_json(record: Mapping[str, Any]) -> None:
+    """One JSON object on a line of standard output."""
+    click.echo(json.dumps(plain(record), allow_nan=False, ensure_ascii=False))
+
+
+def emit_facts(title: str, facts: Mapping[str, str]) -> None:
+    """A table of names and values for people."""
+    emit_table(title, ["", ""], [[name, value] for name, value in facts.items()], header=False)
+
+
+def emit_table(title: str, header_row: Sequence[str], rows: Iterable[Sequence[str]], header: bool = True) -> None:
+    """A table for people; numbers are right-aligned from the second column on where there is a header."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title or None, box=box.SIMPLE_HEAD if header else None, show_header=header)
+    for k, name in enumerate(header_row):
+        table.add_column(name, justify="right" if header and k else "left", style="" if header or k else "bold")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=200)
+    console.print(table)
+
+
+def quantity(value: float | None, unit: str, digits: int = 6) -> str:
+    """A value with an SI prefix: 9.209 us, 4.95227 kHz; a dash where it is not known."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if not unit or value == 0.0:
+        return f"{value:.{digits}g} {unit}".strip()
+    for prefix, scale in (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9)):
+        if abs(value) >= scale or prefix == "n":
+            return f"{value / scale:.{digits}g} {prefix}{unit}"
+    raise AssertionError("unreachable")
+
+
+def with_spread(value: float, spread: float | None, unit: str, digits: int = 7) -> str:
+    """A value and its standard error in the same unit."""
+    text = quantity(value, unit, digits)
+    if spread is None or not math.isfinite(spread):
+        return text
+    return f"{text} ± {quantity(spread, unit, 2)}" if unit else f"{value:.{digits}g} ± {spread:.2g}"
+
+
+def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
+    """The items, with a bar on standard error where that is a terminal and more than one is expected."""
+    if not sys.stderr.isatty() or (total is not None and total < 2):
+        yield from items
+        return
+    from rich.console import Console
+    from rich.progress import track
+
+    yield from track(items, what, total, console=Console(stderr=True), transient=True)
+
+
+def flag_names(flags: enum.IntFlag | int) -> list[str]:
+    """Lower-case names of the bits that are set."""
+    from ocisac_fast import Flag
+
+    every = flags if isinstance(flags, enum.IntFlag) else Flag(int(flags))
+    return [str(bit.name).lower() for bit in type(every) if bit in every]

@@ -1,0 +1,247 @@
+"""Options of every command that reads pictures, and what they make of a file: a camera and frames as views."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import click
+import numpy as np
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.cli.units import TIME, ParameterType, Quantity
+from ocisac_fast.files import LightResponse, RecordingStream, open_recording
+from ocisac_fast.files.recording import Frame
+
+_RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
+_LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
+_BATCH_BYTES = 64 << 20
+
+
+class _Region(ParameterType):
+    name = "x,y,w,h"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", str(value))
+        if match is None:
+            self.fail(f"got {value!r}, allowed: four whole numbers x,y,w,h in pixels, such as 0,0,640,480")
+        return tuple(int(number) for number in match.groups())
+
+
+class _ToneCurve(ParameterType):
+    name = "linear|gamma[:2.2]|srgb"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        curve, _, power = str(value).partition(":")
+        if curve in ("linear", "srgb", "gamma") and (not power or curve == "gamma"):
+            try:
+                return curve, float(power or 2.2)
+            except ValueError:
+                pass
+        self.fail(f"got {value!r}, allowed: linear, srgb, gamma or gamma:POWER")
+
+
+class _Channel(ParameterType):
+    name = "auto|r|g|b|y|INDEX"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value in ("auto", "y", *_RED_GREEN_BLUE) or isinstance(value, int):
+            return value
+        if re.fullmatch(r"\d{1,3}", str(value)):
+            return int(value)
+        self.fail(f"got {value!r}, allowed: auto, r, g, b, y or an index from 0")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PictureOptions:
+    """How a recording is read; names and values as on the command line."""
+
+    row_time: Quantity | None
+    exposure: Quantity | None
+    scan_axis: str
+    region: tuple[int, int, int, int] | None
+    channel: str | int
+    waveform: str
+    duty: float
+    tone_curve: tuple[str, float] | None
+    dark_level: float | None
+    white_level: float | None
+
+    def camera(self, response: LightResponse, frame_rate: float | None = None) -> Camera:
+        """The camera as told by the options, then by the file; one second a row where the row time is not known."""
+        if self.row_time is None and self.exposure is not None:
+            raise click.UsageError("--exposure: needs --row-time")
+        curve, gamma = self.tone_curve or (response.tone_curve, response.gamma)
+        return Camera(
+            row_time=1.0 if self.row_time is None else float(self.row_time),
+            exposure=None if self.exposure is None else float(self.exposure),
+            frame_time=1.0 / frame_rate if frame_rate and self.row_time is not None else None,
+            tone_curve=curve,
+            gamma=gamma,
+            dark_level=response.dark_level if self.dark_level is None else self.dark_level,
+            white_level=response.white_level if self.white_level is None else self.white_level,
+        )
+
+    def check_frequency(self, name: str, value: Any) -> float | None:
+        """A frequency in the units of `camera`: Hz, or cycles per row where no row time is given; None for auto."""
+        if value is None or value == "auto":
+            return None
+        if self.row_time is None and value.has_unit:
+            raise click.UsageError(f"{name}: Hz needs --row-time; without it give cycles per row")
+        return float(value)
+
+
+@dataclasses.dataclass(frozen=True)
+class OpenPictures:
+    """A recording opened as the options say.
+
+    Attributes:
+        camera: timing and response.
+        frames: iterator of (rows, columns) or (rows, columns, channels), rows in time order, views of what was read.
+        frame_count: how many are announced.
+    """
+
+    camera: Camera
+    frames: Iterator[Frame]
+    frame_count: int | None
+    frame_rate: float | None
+
+    def batches(self) -> Iterator[Frame]:
+        """The frames in arrays (frames, rows, columns[, channels]) of a bounded size."""
+        batch: list[Frame] = []
+        for frame in self.frames:
+            if batch and (frame.shape != batch[0].shape or (len(batch) + 1) * frame.nbytes > _BATCH_BYTES):
+                yield _stacked(batch)
+                batch = []
+            batch.append(frame)
+        if batch:
+            yield _stacked(batch)
+
+
+def _stacked(frames: list[Frame]) -> Frame:
+    return frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames)
+
+
+@dataclasses.dataclass
+class _Reader:
+    """A context manager around a stream and the options that arrange its frames."""
+
+    path: str
+    options: PictureOptions
+
+    def __enter__(self) -> OpenPictures:
+        options = self.options
+        self._stream: RecordingStream = open_recording(self.path, colour=options.channel in _RED_GREEN_BLUE)
+        try:
+            response = self._stream.response
+            frames = iter(self._stream)
+            first = next(frames)
+            if options.channel == "y" and response.white_level is None and first.dtype.kind == "u":
+                largest = float(np.iinfo(first.dtype).max)  # the weighted sum is of floats, whose full scale is 1
+                response = dataclasses.replace(response, white_level=largest)
+            camera = options.camera(response, self._stream.frame_rate)
+        except BaseException:
+            self._stream.close()
+            raise
+        arranged = (arrange(frame, options) for frame in _chain(first, frames))
+        return OpenPictures(camera, arranged, self._stream.frame_count, self._stream.frame_rate)
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+
+def _chain(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+    yield first
+    yield from rest
+
+
+def open_pictures(path: str, options: PictureOptions) -> _Reader:
+    """Open a recording for a ``with`` statement that gives ``OpenPictures``."""
+    return _Reader(path, options)
+
+
+def arrange(frame: Frame, options: PictureOptions) -> Frame:
+    """The region and channel asked for as (rows, columns[, channels]), rows in time order: a view but for channel y."""
+    view = _in_time_order(_cropped(frame, options.region), options.scan_axis)
+    return _channel(view, options.channel)
+
+
+def _cropped(frame: Frame, region: tuple[int, int, int, int] | None) -> Frame:
+    if region is None:
+        return frame
+    x, y, width, height = region
+    rows, columns = frame.shape[:2]
+    if width < 1 or height < 1 or x + width > columns or y + height > rows:
+        got = ",".join(map(str, region))
+        raise ValueError(f"--region: got {got}, allowed: x,y,w,h inside the picture of {columns} x {rows} pixels")
+    return frame[y : y + height, x : x + width]
+
+
+def _in_time_order(frame: Frame, scan_axis: str) -> Frame:
+    view = frame.swapaxes(0, 1) if scan_axis.endswith("x") else frame
+    return view[::-1] if scan_axis.startswith("-") else view
+
+
+def _channel(frame: Frame, channel: str | int) -> Frame:
+    """A picture of one channel has only itself: y, 0 and auto."""
+    channels = frame.shape[2] if frame.ndim == 3 else 1
+    index = _RED_GREEN_BLUE.get(channel, 0) if isinstance(channel, str) else channel
+    if channel in ("r", "g", "b") and channels < 3:
+        raise ValueError(f"--channel: got {channel}, the picture is grey")
+    if index >= channels:
+        raise ValueError(f"--channel: got {index}, the picture has {channels}")
+    if frame.ndim == 2:
+        return frame
+    if channels == 1:
+        return frame[..., 0]
+    if channel == "y":
+        return np.asarray(frame[..., :3] @ np.array(_LUMA_WEIGHTS))
+    return frame if channel == "auto" else frame[..., index]
+
+
+def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of every command that reads pictures, handed to it as ``picture``."""
+
+    @functools.wraps(function)
+    def wrapped(**arguments: Any) -> Any:
+        names = [field.name for field in dataclasses.fields(PictureOptions)]
+        return function(picture=PictureOptions(**{name: arguments.pop(name) for name in names}), **arguments)
+
+    options = [
+        click.option("--row-time", type=TIME, help="From one row to the next; without it rates are per row."),
+        click.option("--exposure", type=TIME, help="Exposure time of a row."),
+        click.option(
+            "--scan-axis",
+            type=click.Choice(["y", "x", "-y", "-x"]),
+            default="y",
+            show_default=True,
+            help="Direction in which rows are read out: y is down, x to the right.",
+        ),
+        click.option("--region", type=_Region(), help="Part of the picture, from its top left corner."),
+        click.option("--channel", type=_Channel(), default="auto", show_default=True),
+        click.option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True),
+        click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave."),
+        click.option("--tone-curve", type=_ToneCurve(), help="Else what the file says, else linear."),
+        click.option("--dark-level", type=float, help="Stored value of no light; else what the file says, else 0."),
+        click.option("--white-level", type=float, help="Stored value of full light; else by the file or its type."),
+    ]
+    for option in reversed(options):
+        wrapped = option(wrapped)
+    return wrapped
+
+
+def json_option(function: Callable[..., Any]) -> Callable[..., Any]:
+    """``--json``."""
+    return click.option("--json", "as_json", is_flag=True, help="One JSON object a line, nothing else.")(function)
+
+
+def plot_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """``--plot FILE``."""
+    return click.option("--plot", type=click.Path(dir_okay=False), help=f"Draw {what} (PNG, PDF or SVG).")

@@ -1,0 +1,82 @@
+"""``ocisac simulate``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+import numpy as np
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
+from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.units import FREQUENCY, TIME
+from ocisac_fast.files import write_frames
+from ocisac_fast.simulation import simulate_frames
+from ocisac_fast.waveforms import Chips, SquareWave, Tone, Waveform
+
+_DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
+
+
+@click.command(short_help="Make a recording of a modulated light.")
+@click.option("--waveform", type=click.Choice(["tone", "square", "chips"]), default="tone", show_default=True)
+@click.option("--frequency", type=FREQUENCY, help="Of a tone or a square wave.")
+@click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
+@click.option("--phase", type=float, default=0.0, show_default=True, help="Of a tone or a square wave, rad at time 0.")
+@click.option("--bits", help="Chips of on-off keying, such as 0110.")
+@click.option("--chip-rate", type=FREQUENCY)
+@click.option("--repeat/--once", default=True, show_default=True, help="Send the bits over and over.")
+@click.option("--rows", type=int, default=720, show_default=True)
+@click.option("--columns", type=int, default=1080, show_default=True)
+@click.option("--row-time", type=TIME, required=True)
+@click.option("--exposure", type=TIME, required=True)
+@click.option("--start", type=TIME, default="0", show_default=True, help="End of the exposure of the first row.")
+@click.option("--swing", type=float, default=200.0, show_default=True, help="Stored values from dark to full light.")
+@click.option("--dark-level", type=float, default=0.0, show_default=True, help="Stored value of no light.")
+@click.option("--noise", type=float, default=0.0, show_default=True, help="Standard deviation in stored values.")
+@click.option("--bit-depth", type=click.Choice(list(_DTYPES)), default="8", show_default=True)
+@click.option("--frames", type=int, default=1, show_default=True)
+@click.option("--frame-rate", type=FREQUENCY, default="30", show_default=True)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the noise: the same seed, the same file.")
+@click.option("-o", "--output", required=True, help="FILE.png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy.")
+@json_option
+def simulate(as_json: bool, output: str, **options: Any) -> None:
+    """Make a recording of a light that fills the picture: a picture, a video or an array.
+
+    Stored values are dark level + swing × mean light over the exposure + noise, rounded and clipped to the bit depth
+    (float: as they are).
+    """
+    row_time, exposure, frame_rate = (float(options[name]) for name in ("row_time", "exposure", "frame_rate"))
+    if not 0 < frame_rate < float("inf"):
+        raise ValueError(f"--frame-rate: got {frame_rate}, allowed: above 0")
+    dtype = _DTYPES[options["bit_depth"]]
+    frames = simulate_frames(
+        _waveform(options),
+        Camera(row_time, exposure, frame_time=1.0 / frame_rate),
+        start=float(options["start"]),
+        dtype=dtype,
+        **{name: options[name] for name in ("rows", "columns", "frames", "swing", "dark_level", "noise", "seed")},
+    )
+    shown = progress(frames, "simulating", options["frames"])
+    # A .npy file of one frame is (rows, columns).
+    one_array = output.lower().endswith(".npy") and options["frames"] == 1
+    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate)
+    facts = {name: options[name] for name in ("frames", "rows", "columns")}
+    if as_json:
+        emit_json({"file": output, **facts, "dtype": dtype, "row_time_s": row_time, "exposure_s": exposure})
+        return
+    size = " × ".join(map(str, facts.values()))
+    times = {"row time": quantity(row_time, "s"), "exposure": quantity(exposure, "s")}
+    emit_facts("", {"file": output, "frames × rows × columns": f"{size} {dtype}", **times})
+
+
+def _waveform(options: dict[str, Any]) -> Waveform:
+    kind = options["waveform"]
+    for name in ("bits", "chip_rate") if kind == "chips" else ("frequency",):
+        if options[name] is None:
+            raise click.UsageError(f"--waveform {kind}: needs --{name.replace('_', '-')}")
+    if kind == "chips":
+        return Chips(options["bits"], float(options["chip_rate"]), repeat=options["repeat"])
+    if kind == "square":
+        return SquareWave(float(options["frequency"]), options["duty"], phase=options["phase"])
+    return Tone(float(options["frequency"]), phase=options["phase"])

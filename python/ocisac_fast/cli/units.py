@@ -1,0 +1,73 @@
+"""Numbers with units on the command line."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    ParameterType = click.ParamType[Any]
+else:  # generic for type checkers alone
+    ParameterType = click.ParamType
+
+_PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_QUANTITY = re.compile(rf"\s*({_NUMBER})(?:/({_NUMBER}))?\s*([a-zA-Zµμ]*)\s*")
+
+
+class Quantity(float):
+    """A number in SI units; ``has_unit`` tells whether the unit was written."""
+
+    has_unit: bool = False
+
+    @classmethod
+    def parse(cls, text: str, unit: str) -> Quantity:
+        """``9.2us``, ``1/8000s``, ``4.95kHz`` or a plain number.
+
+        Raises:
+            ValueError: not such a number.
+        """
+        match = _QUANTITY.fullmatch(text)
+        if match is None:
+            return cls(float(text))  # inf and nan are left to whoever knows what is allowed
+        number, divisor, written = match.groups()
+        value = float(number) / float(divisor or 1.0)
+        if not written:
+            return cls(value)
+        prefix = written[: -len(unit)]
+        if not written.lower().endswith(unit.lower()) or prefix not in _PREFIXES:
+            raise ValueError(f"unit {written!r}")
+        quantity = cls(_scaled(value, _PREFIXES[prefix]))
+        quantity.has_unit = True
+        return quantity
+
+
+def _scaled(value: float, factor: float) -> float:
+    """Divide by the whole number where the factor is a fraction, so that 622us is the number nearest to 622e-6."""
+    return value * factor if factor >= 1.0 else value / round(1.0 / factor)
+
+
+class QuantityType(ParameterType):
+    """A time or a frequency; ``"auto"`` as well where ``automatic``."""
+
+    def __init__(self, unit: str, example: str, automatic: bool = False) -> None:
+        self.name = unit
+        self._unit = unit
+        self._example = example
+        self._automatic = automatic
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, Quantity) or (self._automatic and value == "auto"):
+            return value
+        try:
+            return Quantity.parse(str(value), self._unit)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            auto = " or auto" if self._automatic else ""
+            self.fail(f"got {value!r}, allowed: a number with or without unit, such as {self._example}{auto}")
+
+
+TIME = QuantityType("s", "9.2us")
+FREQUENCY = QuantityType("Hz", "4.95kHz")
+FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)
