@@ -87,6 +87,6 @@ $(VENV)/.requirements-%: pyproject.toml scripts/requirements | $(bin)/python
 
 $(VENV)/.extension: $(native) pyproject.toml | $(VENV)/.requirements-cli
 	@echo '==> C++ core and Python package: build and install (editable)'
-	@$(bin)/python -m pip install -qq --no-deps --no-build-isolation -C build-dir=$(build) \
-	  -C cmake.define.OCISAC_WARNINGS_AS_ERRORS=$(WERROR) -e .
+	@SKBUILD_BUILD_DIR=$(build) SKBUILD_CMAKE_DEFINE=OCISAC_WARNINGS_AS_ERRORS=$(WERROR) \
+	  $(bin)/python -m pip install -qq --no-deps --no-build-isolation -e .
 	@touch $@
