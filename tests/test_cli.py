@@ -211,19 +211,7 @@ def test_frames_follow_each_other_in_time(facts, tmp_path):
 
 @pytest.mark.parametrize("depth", ["8", "16"])
 def test_noise_is_repeatable_and_of_the_size_asked_for(facts, tmp_path, depth):
-    light = (
-        "--frequency",
-        "500",
-        *TESTBED,
-        "--noise",
-        "5",
-        "--swing",
-        "100",
-        "--dark-level",
-        "60",
-        "--bit-depth",
-        depth,
-    )
+    values = ("--noise", "5", "--swing", "100", "--dark-level", "60", "--bit-depth", depth)
     for name, seed in (("a.png", 1), ("b.png", 1), ("c.png", 2)):
         facts("simulate", "--frequency", "500", *TESTBED, *values, "--seed", seed, "-o", tmp_path / name)
     a, b, c = (read_frames(tmp_path / name).frames[0].astype(float) for name in ("a.png", "b.png", "c.png"))
