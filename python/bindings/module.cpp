@@ -7,4 +7,6 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_camera(module);
   ocisac::bindings::register_tone_gain(module);
   ocisac::bindings::register_waveforms(module);
+  ocisac::bindings::register_best_exposure(module);
+  ocisac::bindings::register_equalize(module);
 }

@@ -8,5 +8,7 @@ void register_build_info(pybind11::module_& module);
 void register_camera(pybind11::module_& module);
 void register_tone_gain(pybind11::module_& module);
 void register_waveforms(pybind11::module_& module);
+void register_best_exposure(pybind11::module_& module);
+void register_equalize(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

@@ -2,6 +2,8 @@
 
 from ocisac_fast._core import version as _version
 from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
+from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
 from ocisac_fast.flags import Flag
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.waveforms import (
@@ -20,9 +22,11 @@ from ocisac_fast.waveforms import (
 __version__ = _version()
 
 __all__ = [
+    "BestExposure",
     "Camera",
     "Chips",
     "Constant",
+    "EqualizerReport",
     "Flag",
     "Product",
     "Samples",
@@ -31,8 +35,12 @@ __all__ = [
     "Tone",
     "ToneGain",
     "Waveform",
+    "best_exposure",
+    "equalize",
+    "exposure_objective",
     "exposure_response",
     "integrate_exposure",
+    "lost_frequencies",
     "sample_waveform",
     "tone_gain",
 ]

@@ -52,3 +52,23 @@ def integrate_exposure(
     out: npt.NDArray[np.float64],
 ) -> None: ...
 def sample_waveform(waveform: Waveform, times: npt.ArrayLike) -> npt.NDArray[np.float64]: ...
+def best_exposure(
+    frequencies: npt.NDArray[np.float64],
+    weights: npt.NDArray[np.float64],
+    method: str,
+    bounds: tuple[float, float] | None,
+    step: float | None,
+    points: int,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def exposure_objective(
+    exposure: npt.NDArray[np.float64], frequencies: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]: ...
+def equalize(
+    columns: npt.NDArray[Any],
+    camera: Camera,
+    method: str,
+    noise: npt.NDArray[np.float64],
+    max_boost: float,
+    out: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def lost_frequencies(camera: Camera, max_boost: float) -> npt.NDArray[np.float64]: ...

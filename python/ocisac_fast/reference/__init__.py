@@ -1,6 +1,8 @@
 """The same functions in plain NumPy, for checking the C++ core: slow, short and close to the equations."""
 
+from ocisac_fast.reference.equalization import equalize
+from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
 
-__all__ = ["integrate_exposure", "sample_waveform", "tone_gain"]
+__all__ = ["best_exposure", "equalize", "exposure_objective", "integrate_exposure", "sample_waveform", "tone_gain"]
