@@ -82,16 +82,16 @@ def equalize(
         camera: row time, exposure and tone curve. An exposure of 0 leaves the light as it is; one as long as all rows
             leaves the mean of the column.
         method: ``"inverse"`` or ``"wiener"``.
-        noise: RMS noise of a row for ``"wiener"``, in linear light (DN above dark), 0 or above: a scalar or one value a
-            column ((columns,) or (frames, columns)); None: from second differences along each column, which also takes
+        noise: RMS noise of a row for ``"wiener"``, in linear light (DN above dark), 0 or above: a scalar or one value
+            a column ((columns,) or (frames, columns)); None: from second differences along each column, which takes
             light that changes from row to row for noise. 0 gives the inverse.
         max_boost: largest factor at any frequency, 1 to 1e6: 20 log10(max_boost) dB.
         out: float64 array of the same shape that takes the result; it may be ``columns`` itself.
         report: also return an :class:`EqualizerReport`.
 
     Returns:
-        float64 array of the same shape: linear light above the dark level on the scale of DN, row n at the time n T_r at
-        which its exposure ends. The last half exposure is extrapolated. With ``report`` a tuple of it and the report.
+        float64 array of the same shape: linear light above the dark level on the scale of DN, row n at the time n T_r
+        when its exposure ends. The last half exposure is extrapolated. With ``report`` a tuple of it and the report.
 
     Raises:
         ValueError: no exposure in ``camera``, columns that are not finite, an argument outside its range or shape.

@@ -43,8 +43,8 @@ def best_exposure(
     ``"exact"`` is the true maximum: in constant time for two tones without bounds and step, otherwise lobe by lobe
     between the zeros of the sines. ``"search"`` is the paper's grid. ``"closed-form"`` is the paper's algorithm
     (eqs. 19-23), T = (gamma + 1/2) / f_max with gamma = max(floor(eps/2 - 1/2), 0) and eps = f_max / f_min; its weights
-    count in the objective alone. ``"rounded"`` is the same with eps/2 - 1/2 rounded, which is the middle of the lobe that
-    holds the maximum.
+    count in the objective alone. ``"rounded"`` is the same with eps/2 - 1/2 rounded: the middle of the lobe that holds
+    the maximum.
 
     Args:
         f_comm: frequency of the communication light in Hz, finite, above 0; any shape.
@@ -55,8 +55,8 @@ def best_exposure(
             f the smallest of a problem's frequencies. An exposure of 0 is never chosen. Not for the closed forms.
         step: only whole multiples of it (s, above 0), the camera's row time for example. Not for the closed forms.
         more: further frequencies in Hz, each broadcasting with ``f_comm``. Not for the closed forms.
-        points: grid points of ``"search"`` from end to end of the bounds, 2 to 10 million; with ``step`` the grid is that
-            of the step.
+        points: grid points of ``"search"`` from end to end of the bounds, 2 to 10 million; with ``step`` the grid is
+            that of the step.
 
     Returns:
         :class:`BestExposure`; of equally good exposures the shortest.

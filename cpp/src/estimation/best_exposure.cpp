@@ -43,8 +43,14 @@ void check_domain(const ExposureDomain& domain) {
   if (domain.step) require_positive("step", *domain.step);
 }
 
+// Phases of tones at exposures of more cycles than that would be rounding alone.
+constexpr double most_cycles = 1e15;
+
 ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, std::span<const double> frequencies) {
-  return domain.bounds.value_or(ExposureDomain::Bounds{0, 1 / *std::ranges::min_element(frequencies)});
+  const auto [slowest, fastest] = std::ranges::minmax(frequencies);
+  const auto bounds = domain.bounds.value_or(ExposureDomain::Bounds{0, 1 / slowest});
+  require(bounds.high * fastest < most_cycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
+  return bounds;
 }
 
 // The multiples of the step within the bounds, as whole numbers. A bound that is a multiple but for rounding counts.
@@ -97,7 +103,7 @@ double decreasing_root(Both both, double low, double high, double start) {
     else
       high = x;
     double next = x - value / slope;
-    if (!(next > low && next < high)) next = (low + high) / 2;
+    if (!(next >= low && next <= high)) next = (low + high) / 2;
     const double moved = std::abs(next - x);
     x = next;
     if (moved <= 4e-16 * std::abs(x) || value == 0) break;
@@ -232,8 +238,6 @@ BestExposure exact_of_lobes(std::span<const double> frequencies, std::span<const
     if (multiples->last - multiples->first + 1 <= lobes.count()) return best_multiple(frequencies, weights, *multiples);
   }
   require_few(lobes.count(), "bounds", "lobes");
-  require(bounds.high * *std::ranges::max_element(frequencies) < 1e15, "bounds", bounds.high,
-          "exposures of fewer than 1e15 cycles");
   const auto at = [&](double exposure) { return BestExposure{exposure, objective(frequencies, weights, exposure)}; };
   BestExposure best{bounds.high, -1};
   if (!multiples) best = at(bounds.high);
@@ -303,8 +307,11 @@ void best_exposures(std::span<const double> frequencies, std::span<const double>
   const std::size_t tones = weights.size();
   const bool anywhere = !domain.bounds && !domain.step;
   const bool two = method == ExposureMethod::closed_form || method == ExposureMethod::rounded;
-  require(exposures.size() == objectives.size() && frequencies.size() == tones * exposures.size(), "frequencies",
+  const std::size_t per_problem = exposures.empty() ? tones : frequencies.size() / exposures.size();
+  require(exposures.size() == objectives.size() && frequencies.size() == per_problem * exposures.size(), "frequencies",
           std::to_string(frequencies.size()) + " values", "problems × tones");
+  require(tones == per_problem, "weights", std::to_string(tones) + " values",
+          "one a frequency, here " + std::to_string(per_problem));
   require(!two || (anywhere && tones == 2), "method", "a closed form with bounds, step or more frequencies",
           "exact or search with these");
   check_domain(domain);

@@ -29,9 +29,9 @@ void check_max_boost(double max_boost) {
 
 // ---- The ends of the column ----------------------------------------------------------------------------------------
 // Rows beyond the ends are predicted from the nearest rows: the conditional mean where the light is white noise seen
-// through the exposure, on a smooth course of a hundred times its variance, and rows have a little noise.
+// through the exposure, on a smooth course of a hundred times its variance, and rows have a thousandth of the light's.
 constexpr double smooth_share = 100;
-constexpr double noise_share = 0.01;
+constexpr double noise_share = 0.001;
 constexpr double longest_reach = 1024;  // rows; bounds the work for very long exposures
 
 double covariance(double rows_apart, double exposure_rows) {
@@ -48,8 +48,9 @@ Matrix continuation(std::size_t rows, double exposure_rows) {
   };
   const Index used = reach(16), predicted = reach(32);
   const auto of_distance = [&](Index distance) { return covariance(static_cast<double>(distance), exposure_rows); };
-  const Matrix seen = Matrix::NullaryExpr(
-      used, used, [&](Index i, Index j) { return of_distance(std::abs(i - j)) + (i == j ? noise_share : 0); });
+  const Matrix seen = Matrix::NullaryExpr(used, used, [&](Index i, Index j) {
+    return of_distance(std::abs(i - j)) + (i == j ? noise_share * std::max(exposure_rows, 1.0) : 0);
+  });
   const Matrix ahead = Matrix::NullaryExpr(used, predicted, [&](Index i, Index j) { return of_distance(i + j + 1); });
   Matrix weights = seen.llt().solve(ahead).transpose();
   for (Index i = 0; i < predicted; ++i)

@@ -55,7 +55,7 @@ def continuation(rows: int, exposure_rows: float) -> Float64s:
     used = min(int(np.ceil(4 * exposure_rows)) + 16, 1024, rows)
     predicted = min(int(np.ceil(4 * exposure_rows)) + 32, 1024, rows)
     seen, ahead = np.arange(used), np.arange(1, predicted + 1)
-    among = covariance(np.subtract.outer(seen, seen), exposure_rows) + 0.01 * np.eye(used)
+    among = covariance(np.subtract.outer(seen, seen), exposure_rows) + 0.001 * max(exposure_rows, 1) * np.eye(used)
     between = covariance(np.add.outer(ahead, seen), exposure_rows)
     fade = 0.5 + 0.5 * np.cos(np.pi * ahead / (predicted + 1))
     return np.asarray(fade[:, None] * np.linalg.solve(among, between.T).T)
@@ -94,10 +94,9 @@ def _equalize_column(
 
 def _noise_to_light(x: Float64s, f: Float64s, h: Float64s, exposure_rows: float, noise: float) -> Float64s:
     """noise^2 / S(f); infinite where no light is seen above the noise."""
+    power = noise**2
     if np.isnan(noise):
         power = float(np.mean(np.diff(x, 2) ** 2)) / 6 if len(x) > 2 else 0.0
-    else:
-        power = noise**2
     if power == 0:
         return np.zeros_like(f)
     light = np.mean(x**2) - power

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
@@ -24,7 +25,7 @@ def exposure_objective(
 
     def term(weight: float, frequency: float, time: float) -> float:
         cycles = Fraction(frequency) * Fraction(time)
-        return weight * abs(np.sin(np.pi * float(cycles - round(cycles)))) / (np.pi * frequency)
+        return weight * abs(math.sin(math.pi * float(cycles - round(cycles)))) / (math.pi * frequency)
 
     tones = (f_comm, f_sense, *more)
     each = [np.vectorize(term, otypes=[float])(w, f, exposure) for w, f in zip(weights, tones, strict=True)]
