@@ -208,10 +208,13 @@ class Lobes {
 
 BestExposure best_multiple(std::span<const double> frequencies, std::span<const double> weights,
                            const Multiples& multiples) {
-  require_few(multiples.last - multiples.first + 1, "step", "multiples");
+  const double count = multiples.last - multiples.first + 1;
+  require_few(count, "step", "multiples");
   BestExposure best{0, -1};
-  for (double m = multiples.first; m <= multiples.last; ++m)
-    keep_better(best, {m * multiples.step, objective(frequencies, weights, m * multiples.step)});
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    const double exposure = (multiples.first + static_cast<double>(i)) * multiples.step;
+    keep_better(best, {exposure, objective(frequencies, weights, exposure)});
+  }
   return best;
 }
 

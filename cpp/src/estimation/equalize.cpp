@@ -8,6 +8,8 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <optional>
+#include <string>
 
 #include "ocisac/camera/exposure_response.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -79,6 +81,10 @@ Line least_squares_line(std::span<const double> signal) {
   return line;
 }
 
+double mean_square(std::span<const double> signal) {
+  return std::inner_product(signal.begin(), signal.end(), signal.begin(), 0.0) / static_cast<double>(signal.size());
+}
+
 double mean_square_difference(std::span<const double> signal, std::size_t lag) {
   double sum = 0;
   for (std::size_t n = lag; n < signal.size(); ++n)
@@ -97,40 +103,43 @@ double noise_power_of_second_differences(std::span<const double> signal) {
   return sum / (6 * static_cast<double>(signal.size() - 2));
 }
 
-// Spectra of light to choose from: 1/(1 + (f/corner)²), f in cycles per row, the first one flat.
+// What the exposure does to tones of k/length cycles per row, k = 0 … length/2: |H|, with its sign, and its delay.
+struct Response {
+  Response(std::size_t length_of_dft, double exposure_rows)
+      : length(length_of_dft), sinc_at(length / 2 + 1), advance(sinc_at.size()) {
+    for (std::size_t k = 0; k < sinc_at.size(); ++k) {
+      const double turns = static_cast<double>(k) * exposure_rows / static_cast<double>(length);
+      sinc_at[k] = sinc(turns);
+      advance[k] = std::polar(1.0, std::numbers::pi * std::fmod(turns, 2.0));
+    }
+  }
+  [[nodiscard]] double frequency(double bin) const { return bin / static_cast<double>(length); }
+
+  std::size_t length;
+  std::vector<double> sinc_at;
+  std::vector<std::complex<double>> advance;
+};
+
+// Power densities of light to choose from: 1/(1 + (f/corner)²) with corners from 1/2 cycle per row down by half
+// octaves, and a flat one.
 class LightModel {
  public:
-  LightModel(const std::vector<double>& sinc_at, std::size_t length, std::size_t lag) : sinc_at_(sinc_at), lag_(lag) {
-    for (int half_octaves = -1; half_octaves < 20; ++half_octaves) {
-      const double corner = half_octaves < 0 ? infinity : 0.5 * std::exp2(-0.5 * half_octaves);
-      Candidate candidate{std::vector<double>(sinc_at.size()), 0, 0};
-      double difference = 0;
-      for (std::size_t k = 0; k < sinc_at.size(); ++k) {
-        const double f = static_cast<double>(k) / static_cast<double>(length);
-        const double shape = 1 / (1 + (f / corner) * (f / corner));
-        const double power = sinc_at[k] * sinc_at[k] * shape;
-        const double sine = std::sin(std::numbers::pi * f * static_cast<double>(lag));
-        candidate.shape[k] = shape;
-        candidate.power += power;
-        difference += 4 * sine * sine * power;
-      }
-      candidate.power /= static_cast<double>(sinc_at.size());
-      candidate.ratio = difference / static_cast<double>(sinc_at.size()) / candidate.power;
-      candidates_.push_back(std::move(candidate));
-    }
+  LightModel(const Response& response, std::size_t lag) : lag_(lag) {
+    candidates_.push_back(candidate(response, infinity));
+    for (int half_octaves = 0; half_octaves < 20; ++half_octaves)
+      candidates_.push_back(candidate(response, 0.5 * std::exp2(-0.5 * half_octaves)));
   }
 
   // Noise power over the light's power density at every frequency: the candidate whose share of differences over `lag`
   // rows is nearest that of the column (`residual`: without its line). Empty where no light is seen above the noise.
   [[nodiscard]] std::vector<double> noise_to_light(std::span<const double> residual, double noise_power) const {
-    const double all = mean_square_difference_to_zero(residual);
-    const double light = all - noise_power;
+    const double light = mean_square(residual) - noise_power;
     if (!(light > 0)) return {};
     const double ratio = std::max((mean_square_difference(residual, lag_) - 2 * noise_power) / light, 1e-12);
     const auto misfit = [&](const Candidate& c) { return std::abs(std::log(c.ratio / ratio)); };
     const auto& best = *std::ranges::min_element(candidates_, {}, misfit);
-    std::vector<double> result(sinc_at_.size());
-    for (std::size_t k = 0; k < result.size(); ++k) result[k] = noise_power * best.power / (light * best.shape[k]);
+    std::vector<double> result(best.shape);
+    for (double& value : result) value = noise_power * best.power / (light * value);
     return result;
   }
 
@@ -140,11 +149,24 @@ class LightModel {
     double power;  // of the rows, for light of power density `shape`
     double ratio;  // mean square of differences over `lag` rows to that of the rows
   };
-  static double mean_square_difference_to_zero(std::span<const double> signal) {
-    return std::inner_product(signal.begin(), signal.end(), signal.begin(), 0.0) / static_cast<double>(signal.size());
+
+  [[nodiscard]] Candidate candidate(const Response& response, double corner) const {
+    const std::size_t bins = response.sinc_at.size();
+    Candidate result{std::vector<double>(bins), 0, 0};
+    double difference = 0;
+    for (std::size_t k = 0; k < bins; ++k) {
+      const double f = response.frequency(static_cast<double>(k));
+      result.shape[k] = 1 / (1 + (f / corner) * (f / corner));
+      const double power = response.sinc_at[k] * response.sinc_at[k] * result.shape[k];
+      const double sine = std::sin(std::numbers::pi * f * static_cast<double>(lag_));
+      result.power += power;
+      difference += 4 * sine * sine * power;
+    }
+    result.ratio = difference / result.power;
+    result.power /= static_cast<double>(bins);
+    return result;
   }
 
-  const std::vector<double>& sinc_at_;
   std::size_t lag_;
   std::vector<Candidate> candidates_;
 };
@@ -158,37 +180,42 @@ class Equalizer {
         exposure_rows_(exposure_rows),
         settings_(settings),
         continuation_(continuation(rows, exposure_rows)),
-        length_(optimal_dft_length(rows + 2 * static_cast<std::size_t>(continuation_.rows()))),
-        sinc_at_(length_ / 2 + 1),
-        advance_(sinc_at_.size()),
-        restored_(sinc_at_.size(), 0.0),
-        light_model_(fill_response(), length_,
-                     std::clamp<std::size_t>(lag_rows(), 1, std::max<std::size_t>(rows, 2) - 1)) {}
+        response_(optimal_dft_length(rows + 2 * static_cast<std::size_t>(continuation_.rows())), exposure_rows),
+        restored_(response_.sinc_at.size(), 0.0) {
+    const double lag = std::min(std::ceil(exposure_rows / 4), static_cast<double>(rows - 1));
+    if (settings.method == EqualizerMethod::wiener)
+      light_model_.emplace(response_, static_cast<std::size_t>(std::max(lag, 1.0)));
+  }
 
   // `signals` (count × rows) become the equalised ones; `noise` (count, or empty: estimated).
   void run(std::span<double> signals, std::span<const double> noise, EqualizerReport& report) {
     const std::size_t count = signals.size() / rows_;
     std::vector<Line> lines(count);
-    std::vector<std::vector<double>> ratios(count);
     for (std::size_t c = 0; c < count; ++c) {
       const auto signal = signals.subspan(c * rows_, rows_);
       lines[c] = least_squares_line(signal);
       for (std::size_t n = 0; n < rows_; ++n) signal[n] -= lines[c].at(static_cast<double>(n));
     }
-    auto spectra = half_spectra(extended(signals, count), length_);
-    for (std::size_t c = 0; c < count; ++c)
-      filter(std::span(spectra).subspan(c * sinc_at_.size(), sinc_at_.size()), signals.subspan(c * rows_, rows_),
-             noise.empty() ? std::numeric_limits<double>::quiet_NaN() : noise[c], report);
-    const auto equalised = signals_of_half_spectra(spectra, length_);
+    auto spectra = half_spectra(extended(signals, count), response_.length);
+    const std::size_t bins = response_.sinc_at.size();
+    for (std::size_t c = 0; c < count; ++c) {
+      const auto residual = signals.subspan(c * rows_, rows_);
+      const double power = settings_.method == EqualizerMethod::inverse ? 0
+                           : noise.empty()                              ? noise_power_of_second_differences(residual)
+                                                                        : noise[c] * noise[c];
+      report.noise.push_back(std::sqrt(power));
+      report.noise_gain.push_back(filter(std::span(spectra).subspan(c * bins, bins), residual, power));
+    }
+    const auto equalised = signals_of_half_spectra(spectra, response_.length);
     for (std::size_t c = 0; c < count; ++c)
       for (std::size_t n = 0; n < rows_; ++n)
-        signals[c * rows_ + n] = equalised[c * length_ + n] + lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
+        signals[c * rows_ + n] =
+            equalised[c * response_.length + n] + lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
   }
 
   // Bands of frequencies (cycles per row) whose restored amplitude, mean over the columns so far, is below a half.
   [[nodiscard]] std::vector<FrequencyBand> bands_lost(double columns) const {
     std::vector<FrequencyBand> bands;
-    const auto frequency = [&](double bin) { return bin / static_cast<double>(length_); };
     const auto excess = [&](std::size_t k) { return restored_[k] / columns - 0.5; };
     bool inside = false;
     for (std::size_t k = 0; k < restored_.size(); ++k) {
@@ -196,9 +223,9 @@ class Equalizer {
       if (lost == inside) continue;
       const double crossing = k == 0 ? 0 : static_cast<double>(k) - excess(k) / (excess(k) - excess(k - 1));
       if (lost)
-        bands.push_back({frequency(crossing), infinity});
+        bands.push_back({response_.frequency(crossing), infinity});
       else
-        bands.back().high = frequency(crossing);
+        bands.back().high = response_.frequency(crossing);
       inside = lost;
     }
     if (!inside) bands.push_back({0.5, infinity});
@@ -206,24 +233,13 @@ class Equalizer {
   }
 
  private:
-  [[nodiscard]] std::size_t lag_rows() const { return static_cast<std::size_t>(std::ceil(exposure_rows_ / 4)); }
-
-  const std::vector<double>& fill_response() {
-    for (std::size_t k = 0; k < sinc_at_.size(); ++k) {
-      const double turns = static_cast<double>(k) * exposure_rows_ / static_cast<double>(length_);
-      sinc_at_[k] = sinc(turns);
-      advance_[k] = std::polar(1.0, std::numbers::pi * std::fmod(turns, 2.0));  // half an exposure earlier
-    }
-    return sinc_at_;
-  }
-
   // (count × length): each signal, its continuation after the end, zeros, its continuation before the start.
   [[nodiscard]] std::vector<double> extended(std::span<const double> signals, std::size_t count) const {
     const Index used = continuation_.cols(), predicted = continuation_.rows();
     const auto columns = static_cast<Index>(count), rows = static_cast<Index>(rows_);
     const Eigen::Map<const Matrix> inside(signals.data(), columns, rows);
-    std::vector<double> result(count * length_, 0.0);
-    Eigen::Map<Matrix> all(result.data(), columns, static_cast<Index>(length_));
+    std::vector<double> result(count * response_.length, 0.0);
+    Eigen::Map<Matrix> all(result.data(), columns, static_cast<Index>(response_.length));
     all.leftCols(rows) = inside;
     all.middleCols(rows, predicted).noalias() =
         Matrix(inside.rightCols(used).rowwise().reverse()) * continuation_.transpose();
@@ -231,37 +247,29 @@ class Equalizer {
     return result;
   }
 
-  // G = H/max(|H|² + noise/light, 1/max_boost²), H without its delay, and the delay taken back.
-  void filter(std::span<std::complex<double>> spectrum, std::span<const double> residual, double noise,
-              EqualizerReport& report) {
-    const bool wiener = settings_.method == EqualizerMethod::wiener;
-    const double noise_power = !wiener             ? 0
-                               : std::isnan(noise) ? noise_power_of_second_differences(residual)
-                                                   : noise * noise;
-    const auto noise_to_light = noise_power > 0 ? light_model_.noise_to_light(residual, noise_power)
-                                                : std::vector<double>(spectrum.size(), 0.0);
+  // G = H/max(|H|² + noise/light, 1/max_boost²), H without its delay, and the delay taken back. Returns the noise gain.
+  double filter(std::span<std::complex<double>> spectrum, std::span<const double> residual, double noise_power) {
+    std::vector<double> noise_to_light(spectrum.size(), 0.0);
+    if (noise_power > 0) noise_to_light = light_model_->noise_to_light(residual, noise_power);
     const double floor = 1 / (settings_.max_boost * settings_.max_boost);
     double gain_power = 0;
     for (std::size_t k = 0; k < spectrum.size(); ++k) {
-      const double h = sinc_at_[k];
+      const double h = response_.sinc_at[k];
       const double gain = noise_to_light.empty() ? 0 : h / std::max(h * h + noise_to_light[k], floor);
-      spectrum[k] *= gain * advance_[k];
+      spectrum[k] *= gain * response_.advance[k];
       restored_[k] += gain * h;
       gain_power += gain * gain;
     }
-    report.noise_gain.push_back(std::sqrt(gain_power / static_cast<double>(spectrum.size())));
-    report.noise.push_back(std::sqrt(noise_power));
+    return std::sqrt(gain_power / static_cast<double>(spectrum.size()));
   }
 
   std::size_t rows_;
   double exposure_rows_;
   EqualizerSettings settings_;
   Matrix continuation_;
-  std::size_t length_;
-  std::vector<double> sinc_at_;  // H at the bins of the DFT without its delay
-  std::vector<std::complex<double>> advance_;
-  std::vector<double> restored_;  // sum over columns of the restored share of the amplitude
-  LightModel light_model_;
+  Response response_;
+  std::optional<LightModel> light_model_;  // for wiener
+  std::vector<double> restored_;           // sum over columns of the restored share of the amplitude
 };
 
 void write(const FramesView<double>& out, std::size_t frame, std::size_t first, std::span<const double> signals) {
