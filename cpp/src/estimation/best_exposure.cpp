@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -25,12 +26,20 @@ void check_frequency(double frequency) {
 
 void check_tones(std::span<const double> frequencies, std::span<const double> weights) {
   require(!frequencies.empty(), "frequencies", "none", "at least one");
-  require(frequencies.size() == weights.size(), "weights", std::to_string(weights.size()) + " values",
-          "one a frequency, here " + std::to_string(frequencies.size()));
+  if (frequencies.size() != weights.size())
+    refuse("weights", std::to_string(weights.size()) + " values",
+           "one a frequency, here " + std::to_string(frequencies.size()));
   for (double frequency : frequencies) check_frequency(frequency);
   for (double weight : weights) require_not_negative("weights", weight);
   require(std::ranges::any_of(weights, [](double weight) { return weight > 0; }), "weights", "0 for every frequency",
           "at least one above 0");
+}
+
+std::string range_text(const char* before, double low, const char* between, double high) {
+  std::ostringstream text;
+  text.precision(17);
+  text << before << low << between << high;
+  return text.str();
 }
 
 void check_domain(const ExposureDomain& domain) {
@@ -38,7 +47,7 @@ void check_domain(const ExposureDomain& domain) {
     const auto [low, high] = *domain.bounds;
     require_not_negative("bounds", low);
     require_positive("bounds", high);
-    require(low <= high, "bounds", std::to_string(low) + " to " + std::to_string(high), "the lower bound first");
+    if (low > high) refuse("bounds", range_text("", low, " to ", high), "the lower bound first");
   }
   if (domain.step) require_positive("step", *domain.step);
 }
@@ -62,18 +71,17 @@ Multiples multiples_of(double step, ExposureDomain::Bounds bounds) {
   constexpr double slack = 8 * std::numeric_limits<double>::epsilon();
   const Multiples found{step, std::max(std::ceil(bounds.low / step * (1 - slack)), 1.0),
                         std::floor(bounds.high / step * (1 + slack))};
-  if (!(found.first <= found.last)) {
-    std::ostringstream range;
-    range.precision(17);
-    range << "a step with a multiple between " << bounds.low << " and " << bounds.high;
-    refuse("step", step, range.str());
-  }
+  if (!(found.first <= found.last))
+    refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
   return found;
 }
 
 void require_few(double candidates, const char* argument, const char* what) {
-  require(candidates <= most_candidates, argument, std::to_string(candidates) + " " + what,
-          "at most 10 million: narrower bounds or a larger step");
+  if (candidates > most_candidates) {
+    std::ostringstream found;
+    found << candidates << " " << what;
+    refuse(argument, found.str(), "at most 10 million: narrower bounds or a larger step");
+  }
 }
 
 double objective(std::span<const double> frequencies, std::span<const double> weights, double exposure) {
