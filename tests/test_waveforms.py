@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import pickle
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import quad
 
 from ocisac_fast import (
     Camera,
@@ -67,6 +69,103 @@ def test_agrees_with_the_reference(parts, exposure, start, length, seed, frames)
     if exposure == 0 and wrong.any():
         wrong &= ~near_an_edge(waveform, camera, rows, start, frames)
     assert not wrong.any(), (got[wrong], want[wrong])
+
+
+SLOW = st.floats(1, 2e3)
+FACTORS = (
+    st.builds(Tone, frequency=st.just(0.0) | SLOW, amplitude=LEVELS, phase=PHASES, depth=st.floats(0, 1))
+    | st.builds(SquareWave, frequency=st.just(0.0) | SLOW, duty=st.floats(0.01, 0.99), phase=PHASES)
+    | st.builds(Chips, levels=LISTS, chip_rate=SLOW, start=STARTS, repeat=st.booleans())
+    | CONSTANTS
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    factors=st.lists(FACTORS | st.builds(lambda a, b: a + b, FACTORS, FACTORS), min_size=1, max_size=3),
+    sampled=st.none() | st.builds(Samples, values=LISTS, sample_rate=SLOW, start=STARTS, repeat=st.booleans()),
+    exposure=st.just(0.0) | st.floats(1e-6, 1e-2) | st.floats(0.01, 0.05),
+    start=st.floats(-1, 1),
+    length=st.sampled_from([1, 2, 31]),
+    frames=st.none() | st.just(2),
+)
+def test_products_agree_with_quadrature(factors, sampled, exposure, start, length, frames):
+    """The reference integrates products by Gauss-Legendre nodes between the edges."""
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows = (np.arange(length) * 7919) % 1080 - 100
+    waveform = Product([*factors, *([] if sampled is None else [sampled])])
+    got = integrate_exposure(waveform, camera, rows, start, frames)
+    want = reference.integrate_exposure(waveform, camera, rows, start, frames)
+    wrong = np.abs(got - want) > 1e-12 * max(1, np.abs(want).max())
+    if exposure == 0 and wrong.any():
+        wrong &= ~near_an_edge(waveform, camera, rows, start, frames)
+    assert not wrong.any(), (got[wrong], want[wrong])
+
+
+@pytest.mark.parametrize(
+    "waveform",
+    [
+        Tone(500.0, phase=0.4),
+        SquareWave(700.0, 0.3, phase=-0.4),
+        Chips("01101", 3e3, repeat=True),
+        Samples([0.0, 1.0, 0.3], 2e3, start=0.01),
+        Tone(500.0) * SquareWave(175.0, 0.5, phase=1.0),
+        Samples([0.0, 1.0, 0.3], 2e3, repeat=True) * Tone(876.0, depth=0.5) * SquareWave(175.0),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("exposure", [0.000622, 0.0049])
+def test_agrees_with_numerical_quadrature(waveform, exposure):
+    camera = Camera(22.2e-6, exposure)
+    rows = np.array([0, 400, 719])
+    got = integrate_exposure(waveform, camera, rows, 0.01)
+    for mean, end in zip(got, 0.01 + rows * 22.2e-6, strict=True):
+        points = np.linspace(end - exposure, end, 400)
+        light = sum(
+            quad(lambda t: float(sample_waveform(waveform, t)), a, b, limit=60, epsabs=1e-12)[0]
+            for a, b in pairwise(points)
+        )
+        assert mean == pytest.approx(light / exposure, abs=1e-7)
+
+
+def test_a_product_of_tones_has_lines_at_sum_and_difference():
+    """Light of f_c through a grating of f_x v: (1/2 + cos/2)(1/2 + cos/2)."""
+    camera = Camera(1e-5, 622e-6)
+    rows = np.arange(1000)
+    middles = rows * 1e-5 - 311e-6
+    want = np.full(1000, 0.25)
+    for share, frequency in [(0.25, 500.0), (0.25, 200.0), (0.125, 700.0), (0.125, 300.0)]:
+        want += share * np.sinc(frequency * 622e-6) * np.cos(2 * np.pi * frequency * middles)
+    np.testing.assert_allclose(integrate_exposure(Tone(500.0) * Tone(200.0), camera, rows), want, rtol=0, atol=1e-14)
+    squared = 0.375 + 0.5 * np.sinc(0.311) * np.cos(1000 * np.pi * middles)
+    squared += 0.125 * np.sinc(0.622) * np.cos(2000 * np.pi * middles)
+    np.testing.assert_allclose(integrate_exposure(Tone(500.0) * Tone(500.0), camera, rows), squared, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("exposure", [0.0, 1e-12, 1e-9, 22.2e-6, 0.0049])
+@pytest.mark.parametrize(("start", "frame"), [(0.0, 0), (0.0, 100_000), (1e4, 3), (-1e4, 0)])
+def test_products_stay_exact_however_late(exposure, start, frame):
+    """On-off keying twice is on-off keying: of the chips of one rate the product is known chip by chip."""
+    a, b = Chips("0110100111", 5e3 / 3, repeat=True), Chips("00111", 5e3 / 3, repeat=True, amplitude=2.0)
+    both = Chips(np.array([0, 1, 1, 0, 1, 0, 0, 1, 1, 1]) * np.tile([0, 0, 2, 2, 2], 2), 5e3 / 3, repeat=True)
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows = [*range(0, 1080, 30), -5, 5000]
+    got = integrate_exposure(a * b, camera, rows, start, [frame])
+    np.testing.assert_allclose(got, integrate_exposure(both, camera, rows, start, [frame]), rtol=0, atol=1e-13)
+    # sloped light through steady gratings, too
+    ramp = Samples([0.2, 1.0, 0.1, 0.5], 7e3 / 9, repeat=True)
+    steady = SquareWave(0.0, 0.4) * Tone(0.0)
+    got = integrate_exposure(ramp * steady, camera, rows, start, [frame])
+    np.testing.assert_allclose(got, integrate_exposure(ramp, camera, rows, start, [frame]), rtol=0, atol=1e-13)
+
+
+def test_rows_of_a_product_far_apart():
+    """Rows a day apart are integrated one by one."""
+    camera = Camera(1e-3, 1e-3)
+    rows = np.array([0, 86_400_000, 5])
+    waveform = SquareWave(1e4, 0.3) * Tone(5.0)
+    want = [integrate_exposure(waveform, camera, [row])[0] for row in rows]
+    np.testing.assert_allclose(integrate_exposure(waveform, camera, rows), want, rtol=0, atol=1e-15)
 
 
 def exact_instants(camera, rows, start, frame):
@@ -280,6 +379,10 @@ def test_out_with_any_strides(step):
         (lambda: Constant(np.nan), "level: got nan"),
         (lambda: Sum([]), "parts: got none"),
         (lambda: Tone(1.0) * np.inf, "level: got inf"),
+        (lambda: Samples([1, 2], 1.0) * Tone(1.0) * Samples([1, 2], 1.0), "product: got 2 factors that are Samples"),
+        (lambda: Product([Tone(1.0)] * 9), "product: got 9 tones"),
+        (lambda: Product([Tone(1.0) + 1] * 13), "waveform: got 8192, allowed: at most 4096 terms"),
+        (lambda: Sum([Tone(1.0)] * 5000), "waveform: got 5000, allowed: at most 4096 terms"),
         (lambda: Tone(1.0, 1e100) * 1e100 * 1e100 * 1e100, "product: got"),
     ],
 )
@@ -312,6 +415,7 @@ UNALIGNED = np.zeros(25, np.uint8)[1:].view(np.float64)
         ({"start": 1e200}, "frequency: got"),
         ({"camera": Camera(1e-5, 1e200)}, "frequency: got"),
         ({"waveform": Chips([1], 1e300)}, "chip_rate: got"),
+        ({"waveform": SquareWave(1e14) * Chips("01", 1e3)}, "exposure: got .* edges of a product"),
         ({"out": np.zeros(4)}, r"out: got shape \(4,\)"),
         ({"out": np.zeros(3, np.float32)}, "out: got dtype float32"),
         ({"out": np.zeros(3, ">f8")}, "out: got dtype >f8"),

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <numbers>
 #include <numeric>
 #include <stdexcept>
@@ -61,6 +60,9 @@ TEST_CASE("means agree with sums over many points") {
       ocisac::Samples{{0, 1, 1, 0.5}, 3e3, 0.001, true},
       ocisac::Samples{{0, 1, 1, 0.5}, 3e3, 0.001},
       2.0 * Waveform(ocisac::Tone{500}) + 0.5,
+      Waveform(ocisac::Tone{500, 2, 0.3, 0.7}) * ocisac::SquareWave{175, 0.4, 1, 0.5},
+      (Waveform(ocisac::Tone{500}) + 0.5) * ocisac::Samples{{0, 1, 1, 0.5}, 3e3, 0.001, true} *
+          ocisac::Chips{{0, 1, 1}, 1e3, 0, true},
   };
   for (const Waveform& waveform : waveforms)
     for (double exposure : {0.0, 4e-5, 622e-6, 0.02}) {
@@ -92,6 +94,8 @@ TEST_CASE("values without meaning are refused") {
   CHECK_THROWS_AS(Waveform(ocisac::SquareWave{1, 1.0}), std::invalid_argument);
   CHECK_THROWS_AS(Waveform(ocisac::Chips{{}, 1}), std::invalid_argument);
   CHECK_THROWS_AS(Waveform(ocisac::Samples{{1, NAN}, 1}), std::invalid_argument);
+  const Waveform sampled = ocisac::Samples{{1, 2}, 1};
+  CHECK_THROWS_AS(sampled * sampled, std::invalid_argument);
   CHECK_THROWS_AS(means(1.0, Camera{1e-5, {}, {}, {}}, {0}), std::invalid_argument);
   CHECK_THROWS_AS(means(1.0, Camera{1e-5, 1e-4, {}, {}}, {0}, 0, 1), std::invalid_argument);
   CHECK_THROWS_AS(means(1.0, camera_with(1e-4), {}), std::invalid_argument);

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
-from functools import reduce
 from operator import add, mul
 from typing import Any, TypeVar
 
@@ -219,7 +218,11 @@ class _Combination(Waveform):
         if not held:
             raise ValueError("parts: got none, allowed: at least one waveform")
         object.__setattr__(self, "parts", held)
-        self._hold(reduce(self._operator(), (part._handle for part in held)))
+        handles = [part._handle for part in held]
+        while len(handles) > 1:  # neighbours first, so that long sums are not copied part by part
+            pairs = zip(handles[::2], handles[1::2], strict=False)
+            handles = [self._operator()(a, b) for a, b in pairs] + handles[len(handles) & ~1 :]
+        self._hold(handles[0])
 
     @staticmethod
     def _operator() -> Callable[[_core.Waveform, _core.Waveform], _core.Waveform]:

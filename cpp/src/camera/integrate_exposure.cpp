@@ -24,8 +24,10 @@ class Light {
     for (const auto& term : waveform.terms()) {
       if (term.factors.empty())
         steady_ += term.coefficient;
-      else
+      else if (term.factors.size() == 1)
         parts_.emplace_back(term.coefficient, term.factors.front()->mean_light(exposures));
+      else
+        parts_.emplace_back(term.coefficient, product_light(term.factors, exposures));
     }
   }
 

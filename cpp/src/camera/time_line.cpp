@@ -11,7 +11,9 @@ constexpr double kMostCycles = 0x1p50;
 }  // namespace
 
 CycleCounter::CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset)
-    : step_(rate * DoubleDouble{line.step, 0}) {
+    : step_(rate * DoubleDouble{line.step, 0}),
+      step_upper_(upper_half(step_.high)),
+      step_lower_(step_.high - step_upper_) {
   const DoubleDouble base = rate * line.origin + offset;
   base_whole_ = std::abs(base.high) < kMostCycles ? nearest_whole(base.high) : base.high;
   base_ = base + DoubleDouble{-base_whole_, 0};

@@ -1,6 +1,7 @@
 #include "ocisac/camera/waveform.hpp"
 
 #include <cmath>
+#include <string>
 #include <utility>
 
 #include "ocisac/require.hpp"
@@ -14,9 +15,19 @@ constexpr double kLargestLevel = 1e100;
 constexpr double kLargestLight = 1e300;
 constexpr std::size_t kMostTerms = 4096;
 
+constexpr std::size_t kMostTones = 8;
+
 void check(const Waveform::Term& term) {
   double peak = std::abs(term.coefficient);
-  for (const auto& factor : term.factors) peak *= factor->peak();
+  std::size_t tones = 0;
+  std::size_t samples = 0;
+  for (const auto& factor : term.factors) {
+    peak *= factor->peak();
+    tones += factor->cosines().empty() ? 0 : 1;
+    samples += factor->has_slopes() ? 1 : 0;
+  }
+  require(samples <= 1, "product", std::to_string(samples) + " factors that are Samples", "one such factor");
+  require(tones <= kMostTones, "product", std::to_string(tones) + " tones", "at most 8 tones");
   require(peak <= kLargestLight, "product", peak, "light of at most 1e300");
 }
 
@@ -56,10 +67,7 @@ Waveform operator*(const Waveform& a, const Waveform& b) {
   std::vector<Waveform::Term> terms;
   terms.reserve(a.terms_.size() * b.terms_.size());
   for (const auto& left : a.terms_)
-    for (const auto& right : b.terms_) {
-      terms.push_back(multiplied(left, right));
-      require(terms.back().factors.size() < 2, "product", "several factors that change", "one");
-    }
+    for (const auto& right : b.terms_) terms.push_back(multiplied(left, right));
   return Waveform(std::move(terms));
 }
 

@@ -14,6 +14,7 @@ namespace ocisac {
 namespace {
 
 constexpr double kMostCycles = 0x1p50;
+constexpr double kFewestCycles = 1e-200;  // in a stretch; with less no edge has an instant
 
 TimeLine delayed(TimeLine line, double delay) {
   line.origin = line.origin - DoubleDouble{delay, 0};
@@ -26,6 +27,24 @@ CycleCounter counter_of(double rate, const Exposures& exposures, DoubleDouble of
   return counter;
 }
 
+// cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|). In line, so
+// that loops of it become vectors.
+double cosine_of(double turns) {
+  const double x = 2 * std::numbers::pi * (0.25 - std::abs(turns));
+  const double z = x * x;
+  double series = 1.0 / 51090942171709440000.0;
+  series = -1.0 / 121645100408832000.0 + z * series;
+  series = 1.0 / 355687428096000.0 + z * series;
+  series = -1.0 / 1307674368000.0 + z * series;
+  series = 1.0 / 6227020800.0 + z * series;
+  series = -1.0 / 39916800.0 + z * series;
+  series = 1.0 / 362880.0 + z * series;
+  series = -1.0 / 5040.0 + z * series;
+  series = 1.0 / 120.0 + z * series;
+  series = -1.0 / 6.0 + z * series;
+  return x + x * z * series;
+}
+
 // --- Tone: A/2·(1 + depth·sinc(f T_e)·cos(phase in mid-exposure)) ---
 
 class ToneLight final : public MeanLight {
@@ -36,9 +55,10 @@ class ToneLight final : public MeanLight {
         counter_(counter_in_mid_exposure(tone, exposures)) {}
 
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    const CycleCounter counter = counter_;  // out may not change it: the loop becomes vectors
     const double half = scale * half_amplitude_;
-    for (std::size_t i = 0; i < x.size(); ++i)
-      out[i] += half * (1 + swing_ * std::cos(2 * std::numbers::pi * counter_.at(x[i]).fraction));
+    const double swing = swing_;
+    for (std::size_t i = 0; i < x.size(); ++i) out[i] += half * (1 + swing * cosine_of(counter.at(x[i]).fraction));
   }
 
  private:
@@ -67,6 +87,11 @@ class ToneElement final : public WaveformElement {
 
   double peak() const override { return std::abs(tone_.amplitude); }
 
+  std::vector<Cosine> cosines() const override {
+    const double half = tone_.amplitude / 2;
+    return {{half, {}, {}}, {half * tone_.depth, {tone_.frequency, 0}, turns(tone_.phase)}};
+  }
+
  private:
   Tone tone_;
 };
@@ -89,10 +114,11 @@ class SquareLight final : public MeanLight {
 
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
     if (point_) return add_points(x, scale * amplitude_, out);
+    const SquareLight light = *this;  // out may not change it: the loop becomes vectors
+    const double level = scale * amplitude_;
     for (std::size_t i = 0; i < x.size(); ++i) {
-      const Position end = counter_.at(x[i]);
-      const double light = whole_light_ + overlap(end, 0) + overlap(end, -1);
-      out[i] += scale * amplitude_ * (light / length_);
+      const Position end = light.counter_.at(x[i]);
+      out[i] += level * ((light.whole_light_ + light.overlap(end, 0) + light.overlap(end, -1)) / light.length_);
     }
   }
 
@@ -101,7 +127,12 @@ class SquareLight final : public MeanLight {
   double overlap(const Position& end, double centre) const {
     const double since_rise = (end.fraction - (centre - half_duty_)) + end.rest;
     const double since_fall = (end.fraction - (centre + half_duty_)) + end.rest;
-    return std::clamp(since_rise, 0.0, part_) - std::clamp(since_fall, 0.0, part_);
+    return within_part(since_rise) - within_part(since_fall);
+  }
+
+  double within_part(double cycles) const {
+    const double not_below = cycles > 0 ? cycles : 0;
+    return not_below < part_ ? not_below : part_;
   }
 
   void add_points(std::span<const double> x, double level, std::span<double> out) const {
@@ -136,11 +167,33 @@ class SquareElement final : public WaveformElement {
 
   double peak() const override { return std::abs(wave_.amplitude); }
 
+  std::vector<Step> steps(const Stretch& stretch) const override {
+    const CycleCounter counter({wave_.frequency, 0}, stretch.line(), turns(wave_.phase));
+    counter.require_countable(0, stretch.length, "frequency");
+    const Position origin = counter.at(0.0);
+    const double cycles = wave_.frequency * stretch.length;
+    if (cycles < kFewestCycles) return {{{}, std::abs(origin.fraction) < wave_.duty / 2 ? wave_.amplitude : 0, 0}};
+    const auto time_of = [&](double whole, double half_duty) {
+      return (exact_sum(whole, half_duty) - DoubleDouble{origin.fraction, origin.rest}) / wave_.frequency;
+    };
+    std::vector<Step> steps;
+    steps.reserve(static_cast<std::size_t>(most_steps(stretch.length)));
+    for (double whole = -1; whole <= cycles + 1; ++whole) {
+      steps.push_back({time_of(whole, -wave_.duty / 2), wave_.amplitude, 0});
+      steps.push_back({time_of(whole, wave_.duty / 2), 0, 0});
+    }
+    return steps;
+  }
+
+  double most_steps(double length) const override { return 2 * wave_.frequency * length + 6; }
+
  private:
   SquareWave wave_;
 };
 
 // --- Chips and samples: cells of equal length, in each of which the light is a straight line ---
+
+double difference(DoubleDouble a, DoubleDouble b) { return (a.high - b.high) + (a.low - b.low); }
 
 struct Cell {
   double value;         // at its beginning
@@ -164,6 +217,15 @@ struct Cells {
 
   DoubleDouble before(std::int64_t k) const { return k < count() ? cells[static_cast<std::size_t>(k)].before : total; }
 
+  // The cell of the first round that repeating cell k repeats.
+  std::int64_t inside_round(std::int64_t k) const {
+    if (!repeat || (k >= 0 && k < count())) return k;
+    const auto round = static_cast<std::int64_t>(static_cast<double>(k) / static_cast<double>(count()));  // or the next
+    const std::int64_t remainder = k - round * count();
+    if (remainder < 0) return remainder + count();
+    return remainder < count() ? remainder : remainder - count();
+  }
+
   // The line of light in cell k; of repeating cells -count <= k < count.
   std::pair<double, double> line(std::int64_t k) const {
     if (repeat && k < 0) k += count();
@@ -177,15 +239,14 @@ struct Cells {
   double light(std::int64_t first, std::int64_t last) const {
     if (first >= last) return 0;
     if (repeat) {
-      if (first >= 0) return (before(last) - before(first)).value();
-      return last < 0 ? (before(last + count()) - before(first + count())).value()
-                      : (before(last) + (total - before(first + count()))).value();
+      if (first >= 0) return difference(before(last), before(first));
+      return difference(total, before(first + count())) + difference(before(last), before(0));
     }
     const auto inside = [&](std::int64_t k) { return std::clamp<std::int64_t>(k, 0, count()); };
     const auto on_left = std::max<std::int64_t>(0, std::min<std::int64_t>(last, 0) - first);
     const auto on_right = std::max<std::int64_t>(0, last - std::max(first, count()));
     return static_cast<double>(on_left) * left + static_cast<double>(on_right) * right +
-           (before(inside(last)) - before(inside(first))).value();
+           difference(before(inside(last)), before(inside(first)));
   }
 };
 
@@ -212,7 +273,7 @@ class CellsLight final : public MeanLight {
       const double offset = end.fraction + end.rest;
       const bool below = end.fraction < 0 || (end.fraction == 0 && end.rest < 0);
       const auto cell = static_cast<std::int64_t>(end.whole) - (below ? 1 : 0);
-      out[i] += scale * amplitude_ * mean_before(inside_round(cell), below ? offset + 1 : offset);
+      out[i] += scale * amplitude_ * mean_before(cells_.inside_round(cell), below ? offset + 1 : offset);
     }
   }
 
@@ -220,13 +281,6 @@ class CellsLight final : public MeanLight {
   static CycleCounter counter_from(double start, double rate, const char* rate_name, Exposures exposures) {
     exposures.line = delayed(exposures.line, start);
     return counter_of(rate, exposures, {}, rate_name);
-  }
-
-  std::int64_t inside_round(std::int64_t cell) const {
-    const std::int64_t count = cells_.count();
-    if (!cells_.repeat || (cell >= 0 && cell < count)) return cell;
-    const std::int64_t remainder = cell % count;
-    return remainder < 0 ? remainder + count : remainder;
   }
 
   // Mean light of the exposure that ends in `cell`, `offset` cells after its beginning.
@@ -238,9 +292,9 @@ class CellsLight final : public MeanLight {
       return whole_ ? (whole_light_ + part_ * level) / length_ : level;
     }
     const double left_over = part_ - offset;
-    const double between = std::ceil(left_over) - 1;
-    const double cut = left_over - between;  // of the cell in which the exposure begins: above 0, at most 1
-    const std::int64_t first = cell - 1 - static_cast<std::int64_t>(between);
+    const auto between = static_cast<std::int64_t>(left_over);    // whole cells
+    const double cut = left_over - static_cast<double>(between);  // of the cell in which the exposure begins
+    const std::int64_t first = cell - 1 - between;
     const auto [first_value, first_slope] = cells_.line(first);
     const double ends = offset * (value + slope * offset / 2) + cut * (first_value + first_slope * (1 - cut / 2));
     return (whole_light_ + (ends + cells_.light(first + 1, cell))) / length_;
@@ -268,7 +322,7 @@ class CellsElement final : public WaveformElement {
   }
 
   explicit CellsElement(const Samples& samples)
-      : rate_(samples.sample_rate), start_(samples.start), rate_name_("sample_rate") {
+      : rate_(samples.sample_rate), start_(samples.start), rate_name_("sample_rate"), has_slopes_(true) {
     const auto& values = samples.values;
     check("values", values);
     cells_.repeat = samples.repeat;
@@ -284,6 +338,34 @@ class CellsElement final : public WaveformElement {
   }
 
   double peak() const override { return peak_ * std::abs(amplitude_); }
+
+  std::vector<Step> steps(const Stretch& stretch) const override {
+    const CycleCounter counter({rate_, 0}, delayed(stretch.line(), start_), {});
+    counter.require_countable(0, stretch.length, rate_name_);
+    const Position origin = counter.at(0.0);
+    const DoubleDouble part{origin.fraction, origin.rest};
+    const auto first = static_cast<std::int64_t>(origin.whole) - (part < DoubleDouble{} ? 1 : 0);
+    const auto after_last = static_cast<std::int64_t>(origin.whole + rate_ * stretch.length) + 2;
+    std::vector<Step> steps;
+    steps.reserve(static_cast<std::size_t>(most_steps(stretch.length)));
+    const auto append = [&](std::int64_t cell) {
+      const auto [value, slope] = cells_.line(cells_.inside_round(cell));
+      const double past_origin = static_cast<double>(cell) - origin.whole;
+      steps.push_back({(DoubleDouble{past_origin, 0} - part) / rate_, amplitude_ * value, amplitude_ * slope * rate_});
+    };
+    append(first);
+    const std::int64_t next = cells_.repeat ? first + 1 : std::max<std::int64_t>(first + 1, 0);
+    const std::int64_t last = cells_.repeat ? after_last : std::min(after_last, cells_.count() + 1);
+    for (std::int64_t cell = next; cell < last; ++cell) append(cell);
+    return steps;
+  }
+
+  double most_steps(double length) const override {
+    const double passed = rate_ * length + 4;
+    return cells_.repeat ? passed : std::min(passed, static_cast<double>(cells_.count()) + 4);
+  }
+
+  bool has_slopes() const override { return has_slopes_; }
 
  private:
   void check(const char* argument, const std::vector<double>& levels) {
@@ -301,6 +383,7 @@ class CellsElement final : public WaveformElement {
   double start_;
   double amplitude_ = 1;
   const char* rate_name_;
+  bool has_slopes_ = false;
   double peak_ = 0;
 };
 

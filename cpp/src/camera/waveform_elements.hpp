@@ -28,6 +28,28 @@ class MeanLight {
   virtual void add(std::span<const double> x, double scale, std::span<double> out) const = 0;
 };
 
+// amplitude·cos(2π·(frequency·t + turns)).
+struct Cosine {
+  double amplitude = 1;
+  DoubleDouble frequency;
+  DoubleDouble turns;
+};
+
+// A stretch of time for the pieces of a product, which count time from its origin.
+struct Stretch {
+  DoubleDouble origin;
+  double length = 0;
+
+  TimeLine line() const { return {origin, 1}; }
+};
+
+// Light value + slope·(t − begin) from `begin` to the next step; begin counts from the stretch's origin.
+struct Step {
+  DoubleDouble begin;
+  double value = 0;
+  double slope = 0;
+};
+
 class WaveformElement {
  public:
   virtual ~WaveformElement() = default;
@@ -36,7 +58,18 @@ class WaveformElement {
 
   // Nothing larger in magnitude comes out.
   virtual double peak() const = 0;
+
+  // What a product needs to know: an element is either cosines (steady light is one of frequency 0) or steps.
+  virtual std::vector<Cosine> cosines() const { return {}; }
+  virtual std::vector<Step> steps(const Stretch&) const { return {}; }  // the first at or before the origin
+  virtual double most_steps(double /*length*/) const { return 0; }
+  virtual bool has_slopes() const { return false; }
 };
+
+using WaveformFactors = std::vector<std::shared_ptr<const WaveformElement>>;
+
+// The mean light of a product of several elements.
+std::unique_ptr<MeanLight> product_light(const WaveformFactors& factors, const Exposures& exposures);
 
 std::shared_ptr<const WaveformElement> make_element(const Tone& tone);
 std::shared_ptr<const WaveformElement> make_element(const SquareWave& wave);

@@ -151,7 +151,7 @@ def _quadrature(waveform: Waveform, end: np.longdouble, exposure: np.longdouble)
     knots = np.unique(np.concatenate([edges, begin + exposure * np.arange(steps + 1) / np.longdouble(steps)]))
     half = np.diff(knots) / 2
     values = _values(waveform, (knots[:-1] + half)[:, np.newaxis] + half[:, np.newaxis] * _NODES)
-    return np.longdouble(np.sum(half * (values @ _WEIGHTS)) / exposure)
+    return np.longdouble(np.sum(half * (values @ _WEIGHTS)) / (2 * np.sum(half)))
 
 
 def _edges(waveform: Waveform, begin: np.longdouble, end: np.longdouble) -> Long:

@@ -76,21 +76,45 @@ class CycleCounter {
  public:
   CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset = {});
 
-  Position at(double x) const {
-    const DoubleDouble product = exact_product(x, step_.high);
-    const double whole = nearest_whole(product.high);
-    DoubleDouble part = exact_sum(product.high - whole, base_.high);
-    part.low += product.low + x * step_.low + base_.low;
-    const double more = nearest_whole(part.high);
-    part = exact_sum(part.high - more, part.low);
-    return {whole + more + base_whole_, part.high, part.low};
-  }
+  Position at(double x) const { return at(x, 0); }
+  Position at(DoubleDouble x) const { return at(x.high, x.low * step_.high); }
 
   // Throws std::invalid_argument that names `argument` where a count between the two x is too large to keep a fraction.
   void require_countable(double x_first, double x_last, const char* argument) const;
 
  private:
+  Position at(double x, double more_cycles) const {
+    const DoubleDouble product = times_step(x);
+    const double whole = nearest_whole(product.high);
+    DoubleDouble part = exact_sum(product.high - whole, base_.high);
+    part.low += product.low + x * step_.low + base_.low + more_cycles;
+    const double more = nearest_whole(part.high);
+    part = exact_sum(part.high - more, part.low);
+    return {whole + more + base_whole_, part.high, part.low};
+  }
+
+  // exact_product(x, step_.high), by Dekker's halves where a fused multiply-add is a call of a function.
+  DoubleDouble times_step(double x) const {
+#ifdef FP_FAST_FMA
+    return exact_product(x, step_.high);
+#else
+    const double product = x * step_.high;
+    const double upper = upper_half(x);
+    const double lower = x - upper;
+    const double error =
+        ((upper * step_upper_ - product) + upper * step_lower_ + lower * step_upper_) + lower * step_lower_;
+    return {product, error};
+#endif
+  }
+
+  static double upper_half(double value) {
+    const double scaled = value * 0x1.0000002p27;
+    return scaled - (scaled - value);
+  }
+
   DoubleDouble step_;  // cycles per unit of x
+  double step_upper_;  // the upper and the lower 26 bits of step_.high
+  double step_lower_;
   double base_whole_;
   DoubleDouble base_;  // the rest of the count at x = 0, within [-1/2, 1/2]
 };
