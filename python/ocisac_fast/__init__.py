@@ -5,6 +5,15 @@ from ocisac_fast.camera import Camera, exposure_response
 from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
 from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
 from ocisac_fast.flags import Flag
+from ocisac_fast.frequency import (
+    Calibration,
+    FoundFrequency,
+    ToneColumns,
+    calibrate,
+    find_frequency,
+    pick_channel,
+    tone_columns,
+)
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.waveforms import (
     Chips,
@@ -23,24 +32,31 @@ __version__ = _version()
 
 __all__ = [
     "BestExposure",
+    "Calibration",
     "Camera",
     "Chips",
     "Constant",
     "EqualizerReport",
     "Flag",
+    "FoundFrequency",
     "Product",
     "Samples",
     "SquareWave",
     "Sum",
     "Tone",
+    "ToneColumns",
     "ToneGain",
     "Waveform",
     "best_exposure",
+    "calibrate",
     "equalize",
     "exposure_objective",
     "exposure_response",
+    "find_frequency",
     "integrate_exposure",
     "lost_frequencies",
+    "pick_channel",
     "sample_waveform",
+    "tone_columns",
     "tone_gain",
 ]

@@ -72,3 +72,16 @@ def equalize(
     out: npt.NDArray[np.float64],
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
 def lost_frequencies(camera: Camera, max_boost: float) -> npt.NDArray[np.float64]: ...
+def find_frequency(
+    columns: npt.NDArray[Any],
+    camera: Camera,
+    bounds: tuple[float, float] | None,
+    waveform: str,
+    select_columns: bool,
+) -> tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]: ...
+def tone_columns(
+    columns: npt.NDArray[Any], camera: Camera, frequency: float
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]: ...
+def pick_channel(
+    channels: list[npt.NDArray[Any]], camera: Camera, bounds: tuple[float, float] | None, waveform: str
+) -> int: ...

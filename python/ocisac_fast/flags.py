@@ -15,7 +15,8 @@ class Flag(IntFlag):
     WEAK = 1 << 2
     """The amplitude is below three standard errors: mostly noise."""
     FEW_CYCLES = 1 << 3
-    """Less than one cycle in the frame."""
+    """Less than one cycle in the frame; less than two for a frequency that was searched, where a gradient of the
+    light passes for a part of the tone."""
     ALIASED = 1 << 4
     """The tone is above half the row rate and was seen at its alias."""
     UNRESOLVABLE = 1 << 5
@@ -28,6 +29,11 @@ class Flag(IntFlag):
     """The rows hardly tell the parts of the model apart."""
     HARMONICS_DROPPED = 1 << 9
     """Harmonics were left out of the model: too many for the rows, or on another tone."""
+
+    NO_TONE = 1 << 10
+    """Frequency search: nothing periodic stands out of the noise; the answer is the best guess, or NaN."""
+    AT_BOUND = 1 << 11
+    """Frequency search: the best frequency is a bound of the search; the true one may lie beyond."""
 
     def names(self) -> list[str]:
         """The bits that are set, in lower case."""

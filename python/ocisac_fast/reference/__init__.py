@@ -6,3 +6,14 @@ from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
 
 __all__ = ["best_exposure", "equalize", "exposure_objective", "integrate_exposure", "sample_waveform", "tone_gain"]
+from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
+
+__all__ = [
+    "calibrate",
+    "find_frequency",
+    "integrate_exposure",
+    "pick_channel",
+    "sample_waveform",
+    "tone_columns",
+    "tone_gain",
+]

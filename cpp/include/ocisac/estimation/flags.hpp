@@ -11,13 +11,15 @@ namespace flag {
 inline constexpr Flags saturated = 1U << 0;          // samples at the top of the scale: gain reads low or distorted
 inline constexpr Flags near_null = 1U << 1;          // |sinc(f·T_e)| < 0.05: next to nothing of the tone is left
 inline constexpr Flags weak = 1U << 2;               // amplitude below three standard errors: mostly noise
-inline constexpr Flags few_cycles = 1U << 3;         // less than one cycle in the frame
+inline constexpr Flags few_cycles = 1U << 3;         // less than one cycle in the frame; two for a frequency search
 inline constexpr Flags aliased = 1U << 4;            // tone above half the row rate, seen at its alias
 inline constexpr Flags unresolvable = 1U << 5;       // a multiple of half the row rate, or too few rows: NaN
 inline constexpr Flags no_light = 1U << 6;           // the source's mean is not above 0: NaN
 inline constexpr Flags off_bin = 1U << 7;            // dft: the tone lies beside its bin, the gain is biased
 inline constexpr Flags ill_conditioned = 1U << 8;    // the rows hardly tell the model's parts apart
 inline constexpr Flags harmonics_dropped = 1U << 9;  // harmonics left out: too many for the rows, or on another tone
+inline constexpr Flags no_tone = 1U << 10;           // search: nothing periodic stands out of the noise
+inline constexpr Flags at_bound = 1U << 11;  // search: the best frequency is a bound; the true one may lie beyond
 }  // namespace flag
 
 }  // namespace ocisac

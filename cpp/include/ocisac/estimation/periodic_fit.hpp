@@ -1,0 +1,49 @@
+// Least squares of a slow trend, a fundamental and harmonics of one shared, unknown frequency; every signal has its
+// own amplitudes and phases (separable least squares, Golub and Pereyra 1973; cf. IEEE Std 1057, four-parameter fit).
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace ocisac {
+
+// y(n) = Σ_d p_d·L_d(n) + Σ_h [a_h·cos(2πhfn) + b_h·sin(2πhfn)], L_d: Legendre polynomials over the rows.
+struct PeriodicModel {
+  std::size_t trend_degree = 0;
+  std::vector<std::size_t> harmonics{1};
+
+  [[nodiscard]] std::size_t parameters() const { return trend_degree + 1 + 2 * harmonics.size(); }
+};
+
+// Up to `most_harmonics` below half the row rate, and a trend that few cycles cannot be mistaken for: a constant below
+// 2 cycles in the frame, a line below 4, then a parabola. Fewer where there are too few rows.
+PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t most_harmonics);
+
+struct PeriodicFit {
+  double frequency = 0;                 // f, cycles per row
+  std::vector<double> residual_energy;  // (signals): Σ r(n)²
+  std::vector<double> periodic_energy;  // (signals): what the harmonics explain beyond the trend
+  std::vector<double> harmonic_energy;  // (harmonics): rows/2·(a² + b²), summed over the signals
+  std::vector<double> amplitudes;       // (2 × signals): a and b of the first harmonic
+  double step = 0;                      // Gauss–Newton step of f towards the minimum of the summed residual energy
+
+  [[nodiscard]] double total_residual() const;
+};
+
+// `signals`: (count × rows) dense, best without their mean (energies are differences); rows above the model's number of
+// parameters; f in cycles per row.
+PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
+                         double frequency);
+
+// The minimum over f near `frequency`, within [lower, upper] cycles per row.
+PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
+                            double frequency, double lower, double upper, int most_steps = 30);
+
+// Standard error of the minimum, from the residual: the sandwich estimate, which allows noise that is shared by the
+// signals of a group (the `group` neighbouring signals of one frame), grows with the light, or is correlated from row
+// to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991). NaN without spare rows.
+double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
+                     double frequency);
+
+}  // namespace ocisac
