@@ -176,7 +176,8 @@ FinalFit refined(const Signals& signals, PeriodicModel model, double frequency, 
   final.fit = refine_periodic(signals.samples, signals.rows, model, frequency, range.lower, range.upper);
   final.model = std::move(model);
   const auto spare = static_cast<double>((signals.rows - final.model.parameters()) * signals.count());
-  final.noise_power = final.fit.total_residual() / spare;
+  // Rounding leaves no less than the second term, which keeps noiseless signals from being all harmonics.
+  final.noise_power = std::max(final.fit.total_residual(), 1e-14 * sum(final.fit.periodic_energy)) / spare;
   return final;
 }
 
@@ -220,6 +221,13 @@ Signals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used
       out.samples.insert(out.samples.end(), first, first + blocks.rows);
     }
   return out;
+}
+
+// At 0 and at half the row rate, cosine or sine cannot be told from the mean or vanish.
+Range resolvable(const FrequencySearch& search, double rows) {
+  const double upper = std::clamp(search.upper, 0.1 / rows, 0.5 - 0.05 / rows);
+  const double lower = search.lower > 0 ? search.lower : std::min(1 / rows, upper / 4);
+  return {std::clamp(lower, 0.1 / rows, upper), upper};
 }
 
 FoundFrequency nothing_found(const ColumnBlocks& blocks) {
@@ -267,8 +275,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const ColumnBlocks blocks = column_blocks(frames, search.saturation);
   if (blocks.rows < fewest_rows) return nothing_found(blocks);
   const auto rows = static_cast<double>(blocks.rows);
-  const double upper = std::min(search.upper, 0.5);
-  const Range range{search.lower > 0 ? search.lower : std::min(1 / rows, upper / 4), upper};
+  const Range range = resolvable(search, rows);
   const std::vector<std::uint8_t> every(blocks.blocks, 1);
   const double coarse = coarse_frequency(chosen(blocks, every), range);
   if (std::isnan(coarse)) return nothing_found(blocks);

@@ -65,7 +65,10 @@ ToneColumns spread_over_columns(const ColumnBlocks& blocks, const std::vector<st
 ToneColumns tone_columns(const AnyFramesView& frames, double frequency, double saturation) {
   require_positive("frequency", frequency);
   const ColumnBlocks blocks = column_blocks(frames, saturation);
-  const double alias = std::abs(frequency - std::nearbyint(frequency));
+  const auto rows = static_cast<double>(blocks.rows);
+  // Not quite 0 or half the row rate, where a tone is no more than a mean or an alternation.
+  const double alias =
+      std::clamp(std::abs(frequency - std::nearbyint(frequency)), std::min(0.1 / rows, 0.25), 0.5 - 0.05 / rows);
   const PeriodicModel model = periodic_model(alias, blocks.rows, 3);
   if (blocks.rows <= model.parameters()) {
     return {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns), false};

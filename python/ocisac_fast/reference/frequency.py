@@ -98,10 +98,10 @@ def _fit(y: Array, model: Model, f: float) -> _Fit:
     )
 
 
-def _refine(y: Array, model: Model, f: float, lower: float, upper: float) -> _Fit:
+def _refine(y: Array, model: Model, f: float, lower: float, upper: float, most_steps: int = 30) -> _Fit:
     bin_ = 1 / len(y)
     best = _fit(y, model, float(np.clip(f, lower, upper)))
-    for _ in range(30):
+    for _ in range(most_steps):
         step = float(np.clip(best.step(), -0.25 * bin_ / model[1][-1], 0.25 * bin_ / model[1][-1]))
         following = _fit(y, model, float(np.clip(best.f + step, lower, upper)))
         while abs(step) > 1e-5 * bin_ and following.rss() > best.rss():
@@ -155,8 +155,8 @@ def _coarse(signals: Array, lower: float, upper: float) -> float:
     y = signals[:, norm > 0] / norm[norm > 0]
     best, least = np.nan, np.inf
     for candidate in _candidates(y, lower, upper) if y.size else []:
-        tone = _refine(y, _model(candidate, len(y), 1), candidate, lower, upper)
-        fit = _refine(y, _model(tone.f, len(y), 3), tone.f, lower, upper)
+        tone = _refine(y, _model(candidate, len(y), 1), candidate, lower, upper, 2)
+        fit = _refine(y, _model(tone.f, len(y), 3), tone.f, lower, upper, 2)
         empty_fundamental = fit.harmonic_energy[0] < 0.04 * fit.harmonic_energy.sum()
         if not empty_fundamental and _misfit(fit) < least:
             best, least = fit.f, _misfit(fit)
@@ -170,7 +170,7 @@ def _chance_energy(freedom: int) -> float:
 
 def _noise_power(fit: _Fit) -> float:
     rows, parameters = fit.basis.shape
-    return float(fit.rss() / ((rows - parameters) * fit.residual.shape[1]))
+    return float(max(fit.rss(), 1e-14 * fit.periodic_energy.sum()) / ((rows - parameters) * fit.residual.shape[1]))
 
 
 def _standing_out(fit: _Fit) -> npt.NDArray[np.bool_]:
@@ -273,8 +273,8 @@ def find_frequency(
         raise ValueError(f"bounds: got {bounds}, allowed: 0 <= low < high, low below half the row rate")
     blocks, block_of, saturated = _blocks(columns, camera)
     rows = blocks.shape[2]
-    upper = min(high, 0.5)
-    lower = low if low > 0 else min(1 / rows, upper / 4)
+    upper = max(min(high, 0.5 - 0.05 / rows), 0.1 / rows)
+    lower = min(max(low if low > 0 else min(1 / rows, upper / 4), 0.1 / rows), upper)
     signals = blocks.reshape(-1, rows).T
     coarse = _coarse(signals, lower, upper) if rows >= 8 else np.nan
     if np.isnan(coarse):
@@ -330,7 +330,7 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
     blocks, block_of, saturated = _blocks(columns, camera)
     rows = blocks.shape[2]
     cycles = frequency * camera.row_time
-    alias = abs(cycles - np.round(cycles))
+    alias = float(np.clip(abs(cycles - np.round(cycles)), min(0.1 / rows, 0.25), 0.5 - 0.05 / rows))
     model = _model(alias, rows, 3)
     if rows <= model[0] + 1 + 2 * len(model[1]):
         return ToneColumns(np.ones(len(block_of), bool), np.zeros(len(block_of)), False)
