@@ -9,8 +9,9 @@ build := build/make
 bin := $(VENV)/bin
 python_sources := python tests scripts/requirements scripts/check-wheel
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
-# Folders as well: a source that comes or goes changes their time.
-native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings)
+# Folders as well: a source that comes or goes changes their time. And the log of commits: the build tells its commit.
+native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \
+  $(wildcard $(shell git rev-parse --git-path logs/HEAD 2>/dev/null))
 
 export PYTHON
 export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
