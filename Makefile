@@ -61,7 +61,7 @@ lint: build $(VENV)/.requirements-lint
 	@echo '==> mypy --strict'
 	@MYPYPATH=python $(bin)/mypy
 	@echo '==> stubtest'
-	@MYPYPATH=python $(bin)/python -m mypy.stubtest --allowlist python/stubtest-allowlist ocisac_fast
+	@MYPYPATH=python $(bin)/python -m mypy.stubtest --allowlist python/stubtest-allowlist ocisac_fast._core
 	@echo '==> clang-format'
 	@$(bin)/clang-format --dry-run -Werror $(cpp_files)
 	@echo '==> clang-tidy'
