@@ -86,7 +86,8 @@ class PiecesLight final : public MeanLight {
     for (const Cosine& cosine : cosines_of(factors)) {
       const CycleCounter counter(cosine.frequency, stretch.line(), cosine.turns);
       counter.require_countable(0, stretch.length, "frequency");
-      cosines_.push_back({cosine.amplitude, cosine.frequency.value(), counter});
+      const double frequency = cosine.frequency.value();
+      cosines_.push_back({cosine.amplitude, frequency, sinc(frequency * exposure_), counter});
     }
     add_up(merged_steps(factors, stretch), stretch.length);
   }
@@ -99,6 +100,7 @@ class PiecesLight final : public MeanLight {
   struct CountedCosine {
     double amplitude;
     double frequency;
+    double exposure_gain;  // sinc over a whole exposure
     CycleCounter counter;
   };
   struct Piece {
@@ -127,7 +129,7 @@ class PiecesLight final : public MeanLight {
     for (const CountedCosine& cosine : cosines_) {
       const double angle = 2 * std::numbers::pi * cosine.counter.at(middle).fraction;
       const double turns = cosine.frequency * width;
-      double value = level * std::cos(angle) * sinc(turns);
+      double value = level * std::cos(angle) * (width == exposure_ ? cosine.exposure_gain : sinc(turns));
       if (line.slope != 0)
         value -= line.slope * (width / 2) * std::sin(angle) * spherical_bessel_1(std::numbers::pi * turns);
       sum += cosine.amplitude * value;
