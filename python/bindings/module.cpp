@@ -10,4 +10,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_best_exposure(module);
   ocisac::bindings::register_equalize(module);
   ocisac::bindings::register_frequency(module);
+  ocisac::bindings::register_receiver(module);
 }

@@ -11,5 +11,6 @@ void register_waveforms(pybind11::module_& module);
 void register_best_exposure(pybind11::module_& module);
 void register_equalize(pybind11::module_& module);
 void register_frequency(pybind11::module_& module);
+void register_receiver(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

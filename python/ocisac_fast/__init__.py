@@ -15,6 +15,7 @@ from ocisac_fast.frequency import (
     tone_columns,
 )
 from ocisac_fast.gain import ToneGain, tone_gain
+from ocisac_fast.receiver import Received, receive
 from ocisac_fast.waveforms import (
     Chips,
     Constant,
@@ -40,6 +41,7 @@ __all__ = [
     "Flag",
     "FoundFrequency",
     "Product",
+    "Received",
     "Samples",
     "SquareWave",
     "Sum",
@@ -56,6 +58,7 @@ __all__ = [
     "integrate_exposure",
     "lost_frequencies",
     "pick_channel",
+    "receive",
     "sample_waveform",
     "tone_columns",
     "tone_gain",

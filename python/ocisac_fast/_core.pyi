@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -85,3 +86,6 @@ def tone_columns(
 def pick_channel(
     channels: list[npt.NDArray[Any]], camera: Camera, bounds: tuple[float, float] | None, waveform: str
 ) -> int: ...
+def receive(
+    channels: Sequence[npt.NDArray[Any]], camera: Camera, chip_rate: float | None
+) -> list[tuple[int, int, int, str, float, float, float, float, Any, Any, Any, Any, int]]: ...

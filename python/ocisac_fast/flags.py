@@ -29,11 +29,16 @@ class Flag(IntFlag):
     """The rows hardly tell the parts of the model apart."""
     HARMONICS_DROPPED = 1 << 9
     """Harmonics were left out of the model: too many for the rows, or on another tone."""
-
     NO_TONE = 1 << 10
     """Frequency search: nothing periodic stands out of the noise; the answer is the best guess, or NaN."""
     AT_BOUND = 1 << 11
     """Frequency search: the best frequency is a bound of the search; the true one may lie beyond."""
+    NO_SIGNAL = 1 << 16
+    """``receive``: no chips were found; there are no bits."""
+    TOO_FEW_EDGES = 1 << 17
+    """``receive``: too few changes of the light to tell the chip rate; there are no bits."""
+    LONG_EXPOSURE = 1 << 18
+    """``receive``: the exposure is longer than a chip; the bits are not to be trusted."""
 
     def names(self) -> list[str]:
         """The bits that are set, in lower case."""

@@ -19,7 +19,10 @@ inline constexpr Flags off_bin = 1U << 7;            // dft: the tone lies besid
 inline constexpr Flags ill_conditioned = 1U << 8;    // the rows hardly tell the model's parts apart
 inline constexpr Flags harmonics_dropped = 1U << 9;  // harmonics left out: too many for the rows, or on another tone
 inline constexpr Flags no_tone = 1U << 10;           // search: nothing periodic stands out of the noise
-inline constexpr Flags at_bound = 1U << 11;  // search: the best frequency is a bound; the true one may lie beyond
+inline constexpr Flags at_bound = 1U << 11;       // search: the best frequency is a bound; the true one may lie beyond
+inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no bits
+inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to tell the chip rate
+inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
 }  // namespace flag
 
 }  // namespace ocisac

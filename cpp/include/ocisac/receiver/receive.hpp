@@ -1,0 +1,41 @@
+// From frames to bits.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/estimation/flags.hpp"
+#include "ocisac/receiver/detector.hpp"
+#include "ocisac/views.hpp"
+
+namespace ocisac {
+
+struct ReceiveOptions {
+  std::optional<double> chip_rate;  // Hz; searched within 3 % of it. Absent: found blind, 2 to 64 rows a chip
+};
+
+// One source in one frame. Where it cannot be decoded, `bits` is empty, times are NaN and `flags` say why.
+struct Received {
+  std::size_t frame = 0;
+  std::size_t source = 0;
+  std::size_t channel = 0;      // index of the colour channel that was read
+  std::string bits;             // '0' and '1' in time order, 1 = bright; chips cut by the frame's edges left out
+  double rows_per_chip;         // rows
+  double rows_per_chip_std;     // rows, standard error
+  double phase;                 // row at which the first whole chip begins: the middle of its edge's ramp
+  double snr = 0;               // (half the swing)² / variance of the chips about their levels; at most 1e12
+  Detection detection;          // levels and soft values
+  std::vector<double> weights;  // (columns), sum 1; 0: left out
+  Flags flags = 0;
+};
+
+// The source in each frame. `channels`: one view a colour channel, all of one shape; the one in which the light stands
+// out most is read. Frames are decoded by themselves.
+std::vector<Received> receive(std::span<const AnyFramesView> channels, const Camera& camera,
+                              const ReceiveOptions& options = {});
+
+}  // namespace ocisac

@@ -1,0 +1,183 @@
+#include "ocisac/receiver/receive.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/receiver/column_combination.hpp"
+#include "ocisac/receiver/slicer.hpp"
+#include "ocisac/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
+constexpr double kRateTolerance = 0.03;
+constexpr double kLargestChange = 0.02;  // of the period by the last fit
+constexpr std::size_t kFewEdges = 12;    // below: too few to be sure of a rate
+constexpr double kLongExposure = 1.05;   // chips
+constexpr double kMostSnr = 1e12;
+constexpr double kWeakSnr = 9;  // a swing of three standard deviations to either side
+
+// One signal decoded: timing and decisions.
+struct Decoded {
+  ChipGrid grid;
+  Detection detection;
+};
+
+FrequencyRange search_range(const ReceiveOptions& options, const Camera& camera, std::size_t rows) {
+  if (options.chip_rate) {
+    const double frequency = *options.chip_rate * camera.row_time;
+    require(frequency <= 1 / kShortestChip, "chip_rate", *options.chip_rate,
+            "at most half the row rate: a chip of two rows or more");
+    return {(1 - kRateTolerance) * frequency, std::min((1 + kRateTolerance) * frequency, 1 / kShortestChip)};
+  }
+  return {std::max(1 / kLongestChip, 4 / static_cast<double>(rows)), 1 / kShortestChip};
+}
+
+// The state of the light between edges, read at each chip's centre.
+std::vector<std::uint8_t> bits_between(const Edges& edges, const ChipGrid& grid) {
+  std::vector<std::uint8_t> bits(grid.count);
+  std::size_t next = 0;
+  for (std::size_t chip = 0; chip < grid.count; ++chip) {
+    while (next < edges.rows.size() && edges.rows[next] < grid.centre(chip)) ++next;
+    bits[chip] = next > 0 ? edges.rising[next - 1] : static_cast<std::uint8_t>(!edges.rising[0]);
+  }
+  return bits;
+}
+
+// Where the signal passes half way between the levels, for every change of bit; and the chip that begins there.
+std::pair<Edges, std::vector<double>> edges_of(std::span<const double> signal, const ChipGrid& grid,
+                                               const Detection& seen) {
+  std::pair<Edges, std::vector<double>> result;
+  for (std::size_t k = 0; k + 1 < grid.count; ++k) {
+    if (seen.bits[k] == seen.bits[k + 1]) continue;
+    const bool up = seen.bits[k + 1] != 0;
+    const double level = 0.25 * (seen.bright[k] + seen.dark[k] + seen.bright[k + 1] + seen.dark[k + 1]);
+    const auto low = static_cast<std::size_t>(std::max(std::floor(grid.centre(k)), 0.0));
+    const auto high = std::min(static_cast<std::size_t>(std::ceil(grid.centre(k + 1))), signal.size() - 1);
+    const auto passed = [&](std::size_t n) { return (signal[n] > level) == up; };
+    if (passed(low) || !passed(high)) continue;
+    std::size_t first = low + 1, last = high;
+    while (!passed(first)) ++first;
+    while (passed(last - 1)) --last;
+    const auto place = [&](std::size_t n) {
+      return static_cast<double>(n) - 1 + (level - signal[n - 1]) / (signal[n] - signal[n - 1]);
+    };
+    result.first.rows.push_back(0.5 * (place(first) + place(last)));
+    result.first.rising.push_back(up);
+    result.second.push_back(static_cast<double>(grid.first + static_cast<std::ptrdiff_t>(k) + 1));
+  }
+  return result;
+}
+
+// Bits of one grid for the chips of another on nearly the same lattice; the nearest beyond its ends.
+std::vector<std::uint8_t> carried_over(std::span<const std::uint8_t> bits, const ChipGrid& from, const ChipGrid& to) {
+  std::vector<std::uint8_t> carried(to.count);
+  const auto last = static_cast<std::ptrdiff_t>(bits.size()) - 1;
+  for (std::size_t k = 0; k < to.count; ++k) {
+    const std::ptrdiff_t chip = to.first + static_cast<std::ptrdiff_t>(k) - from.first;
+    carried[k] = bits[static_cast<std::size_t>(std::clamp(chip, std::ptrdiff_t{0}, last))];
+  }
+  return carried;
+}
+
+// Detects, fits the lattice to the edges as the detected levels show them, and detects again.
+std::optional<Decoded> detect_and_refine(std::span<const double> signal, const ChipTiming& timing,
+                                         const Detector& detector, std::optional<double> exposure) {
+  Decoded decoded{whole_chips(timing.lattice, signal.size()), {}};
+  auto detected = detector.detect(signal, decoded.grid, exposure, bits_between(timing.edges, decoded.grid));
+  if (!detected) return std::nullopt;
+  decoded.detection = std::move(*detected);
+  const auto [edges, chips] = edges_of(signal, decoded.grid, decoded.detection);
+  const auto lattice = fit_lattice(edges, chips);
+  if (!lattice || std::abs(lattice->rows_per_chip / timing.lattice.rows_per_chip - 1) >= kLargestChange) return decoded;
+  const ChipGrid refined = whole_chips(*lattice, signal.size());
+  detected = detector.detect(signal, refined, exposure, carried_over(decoded.detection.bits, decoded.grid, refined));
+  if (detected) decoded = {refined, std::move(*detected)};
+  return decoded;
+}
+
+// Swing over noise, as powers: soft values lie 1 from the threshold.
+double snr_of(std::span<const double> soft) {
+  double variance = 0;
+  for (double value : soft) variance += std::pow(std::abs(value) - 1, 2);
+  variance /= static_cast<double>(soft.size());
+  return std::min(1 / std::max(variance, 1e-300), kMostSnr);
+}
+
+void fill(Received& received, Decoded decoded, std::optional<double> exposure) {
+  const ChipLattice& lattice = decoded.grid.lattice;
+  for (auto bit : decoded.detection.bits) received.bits += bit ? '1' : '0';
+  received.rows_per_chip = lattice.rows_per_chip;
+  received.rows_per_chip_std = lattice.rows_per_chip_std;
+  received.phase = decoded.grid.start(0);
+  received.snr = snr_of(decoded.detection.soft);
+  received.detection = std::move(decoded.detection);
+  if (received.snr < kWeakSnr) received.flags |= flag::weak;
+  if (exposure && *exposure > kLongExposure * lattice.rows_per_chip) received.flags |= flag::long_exposure;
+}
+
+// Tries one combination of columns; true where it was decoded. Otherwise `received` says what was found.
+bool decode(const CombinedColumn& column, const FrequencyRange& range, std::optional<double> exposure,
+            Received& received) {
+  const auto search = find_chip_timing(column.signal, column.noise, range);
+  received.weights = column.weights;
+  received.flags = column.saturated ? flag::saturated : 0;
+  if (search.timing) {
+    if (auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, exposure)) {
+      fill(received, std::move(*decoded), exposure);
+      return true;
+    }
+  }
+  received.flags |= search.edges > 0 && search.edges < kFewEdges ? flag::too_few_edges : flag::no_signal;
+  return false;
+}
+
+Received receive_frame(std::span<const AnyFramesView> channels, std::size_t frame, const Camera& camera,
+                       const FrequencyRange& range, std::optional<double> exposure) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0};
+  bool first = true;
+  for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
+    std::vector<std::pair<CombinedColumn, std::size_t>> columns;
+    for (std::size_t channel = 0; channel < channels.size(); ++channel)
+      columns.emplace_back(combine_columns(channels[channel], frame, camera.tone_curve, saturated), channel);
+    std::ranges::stable_sort(columns, [](const auto& a, const auto& b) { return a.first.quality > b.first.quality; });
+    for (const auto& [column, channel] : columns) {
+      if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
+      Received received{frame, 0, channel, {}, nan, nan, nan, nan, {}, {}, 0};
+      if (decode(column, range, exposure, received)) return received;
+      if (std::exchange(first, false)) best = std::move(received);
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+std::vector<Received> receive(std::span<const AnyFramesView> channels, const Camera& camera,
+                              const ReceiveOptions& options) {
+  check(camera);
+  require(!channels.empty(), "channel", "none", "at least one channel");
+  const Shape shape = shape_of(channels.front());
+  for (const auto& channel : channels) {
+    check(channel);
+    const Shape other = shape_of(channel);
+    require(other.frames == shape.frames && other.rows == shape.rows && other.columns == shape.columns, "channel",
+            "channels of different shapes", "one shape");
+  }
+  if (options.chip_rate) require_positive("chip_rate", *options.chip_rate);
+  const FrequencyRange range = search_range(options, camera, shape.rows);
+  std::optional<double> exposure;
+  if (camera.exposure) exposure = *camera.exposure / camera.row_time;
+  std::vector<Received> received;
+  for (std::size_t frame = 0; frame < shape.frames; ++frame)
+    received.push_back(receive_frame(channels, frame, camera, range, exposure));
+  return received;
+}
+
+}  // namespace ocisac
