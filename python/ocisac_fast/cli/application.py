@@ -11,8 +11,13 @@ from typing import Any
 import click
 
 _COMMANDS = {
+    "calibrate": "Row time of a camera, from a light of known frequency.",
+    "gain": "Gain of a tone in a recording, against theory.",
+    "exposure": "Best exposure time for communication and sensing.",
+    "receive": "Bits of the lights in a recording.",
     "simulate": "Make a recording of a modulated light.",
     "info": "Versions, build and processor features.",
+    "demo": "The paper's testbed from recording to result, with a picture.",
 }
 
 

@@ -64,7 +64,8 @@ def quantity(value: float | None, unit: str, digits: int = 6) -> str:
         return f"{value:.{digits}g} {unit}".strip()
     for prefix, scale in (("G", 1e9), ("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9)):
         if abs(value) >= scale or prefix == "n":
-            return f"{value / scale:.{digits}g} {prefix}{unit}"
+            rounded = float(f"{value / scale:.{digits}g}")
+            return f"{rounded:.{max(digits, 4)}g} {prefix}{unit}"
     raise AssertionError("unreachable")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import click
@@ -15,6 +16,7 @@ from ocisac_fast.files import write_frames
 from ocisac_fast.simulation import simulate_frames
 from ocisac_fast.waveforms import Chips, SquareWave, Tone, Waveform
 
+_CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 
 
@@ -57,6 +59,8 @@ def simulate(as_json: bool, output: str, **options: Any) -> None:
         dtype=dtype,
         **{name: options[name] for name in ("rows", "columns", "frames", "swing", "dark_level", "noise", "seed")},
     )
+    if dtype != "float32" and options["dark_level"] < 3.0 * options["noise"]:
+        warnings.warn(_CLIPPED, stacklevel=1)
     shown = progress(frames, "simulating", options["frames"])
     # A .npy file of one frame is (rows, columns).
     one_array = output.lower().endswith(".npy") and options["frames"] == 1

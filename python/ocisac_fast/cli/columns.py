@@ -1,0 +1,36 @@
+"""From the frames of a recording to the columns that an estimate stands on."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.files.recording import Frame
+
+
+def frequency_waveform(picture: PictureOptions) -> str:
+    """The waveform to search with: all harmonics where the light is said to be square, else those that stand out."""
+    return "square" if picture.waveform == "square" else "auto"
+
+
+def one_channel(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int | None]:
+    """Frames (frames, rows, columns) of the channel that shows a tone best, and its index; None: there is only one."""
+    from ocisac_fast import pick_channel
+
+    if frames.ndim == 3:
+        return frames, None
+    channel = int(pick_channel(list(np.moveaxis(frames, -1, 0)), camera, waveform=waveform))
+    return frames[..., channel], channel
+
+
+def lit_columns(frames: Frame, camera: Camera, frequency: float) -> npt.NDArray[np.bool_]:
+    """(columns,) True where the light of this frequency shows; all, where it shows in none."""
+    from ocisac_fast import tone_columns
+
+    cycles = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5)  # where an aliased tone is seen
+    if not cycles > 0.0:
+        return np.ones(frames.shape[-1], bool)
+    used = tone_columns(frames, camera, cycles / camera.row_time).used
+    return used if used.any() else np.ones_like(used)

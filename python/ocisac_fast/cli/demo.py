@@ -1,0 +1,66 @@
+"""``ocisac demo``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ocisac_fast.cli.output import emit_json, emit_table, quantity
+from ocisac_fast.cli.pictures import json_option
+
+
+@click.command(short_help="The paper's testbed from recording to result, with a picture.")
+@click.option(
+    "--directory",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("demo"),
+    show_default=True,
+    help="Where the recordings and the picture go.",
+)
+@json_option
+def demo(directory: Path, as_json: bool) -> None:
+    """Record the paper's testbed (simulated, as video), read it back, and show gain against theory and the bits."""
+    from ocisac_fast import demo as testbed
+
+    picture = directory / "demo.png"
+    result = testbed.run(directory)
+    testbed.draw(result, picture)
+    if as_json:
+        emit_json(
+            {
+                "settings": [_facts(measured) for measured in result.measurements],
+                "bits": result.received.bits,
+                "text": result.text,
+                "picture": str(picture),
+            }
+        )
+        return
+    header = ["light", "frequency", "exposure", "theory", "gain", "± σ", "difference / σ"]
+    emit_table("Gain of every setting of the testbed", header, [_row(measured) for measured in result.measurements])
+    worst = max(abs(measured.gain - measured.setting.theory) for measured in result.measurements)
+    click.echo(f"largest difference from theory: {worst:.1e}")
+    click.echo(f"{len(result.received.bits)} chips received from {directory / 'chips.png'}: {result.received.bits}")
+    click.echo(f"message: {result.text or 'not found'}")
+    click.echo(f"picture: {picture}")
+
+
+def _facts(measured: Any) -> dict[str, Any]:
+    setting = measured.setting
+    names = ("kind", "frequency_hz", "exposure_s", "theory", "gain", "gain_std")
+    values = (setting.kind, setting.frequency, setting.exposure, setting.theory, measured.gain, measured.gain_std)
+    return dict(zip(names, values, strict=True))
+
+
+def _row(measured: Any) -> list[str]:
+    setting = measured.setting
+    return [
+        setting.kind,
+        f"{setting.frequency:.0f} Hz",
+        quantity(setting.exposure, "s"),
+        f"{setting.theory:.5f}",
+        f"{measured.gain:.5f}",
+        f"{measured.gain_std:.5f}",
+        f"{(measured.gain - setting.theory) / measured.gain_std:+.1f}",
+    ]

@@ -1,0 +1,191 @@
+"""``ocisac gain``."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import click
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_channel
+from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, progress, quantity, with_spread
+from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
+from ocisac_fast.files.recording import Frame
+
+
+@click.command(short_help="Gain of a tone in a recording, against theory.")
+@click.argument("file")
+@click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Of the light; auto: found in the recording.")
+@click.option("--method", type=click.Choice(["fit", "dft"]), default="fit", show_default=True)
+@click.option("--background", type=float, help="Light that is not the source's, in stored values above dark.")
+@click.option("--threads", type=int, default=1, show_default=True)
+@picture_options
+@plot_option("the spectrum with the fitted tone, and the column before and after equalisation")
+@json_option
+def gain(
+    file: str,
+    frequency: Quantity | str,
+    method: str,
+    background: float | None,
+    threads: int,
+    picture: PictureOptions,
+    plot: str | None,
+    as_json: bool,
+) -> None:
+    """Measure the normalised gain of a tone in FILE (a picture, a video, a .npy array, or -).
+
+    The columns that show the light are found in the first frames, unless --region names them, and pooled, weighted by
+    brightness. Every frame gives a gain; the result is their mean, weighted by their precision.
+    """
+    options = {"method": method, "background": background or 0.0, "threads": threads}
+    measured = _measure(file, picture, frequency, options)
+    if plot is not None:
+        from ocisac_fast.plots import plot_gain
+
+        plot_gain(plot, measured.columns, measured.camera, measured.frequency, measured.gain, picture.waveform)
+    facts = measured.facts(background is not None)
+    if as_json:
+        emit_json(facts)
+        return
+    frequency_text = with_spread(measured.frequency, measured.frequency_std, "Hz" if picture.row_time else "")
+    emit_facts(
+        "",
+        {
+            "frequency": frequency_text + ("" if picture.row_time else " cycles per row"),
+            "gain": with_spread(measured.gain, measured.gain_std, "", 5),
+            "theory |sinc(f T_e)|": quantity(facts["theory"], "", 5),
+            "signal-to-noise ratio": quantity(facts["snr_db"], "dB", 4),
+            "mean": quantity(measured.mean, "DN", 5),
+            "frames": f"{measured.frames} of {facts['rows']} rows",
+            "columns": f"{facts['columns']}",
+            "flags": ", ".join(facts["flags"]) or "none",
+        },
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class _Measured:
+    camera: Camera
+    frequency: float
+    frequency_std: float | None
+    gain: float
+    gain_std: float
+    phase: float
+    mean: float
+    snr: float
+    flags: list[str]
+    frames: int
+    columns: Frame  # (rows, columns) of the first frame, those used
+    channel: int | None
+
+    def facts(self, background_given: bool) -> dict[str, Any]:
+        """The JSON object."""
+        exposure = self.camera.exposure
+        return {
+            "frequency_hz": self.frequency,
+            "frequency_std_hz": self.frequency_std,
+            "gain": self.gain,
+            "gain_std": self.gain_std,
+            "theory": None if exposure is None else float(abs(exposure_response(self.frequency, exposure))),
+            "snr_db": 10.0 * math.log10(self.snr) if self.snr > 0.0 else math.nan,
+            "rows": self.columns.shape[0],
+            "columns": self.columns.shape[1],
+            "flags": self.flags,
+            "frames": self.frames,
+            "phase_rad": self.phase,
+            "mean": self.mean,
+            "background_given": background_given,
+            "channel": self.channel,
+        }
+
+
+@dataclasses.dataclass(frozen=True)
+class _Light:
+    """What the first frames tell of the light: its frequency, and where it shows."""
+
+    frequency: float
+    frequency_std: float | None
+    flags: list[str]
+    channel: int | None
+    used: npt.NDArray[np.bool_]  # (columns,)
+
+    def columns(self, frames: Frame) -> Frame:
+        """The columns used of the channel used; a view where that is all of them."""
+        one = frames if self.channel is None else frames[..., self.channel]
+        return one if self.used.all() else one[..., self.used]
+
+
+def _find_light(frames: Frame, camera: Camera, picture: PictureOptions, frequency: float | None) -> _Light:
+    from ocisac_fast import find_frequency
+
+    waveform = frequency_waveform(picture)
+    columns, channel = one_channel(frames, camera, waveform)
+    if frequency is None:
+        found = find_frequency(columns, camera, waveform=waveform, select=picture.region is None)
+        flags = flag_names(found.flags)
+        return _Light(found.frequency, found.frequency_std, flags, channel, found.columns.used)
+    everywhere = np.ones(columns.shape[-1], bool)
+    used = lit_columns(columns, camera, frequency) if picture.region is None else everywhere
+    return _Light(frequency, None, [], channel, used)
+
+
+def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> _Measured:
+    """The light as the first batch of frames shows it; gains from all of them."""
+    from ocisac_fast import tone_gain
+
+    given = picture.check_frequency("--frequency", frequency)
+    options = {**options, "waveform": picture.waveform, "duty": picture.duty, "pooled": True}
+    with open_pictures(file, picture) as pictures:
+        batches = pictures.batches()
+        first = next(batches)
+        light = _find_light(first, pictures.camera, picture, given)
+        gains = [
+            tone_gain(light.columns(batch), pictures.camera, light.frequency, **options)
+            for batch in _shown(itertools.chain([first], batches), pictures.frame_count, len(first))
+        ]
+    values = {name: np.concatenate([getattr(part, name) for part in gains]) for name in _FRAME_VALUES}
+    weights = _weights(values["gain_std"])
+    flags = flag_names(np.bitwise_or.reduce(values["flags"]))
+    return _Measured(
+        camera=pictures.camera,
+        frequency=light.frequency,
+        frequency_std=light.frequency_std,
+        gain=_mean(values["gain"], weights),
+        gain_std=math.sqrt(_mean(values["gain_std"] ** 2 * weights, weights)),
+        phase=float(values["phase"][0]),
+        mean=_mean(values["mean"], weights),
+        snr=_mean(values["snr"], weights),
+        flags=light.flags + [name for name in flags if name not in light.flags],
+        frames=len(values["gain"]),
+        columns=light.columns(first)[0],
+        channel=light.channel,
+    )
+
+
+_FRAME_VALUES = ("gain", "gain_std", "phase", "mean", "snr", "flags")
+
+
+def _shown(batches: Iterator[Frame], frame_count: int | None, batch_frames: int) -> Iterator[Frame]:
+    total = None if frame_count is None else math.ceil(frame_count / batch_frames)
+    return progress(batches, "measuring", total)
+
+
+def _weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Shares by inverse variance of the frames that gave an answer; equal ones where a frame is exact."""
+    known = np.isfinite(spreads)
+    inverse = np.zeros_like(spreads)
+    inverse[known] = 1.0 if (spreads[known] == 0.0).any() else spreads[known] ** -2.0
+    return inverse / inverse.sum() if known.any() else inverse
+
+
+def _mean(values: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:
+    """Weighted mean over the frames that gave an answer; NaN where none did."""
+    answered = weights > 0.0
+    return float(values[answered] @ weights[answered]) if answered.any() else math.nan

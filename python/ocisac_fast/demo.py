@@ -1,0 +1,251 @@
+"""The paper's testbed (table 2), from recording to result: what ``ocisac demo`` shows."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.files import read_frames, write_frames
+from ocisac_fast.gain import tone_gain
+from ocisac_fast.receiver import Received, receive
+from ocisac_fast.simulation import simulate_frames
+from ocisac_fast.waveforms import Chips, SquareWave, Waveform, integrate_exposure
+
+ROWS, COLUMNS, FRAME_TIME = 720, 1080, 1 / 30
+ROW_TIME = 22.2e-6
+EXPOSURES = (622e-6, 1202e-6, 2404e-6, 4981e-6)
+COMMUNICATION = (200.0, 500.0, 700.0)
+SENSING = (175.0, 350.0, 876.0)  # f_x v of gratings of 100, 200 and 500 periods a metre at 1.751 m/s
+SWING, NOISE, DARK_LEVEL = 200.0, 2.0, 16.0  # DN; dark rows that would be clipped at 0 bias the gain
+
+MESSAGE = "OC-ISAC!"
+CHIP_RATE = 10e3
+CHIP_CAMERA = Camera(ROW_TIME, 60e-6, dark_level=DARK_LEVEL)
+MARKER = "1" * 8  # before the message: ASCII, whose bytes begin with 0, holds no such run
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One light of the testbed at one exposure.
+
+    Attributes:
+        kind: ``"communication"`` or ``"sensing"``.
+        frequency: Hz.
+        exposure: s.
+        phase: of the simulated light, rad.
+    """
+
+    kind: str
+    frequency: float
+    exposure: float
+    phase: float
+
+    @property
+    def camera(self) -> Camera:
+        return Camera(ROW_TIME, self.exposure, FRAME_TIME, dark_level=DARK_LEVEL)
+
+    @property
+    def theory(self) -> float:
+        """|sinc(f T_e)|."""
+        return float(abs(exposure_response(self.frequency, self.exposure)))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What came out of a setting: gain with its standard error, mean light (DN) and phase (rad) of the fit."""
+
+    setting: Setting
+    gain: float
+    gain_std: float
+    mean: float
+    phase: float
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """All that the demo made.
+
+    Attributes:
+        measurements: one for each of the 24 settings.
+        frames: (settings, rows, columns), as read back.
+        chips: (rows, columns), as read back.
+        received: what the receiver made of ``chips``.
+        text: the message in the bits, empty where it is not found.
+        text_at: index of the chip at which it begins.
+    """
+
+    measurements: list[Measurement]
+    frames: npt.NDArray[Any]
+    chips: npt.NDArray[Any]
+    received: Received
+    text: str
+    text_at: int
+
+
+def settings() -> list[Setting]:
+    """The 12 communication and 12 sensing settings of table 2, with random phases."""
+    phases = np.random.default_rng(7061).uniform(-math.pi, math.pi, (2, 3, 4))
+    return [
+        Setting(kind, frequency, exposure, float(phases[i, j, k]))
+        for i, (kind, frequencies) in enumerate((("communication", COMMUNICATION), ("sensing", SENSING)))
+        for j, frequency in enumerate(frequencies)
+        for k, exposure in enumerate(EXPOSURES)
+    ]
+
+
+def run(directory: str | os.PathLike[str]) -> Demonstration:
+    """Make ``testbed.mkv`` (a frame a setting) and ``chips.png`` in the directory, read them back and decode them."""
+    folder = Path(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_frames(folder / "testbed.mkv", _testbed_frames(), 1 / FRAME_TIME)
+    light = Chips(MARKER + to_bits(MESSAGE), CHIP_RATE, repeat=True)
+    write_frames(folder / "chips.png", _simulated(light, CHIP_CAMERA, start=1.7e-3))
+
+    frames = read_frames(folder / "testbed.mkv").frames
+    measurements = [_measure(setting, frame) for setting, frame in zip(settings(), frames, strict=True)]
+    chips = read_frames(folder / "chips.png").frames
+    received = receive(chips, CHIP_CAMERA)[0]
+    return Demonstration(measurements, frames, chips[0], received, *message_in(received.bits))
+
+
+def _testbed_frames() -> Iterator[npt.NDArray[Any]]:
+    for seed, setting in enumerate(settings()):
+        light = SquareWave(setting.frequency, phase=setting.phase)
+        yield from _simulated(light, setting.camera, seed=seed)
+
+
+def _simulated(light: Waveform, camera: Camera, **options: Any) -> Iterator[npt.NDArray[Any]]:
+    """One frame of the testbed's camera."""
+    return simulate_frames(light, camera, ROWS, COLUMNS, swing=SWING, noise=NOISE, dark_level=DARK_LEVEL, **options)
+
+
+def _measure(setting: Setting, frame: npt.NDArray[Any]) -> Measurement:
+    result = tone_gain(frame, setting.camera, setting.frequency, waveform="square", pooled=True)
+    values = (float(value) for value in (result.gain, result.gain_std, result.mean, result.phase))
+    return Measurement(setting, *values)
+
+
+def to_bits(text: str) -> str:
+    """Eight bits a character, most significant first."""
+    return "".join(f"{code:08b}" for code in text.encode("ascii"))
+
+
+def message_in(bits: str) -> tuple[str, int]:
+    """The characters after the first marker with a whole message behind it, and where they begin; else nothing at 0."""
+    length = 8 * len(MESSAGE)
+    for marker in re.finditer(f"1{{{len(MARKER)},}}(?=0)", bits):
+        payload = bits[marker.end() : marker.end() + length]
+        if len(payload) == length:
+            return "".join(chr(int(payload[k : k + 8], 2)) for k in range(0, length, 8)), marker.end()
+    return "", 0
+
+
+def model_rows(measurement: Measurement) -> npt.NDArray[np.float64]:
+    """(rows,) The fitted square wave as the rows store it, DN."""
+    setting = measurement.setting
+    light = SquareWave(setting.frequency, phase=measurement.phase, amplitude=2.0 * measurement.mean)
+    return DARK_LEVEL + integrate_exposure(light, setting.camera, ROWS)
+
+
+def draw(demonstration: Demonstration, path: str | os.PathLike[str]) -> None:
+    """One picture of the demo: strips of the recording, a column with its fit, gains against theory, bits received."""
+    from ocisac_fast import plots
+
+    with plots.picture(path, 11.0, 7.6) as figure:
+        axes = figure.subplots(2, 2, width_ratios=(1.0, 1.25))
+        _draw_strips(axes[0, 0], demonstration)
+        _draw_gains(axes[0, 1], demonstration.measurements)
+        _draw_column(axes[1, 0], demonstration)
+        _draw_bits(axes[1, 1], demonstration)
+
+
+def _shown(demonstration: Demonstration) -> list[int]:
+    """The settings of 500 Hz: one light at the four exposures."""
+    return [k for k, each in enumerate(demonstration.measurements) if each.setting.frequency == 500.0]
+
+
+def _draw_strips(axes: Any, demonstration: Demonstration) -> None:
+    width, gap = 200, 24
+    strips = []
+    for k in _shown(demonstration):
+        strips += [demonstration.frames[k][:, :width], np.full((ROWS, gap), 255, np.uint8)]
+    picture = np.concatenate(strips[:-1], axis=1)
+    axes.imshow(picture, cmap="gray", vmin=0, vmax=255, aspect="auto", interpolation="nearest")
+    axes.set_xticks([k * (width + gap) + width / 2 for k in range(4)], [f"{e * 1e6:.0f} µs" for e in EXPOSURES])
+    axes.grid(False)
+    axes.set(xlabel="exposure time", ylabel="row", title="One 500 Hz light at four exposures")
+
+
+def _draw_gains(axes: Any, measurements: list[Measurement]) -> None:
+    from ocisac_fast import plots
+
+    x = np.linspace(0.0, 4.6, 1000)
+    axes.plot(x, np.abs(np.sinc(x)), color=plots.BLACK, lw=1.1, label="theory |sinc(f Tₑ)|")
+    for kind, marker, colour in (("communication", "o", plots.BLUE), ("sensing", "s", plots.ORANGE)):
+        chosen = [each for each in measurements if each.setting.kind == kind]
+        axes.errorbar(
+            [each.setting.frequency * each.setting.exposure for each in chosen],
+            [each.gain for each in chosen],
+            [3.0 * each.gain_std for each in chosen],
+            fmt=marker,
+            color=colour,
+            mfc="none",
+            mew=1.6,
+            ms=6.5,
+            capsize=3,
+            label=f"{kind}, {len(chosen)} settings (± 3 σ)",
+        )
+    worst = max(abs(each.gain - each.setting.theory) for each in measurements)
+    axes.text(0.97, 0.62, f"largest difference {worst:.1e}", transform=axes.transAxes, ha="right", fontsize="small")
+    axes.set(
+        xlabel="frequency × exposure time",
+        ylabel="gain",
+        title="Gain against theory",
+        ylim=(0.0, 1.02),
+        xlim=(0.0, 4.6),
+    )
+    axes.legend(loc="upper right")
+
+
+def _draw_column(axes: Any, demonstration: Demonstration) -> None:
+    from ocisac_fast import plots
+
+    time = np.arange(ROWS) * ROW_TIME * 1e3
+    for k, colour in zip(_shown(demonstration)[:3:2], (plots.BLUE, plots.RED), strict=True):
+        measured = demonstration.measurements[k]
+        axes.plot(time, demonstration.frames[k][:, 0], ".", color=colour, ms=2.6, alpha=0.6)
+        label = f"{measured.setting.exposure * 1e6:.0f} µs: gain {measured.gain:.4f}"
+        axes.plot(time, model_rows(measured), color=colour, lw=1.0, label=label)
+    axes.set(
+        xlabel="time of the row / ms",
+        ylabel="stored value / DN",
+        title="One column (dots) and its fit (lines)",
+        xlim=(0.0, 8.0),
+        ylim=(-5.0, 265.0),
+    )
+    axes.legend(loc="upper left", ncols=2, columnspacing=1.0)
+
+
+def _draw_bits(axes: Any, demonstration: Demonstration) -> None:
+    from ocisac_fast import plots
+
+    received = demonstration.received
+    begin = received.phase + demonstration.text_at * received.rows_per_chip
+    shown = 24 * received.rows_per_chip
+    first = begin - len(MARKER) * received.rows_per_chip
+    plots.draw_chips(axes, demonstration.chips, CHIP_CAMERA, received, first - 4, begin + shown + 4)
+    for k, letter in enumerate(demonstration.text[:3]):
+        centre = begin + (8 * k + 4) * received.rows_per_chip
+        axes.text(centre, -28.0, letter, ha="center", va="center", fontsize="large", weight="bold", color=plots.BLUE)
+    axes.text(0.5 * (first + begin), -28.0, "marker", ha="center", va="center", color=plots.BLUE)
+    axes.set_title(f"{len(received.bits)} chips received in one frame: “{demonstration.text}”")
+    axes.set(xlabel="row", ylim=(-45.0, 265.0))
