@@ -1,6 +1,7 @@
 #include "ocisac/receiver/edges.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace ocisac {
@@ -27,14 +28,18 @@ std::vector<double> swings_between(std::span<const double> signal, std::span<con
   return swings;
 }
 
+// Small beside those around it and not above its neighbours; at an end, where only its outer point can go, below its
+// one neighbour: of equal swings the inner one goes, which keeps the level.
 bool is_small(std::span<const double> swings, std::size_t k) {
-  const auto least_neighbour = std::min(swings[k == 0 ? 0 : k - 1], swings[std::min(k + 1, swings.size() - 1)]);
-  if (swings[k] > least_neighbour) return false;
+  const std::size_t final = swings.size() - 1;
+  const bool at_end = k == 0 || k == final;
+  const double least_neighbour = std::min(swings[k == 0 ? 1 : k - 1], swings[k == final ? final - 1 : k + 1]);
+  if (at_end ? swings[k] >= least_neighbour : swings[k] > least_neighbour) return false;
   const std::size_t first = k < kSwingsAround ? 0 : k - kSwingsAround;
   const std::size_t last = std::min(k + kSwingsAround + 1, swings.size());
-  double around[2 * kSwingsAround + 1];
-  std::ranges::copy(swings.subspan(first, last - first), around);
-  return swings[k] < kSmallSwing * weighted_median({around, last - first});
+  std::array<double, 2 * kSwingsAround + 1> around{};
+  std::ranges::copy(swings.subspan(first, last - first), around.begin());
+  return swings[k] < kSmallSwing * weighted_median(std::span(around).first(last - first));
 }
 
 double passing(std::span<const double> signal, std::size_t n, double level) {

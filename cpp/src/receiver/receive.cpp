@@ -19,6 +19,7 @@ constexpr double kRateTolerance = 0.03;
 constexpr double kLargestChange = 0.02;  // of the period by the last fit
 constexpr std::size_t kFewEdges = 12;    // below: too few to be sure of a rate
 constexpr double kLongExposure = 1.05;   // chips
+constexpr double kLeastSnr = 2;          // noise cut in two halves shows 1.8
 constexpr double kMostSnr = 1e12;
 constexpr double kWeakSnr = 9;  // a swing of three standard deviations to either side
 
@@ -125,15 +126,17 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure) {
 bool decode(const CombinedColumn& column, const FrequencyRange& range, std::optional<double> exposure,
             Received& received) {
   const auto search = find_chip_timing(column.signal, column.noise, range);
+  const bool few_edges = search.edges > 0 && search.edges < kFewEdges;
   received.weights = column.weights;
-  received.flags = column.saturated ? flag::saturated : 0;
+  received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
   if (search.timing) {
-    if (auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, exposure)) {
+    auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, exposure);
+    if (decoded && snr_of(decoded->detection.soft) >= kLeastSnr) {
       fill(received, std::move(*decoded), exposure);
       return true;
     }
   }
-  received.flags |= search.edges > 0 && search.edges < kFewEdges ? flag::too_few_edges : flag::no_signal;
+  if (!few_edges) received.flags |= flag::no_signal;
   return false;
 }
 

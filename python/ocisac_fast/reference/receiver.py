@@ -126,8 +126,9 @@ def prune(signal: FloatArray, pivots: list[int], share: float = 0.3, reach: int 
         small = []
         for k, swing in enumerate(swings):
             around = swings[max(k - reach, 0) : k + reach + 1]
-            neighbours = swings[max(k - 1, 0) : k + 2]
-            if swing < share * weighted_median(around) and swing == neighbours.min():
+            least = min(swings[k - 1] if k > 0 else np.inf, swings[k + 1] if k + 1 < len(swings) else np.inf)
+            at_end = k in (0, len(swings) - 1)  # of equal swings the inner one goes, which keeps the level
+            if swing < share * weighted_median(around) and (swing < least if at_end else swing <= least):
                 small.append(k)
         if not small:
             break
@@ -448,12 +449,18 @@ def receive_frame(
                 continue
             flags = Flag.SATURATED if saturated else Flag(0)
             timing, edges = time_chips(signal, noise, *bounds)
+            flags |= Flag.TOO_FEW_EDGES if 0 < edges < 12 else Flag(0)
             decoded = None if timing is None else decode(signal, timing, exposure)
-            if decoded is not None:
+            if decoded is not None and signal_to_noise(decoded[2].soft) >= 2:
                 return result(number, channel, decoded, weights, flags, camera, exposure)
-            flags |= Flag.TOO_FEW_EDGES if 0 < edges < 12 else Flag.NO_SIGNAL
+            flags |= Flag(0) if 0 < edges < 12 else Flag.NO_SIGNAL
             failed.append(received(number, channel, weights=weights, flags=flags))
     return failed[0]
+
+
+def signal_to_noise(soft: FloatArray) -> float:
+    """(Half the swing)^2 over the variance about the levels."""
+    return min(1 / max(float(np.mean((np.abs(soft) - 1) ** 2)), 1e-300), 1e12)
 
 
 def result(
@@ -467,7 +474,7 @@ def result(
 ) -> Received:
     """What was decoded as the public result object."""
     (period, phase, error), first, (bits, bright, dark, soft) = decoded
-    snr = min(1 / max(float(np.mean((np.abs(soft) - 1) ** 2)), 1e-300), 1e12)
+    snr = signal_to_noise(soft)
     if snr < 9:
         flags |= Flag.WEAK
     if exposure is not None and exposure > 1.05 * period:

@@ -21,7 +21,7 @@ inline constexpr Flags harmonics_dropped = 1U << 9;  // harmonics left out: too 
 inline constexpr Flags no_tone = 1U << 10;           // search: nothing periodic stands out of the noise
 inline constexpr Flags at_bound = 1U << 11;       // search: the best frequency is a bound; the true one may lie beyond
 inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no bits
-inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to tell the chip rate
+inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to be sure of the chip rate
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
 }  // namespace flag
 
