@@ -244,14 +244,34 @@ Signals summed(const Signals& signals, std::size_t group) {
   return out;
 }
 
-// Signals that vary together are stronger as a sum, others one by one. The combined signals of the final fit cannot
-// tell: their weights favour what noise happens to be there.
-bool shows_tone(const Signals& signals, std::size_t group, double frequency) {
+// No accident of noise: with a noise level of its own in every signal, (rows − p)·log(1 + tone/residual) of a tone of
+// given frequency is a sum of two squared normal deviates.
+bool shows_tone(const Signals& signals, double frequency) {
   const auto model = periodic_model(frequency, signals.rows, 1);
-  const auto tone = [&](const Signals& some) {
-    return stands_out(refined(some, model, frequency, {frequency, frequency}), 0, some.count());
-  };
-  return tone(signals) || (group > 1 && tone(summed(signals, group)));
+  const auto fit = fit_periodic(signals.samples, signals.rows, model, frequency);
+  const auto spare = static_cast<double>(signals.rows - model.parameters());
+  double evidence = 0;
+  for (std::size_t s = 0; s < signals.count(); ++s)
+    if (fit.periodic_energy[s] > 0) evidence += spare * std::log1p(fit.periodic_energy[s] / fit.residual_energy[s]);
+  return evidence > chance_energy(2 * signals.count());
+}
+
+struct Sighting {
+  double frequency;
+  bool in_parts, in_sum;  // where the tone stands out
+};
+
+// First in the parts of the frame, each with its own noise, phase and overlays; where nothing stands out there, in
+// their sum, which is stronger for a weak light that covers the frame.
+Sighting look(const Signals& parts, std::size_t group, const Range& range) {
+  const double frequency = coarse_frequency(parts, range);
+  if (std::isnan(frequency) || shows_tone(parts, frequency)) return {frequency, true, false};
+  if (group > 1) {
+    const Signals sums = summed(parts, group);
+    const double other = coarse_frequency(sums, range);
+    if (!std::isnan(other) && shows_tone(sums, other)) return {other, false, true};
+  }
+  return {frequency, false, false};
 }
 
 Flags flags_of(double cycles, double cycles_std, bool columns_saturated) {
@@ -277,12 +297,13 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const auto rows = static_cast<double>(blocks.rows);
   const Range range = resolvable(search, rows);
   const std::vector<std::uint8_t> every(blocks.blocks, 1);
-  const double coarse = coarse_frequency(chosen(blocks, every), range);
+  const Sighting sighting = look(chosen(blocks, every), blocks.blocks, range);
+  const double coarse = sighting.frequency;
   if (std::isnan(coarse)) return nothing_found(blocks);
 
   const auto model = periodic_model(coarse, blocks.rows, compared_harmonics);
   const PeriodicFit all = fit_periodic(blocks.signals, blocks.rows, model, coarse);
-  const auto used = search.select_columns ? tone_blocks(blocks, all) : every;
+  const auto used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all) : every;
   const Signals parts = chosen(blocks, used);
   const std::size_t group = parts.count() / blocks.frames;
   const PeriodicFit fit = fit_periodic(parts.samples, parts.rows, model, coarse);
@@ -293,7 +314,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
-  if (!shows_tone(parts, group, final.fit.frequency)) flags |= flag::no_tone;
+  if (!sighting.in_parts && !sighting.in_sum) flags |= flag::no_tone;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
           final.model.harmonics.back(), flags, std::move(columns)};

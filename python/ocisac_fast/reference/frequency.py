@@ -168,6 +168,28 @@ def _chance_energy(freedom: int) -> float:
     return float(freedom * (1 - spread + 4.8 * np.sqrt(spread)) ** 3)
 
 
+def _shows_tone(y: Array, f: float) -> bool:
+    fit = _fit(y, _model(f, len(y), 1), f)
+    rows, parameters = fit.basis.shape
+    moving = fit.periodic_energy > 0
+    with np.errstate(divide="ignore"):
+        ratio = fit.periodic_energy[moving] / (fit.residual**2).sum(axis=0)[moving]
+    return bool((rows - parameters) * np.log1p(ratio).sum() > _chance_energy(2 * y.shape[1]))
+
+
+def _look(parts: Array, group: int, lower: float, upper: float) -> tuple[float, bool, bool]:
+    """Coarse frequency; whether the tone stands out in the parts of the frame; whether in their sum."""
+    f = _coarse(parts, lower, upper)
+    if np.isnan(f) or _shows_tone(parts, f):
+        return f, True, False
+    if group > 1:
+        sums = parts.reshape(len(parts), -1, group).sum(axis=2)
+        other = _coarse(sums, lower, upper)
+        if not np.isnan(other) and _shows_tone(sums, other):
+            return other, False, True
+    return f, False, False
+
+
 def _noise_power(fit: _Fit) -> float:
     rows, parameters = fit.basis.shape
     return float(max(fit.rss(), 1e-14 * fit.periodic_energy.sum()) / ((rows - parameters) * fit.residual.shape[1]))
@@ -276,13 +298,13 @@ def find_frequency(
     upper = max(min(high, 0.5 - 0.05 / rows), 0.1 / rows)
     lower = min(max(low if low > 0 else min(1 / rows, upper / 4), 0.1 / rows), upper)
     signals = blocks.reshape(-1, rows).T
-    coarse = _coarse(signals, lower, upper) if rows >= 8 else np.nan
+    coarse, in_parts, in_sum = _look(signals, blocks.shape[1], lower, upper) if rows >= 8 else (np.nan, False, False)
     if np.isnan(coarse):
         nothing = ToneColumns(np.ones(len(block_of), bool), np.zeros(len(block_of)), False)
         return FoundFrequency(np.nan, np.nan, np.nan, np.nan, 0.0, 0, nothing, Flag.NO_TONE)
 
     model = _model(coarse, rows, 3)
-    used, found = _tone_columns(_fit(signals, model, coarse), blocks, block_of, saturated, select)
+    used, found = _tone_columns(_fit(signals, model, coarse), blocks, block_of, saturated, select and in_parts)
     parts = blocks[:, used].reshape(-1, rows).T
     group = int(used.sum())
     combined, kept = _combined(parts, group, model, coarse)
@@ -290,9 +312,7 @@ def find_frequency(
     f, std = fit.f, _std(fit, kept)
 
     flags = Flag(0)
-    summed = parts.reshape(rows, -1, group).sum(axis=2)
-    shows = [bool(_standing_out(_fit(y, _model(f, rows, 1), f))[0]) for y in (parts, summed)]
-    if not any(shows) or not std * rows < 0.25:
+    if not (in_parts or in_sum) or not std * rows < 0.25:
         flags |= Flag.NO_TONE
     if f * rows < 2:
         flags |= Flag.FEW_CYCLES
