@@ -43,8 +43,9 @@ class FoundFrequency:
         harmonics: number of the highest harmonic in the fit; 1 for the fundamental alone.
         columns: the columns used, and how strong the tone is in each.
         flags: ``NO_TONE`` (nothing periodic stands out of the noise: a best guess, or NaN where nothing varies or
-            there are fewer than 8 rows), ``FEW_CYCLES`` (less than two in the frame), ``AT_BOUND``, ``SATURATED`` (more
-            than a tenth of the pixels used, and no better columns were found).
+            there are fewer than 8 rows), ``FEW_CYCLES`` (less than two in the frame: gradients and harmonics pass for
+            parts of the tone, which the standard error does not know), ``AT_BOUND``, ``SATURATED`` (more than a tenth
+            of the pixels used, and no better columns were found).
     """
 
     frequency: float

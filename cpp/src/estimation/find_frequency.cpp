@@ -138,7 +138,7 @@ struct Candidate {
 };
 
 // The fundamental, refined by itself, then judged with its first harmonics. A sub-multiple of the true frequency has an
-// empty fundamental and does not count.
+// all but empty fundamental and does not count.
 Candidate judged(const Signals& signals, double frequency, const Range& range) {
   const auto tone = periodic_model(frequency, signals.rows, 1);
   const int steps = 2;  // from a quarter of a bin to a thousandth
@@ -146,7 +146,7 @@ Candidate judged(const Signals& signals, double frequency, const Range& range) {
       refine_periodic(signals.samples, signals.rows, tone, frequency, range.lower, range.upper, steps).frequency;
   const auto model = periodic_model(at, signals.rows, compared_harmonics);
   const auto fit = refine_periodic(signals.samples, signals.rows, model, at, range.lower, range.upper, steps);
-  const double least_share = 0.04;
+  const double least_share = 0.2;  // a third harmonic of a square wave that folds there has 0.1
   if (fit.harmonic_energy[0] < least_share * sum(fit.harmonic_energy)) return {};
   return {fit.frequency, misfit(fit, model, signals.rows)};
 }

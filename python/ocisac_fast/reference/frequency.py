@@ -157,7 +157,7 @@ def _coarse(signals: Array, lower: float, upper: float) -> float:
     for candidate in _candidates(y, lower, upper) if y.size else []:
         tone = _refine(y, _model(candidate, len(y), 1), candidate, lower, upper, 2)
         fit = _refine(y, _model(tone.f, len(y), 3), tone.f, lower, upper, 2)
-        empty_fundamental = fit.harmonic_energy[0] < 0.04 * fit.harmonic_energy.sum()
+        empty_fundamental = fit.harmonic_energy[0] < 0.2 * fit.harmonic_energy.sum()
         if not empty_fundamental and _misfit(fit) < least:
             best, least = fit.f, _misfit(fit)
     return best
