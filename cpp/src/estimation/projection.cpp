@@ -1,0 +1,209 @@
+#include "ocisac/estimation/projection.hpp"
+
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+
+#include "ocisac/require.hpp"
+#include "projection_kernels.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kLimbBase = 2.0 * kernels::kLargestWeight + 2;  // one unit of a limb over one of the next
+constexpr std::size_t kStagedRows = 16;                          // a multiple of every row group
+
+std::uint32_t low_half(std::int32_t weight) { return static_cast<std::uint32_t>(weight) & 0xffffU; }
+
+}  // namespace
+
+RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std::size_t rows, int row_group, int limbs)
+    : rows_(rows), outputs_(outputs), row_group_(row_group), limbs_(limbs), weights_(weights.begin(), weights.end()) {
+  require(row_group == 1 || row_group == 2 || row_group == 4 || row_group == 8, "row_group", row_group, "1, 2, 4 or 8");
+  require(limbs >= 1 && limbs <= 3, "limbs", limbs, "1, 2 or 3");
+  groups_ = rows / static_cast<std::size_t>(row_group);
+  require(groups_ > 0, "rows", rows, "at least row_group");
+  require(weights.size() == outputs * groups_, "weights", weights.size(), "outputs·(rows/row_group) values");
+  for (const double w : weights) require_finite("weights", w);
+
+  pairs_.assign(outputs * static_cast<std::size_t>(limbs) * pair_count(), 0);
+  for (std::size_t o = 0; o < outputs; ++o) {
+    double largest = 0;
+    for (std::size_t g = 0; g < groups_; ++g) largest = std::max(largest, std::abs(weights_[o * groups_ + g]));
+    scales_.push_back(largest > 0 ? largest / kernels::kLargestWeight : 1.0);
+    for (std::size_t g = 0; g < groups_; ++g) {
+      double rest = weights_[o * groups_ + g] / scales_[o];
+      for (int limb = 0; limb < limbs; ++limb) {
+        const double whole =
+            std::clamp<double>(std::nearbyint(rest), -kernels::kLargestWeight, kernels::kLargestWeight);
+        rest = (rest - whole) * kLimbBase;
+        auto& pair =
+            pairs_[(o * static_cast<std::size_t>(limbs) + static_cast<std::size_t>(limb)) * pair_count() + g / 2];
+        const std::uint32_t half = low_half(static_cast<std::int32_t>(whole));
+        pair = static_cast<std::int32_t>(static_cast<std::uint32_t>(pair) | (g % 2 == 0 ? half : half << 16));
+      }
+    }
+  }
+}
+
+double RowWeights::unit(std::size_t output, int limb) const { return scales_[output] * std::pow(kLimbBase, -limb); }
+
+std::vector<double> RowWeights::byte_weights() const {
+  std::vector<double> values(outputs_ * groups_);
+  for (std::size_t o = 0; o < outputs_; ++o)
+    for (std::size_t g = 0; g < groups_; ++g)
+      for (int limb = limbs_ - 1; limb >= 0; --limb) {
+        const auto place = o * static_cast<std::size_t>(limbs_) + static_cast<std::size_t>(limb);
+        const auto pair = static_cast<std::uint32_t>(pairs_[place * pair_count() + g / 2]);
+        const auto whole = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
+        values[o * groups_ + g] += unit(o, limb) * whole;
+      }
+  return values;
+}
+
+namespace {
+
+// Blocks of whole row groups whose rows are dense: the frame's own memory, or a copy where its columns are strided.
+template <class T, class Visit>
+void for_each_dense_block(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
+                          std::size_t rows, std::size_t largest_block, Visit visit) {
+  if (view.column_stride == 1 || count == 1) {
+    for (std::size_t row = 0; row < rows; row += largest_block)
+      visit(view.at(frame, row, first), view.row_stride, row, std::min(largest_block, rows - row));
+    return;
+  }
+  std::vector<T> dense(kStagedRows * count);
+  for (std::size_t row = 0; row < rows; row += kStagedRows) {
+    const std::size_t here = std::min(kStagedRows, rows - row);
+    for (std::size_t r = 0; r < here; ++r)
+      for (std::size_t c = 0; c < count; ++c) dense[r * count + c] = view(frame, row + r, first + c);
+    visit(dense.data(), static_cast<std::ptrdiff_t>(count), row, here);
+  }
+}
+
+Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first,
+                         std::size_t count, const RowWeights& weights) {
+  const std::size_t parts = weights.outputs() * static_cast<std::size_t>(weights.limbs());
+  const auto group = static_cast<std::size_t>(weights.row_group());
+  std::vector<double> sums(parts * count);
+  Projection result{std::vector<double>(weights.outputs() * count), std::vector<double>(count), {}};
+  std::vector<std::uint8_t> maximum(count);
+  for_each_dense_block(view, frame, first, count, weights.groups() * group, kernels::kRowsPerChunk,
+                       [&](const std::uint8_t* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
+                         kernels::project_bytes({pixels, stride, rows, count}, weights.row_group(),
+                                                weights.pairs().data() + row / (2 * group), weights.pair_count(), parts,
+                                                sums.data(), result.squares.data(), maximum.data());
+                       });
+  // Limbs from the smallest on; the sums are whole numbers and exact.
+  for (std::size_t o = 0; o < weights.outputs(); ++o)
+    for (int limb = weights.limbs() - 1; limb >= 0; --limb) {
+      const double unit = weights.unit(o, limb);
+      const double* part =
+          &sums[(o * static_cast<std::size_t>(weights.limbs()) + static_cast<std::size_t>(limb)) * count];
+      for (std::size_t c = 0; c < count; ++c) result.sums[o * count + c] += unit * part[c];
+    }
+  result.maximum.assign(maximum.begin(), maximum.end());
+  return result;
+}
+
+template <class T>
+Projection project_samples(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
+                           const RowWeights& weights) {
+  const auto group = static_cast<std::size_t>(weights.row_group());
+  Projection result{std::vector<double>(weights.outputs() * count), std::vector<double>(count),
+                    std::vector<double>(count, -std::numeric_limits<double>::infinity())};
+  for_each_dense_block(view, frame, first, count, weights.groups() * group, weights.groups() * group,
+                       [&](const T* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
+                         kernels::project_samples<T>({pixels, stride, rows / group, count}, weights.row_group(),
+                                                     weights.weights().data() + row / group, weights.groups(),
+                                                     weights.outputs(), result.sums.data(), result.squares.data(),
+                                                     result.maximum.data());
+                       });
+  return result;
+}
+
+void check(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+           const RowWeights& weights) {
+  std::visit(
+      [&](const auto& view) {
+        require(view.rows == weights.rows(), "rows", view.rows, "as many as the weights were made for");
+        require(frame < view.frames, "frame", frame, "below the number of frames");
+        require(count > 0 && first < view.columns && count <= view.columns - first, "count", count,
+                "columns inside the frame");
+      },
+      frames);
+}
+
+}  // namespace
+
+Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+                   const RowWeights& weights) {
+  check(frames, frame, first, count, weights);
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        if constexpr (std::is_same_v<T, std::uint8_t>)
+          return project_bytes(view, frame, first, count, weights);
+        else
+          return project_samples(view, frame, first, count, weights);
+      },
+      frames);
+}
+
+Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+                           const RowWeights& weights) {
+  check(frames, frame, first, count, weights);
+  const auto group = static_cast<std::size_t>(weights.row_group());
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        const bool bytes = std::is_same_v<T, std::uint8_t>;
+        const auto used =
+            bytes ? weights.byte_weights() : std::vector<double>(weights.weights().begin(), weights.weights().end());
+        Projection result{std::vector<double>(weights.outputs() * count), std::vector<double>(count),
+                          std::vector<double>(count, -std::numeric_limits<double>::infinity())};
+        for (std::size_t c = 0; c < count; ++c)
+          for (std::size_t g = 0; g < weights.groups(); ++g) {
+            double sum = 0;
+            for (std::size_t r = g * group; r < (g + 1) * group; ++r) {
+              const auto v = static_cast<double>(view(frame, r, first + c));
+              result.maximum[c] = std::max(result.maximum[c], v);
+              sum += v;
+            }
+            result.squares[c] += sum * sum;
+            for (std::size_t o = 0; o < weights.outputs(); ++o)
+              result.sums[o * count + c] += used[o * weights.groups() + g] * sum;
+          }
+        return result;
+      },
+      frames);
+}
+
+std::vector<std::string> simd_targets() {
+  std::vector<std::string> names;
+  for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets)
+    names.emplace_back(hwy::TargetName(target));
+  return names;
+}
+
+std::string simd_target() { return kernels::target_name(); }
+
+void force_simd_target(const std::string& name) {
+  hwy::SetSupportedTargetsForTest(0);
+  if (!name.empty()) {
+    std::int64_t chosen = 0;
+    std::string known;
+    for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets) {
+      if (name == hwy::TargetName(target)) chosen = target;
+      known += (known.empty() ? "" : ", ") + std::string(hwy::TargetName(target));
+    }
+    require(chosen != 0, "target", name, known);
+    hwy::SetSupportedTargetsForTest(chosen);
+  }
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+}  // namespace ocisac
