@@ -8,8 +8,8 @@
 #include <limits>
 #include <type_traits>
 
+#include "estimation/projection_kernels.hpp"
 #include "ocisac/require.hpp"
-#include "projection_kernels.hpp"
 
 namespace ocisac {
 

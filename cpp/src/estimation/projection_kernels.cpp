@@ -1,4 +1,4 @@
-#include "projection_kernels.hpp"
+#include "estimation/projection_kernels.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,7 +6,7 @@
 #include <vector>
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "projection_kernels.cpp"
+#define HWY_TARGET_INCLUDE "estimation/projection_kernels.cpp"
 #include <hwy/foreach_target.h>  // compiles the rest once for each target
 //
 #include <hwy/aligned_allocator.h>
