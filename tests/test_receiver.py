@@ -245,7 +245,11 @@ def test_one_result_for_each_frame():
 def test_a_rough_chip_rate_is_enough_where_edges_are_few():
     frame = Frame(21, rows_per_chip=40.0, exposure=0.5, rows=540, noise=0.01)
     for off in (0.98, 1.0, 1.02):
-        assert_received(ocisac.receive(frame.as_bytes(), CAMERA, chip_rate=off / 40)[0], frame)
+        got = ocisac.receive(frame.as_bytes(), CAMERA, chip_rate=off / 40)[0]
+        assert_received(got, frame)
+        assert not got.flags
+        assert_agree(got, reference.receive(frame.as_bytes(), CAMERA, chip_rate=off / 40)[0])
+    assert Flag.TOO_FEW_EDGES in ocisac.receive(frame.as_bytes(), CAMERA)[0].flags
 
 
 @pytest.mark.parametrize(

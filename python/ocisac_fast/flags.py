@@ -36,7 +36,7 @@ class Flag(IntFlag):
     NO_SIGNAL = 1 << 16
     """``receive``: no chips were found; there are no bits."""
     TOO_FEW_EDGES = 1 << 17
-    """``receive``: fewer than 12 changes of the light: no bits, or bits at a rate that may be wrong."""
+    """``receive``: fewer than 12 changes of the light (4 with a known rate): no bits, or the rate may be wrong."""
     LONG_EXPOSURE = 1 << 18
     """``receive``: the exposure is longer than a chip; the bits are not to be trusted."""
 

@@ -16,10 +16,10 @@ namespace {
 
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
-constexpr double kLargestChange = 0.02;  // of the period by the last fit
-constexpr std::size_t kFewEdges = 12;    // below: too few to be sure of a rate
-constexpr double kLongExposure = 1.05;   // chips
-constexpr double kLeastSnr = 2;          // noise cut in two halves shows 1.8
+constexpr double kLargestChange = 0.02;                    // of the period by the last fit
+constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges; with fewer the rate cannot be sure
+constexpr double kLongExposure = 1.05;                     // chips
+constexpr double kLeastSnr = 2;                            // noise cut in two halves shows 1.8
 constexpr double kMostSnr = 1e12;
 constexpr double kWeakSnr = 9;  // a swing of three standard deviations to either side
 
@@ -27,6 +27,13 @@ constexpr double kWeakSnr = 9;  // a swing of three standard deviations to eithe
 struct Decoded {
   ChipGrid grid;
   Detection detection;
+};
+
+// What is known before a frame is looked at.
+struct Search {
+  FrequencyRange range;
+  std::optional<double> exposure;  // rows
+  std::size_t sure_edges;          // with fewer edges the rate cannot be sure
 };
 
 FrequencyRange search_range(const ReceiveOptions& options, const Camera& camera, std::size_t rows) {
@@ -123,16 +130,15 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure) {
 }
 
 // Tries one combination of columns; true where it was decoded. Otherwise `received` says what was found.
-bool decode(const CombinedColumn& column, const FrequencyRange& range, std::optional<double> exposure,
-            Received& received) {
-  const auto search = find_chip_timing(column.signal, column.noise, range);
-  const bool few_edges = search.edges > 0 && search.edges < kFewEdges;
+bool decode(const CombinedColumn& column, const Search& what, Received& received) {
+  const auto search = find_chip_timing(column.signal, column.noise, what.range);
+  const bool few_edges = search.edges > 0 && search.edges < what.sure_edges;
   received.weights = column.weights;
   received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
   if (search.timing) {
-    auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, exposure);
+    auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, what.exposure);
     if (decoded && snr_of(decoded->detection.soft) >= kLeastSnr) {
-      fill(received, std::move(*decoded), exposure);
+      fill(received, std::move(*decoded), what.exposure);
       return true;
     }
   }
@@ -141,7 +147,7 @@ bool decode(const CombinedColumn& column, const FrequencyRange& range, std::opti
 }
 
 Received receive_frame(std::span<const AnyFramesView> channels, std::size_t frame, const Camera& camera,
-                       const FrequencyRange& range, std::optional<double> exposure) {
+                       const Search& what) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0};
   bool first = true;
@@ -153,7 +159,7 @@ Received receive_frame(std::span<const AnyFramesView> channels, std::size_t fram
     for (const auto& [column, channel] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
       Received received{frame, 0, channel, {}, nan, nan, nan, nan, {}, {}, 0};
-      if (decode(column, range, exposure, received)) return received;
+      if (decode(column, what, received)) return received;
       if (std::exchange(first, false)) best = std::move(received);
     }
   }
@@ -174,12 +180,11 @@ std::vector<Received> receive(std::span<const AnyFramesView> channels, const Cam
             "channels of different shapes", "one shape");
   }
   if (options.chip_rate) require_positive("chip_rate", *options.chip_rate);
-  const FrequencyRange range = search_range(options, camera, shape.rows);
-  std::optional<double> exposure;
-  if (camera.exposure) exposure = *camera.exposure / camera.row_time;
+  Search what{search_range(options, camera, shape.rows), {}, options.chip_rate ? kSureWithRate : kSureBlind};
+  if (camera.exposure) what.exposure = *camera.exposure / camera.row_time;
   std::vector<Received> received;
   for (std::size_t frame = 0; frame < shape.frames; ++frame)
-    received.push_back(receive_frame(channels, frame, camera, range, exposure));
+    received.push_back(receive_frame(channels, frame, camera, what));
   return received;
 }
 

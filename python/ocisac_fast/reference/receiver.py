@@ -427,11 +427,12 @@ def receive(
     else:
         bounds = 0.97 * chip_rate * camera.row_time, min(1.03 * chip_rate * camera.row_time, 0.5)
     channels = list(range(stack.shape[3])) if channel is None else [channel]
-    return [receive_frame(frame, number, channels, camera, bounds) for number, frame in enumerate(stack)]
+    sure = 12 if chip_rate is None else 4  # with fewer edges the rate cannot be sure
+    return [receive_frame(frame, number, channels, camera, bounds, sure) for number, frame in enumerate(stack)]
 
 
 def receive_frame(
-    frame: npt.NDArray[Any], number: int, channels: list[int], camera: Camera, bounds: tuple[float, float]
+    frame: npt.NDArray[Any], number: int, channels: list[int], camera: Camera, bounds: tuple[float, float], sure: int
 ) -> Received:
     """The source of one frame (rows, columns, channels): the best channel that can be decoded."""
     exposure = None if camera.exposure is None else camera.exposure / camera.row_time
@@ -449,11 +450,11 @@ def receive_frame(
                 continue
             flags = Flag.SATURATED if saturated else Flag(0)
             timing, edges = time_chips(signal, noise, *bounds)
-            flags |= Flag.TOO_FEW_EDGES if 0 < edges < 12 else Flag(0)
+            flags |= Flag.TOO_FEW_EDGES if 0 < edges < sure else Flag(0)
             decoded = None if timing is None else decode(signal, timing, exposure)
             if decoded is not None and signal_to_noise(decoded[2].soft) >= 2:
                 return result(number, channel, decoded, weights, flags, camera, exposure)
-            flags |= Flag(0) if 0 < edges < 12 else Flag.NO_SIGNAL
+            flags |= Flag(0) if 0 < edges < sure else Flag.NO_SIGNAL
             failed.append(received(number, channel, weights=weights, flags=flags))
     return failed[0]
 
