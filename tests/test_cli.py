@@ -350,11 +350,25 @@ def test_the_best_channel_is_taken_unless_one_is_named(facts, square, tmp_path):
     assert "weak" in facts("gain", tmp_path / "c.png", *options, "--channel", "r")[0]["flags"]
 
 
-def test_what_cannot_be_answered_is_null_and_flagged(facts, tmp_path):
-    write_frames(tmp_path / "dark.png", np.zeros((100, 8), np.uint8))
-    (got,) = facts("gain", tmp_path / "dark.png", *TESTBED, "--frequency", "500")
+@pytest.mark.parametrize(("level", "frequency", "flag"), [(0, "500", "no_light"), (7, "auto", "no_tone")])
+def test_what_cannot_be_answered_is_null_and_flagged(facts, tmp_path, level, frequency, flag):
+    write_frames(tmp_path / "even.png", np.full((100, 8), level, np.uint8))
+    plot = ("--plot", tmp_path / "even.svg")
+    (got,) = facts("gain", tmp_path / "even.png", *TESTBED, "--frequency", frequency, *plot)
     assert got["gain"] is None
-    assert "no_light" in got["flags"]
+    assert flag in got["flags"]
+    assert (tmp_path / "even.svg").exists()
+
+
+@pytest.mark.parametrize("values", [np.nan, np.inf])
+def test_values_that_are_not_finite_are_refused(run, tmp_path, values):
+    frame = np.ones((50, 4))
+    frame[3, 2] = values
+    write_frames(tmp_path / "a.npy", frame)
+    for command in (("gain", "--frequency", "0.1"), ("calibrate", "--frequency", "1"), ("receive",)):
+        code, out, err = run(command[0], tmp_path / "a.npy", *command[1:])
+        assert (code, out, len(err)) == (2, [], 1)
+        assert f"got {values}" in err[0]
 
 
 def test_calibrate_measures_the_row_time(facts, square):

@@ -14,9 +14,12 @@ pytest.importorskip("PIL.Image")
 COMMAND = f"{shlex.quote(sys.executable)} -m ocisac_fast.cli"
 LINES = [
     ("calibrate", "gyroflow_nikon1j1_1khz.png"),
+    ("calibrate", "nikon_z7_500hz.jpg"),
     *(("tone", f"laser_square_{k:02}.png") for k in range(6)),
     *(("receive", f"laser_pattern_{k:02}.png") for k in range(2, 7)),
     ("receive", "laser_check.png"),
+    ("receive", "underwater_0.jpeg"),
+    ("receive", "underwater_2.jpeg"),
 ]
 
 

@@ -118,7 +118,7 @@ def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, 
 
 def _several_cycles(time: npt.NDArray[Any], cycles_per_row: float) -> float:
     """The end of the axis: all rows, or as many as hold about 12 cycles."""
-    rows = min(time.size - 1, int(12.0 / max(cycles_per_row, 1e-9)))
+    rows = int(min(time.size - 1, 12.0 / max(cycles_per_row, 1e-9)))  # a NaN shows all rows
     return float(time[max(rows, 1)]) if time.size > 1 else 1.0
 
 
@@ -129,7 +129,8 @@ def _draw_spectrum(
     rows = light.size
     window = np.hanning(rows + 2)[1:-1]
     length = 4 * rows  # shows the peak between two bins
-    spectrum = 2.0 * np.abs(np.fft.rfft((light - light.mean()) * window, length)) / (window.sum() * light.mean())
+    mean = light.mean() if light.mean() > 0.0 else 1.0
+    spectrum = 2.0 * np.abs(np.fft.rfft((light - light.mean()) * window, length)) / (window.sum() * mean)
     frequencies = np.fft.rfftfreq(length, camera.row_time)
     in_rows = camera.row_time == 1.0
     scale = 1.0 if in_rows else 1e-3
@@ -140,9 +141,8 @@ def _draw_spectrum(
         axes.semilogy(
             frequencies * scale, np.maximum(response, 1e-7), color=BLACK, lw=1.0, ls="--", label="|sinc(f T_e)|"
         )
-    folded = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5) / camera.row_time
-    label = f"fit: gain {gain:.4f} at " + (f"{frequency:.6g} cycles a row" if in_rows else f"{frequency:.2f} Hz")
-    axes.semilogy([folded * scale], [max(gain, 1e-7)], "o", color=RED, ms=7, label=label)
+    if np.isfinite(gain):
+        _mark_tone(axes, camera, frequency, gain)
     axes.set(
         xlabel="cycles per row" if in_rows else "frequency / kHz",
         ylabel="gain",
@@ -151,6 +151,14 @@ def _draw_spectrum(
         ylim=(max(float(np.median(spectrum)) * 0.1, 1e-6), 2.0),
     )
     axes.legend(loc="upper right")
+
+
+def _mark_tone(axes: Axes, camera: Camera, frequency: float, gain: float) -> None:
+    """The fitted tone, where the rows show it."""
+    in_rows = camera.row_time == 1.0
+    folded = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5) / camera.row_time
+    label = f"fit: gain {gain:.4f} at " + (f"{frequency:.6g} cycles a row" if in_rows else f"{frequency:.2f} Hz")
+    axes.semilogy([folded * (1.0 if in_rows else 1e-3)], [max(gain, 1e-7)], "o", color=RED, ms=7, label=label)
 
 
 def plot_exposure(

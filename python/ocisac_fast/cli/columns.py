@@ -32,5 +32,9 @@ def lit_columns(frames: Frame, camera: Camera, frequency: float) -> npt.NDArray[
     cycles = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5)  # where an aliased tone is seen
     if not cycles > 0.0:
         return np.ones(frames.shape[-1], bool)
-    used = tone_columns(frames, camera, cycles / camera.row_time).used
+    return some_columns(tone_columns(frames, camera, cycles / camera.row_time).used)
+
+
+def some_columns(used: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """The columns used; all, where there are none."""
     return used if used.any() else np.ones_like(used)

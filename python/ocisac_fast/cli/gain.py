@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera import Camera, exposure_response
-from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_channel
-from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, progress, quantity, with_spread
+from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_channel, some_columns
+from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files.recording import Frame
@@ -61,8 +61,8 @@ def gain(
             "frequency": frequency_text + ("" if picture.row_time else " cycles per row"),
             "gain": with_spread(measured.gain, measured.gain_std, "", 5),
             "theory |sinc(f T_e)|": quantity(facts["theory"], "", 5),
-            "signal-to-noise ratio": quantity(facts["snr_db"], "dB", 4),
-            "mean": quantity(measured.mean, "DN", 5),
+            "signal-to-noise ratio": number(facts["snr_db"], "dB", 4),
+            "mean": number(measured.mean, "DN"),
             "frames": f"{measured.frames} of {facts['rows']} rows",
             "columns": f"{facts['columns']}",
             "flags": ", ".join(facts["flags"]) or "none",
@@ -87,7 +87,7 @@ class _Measured:
 
     def facts(self, background_given: bool) -> dict[str, Any]:
         """The JSON object."""
-        exposure = self.camera.exposure
+        exposure = None if math.isnan(self.frequency) else self.camera.exposure
         return {
             "frequency_hz": self.frequency,
             "frequency_std_hz": self.frequency_std,
@@ -130,7 +130,7 @@ def _find_light(frames: Frame, camera: Camera, picture: PictureOptions, frequenc
     if frequency is None:
         found = find_frequency(columns, camera, waveform=waveform, select=picture.region is None)
         flags = flag_names(found.flags)
-        return _Light(found.frequency, found.frequency_std, flags, channel, found.columns.used)
+        return _Light(found.frequency, found.frequency_std, flags, channel, some_columns(found.columns.used))
     everywhere = np.ones(columns.shape[-1], bool)
     used = lit_columns(columns, camera, frequency) if picture.region is None else everywhere
     return _Light(frequency, None, [], channel, used)
@@ -146,6 +146,8 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
         batches = pictures.batches()
         first = next(batches)
         light = _find_light(first, pictures.camera, picture, given)
+        if math.isnan(light.frequency):
+            return _unanswered(light, pictures.camera, first)
         gains = [
             tone_gain(light.columns(batch), pictures.camera, light.frequency, **options)
             for batch in _shown(itertools.chain([first], batches), pictures.frame_count, len(first))
@@ -166,6 +168,15 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
         frames=len(values["gain"]),
         columns=light.columns(first)[0],
         channel=light.channel,
+    )
+
+
+def _unanswered(light: _Light, camera: Camera, frames: Frame) -> _Measured:
+    """No tone was found: no gain, and the flags that say so."""
+    columns = light.columns(frames)
+    unknown = dict.fromkeys(("frequency", "frequency_std", "gain", "gain_std", "phase", "mean", "snr"), math.nan)
+    return _Measured(
+        camera, **unknown, flags=light.flags, frames=len(columns), columns=columns[0], channel=light.channel
     )
 
 

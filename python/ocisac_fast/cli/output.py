@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import click
 import numpy as np
 
+_UNBROKEN = 20_000  # columns of output that is not a terminal: lines stay whole
 _Item = TypeVar("_Item")
 
 
@@ -38,8 +39,14 @@ def emit_facts(title: str, facts: Mapping[str, str]) -> None:
     emit_table(title, ["", ""], [[name, value] for name, value in facts.items()], header=False)
 
 
-def emit_table(title: str, header_row: Sequence[str], rows: Iterable[Sequence[str]], header: bool = True) -> None:
-    """A table for people; numbers are right-aligned from the second column on where there is a header."""
+def emit_table(
+    title: str,
+    header_row: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    header: bool = True,
+    left: Sequence[str] = (),
+) -> None:
+    """A table for people; columns after the first are right-aligned where there is a header, but for those ``left``."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -47,12 +54,13 @@ def emit_table(title: str, header_row: Sequence[str], rows: Iterable[Sequence[st
 
     table = Table(title=title or None, box=box.SIMPLE_HEAD if header else None, show_header=header)
     for k, name in enumerate(header_row):
-        table.add_column(name, justify="right" if header and k else "left", style="" if header or k else "bold")
+        side: Any = "right" if header and k > 0 and name not in left else "left"
+        table.add_column(name, justify=side, style="" if header or k else "bold", overflow="fold")
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     console = Console(highlight=False)
     if not console.is_terminal:
-        console = Console(highlight=False, width=200)
+        console = Console(highlight=False, width=_UNBROKEN)
     console.print(table)
 
 
@@ -67,6 +75,12 @@ def quantity(value: float | None, unit: str, digits: int = 6) -> str:
             rounded = float(f"{value / scale:.{digits}g}")
             return f"{rounded:.{max(digits, 4)}g} {prefix}{unit}"
     raise AssertionError("unreachable")
+
+
+def number(value: float | None, unit: str, digits: int = 5) -> str:
+    """A value in a unit that takes no prefix; a dash where it is not known."""
+    text = quantity(value, "", digits)
+    return text if text == "–" else f"{text} {unit}"
 
 
 def with_spread(value: float, spread: float | None, unit: str, digits: int = 7) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import click
 
-from ocisac_fast.cli.output import emit_json, emit_table, flag_names, progress, quantity
+from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY, Quantity
 
@@ -31,32 +32,43 @@ def receive(
 
     Columns, channel and chip rate are found. Chips cut by the edges of a frame are left out.
     """
+    rate = picture.check_frequency("--chip-rate", chip_rate)
+    every = []
+    for file in files:
+        for facts in _received(file, picture, plot, {"chip_rate": rate, "line_code": line_code}):
+            named = {"file": file, **facts} if len(files) > 1 else facts
+            if as_json:
+                emit_json(named)
+            else:
+                every.append(named)
+        plot = None  # the first frame of the first file
+    if not as_json:
+        header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER]
+        emit_table("", header, [_row(facts, picture.row_time is not None) for facts in every], left=("flags",))
+        for facts in every:
+            click.echo(facts["bits"] or "no bits")
+
+
+_HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags")
+
+
+def _received(
+    file: str, picture: PictureOptions, plot: str | None, options: dict[str, Any]
+) -> Iterator[dict[str, Any]]:
+    """The JSON objects of a file, as its frames are read."""
     from ocisac_fast import receive as receive_frames
 
-    rate = picture.check_frequency("--chip-rate", chip_rate)
-    rows: list[list[str]] = []
-    for file in files:
-        with open_pictures(file, picture) as pictures:
-            count = 0
-            for batch in progress(pictures.batches(), "receiving", None if pictures.frame_count != 1 else 1):
-                results = receive_frames(batch, pictures.camera, chip_rate=rate, line_code=line_code)
-                if plot is not None:
-                    from ocisac_fast.plots import plot_received
+    with open_pictures(file, picture) as pictures:
+        count = 0
+        for batch in progress(pictures.batches(), "receiving", 1 if pictures.frame_count == 1 else None):
+            results = receive_frames(batch, pictures.camera, **options)
+            if plot is not None and count == 0:
+                from ocisac_fast.plots import plot_received
 
-                    plot_received(plot, batch[0], pictures.camera, results[0])
-                    plot = None
-                for result in results:
-                    facts = {**({"file": file} if len(files) > 1 else {}), **_facts(result, count, batch.shape[1])}
-                    if as_json:
-                        emit_json(facts)
-                    else:
-                        rows.append(_row(facts, picture.row_time is not None))
-                count += len(batch)
-    if not as_json:
-        emit_table("", [*(["file"] if len(files) > 1 else []), "frame", *_HEADER], rows)
-
-
-_HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags", "bits")
+                plot_received(plot, batch[0], pictures.camera, results[0])
+            for result in results:
+                yield _facts(result, count, batch.shape[1])
+            count += len(batch)
 
 
 def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:
@@ -82,7 +94,6 @@ def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
         str(len(facts["bits"])),
         quantity(facts["rows_per_chip"], "", 5),
         rate,
-        quantity(facts["snr_db"], "dB", 3),
+        number(facts["snr_db"], "dB", 3),
         ", ".join(facts["flags"]) or "none",
-        facts["bits"],
     ]
