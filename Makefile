@@ -13,6 +13,9 @@ cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*
 native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \
   $(wildcard $(shell git rev-parse --git-path logs/HEAD 2>/dev/null))
 
+tidy = printf '%s\n' $(filter cpp/src/%.cpp,$(cpp_files)) | \
+  xargs -P $(JOBS) -n 1 clang-tidy -p $(build) --quiet --warnings-as-errors='*' 2>/dev/null
+
 export PYTHON
 export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
@@ -40,6 +43,9 @@ test: cpp-test $(VENV)/.requirements-test
 nightly: cpp-test $(VENV)/.requirements-test
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
+	@echo '==> static analyzer'
+	@scripts/system-packages lint
+	@$(tidy) --checks='-*,clang-analyzer-*,-clang-analyzer-security.FloatLoopCounter'
 	@echo '==> Python tests, those of minutes included, with ten times the random cases'
 	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest -m '' --hypothesis-profile nightly $(PYTEST_ARGS)
 
@@ -66,7 +72,7 @@ lint: build $(VENV)/.requirements-lint
 	@$(bin)/clang-format --dry-run -Werror $(cpp_files)
 	@echo '==> clang-tidy'
 	@cmake -S . -B $(build) >/dev/null
-	@printf '%s\n' $(filter cpp/src/%.cpp,$(cpp_files)) | xargs -P $(JOBS) -n 1 clang-tidy -p $(build) --quiet --warnings-as-errors='*' 2>/dev/null
+	@$(tidy)
 
 format: $(VENV)/.requirements-lint
 	@$(bin)/ruff check -q --fix-only $(python_sources); $(bin)/ruff format $(python_sources)
