@@ -1,3 +1,6 @@
+#include <pybind11/stl.h>
+
+#include "ocisac/estimation/projection.hpp"
 #include "ocisac/version.hpp"
 #include "register.hpp"
 
@@ -8,6 +11,8 @@ void register_build_info(pybind11::module_& module) {
   module.def("commit", &commit);
   module.def("compiler", &compiler);
   module.def("opencv_version", &opencv_version);
+  module.def("simd_target", &simd_target);
+  module.def("simd_targets", &simd_targets);
 }
 
 }  // namespace ocisac::bindings

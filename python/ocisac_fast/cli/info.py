@@ -8,6 +8,7 @@ from importlib import metadata
 import click
 import numpy as np
 
+from ocisac_fast import __version__, _core
 from ocisac_fast.cli.output import emit_facts, emit_json
 from ocisac_fast.cli.pictures import json_option
 
@@ -24,20 +25,19 @@ def info(as_json: bool) -> None:
         return
     libraries = facts.pop("libraries")
     assert isinstance(libraries, dict)
+    facts["simd_targets"] = ", ".join(_core.simd_targets())
     lines = {name.replace("_", " "): str(value) for name, value in facts.items()}
     emit_facts("", {**lines, **{name: version or "not installed" for name, version in libraries.items()}})
 
 
 def _facts() -> dict[str, object]:
-    from ocisac_fast import __version__, _core
-
-    simd_target = getattr(_core, "simd_target", lambda: "the compiler's baseline")
     return {
         "version": __version__,
         "commit": _core.commit(),
         "compiler": _core.compiler(),
         "opencv": _core.opencv_version(),
-        "simd_target": simd_target(),
+        "simd_target": _core.simd_target(),
+        "simd_targets": _core.simd_targets(),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "libraries": {name: _version(name) for name in _LIBRARIES},
