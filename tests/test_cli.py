@@ -3,6 +3,9 @@
 import json
 import math
 import os
+import pathlib
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -371,8 +374,9 @@ def test_values_that_are_not_finite_are_refused(run, tmp_path, values):
         assert f"got {values}" in err[0]
 
 
-def test_calibrate_measures_the_row_time(facts, square):
-    (got,) = facts("calibrate", square("s.png"), "--frequency", "500Hz")
+@pytest.mark.parametrize("options", [(), TESTBED, TESTBED[2:]])
+def test_calibrate_measures_the_row_time(facts, square, options):
+    (got,) = facts("calibrate", square("s.png"), "--frequency", "500Hz", *options)
     assert got["row_time_s"] == pytest.approx(22.2e-6, abs=5 * got["row_time_std_s"] + 1e-9)
     assert 0 < got["row_time_std_s"] < 1e-7
 
@@ -427,6 +431,27 @@ def test_receive_takes_several_files_and_a_known_rate(facts, chips):
 def test_receive_in_rows_without_a_row_time(facts, chips):
     (got, *_) = facts("receive", chips)
     assert got["chip_rate_hz"] == pytest.approx(8000 * 22.2e-6, rel=1e-3)
+
+
+def test_the_readme_runs(facts, tmp_path, monkeypatch, capsys):
+    readme = (pathlib.Path(__file__).parent.parent / "README.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    *_, block = re.findall(r"```sh\n(.*?)```", readme, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    light = ("--waveform", "square", "--frequency", "500", "--frames", 2, "--columns", 3, "--noise", 1, *DARK)
+    facts("simulate", *light, "--row-time", "22.2us", "--exposure", "1202us", "-o", "recording.mkv")
+    exec(compile(code, "README.md", "exec"), {})
+    assert capsys.readouterr().out.count("\n") >= 4
+    for line in block.splitlines():
+        command = shlex.split(line, comments=True)
+        if command[:1] == ["ocisac"]:
+            facts(
+                *[
+                    str(path)
+                    for word in command[1:]
+                    for path in (sorted(tmp_path.glob("*.png")) if "*" in word else [word])
+                ]
+            )
 
 
 def test_info_names_what_a_report_needs(facts):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import click
 
 from ocisac_fast.cli.columns import frequency_waveform, one_channel
@@ -22,7 +24,8 @@ def calibrate(file: str, frequency: Quantity, picture: PictureOptions, as_json: 
     """
     from ocisac_fast import calibrate as measure
 
-    with open_pictures(file, picture) as pictures:
+    unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # what it is to find, and what it needs not
+    with open_pictures(file, unknown) as pictures:
         frames = next(pictures.batches())
     waveform = frequency_waveform(picture)
     columns, _ = one_channel(frames, pictures.camera, waveform)
