@@ -518,7 +518,7 @@ def test_a_truncated_video_is_measured_with_a_warning(run, square):
         (("nonsense",), "No such command 'nonsense'."),
         (("gain",), "Missing argument 'FILE'."),
         (("gain", "x.png"), "Missing option '--frequency'."),
-        (("gain", "x.png", "--frequency", "5", "--nonsense"), "No such option '--nonsense'."),
+        (("gain", "x.png", "--frequency", "5", "--nonsense"), "No such option"),
         (("gain", "missing.png", "--frequency", "5"), "missing.png: No such file or directory"),
         (("gain", ".", "--frequency", "5"), ".: Is a directory"),
         (("gain", "empty.png", "--frequency", "5"), "empty.png: empty file"),
@@ -562,6 +562,21 @@ def test_every_refusal_is_one_line_and_code_two(run, tmp_path, monkeypatch, argu
     assert (code, out, len(err)) == (2, [], 1)
     assert err[0].startswith(f"ocisac: {message}")
     assert sorted(os.listdir(tmp_path)) == ["empty.png", "grey.png", "half.png", "text.png"]
+
+
+def test_libraries_that_write_of_damage_are_silenced(tmp_path):
+    from PIL import Image
+
+    picture = np.random.default_rng(0).integers(0, 255, (50, 40), dtype=np.uint8)
+    Image.fromarray(picture).save(tmp_path / "lzw.tif", compression="tiff_lzw")
+    damaged = bytearray((tmp_path / "lzw.tif").read_bytes())
+    damaged[8:12] = b"\xff" * 4  # codes of the LZW stream
+    (tmp_path / "lzw.tif").write_bytes(damaged)
+    command = [sys.executable, "-m", "ocisac_fast.cli", "gain", tmp_path / "lzw.tif", "--frequency", "0.1"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"ocisac: {tmp_path / 'lzw.tif'}: truncated or damaged picture")
+    assert done.stderr.count("\n") == 1
 
 
 def test_help_is_quick_to_load():

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
+import os
 import re
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -129,6 +132,21 @@ def _stacked(frames: list[Frame]) -> Frame:
     return frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames)
 
 
+@contextlib.contextmanager
+def _silent_libraries() -> Iterator[None]:
+    """Standard error to nowhere: libtiff writes of a damaged picture there by itself, beside the one line of ours."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
 @dataclasses.dataclass
 class _Reader:
     """A context manager around a stream and the options that arrange its frames."""
@@ -138,7 +156,8 @@ class _Reader:
 
     def __enter__(self) -> OpenPictures:
         options = self.options
-        self._stream: RecordingStream = open_recording(self.path, colour=options.channel in _RED_GREEN_BLUE)
+        with _silent_libraries():
+            self._stream: RecordingStream = open_recording(self.path, colour=options.channel in _RED_GREEN_BLUE)
         try:
             response = self._stream.response
             frames = iter(self._stream)

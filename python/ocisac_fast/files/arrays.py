@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import tokenize
 from pathlib import Path
 from typing import BinaryIO
 
@@ -36,11 +37,11 @@ def _check_header(stream: BinaryIO, size: int) -> None:
         version = np.lib.format.read_magic(stream)
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = header(stream)
-    except ValueError as error:
-        raise FileError(f"damaged .npy file ({error})") from error
+    except (ValueError, SyntaxError, TypeError, OverflowError, tokenize.TokenError) as error:
+        raise FileError(f"damaged .npy file ({' '.join(str(error).split())})") from error
     if dtype.kind not in "buif":
         raise FileError(f"array of {dtype}, allowed: real numbers")
-    if math.prod(shape) == 0 or not 1 <= len(shape) <= 4:
+    if not 1 <= len(shape) <= 4 or min(shape) < 1:
         raise FileError(f"array of shape {shape}, allowed: [frames,] rows, columns [, channels], none of them 0")
     need = stream.tell() + math.prod(shape) * dtype.itemsize
     if need > size:

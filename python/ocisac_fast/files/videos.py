@@ -91,6 +91,9 @@ def _stream(av: Any, container: Any, file: Any, name: str, colour: bool) -> Reco
         raise FileError(_UNKNOWN)
     stream = container.streams.video[0]
     context = stream.codec_context
+    if context is None:  # a codec that this FFmpeg does not know
+        close()
+        raise FileError(_UNKNOWN)
     pixels = context.width * context.height
     if not 0 < pixels <= _MOST_PIXELS:
         close()
