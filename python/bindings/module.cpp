@@ -11,4 +11,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_equalize(module);
   ocisac::bindings::register_frequency(module);
   ocisac::bindings::register_receiver(module);
+  ocisac::bindings::register_projection(module);
 }

@@ -1,5 +1,5 @@
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -91,3 +91,13 @@ def pick_channel(
 def receive(
     channels: Sequence[npt.NDArray[Any]], camera: Camera, chip_rate: float | None
 ) -> list[tuple[int, int, int, str, float, float, float, float, Any, Any, Any, Any, int]]: ...
+
+class RowWeights:
+    def __init__(self, weights: npt.ArrayLike, rows: int, row_group: int, limbs: int) -> None: ...
+
+@overload
+def project(columns: npt.NDArray[Any], weights: RowWeights) -> tuple[Any, Any, Any]: ...
+@overload
+def project(columns: npt.NDArray[Any], weights: npt.ArrayLike, row_group: int, limbs: int) -> tuple[Any, Any, Any]: ...
+def read_bytes(array: npt.NDArray[np.uint8]) -> int: ...
+def force_simd_target(name: str) -> None: ...

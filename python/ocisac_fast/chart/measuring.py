@@ -1,0 +1,147 @@
+"""Time against reading, error against the Cramér-Rao bound, and who is beaten by whom."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import itertools
+import statistics
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+
+Bytes = npt.NDArray[np.uint8]
+
+POOL_BYTES = 96 << 20  # more than caches hold, so that every frame comes from memory
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Medians over pairs of calls taken in turn, so that drift of the machine cancels.
+
+    Attributes:
+        seconds: of one call.
+        ratio: to the yardstick called beside it.
+        pairs: how many.
+    """
+
+    seconds: float
+    ratio: float
+    pairs: int
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method in one panel.
+
+    Attributes:
+        panel: name of the panel.
+        method: name of the method.
+        family: markers and colours go by it.
+        series: methods joined by a line, or empty.
+        label: short text at the point where the panel labels its points.
+        precision: arithmetic, or empty.
+        cost: abscissa, in the panel's unit.
+        error: ordinate, in the panel's unit.
+        seconds: of one call.
+        problem: points of different problems are not compared.
+    """
+
+    panel: str
+    method: str
+    family: str
+    series: str
+    label: str
+    precision: str
+    cost: float
+    error: float
+    seconds: float
+    problem: str = ""
+
+
+def pool_of_frames(shape: tuple[int, int]) -> list[Bytes]:
+    """Frames of noise, together larger than the caches."""
+    random = np.random.default_rng(1)
+    first = random.integers(40, 200, shape, dtype=np.uint8)
+    return [np.roll(first, k) for k in range(max(2, -(-POOL_BYTES // first.size)))]
+
+
+def read_in_turn(
+    call: Callable[[Bytes], object], frames: Sequence[Bytes], seconds: float = 0.3, pairs: tuple[int, int] = (5, 80)
+) -> Timing:
+    """Times ``call`` and reading, each on another frame from memory, for about so many seconds."""
+    return in_turn(call, _core.read_bytes, frames, seconds, pairs)
+
+
+def in_turn(
+    call: Callable[[Any], object],
+    yardstick: Callable[[Any], object],
+    items: Sequence[Any],
+    seconds: float = 0.3,
+    pairs: tuple[int, int] = (5, 80),
+) -> Timing:
+    """Times two calls in turn, each time on the next item."""
+    following = itertools.cycle(items)
+    call(next(following))
+    yardstick(next(following))
+    times: list[float] = []
+    ratios: list[float] = []
+    end = time.perf_counter() + seconds
+    while len(times) < pairs[0] or (time.perf_counter() < end and len(times) < pairs[1]):
+        mine = _seconds(call, next(following))
+        other = _seconds(yardstick, next(following))
+        times.append(mine)
+        ratios.append(mine / other)
+    return Timing(statistics.median(times), statistics.median(ratios), len(times))
+
+
+def _seconds(call: Callable[[Any], object], item: Any) -> float:
+    began = time.perf_counter()
+    call(item)
+    return time.perf_counter() - began
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """Keeps NumPy's matrix product and OpenCV to one thread, where their controls are installed."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(ModuleNotFoundError):
+            stack.enter_context(importlib.import_module("threadpoolctl").threadpool_limits(1))
+        with contextlib.suppress(ModuleNotFoundError):
+            cv2 = importlib.import_module("cv2")
+            before = cv2.getNumThreads()
+            cv2.setNumThreads(1)
+            stack.callback(cv2.setNumThreads, before)
+        yield
+
+
+def root_mean_square(values: npt.ArrayLike) -> float:
+    """NaN where a value is."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
+
+
+def pareto_front(points: Sequence[Point]) -> list[Point]:
+    """The points that no other of the same problem beats in both, by problem and rising cost."""
+    front: list[Point] = []
+    for problem in dict.fromkeys(point.problem for point in points):
+        least = np.inf
+        for point in sorted((p for p in points if p.problem == problem), key=lambda p: (p.cost, p.error)):
+            if point.error < least:
+                front.append(point)
+                least = point.error
+    return front
+
+
+def beaten_by(point: Point, points: Sequence[Point], cost: float = 0.1, error: float = 0.03) -> Point | None:
+    """Another that is no slower and no less accurate, and clearly better in one: by more than the measure's spread."""
+    for other in points:
+        no_worse = other.problem == point.problem and other.cost <= point.cost and other.error <= point.error
+        if no_worse and (other.cost < (1.0 - cost) * point.cost or other.error < (1.0 - error) * point.error):
+            return other
+    return None
