@@ -60,6 +60,7 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
 }  // namespace
 
 void register_tone_gain(py::module_& module) {
+  module.def("flag_names", &flag_names, py::arg("flags"));
   module.def("tone_gain", &tone_gain_arrays, py::arg("columns"), py::arg("camera"), py::arg("frequencies"),
              py::arg("method"), py::arg("waveform"), py::arg("duty"), py::arg("background"), py::arg("efficiency"),
              py::arg("threads"), py::arg("pooled"));

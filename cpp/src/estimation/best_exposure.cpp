@@ -36,10 +36,7 @@ void check_tones(std::span<const double> frequencies, std::span<const double> we
 }
 
 std::string range_text(const char* before, double low, const char* between, double high) {
-  std::ostringstream text;
-  text.precision(17);
-  text << before << low << between << high;
-  return text.str();
+  return before + shortest_text(low) + between + shortest_text(high);
 }
 
 void check_domain(const ExposureDomain& domain) {

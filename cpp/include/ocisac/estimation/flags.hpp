@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 namespace ocisac {
 
@@ -24,5 +26,8 @@ inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no
 inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to be sure of the chip rate
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
 }  // namespace flag
+
+// The bits that are set, by name.
+std::vector<std::string> flag_names(Flags flags);
 
 }  // namespace ocisac
