@@ -57,38 +57,30 @@ class GainMethod:
 GAIN_METHODS: list[GainMethod] = []
 
 
-# Spectra: (rows, columns) light -> (bins, columns) complex of the given type.
+# Spectra: (rows, columns) light, zeros behind up to a length -> (bins, columns), the wanted bins of the whole spectrum.
 
 
-def _numpy_spectrum(light: Values, length: int) -> Values:
-    return np.fft.rfft(light, length, axis=0)
+def _numpy_spectrum(light: Values, length: int, bins: list[int]) -> Values:
+    return np.fft.rfft(light, length, axis=0)[bins]
 
 
-def _scipy_spectrum(light: Values, length: int) -> Values:
+def _scipy_spectrum(light: Values, length: int, bins: list[int]) -> Values:
     spectrum: Values = importlib.import_module("scipy.fft").rfft(light, length, axis=0)
-    return spectrum
+    return spectrum[bins]
 
 
-def _cv2_spectrum(light: Values, length: int) -> Values:
-    """Transposed and batched: one plan for all columns; CCS-packed, so taken apart here."""
+def _cv2_spectrum(light: Values, length: int, bins: list[int]) -> Values:
+    """Transposed and batched, so that one plan serves all columns; bins 1 ... of the CCS-packed result, or bin 0."""
     cv2 = importlib.import_module("cv2")
-    lying = cv2.transpose(light)
-    if length > lying.shape[1]:
-        lying = cv2.copyMakeBorder(lying, 0, 0, 0, length - lying.shape[1], cv2.BORDER_CONSTANT, value=0)
+    lying = cv2.copyMakeBorder(cv2.transpose(light), 0, 0, 0, length - light.shape[0], cv2.BORDER_CONSTANT, value=0)
     packed = cv2.dft(lying, flags=cv2.DFT_ROWS)
-    bins = np.empty((length // 2 + 1, packed.shape[0]), np.complex64)
-    bins[0] = packed[:, 0]
-    inner = packed[:, 1 : length - 1 + length % 2]
-    bins[1 : 1 + inner.shape[1] // 2] = inner[:, 0::2].T + 1j * inner[:, 1::2].T
-    if length % 2 == 0:
-        bins[-1] = packed[:, -1]
-    return bins
+    return np.stack([packed[:, 2 * k - 1] + 1j * packed[:, 2 * k] if k else packed[:, 0] + 0j for k in bins])
 
 
 @dataclass(frozen=True)
 class _Transform:
     name: str
-    spectrum: Callable[[Values, int], Values]
+    spectrum: Callable[[Values, int, list[int]], Values]
     dtype: FloatType
     needs: str = ""
 
@@ -109,8 +101,8 @@ def rounded_bin(transform: _Transform) -> Callable[[Scene], Estimator]:
         k = max(1, round(scene.cycles))
 
         def estimate(frame: Bytes) -> Any:
-            spectrum = transform.spectrum(frame.astype(transform.dtype), scene.rows)
-            return 2.0 * np.abs(spectrum[k]) / np.abs(spectrum[0]) / scene.ratio
+            mean, line = np.abs(transform.spectrum(frame.astype(transform.dtype), scene.rows, [0, k]))
+            return 2.0 * line / mean / scene.ratio
 
         return estimate
 
@@ -137,8 +129,8 @@ def windowed_bin(transform: _Transform, terms: tuple[float, ...]) -> Callable[[S
         def estimate(frame: Bytes) -> Any:
             light: Values = frame.astype(transform.dtype)
             mean = light.mean(axis=0)
-            spectrum = transform.spectrum((light - mean) * window, scene.rows)
-            return scale * np.abs(spectrum[k]) / mean
+            line = transform.spectrum((light - mean) * window, scene.rows, [k])[0]
+            return scale * np.abs(line) / mean
 
         return estimate
 
@@ -155,8 +147,8 @@ def zero_padded(transform: _Transform, times: int = 4) -> Callable[[Scene], Esti
         def estimate(frame: Bytes) -> Any:
             light: Values = frame.astype(transform.dtype)
             mean = light.mean(axis=0)
-            spectrum = transform.spectrum(light - mean, length)
-            return 2.0 / scene.rows * np.abs(spectrum[k]) / mean / scene.ratio
+            line = transform.spectrum(light - mean, length, [k])[0]
+            return 2.0 / scene.rows * np.abs(line) / mean / scene.ratio
 
         return estimate
 
@@ -174,8 +166,7 @@ def interpolated(transform: _Transform) -> Callable[[Scene], Estimator]:
         def estimate(frame: Bytes) -> Any:
             light: Values = frame.astype(transform.dtype)
             mean = light.mean(axis=0)
-            spectrum = transform.spectrum((light - mean) * window, scene.rows)
-            peak, next_to_it = np.abs(spectrum[k]), np.abs(spectrum[side])
+            peak, next_to_it = np.abs(transform.spectrum((light - mean) * window, scene.rows, [k, side]))
             ratio = next_to_it / peak
             offset = (2.0 * ratio - 1.0) / (ratio + 1.0)
             amplitude = 4.0 / scene.rows * peak * (1.0 - offset**2) / np.sinc(offset)

@@ -1,0 +1,297 @@
+#!/usr/bin/env python3
+# ruff: noqa: E402 (threads are limited before NumPy is imported)
+"""Gains at the speed of memory: the library's times against reading the frame, its peers, itself with other settings.
+
+Every figure is the median of ratios of two calls taken in turn, each time on other frames of a pool larger than the
+caches, so that drift of the machine cancels and frames come from memory. What is timed is checked first on the same
+frames. Limits are the project's aims for one thread, 1080x1920 bytes, one tone, all columns.
+
+usage: bench/speed.py [--json] [--chart FILE] [--check] [--quick]      peers: pip install -r bench/requirements.txt
+"""
+
+from __future__ import annotations
+
+import os
+
+for _library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):  # one thread; read when NumPy is imported
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+import argparse
+import dataclasses
+import functools
+import importlib.util
+import json
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from peers import PEERS
+
+from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, best_exposure, integrate_exposure, reference, tone_gain
+from ocisac_fast.chart.measuring import POOL_BYTES, in_turn
+
+ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
+CAMERA = Camera(ROW_TIME)
+SLOW, FAST = 12, 37  # cycles in the frame: f T_r = 0.011 (500 Hz) and 0.034
+FOUR = (12, 37, 61, 90)
+GAIN_TOLERANCE = 1e-3  # a standard error; weights of a cheaper plan see other noise
+
+
+@dataclasses.dataclass(frozen=True)
+class Figure:
+    """One measured ratio, with its limit where it has one."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    at_most: bool = True
+    milliseconds: float | None = None
+
+    @property
+    def reached(self) -> bool | None:
+        """None without a limit."""
+        if self.limit is None:
+            return None
+        return self.value <= self.limit if self.at_most else self.value >= self.limit
+
+
+@functools.cache
+def pool() -> np.ndarray:
+    """(frames, rows, columns) bytes: two tones on bins with noise; every frame has its columns elsewhere."""
+    random = np.random.default_rng(1)
+    phase = random.random(COLUMNS)
+    turns = np.arange(ROWS)[:, None] / ROWS
+    light = 100.0 + sum(40.0 * np.cos(2 * np.pi * (k * turns + phase)) for k in (SLOW, FAST))
+    frame = np.clip(np.rint(light + 2.0 * random.standard_normal(light.shape)), 0, 255).astype(np.uint8)
+    count = -(-POOL_BYTES // frame.size // 8) * 8
+    return np.stack([np.roll(frame, 40 * j, axis=1) for j in range(count)])
+
+
+def frequency(cycles: float) -> float:
+    """Hz of so many cycles in the frame."""
+    return cycles / (ROWS * ROW_TIME)
+
+
+def gains(cycles: Any, efficiency: float, threads: int = 1) -> Callable[[np.ndarray], np.ndarray]:
+    """The library's estimator."""
+    tones = frequency(np.asarray(cycles))
+    return lambda frames: tone_gain(frames, CAMERA, tones, efficiency=efficiency, threads=threads).gain
+
+
+@functools.cache
+def expected(cycles: Any) -> np.ndarray:
+    """Gain of the pool's first frame by the NumPy reference."""
+    return np.asarray(reference.tone_gain(pool()[0], CAMERA, frequency(np.asarray(cycles))).gain)
+
+
+def checked(call: Callable[[np.ndarray], np.ndarray], cycles: Any, name: str) -> Callable[[np.ndarray], np.ndarray]:
+    """The call, once its gains are those of the reference."""
+    worst = float(np.max(np.abs(call(pool()[0]) - expected(cycles))))
+    if not worst < GAIN_TOLERANCE:
+        raise SystemExit(f"speed.py: {name}: gain off by {worst:.2g}, allowed: {GAIN_TOLERANCE:g}; not timed")
+    return call
+
+
+def against_reading(seconds: float) -> Iterator[Figure]:
+    """Time of the library over that of reading."""
+    cases = [(SLOW, 0.99, 1.5), (FAST, 0.99, 2.5), (SLOW, 1.0, 2.5), (FAST, 1.0, 2.5), (211, 1.0, 2.5)]
+    for cycles, efficiency, limit in cases:
+        name = f"gain / reading, f·T_r = {cycles / ROWS:.3f}, efficiency {efficiency:g}"
+        timing = in_turn(checked(gains(cycles, efficiency), cycles, name), _core.read_bytes, pool(), seconds, (9, 400))
+        yield Figure(name, timing.ratio, "x", limit, milliseconds=1e3 * timing.seconds)
+
+
+def against_peers(seconds: float, missing: list[str]) -> Iterator[Figure]:
+    """Time of each peer over that of the library, in three settings."""
+    aims = {"cv2.dft batched float32": (25, 15), "scipy.fft.rfft float32": (25, 15), "numpy.fft.rfft": (70, 50)}
+    for name, (library, make) in PEERS.items():
+        if importlib.util.find_spec(library) is None:
+            missing.append(name)
+            continue
+        first, second = aims.get(name, (None, None))
+        for cycles, efficiency, limit in ((SLOW, 0.99, first), (FAST, 0.99, second), (FAST, 1.0, second)):
+            title = f"{name} / gain, f·T_r = {cycles / ROWS:.3f}, efficiency {efficiency:g}"
+            peer = checked(make(ROWS, COLUMNS, cycles), cycles, name)
+            own = checked(gains(cycles, efficiency), cycles, title)
+            timing = in_turn(peer, own, pool(), seconds, (9, 200))
+            yield Figure(title, timing.ratio, "x", limit, at_most=False, milliseconds=1e3 * timing.seconds)
+
+
+def four_tones(seconds: float) -> Iterator[Figure]:
+    """Four tones over one."""
+    for efficiency in (1.0, 0.99):
+        four = checked(gains(FOUR, efficiency), FOUR, "four tones")
+        timing = in_turn(four, checked(gains(SLOW, efficiency), SLOW, "one tone"), pool(), seconds, (9, 400))
+        name = f"four tones / one, efficiency {efficiency:g}"
+        yield Figure(name, timing.ratio, "x", 2.0, milliseconds=1e3 * timing.seconds)
+
+
+def two_threads(seconds: float) -> Iterator[Figure]:
+    """One thread over two where arithmetic is the limit, and two threads against reading with two where memory is."""
+    small = np.ascontiguousarray(pool()[:2])  # 4 MB: in the cache of the last level
+    one, two = gains(FOUR, 1.0), gains(FOUR, 1.0, threads=2)
+    if not np.array_equal(one(small), two(small), equal_nan=True):
+        raise SystemExit("speed.py: two threads: another result than one thread; not timed")
+    timing = in_turn(one, two, [small], seconds, (9, 400))
+    yield Figure("one thread / two, four tones at 1, frames in cache", timing.ratio, "x", 1.8, at_most=False)
+    stacks = list(pool().reshape(-1, 8, ROWS, COLUMNS))
+    with ThreadPoolExecutor(2) as workers:
+
+        def read(frames: np.ndarray) -> int:
+            return sum(workers.map(_core.read_bytes, (frames[:4], frames[4:])))
+
+        if read(stacks[0]) != int(stacks[0].sum(dtype=np.uint64)):
+            raise SystemExit("speed.py: reading with two threads: another sum; not timed")
+        both = gains(SLOW, 0.99, threads=2)
+        if not np.array_equal(both(stacks[0]), gains(SLOW, 0.99)(stacks[0])):
+            raise SystemExit("speed.py: two threads: another result than one thread; not timed")
+        timing = in_turn(both, read, stacks, seconds, (9, 200))
+        yield Figure("gain / reading, two threads each, frames from memory", timing.ratio, "x", 1.3)
+        lone = in_turn(_core.read_bytes, read, stacks, seconds, (9, 200))
+        yield Figure("reading with one thread / two", lone.ratio, "x")
+
+
+CHIP_LEVELS = np.random.default_rng(2).integers(0, 2, 1000).astype(float)
+
+
+def numpy_tone(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Mean of 1/2 + 1/2 cos(2 pi 500 t) between start and end."""
+    w = 2.0 * np.pi * 500.0
+    return 0.5 + 0.5 * (np.sin(w * end) - np.sin(w * start)) / (w * (end - start))
+
+
+def numpy_square(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Of a square wave of 500 Hz, duty 1/2, bright about t = 0."""
+
+    def bright(t: np.ndarray) -> np.ndarray:
+        cycles = 500.0 * t + 0.25
+        whole = np.floor(cycles)
+        return 0.5 * whole + np.minimum(cycles - whole, 0.5)
+
+    return (bright(end) - bright(start)) / (500.0 * (end - start))
+
+
+def numpy_chips(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Of 1000 chips at 8 kHz, repeated: sums of whole chips and a share of the last."""
+    sums = np.concatenate([[0.0], np.cumsum(CHIP_LEVELS)])
+
+    def light(t: np.ndarray) -> np.ndarray:
+        chips = 8e3 * t
+        whole = np.floor(chips)
+        turns, index = np.divmod(whole.astype(np.int64), CHIP_LEVELS.size)
+        return turns * sums[-1] + sums[index] + (chips - whole) * CHIP_LEVELS[index]
+
+    return (light(end) - light(start)) / (8e3 * (end - start))
+
+
+def integration(seconds: float) -> Iterator[Figure]:
+    """A frame of 1080x1920 exposures, every one at an instant of its own: NumPy over the library."""
+    exposure, frame_time = 1202e-6, 1.0 / 30.0
+    camera = Camera(ROW_TIME, exposure, frame_time)
+    out = np.empty((COLUMNS, ROWS))
+    cases = {
+        "tone": (Tone(500.0), numpy_tone),
+        "square wave": (SquareWave(500.0), numpy_square),
+        "chips": (Chips(CHIP_LEVELS, chip_rate=8e3, repeat=True), numpy_chips),
+    }
+    for name, (waveform, closed_form) in cases.items():
+
+        def plain(_: Any, closed_form: Any = closed_form) -> np.ndarray:
+            ends = np.arange(COLUMNS)[:, None] * frame_time + np.arange(ROWS) * ROW_TIME
+            return closed_form(ends - exposure, ends)
+
+        def own(_: Any, waveform: Any = waveform) -> np.ndarray:
+            return integrate_exposure(waveform, camera, ROWS, frames=COLUMNS, out=out)
+
+        worst = float(np.max(np.abs(own(None) - plain(None))))
+        if not worst < 1e-9:
+            raise SystemExit(f"speed.py: integration of {name}: off by {worst:.2g}, allowed: 1e-9; not timed")
+        timing = in_turn(plain, own, [None], seconds, (5, 100))
+        title = f"exposure integration, NumPy / library, {name}"
+        yield Figure(title, timing.ratio, "x", 10.0, at_most=False, milliseconds=1e3 * timing.seconds)
+
+
+def exposure_choice(seconds: float) -> Iterator[Figure]:
+    """Problems a second from Python arrays."""
+    random = np.random.default_rng(3)
+    f_comm, f_sense = random.uniform(100.0, 1000.0, (2, 100_000))
+    found = best_exposure(f_comm, f_sense)
+    few = slice(0, 50)
+    searched = best_exposure(f_comm[few], f_sense[few], "search", points=100_001)
+    objective, grid = np.asarray(found.objective)[few], np.asarray(searched.objective)
+    if not (np.all(objective >= grid - 1e-18) and np.all(objective <= grid * (1 + 1e-6))):
+        raise SystemExit("speed.py: best_exposure: not the maximum that a search finds; not timed")
+    timing = in_turn(lambda _: best_exposure(f_comm, f_sense), lambda _: None, [None], seconds, (5, 50))
+    yield Figure("best_exposure exact from arrays", 1e-6 * f_comm.size / timing.seconds, "M/s", 1.0, at_most=False)
+
+
+def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
+    """All figures."""
+    yield from against_reading(seconds)
+    yield from against_peers(seconds, missing)
+    yield from four_tones(seconds)
+    yield from two_threads(seconds)
+    yield from integration(seconds)
+    yield from exposure_choice(seconds)
+
+
+def print_table(figures: list[Figure], missing: list[str]) -> None:
+    """For people."""
+    width = max(len(figure.name) for figure in figures)
+    for f in figures:
+        limit = "" if f.limit is None else f"{'at most' if f.at_most else 'at least'} {f.limit:g}"
+        verdict = {None: "", True: "reached", False: "NOT REACHED"}[f.reached]
+        took = "" if f.milliseconds is None else f"{f.milliseconds:8.3f} ms"
+        print(f"{f.name:{width}}  {f.value:7.2f} {f.unit:3}  {took:11}  {limit:13}  {verdict}")
+    for name in missing:
+        print(f"{name}: not installed, left out")
+
+
+def draw(path: str, figures: list[Figure]) -> None:
+    """Bars of measured over limit, on a logarithmic scale: all that is reached ends on the good side of 1."""
+    from ocisac_fast.plots import BLACK, BLUE, RED, picture
+
+    shown = [figure for figure in figures if figure.limit is not None][::-1]
+    with picture(path, 10.0, 0.8 + 0.27 * len(shown)) as figure:
+        axes = figure.subplots()
+        margins = [f.limit / f.value if f.at_most else f.value / f.limit for f in shown if f.limit]
+        colours = [BLUE if f.reached else RED for f in shown]
+        axes.barh(range(len(shown)), [m - 1.0 for m in margins], left=1.0, color=colours, height=0.65)
+        for k, (f, margin) in enumerate(zip(shown, margins, strict=True)):
+            text = f" {f.value:.3g} ({'≤' if f.at_most else '≥'} {f.limit:g}) "
+            axes.text(margin, k, text, va="center", ha="left" if margin >= 1.0 else "right", fontsize=8)
+        axes.axvline(1.0, color=BLACK, lw=1.0)
+        axes.set_xscale("log")
+        axes.set_xlim(0.7 * min(*margins, 0.7), 1.6 * max(*margins, 1.4))
+        axes.set_yticks(range(len(shown)), [f.name for f in shown], fontsize=8)
+        axes.set_xlabel("times better than the limit (red: not reached)")
+
+
+def main() -> int:
+    """Exit code 1 with --check where a limit is not reached."""
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    parser.add_argument("--chart", metavar="FILE", help="a picture: .png, .pdf or .svg")
+    parser.add_argument("--check", action="store_true", help="exit code 1 where a limit is not reached")
+    parser.add_argument("--quick", action="store_true", help="short timings: to try it, not to quote it")
+    arguments = parser.parse_args()
+    missing: list[str] = []
+    before = os.getloadavg()[0]
+    figures = list(measure(0.02 if arguments.quick else 0.6, missing))
+    facts = {"simd_target": _core.simd_target(), "load_before": before, "load_after": os.getloadavg()[0]}
+    if arguments.json:
+        records = [{**dataclasses.asdict(figure), "reached": figure.reached} for figure in figures]
+        print(json.dumps({**facts, "missing": missing, "figures": records}, ensure_ascii=False))
+    else:
+        print_table(figures, missing)
+        print(", ".join(f"{name} {value}" for name, value in facts.items()))
+    if arguments.chart:
+        draw(arguments.chart, figures)
+    return 1 if arguments.check and any(figure.reached is False for figure in figures) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
