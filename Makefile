@@ -7,7 +7,7 @@ WERROR ?= OFF
 
 build := build/make
 bin := $(VENV)/bin
-python_sources := python tests scripts/requirements scripts/check-wheel
+python_sources := python tests scripts/requirements scripts/check-wheel scripts/compare_benchmarks bench
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
 # Folders as well: a source that comes or goes changes their time. And the log of commits: the build tells its commit.
 native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \

@@ -1,0 +1,88 @@
+// A small fixed set of work for counting instructions: instructions NAME runs one case once, without a name it lists
+// them.
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <numeric>
+#include <string>
+
+#include "frames.hpp"
+#include "ocisac/camera/integrate_exposure.hpp"
+#include "ocisac/estimation/best_exposure.hpp"
+#include "ocisac/estimation/equalize.hpp"
+#include "ocisac/estimation/tone_gain.hpp"
+
+namespace {
+
+constexpr std::size_t kColumns = 640;
+
+const ocisac::Camera kCamera{22.2e-6, 1202e-6, {}, {}};
+
+// Results are added up, so that nothing is left out and a wrong sum shows.
+template <class T>
+double total(const std::vector<T>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0);
+}
+
+ocisac::AnyFramesView frame() {
+  static const auto pixels = bench::noise<std::uint8_t>(bench::kRows * kColumns);
+  return ocisac::dense_view<const std::uint8_t>(pixels.data(), 1, bench::kRows, kColumns);
+}
+
+double project(std::size_t outputs, int row_group) {
+  return total(ocisac::project(frame(), 0, 0, kColumns, bench::row_weights(outputs, row_group, 1)).sums);
+}
+
+double gain(double efficiency, ocisac::WaveformShape waveform) {
+  ocisac::ToneGainOptions options;
+  options.efficiency = efficiency;
+  options.waveform = waveform;
+  const double frequency = 500;
+  return total(ocisac::tone_gain(frame(), kCamera, {&frequency, 1}, options).mean);
+}
+
+double integrate(const ocisac::Waveform& waveform) {
+  std::vector<std::int64_t> rows(bench::kRows);
+  std::iota(rows.begin(), rows.end(), 0);
+  std::vector<double> out(rows.size());
+  for (int start = 0; start < 100; ++start) ocisac::integrate_exposure(waveform, kCamera, rows, 1e-5 * start, 0, out);
+  return total(out);
+}
+
+double choose_exposures() {
+  double sum = 0;
+  for (int k = 1; k <= 2000; ++k) sum += ocisac::best_exposure_exact(500, 500.0 * k / 2000).exposure;
+  return sum;
+}
+
+double equalize() {
+  std::vector<double> out(bench::kRows * kColumns);
+  ocisac::equalize(frame(), {1.0, 7.3, {}, {}}, {}, ocisac::dense_view<double>(out.data(), 1, bench::kRows, kColumns));
+  return total(out);
+}
+
+const std::map<std::string, std::function<double()>> kCases{
+    {"nothing", [] { return total(bench::noise<std::uint8_t>(bench::kRows * kColumns)); }},  // start and input alone
+    {"project-3-D1", [] { return project(3, 1); }},
+    {"project-3-D4", [] { return project(3, 4); }},
+    {"project-9-D1", [] { return project(9, 1); }},
+    {"gain-tone-1", [] { return gain(1, ocisac::WaveformShape::tone); }},
+    {"gain-tone-0.99", [] { return gain(0.99, ocisac::WaveformShape::tone); }},
+    {"gain-square-1", [] { return gain(1, ocisac::WaveformShape::square); }},
+    {"integrate-tone", [] { return integrate(ocisac::Tone{500}); }},
+    {"integrate-square", [] { return integrate(ocisac::SquareWave{500}); }},
+    {"exposure-choice", choose_exposures},
+    {"equalize", equalize},
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc == 1) {
+    for (const auto& entry : kCases) std::puts(entry.first.c_str());
+    return 0;
+  }
+  const auto found = kCases.find(argv[1]);
+  if (found == kCases.end()) return 2;
+  std::printf("%.12g\n", found->second());
+}
