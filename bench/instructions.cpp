@@ -62,7 +62,6 @@ double equalize() {
 }
 
 const std::map<std::string, std::function<double()>> kCases{
-    {"nothing", [] { return total(bench::noise<std::uint8_t>(bench::kRows * kColumns)); }},  // start and input alone
     {"project-3-D1", [] { return project(3, 1); }},
     {"project-3-D4", [] { return project(3, 4); }},
     {"project-9-D1", [] { return project(9, 1); }},
@@ -77,6 +76,9 @@ const std::map<std::string, std::function<double()>> kCases{
 
 }  // namespace
 
+// What counts: valgrind --tool=callgrind --toggle-collect=run_measured
+extern "C" __attribute__((noinline)) double run_measured(const std::function<double()>& work) { return work(); }
+
 int main(int argc, char** argv) {
   if (argc == 1) {
     for (const auto& entry : kCases) std::puts(entry.first.c_str());
@@ -84,5 +86,6 @@ int main(int argc, char** argv) {
   }
   const auto found = kCases.find(argv[1]);
   if (found == kCases.end()) return 2;
-  std::printf("%.12g\n", found->second());
+  frame();  // made before the count begins
+  std::printf("%.12g\n", run_measured(found->second));
 }

@@ -265,7 +265,7 @@ def draw(path: str, figures: list[Figure]) -> None:
             axes.text(margin, k, text, va="center", ha="left" if margin >= 1.0 else "right", fontsize=8)
         axes.axvline(1.0, color=BLACK, lw=1.0)
         axes.set_xscale("log")
-        axes.set_xlim(0.7 * min(*margins, 0.7), 1.6 * max(*margins, 1.4))
+        axes.set_xlim(0.4 * min(*margins, 0.9), 1.6 * max(*margins, 1.4))
         axes.set_yticks(range(len(shown)), [f.name for f in shown], fontsize=8)
         axes.set_xlabel("times better than the limit (red: not reached)")
 

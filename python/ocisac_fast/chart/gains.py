@@ -38,20 +38,30 @@ def measure_gains(scene: Scene, effort: Effort, progress: Progress) -> list[Poin
             estimate = method.prepare(smaller)
             error = root_mean_square([estimate(frame) - scene.gain for frame in frames]) / bound
             timing = _timing(method, scene, effort.seconds)
-            points.append(
-                Point(
-                    scene.name,
-                    method.name,
-                    method.family,
-                    method.series,
-                    str(method.row_group) if method.series else "",
-                    method.precision,
-                    timing.ratio,
-                    error,
-                    timing.seconds,
-                )
-            )
+            about = (method.family, method.series, method.label, method.precision)
+            points.append(Point(scene.name, method.name, *about, timing.ratio, error, timing.seconds))
         progress(f"{scene.title}: {method.name}")
+    return points
+
+
+_FAST_TONE = Scene("rows-added", "", 65.3)
+_GROUPED = [m for m in GAIN_METHODS if m.family == "fit" and ", D=" in m.name]
+
+
+def measure_rows_added(effort: Effort, progress: Progress) -> list[Point]:
+    """The fit at a frequency where adding rows costs accuracy, on the same frames; off any bin."""
+    bound = _FAST_TONE.bound()
+    smaller = dataclasses.replace(_FAST_TONE, columns=effort.columns)
+    frames = list(smaller.frames(2 * effort.frames))
+    points = []
+    for method in _GROUPED:
+        estimate = method.prepare(smaller)
+        error = root_mean_square([estimate(frame) - smaller.gain for frame in frames]) / bound
+        timing = _timing(method, _FAST_TONE, effort.seconds)
+        series = method.series.removeprefix("fit, ")
+        about = (series, series, f"{method.row_group}", method.precision)
+        points.append(Point("rows-added", method.name, *about, timing.ratio, error, timing.seconds))
+        progress(method.name)
     return points
 
 
@@ -66,6 +76,14 @@ def _register() -> None:
             labelled=False,
             limits=True,
         )(functools.partial(measure_gains, scene))
+
+    panel(
+        "rows-added",
+        "Rows added: D = 1, 2, 4, 8 (f·T_r = 0.06)",
+        "time per frame / time of reading it",
+        "RMS error / Cramér-Rao bound",
+        steps=len(_GROUPED),
+    )(measure_rows_added)
 
 
 _register()

@@ -37,6 +37,7 @@ class GainMethod:
         row_group: D, rows added before the multiplication.
         timed_per_scene: False where the time does not depend on the frequency.
         needs: library that must be installed, or empty.
+        label: text at the point in the chart, or empty.
     """
 
     name: str
@@ -47,6 +48,7 @@ class GainMethod:
     row_group: int = 1
     timed_per_scene: bool = False
     needs: str = ""
+    label: str = ""
 
     @property
     def installed(self) -> bool:
@@ -288,7 +290,8 @@ def _register() -> None:
             kind = "fit with harmonics" if harmonics else "fit"
             name = f"{kind}, tone_gain(efficiency={efficiency:g})"
             prepare = by_library(efficiency, harmonics)
-            method = GainMethod(name, kind, "integer", prepare, f"{kind}, tone_gain", 1, True)
+            label = "tone_gain" if harmonics and efficiency < 1.0 else ""
+            method = GainMethod(name, kind, "integer", prepare, f"{kind}, tone_gain", 1, True, label=label)
             GAIN_METHODS.append(method)
 
 
