@@ -545,6 +545,10 @@ def test_a_truncated_video_is_measured_with_a_warning(run, square):
         (("gain", "grey.png", "--frequency", "0.1", "--dark-level", "nan"), "dark_level: got nan"),
         (("gain", "grey.png", "--frequency", "0.1", "--scan-axis", "z"), "Invalid value for '--scan-axis'"),
         (("gain", "grey.png", "--frequency", "0.1", "--plot", "p.txt"), "p.txt: suffix: got '.txt', allowed: .png"),
+        (
+            ("gain", "grey.png", "--frequency", "0.1", "--plot", "nowhere/p.png"),
+            "nowhere: no such directory to write to",
+        ),
         (("receive",), "Missing argument 'FILE...'."),
         (("receive", "grey.png", "--chip-rate", "1kHz"), "--chip-rate: Hz needs --row-time"),
         (("exposure", "--comm", "500"), "Missing option '--sense'."),
