@@ -1,19 +1,47 @@
 """The same functions in plain NumPy, for checking the C++ core: slow, short and close to the equations."""
 
-from ocisac_fast.reference.equalization import equalize
+from ocisac_fast.camera import Camera
+from ocisac_fast.equalization import EqualizerReport
+from ocisac_fast.exposure_choice import BestExposure
+from ocisac_fast.flags import Flag
+from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
+from ocisac_fast.gain import ToneGain
+from ocisac_fast.receiver import Received
+from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
+from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 
 __all__ = [
+    "BestExposure",
+    "Calibration",
+    "Camera",
+    "Chips",
+    "Constant",
+    "EqualizerReport",
+    "Flag",
+    "FoundFrequency",
+    "Product",
+    "Received",
+    "Samples",
+    "SquareWave",
+    "Sum",
+    "Tone",
+    "ToneColumns",
+    "ToneGain",
+    "Waveform",
     "best_exposure",
     "calibrate",
     "equalize",
     "exposure_objective",
+    "exposure_response",
     "find_frequency",
     "integrate_exposure",
+    "lost_frequencies",
     "pick_channel",
     "receive",
     "sample_waveform",
