@@ -1,0 +1,44 @@
+"""The peers of bench/speed.py give the right gain, and its report is what it says."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCH = Path(__file__).parents[1] / "bench"
+
+spec = importlib.util.spec_from_file_location("peers", BENCH / "peers.py")
+assert spec is not None
+assert spec.loader is not None
+peers = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(peers)
+
+
+@pytest.mark.parametrize("name", peers.PEERS)
+@pytest.mark.parametrize("columns", [64, 70])
+def test_peers_are_the_fourier_sum_of_the_frame(name, columns):
+    library, make = peers.PEERS[name]
+    if importlib.util.find_spec(library) is None:
+        pytest.skip(library)
+    turns = np.arange(240)[:, None] / 240 * 6 + np.linspace(0.0, 1.0, columns)
+    frame = np.rint(120.0 + 60.0 * np.cos(2.0 * np.pi * turns)).astype(np.uint8)
+    line = np.exp(-2j * np.pi * 6 * np.arange(240) / 240) @ frame
+    expected = 2.0 * np.abs(line) / frame.sum(axis=0, dtype=np.float64)
+    np.testing.assert_allclose(make(240, columns, 6)(frame), expected, atol=2e-5)
+
+
+@pytest.mark.nightly
+def test_speed_reports_every_figure():
+    command = [sys.executable, str(BENCH / "speed.py"), "--quick", "--json"]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout)
+    names = [figure["name"] for figure in report["figures"]]
+    assert len(set(names)) == len(names) >= 15
+    assert all(figure["value"] > 0.0 for figure in report["figures"])
