@@ -126,6 +126,58 @@ def test_threads_do_not_change_a_bit():
         np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
 
 
+@pytest.mark.parametrize("frequency", [500.0, 0.034 / ROW_TIME])
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32", "float64"])
+@pytest.mark.parametrize("efficiency", [0.999999, 0.99, 0.9, 0.5])
+def test_efficiency_is_kept_without_bias(frequency, dtype, efficiency):
+    """Rows are added first: variance grows by no more than was allowed, and is told."""
+    rows, trials = 1083, 3000
+    pixels = np.rint(tone_columns(rows, frequency * ROW_TIME, trials, noise=2.0)).astype(dtype)
+    camera = Camera(ROW_TIME, 1e-4, dark_level=3)
+    full = ocisac.tone_gain(pixels, camera, frequency)
+    fast = ocisac.tone_gain(pixels, camera, frequency, efficiency=efficiency)
+    spread = fast.gain.std()
+    assert (full.gain.std() / spread) ** 2 > efficiency - 0.03
+    difference = fast.gain - full.gain
+    assert abs(difference.mean()) < 5 * difference.std() / np.sqrt(trials) + 1e-8
+    assert fast.gain_std.mean() == pytest.approx(spread, rel=0.06)
+    np.testing.assert_allclose(fast.mean, full.mean, atol=2e-2)
+    np.testing.assert_allclose(fast.phase, full.phase, atol=2e-2)
+    np.testing.assert_array_equal(fast.flags, full.flags)
+
+
+def test_where_no_rows_may_be_added_the_streaming_fit_is_the_full_one():
+    pixels = tone_columns(720, 0.1, 50)
+    full, fast = (ocisac.tone_gain(pixels, Camera(1.0), [0.1, 0.237], efficiency=e) for e in (1.0, 0.999999))
+    for name in FIELDS:
+        np.testing.assert_allclose(getattr(fast, name), getattr(full, name), rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(fast.flags, full.flags)
+
+
+def test_streaming_takes_any_view_and_any_number_of_threads():
+    pixels = np.rint(tone_columns(2 * 720, 0.005, 4500)).astype(np.uint8)
+    view = np.stack([pixels, pixels[::-1]])[:, ::-2, ::2]
+    one, four = (ocisac.tone_gain(view, Camera(1.0), 0.01, efficiency=0.9, threads=n) for n in (1, 4))
+    want = ocisac.tone_gain(view.copy(), Camera(1.0), 0.01, efficiency=0.9)
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
+        np.testing.assert_array_equal(getattr(one, name), getattr(want, name))
+
+
+def test_streaming_flags_what_cannot_be_told():
+    camera = Camera(1.0)
+    dark = ocisac.tone_gain(np.zeros((100, 2), np.uint8), camera, 0.1, efficiency=0.9)
+    assert np.isnan(dark.gain).all()
+    assert (dark.flags == Flag.NO_LIGHT).all()
+    bright = ocisac.tone_gain(np.full((100, 2), 255, np.uint8), camera, 0.1, efficiency=0.9)
+    assert (bright.flags == Flag.SATURATED | Flag.WEAK).all()
+    for frequency, rows in ((0.5, 100), (1.0, 100), (0.3, 3), (0.3, 1)):
+        answer = ocisac.tone_gain(tone_columns(rows, 0.1, 2), camera, frequency, efficiency=0.9)
+        assert np.isnan(answer.gain).all()
+    with pytest.raises(ValueError, match="columns: got nan"):
+        ocisac.tone_gain(np.full((100, 2), np.nan), camera, 0.1, efficiency=0.9)
+
+
 def test_read_only_strided_views_are_taken():
     pixels = tone_columns(300, 0.02, 6).astype(np.uint8)
     pixels.setflags(write=False)
@@ -162,6 +214,9 @@ def test_what_cannot_be_told_is_nan_and_flagged(method):
         assert Flag.UNRESOLVABLE in Flag(int(result.flags))
     for rows in (1, 2, 3):
         assert np.isnan(ocisac.tone_gain(column[:rows], Camera(1.0), 0.3, method=method).gain)
+    steady = ocisac.tone_gain(np.full(100, 77.7), Camera(1.0), 0.1, method=method)
+    assert steady.gain < 1e-9
+    assert Flag.WEAK in Flag(int(steady.flags))
     constant = ocisac.tone_gain(np.zeros(100), Camera(1.0), 0.1, method=method)
     assert Flag.NO_LIGHT in Flag(int(constant.flags))
 

@@ -19,13 +19,13 @@ constexpr double two_pi = 2 * std::numbers::pi;
 std::vector<double> toned(std::size_t rows, std::size_t columns, double frequency, double noise,
                           double phase_step = 0) {
   std::mt19937 random(1);
-  std::normal_distribution<double> normal(0, noise);
+  std::normal_distribution<double> normal;
   std::vector<double> pixels;
   for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t k = 0; k < columns; ++k)
       pixels.push_back(10 +
                        std::cos(two_pi * frequency * static_cast<double>(n) + phase_step * static_cast<double>(k)) +
-                       (noise > 0 ? normal(random) : 0));
+                       noise * normal(random));
   return pixels;
 }
 

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <string>
 
+#include "estimation/streaming_fit.hpp"
 #include "ocisac/camera/exposure_response.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/estimation/harmonic_model.hpp"
@@ -22,10 +23,12 @@ namespace {
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kNearNull = 0.05;            // |sinc| below which a gain is called near a null
-constexpr double kWeak = 3;                   // standard errors
-constexpr double kOffBin = 0.01;              // bins
-constexpr std::size_t kColumnsPerBlock = 64;  // a fixed size, so that results do not depend on the threads
+constexpr double kNearNull = 0.05;  // |sinc| below which a gain is called near a null
+constexpr double kWeak = 3;         // standard errors
+constexpr double kOffBin = 0.01;    // bins
+constexpr double kRounding = 1e-9;  // contrast below which a steady column differs from 0 by rounding alone
+constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory is read best along rows
+constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
 
 // What a column says of one tone, on the way to the gain: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
 struct Estimate {
@@ -92,7 +95,8 @@ void write_result(const Context& context, const Tone& tone, const Estimate& esti
   const double tangential = noise * (share_sine * estimate.variance_cosine + share_cosine * estimate.variance_sine);
   // Noise across the phasor lengthens it: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
   const double amplitude = std::sqrt(std::max(power - tangential, 0.0));
-  if (power < kWeak * kWeak * radial || power == 0) flags |= flag::weak;
+  const double rounding = kRounding * mean;
+  if (power < kWeak * kWeak * radial || power <= rounding * rounding) flags |= flag::weak;
   const double contrast = amplitude / mean;
   const double covariance =
       noise * estimate.covariance_mean_cosine * std::copysign(std::sqrt(share_cosine), estimate.cosine);
@@ -199,6 +203,13 @@ class DftEstimator final : public Estimator {
   std::vector<Bin> bins_;
 };
 
+// Row 0 lies `middle` rows before the point that a fit counts its phase from.
+void count_phase_from(Tone& tone, double middle, Flags flags) {
+  const Phasor turn = phasor(tone.cycles_per_row, -middle);
+  tone.phase_at_zero += std::atan2(turn.sine, turn.cosine);
+  tone.flags |= flags;
+}
+
 std::unique_ptr<Estimator> fit_estimator(Context& context) {
   const auto& options = *context.options;
   std::vector<ModelTone> model_tones;
@@ -209,13 +220,8 @@ std::unique_ptr<Estimator> fit_estimator(Context& context) {
   }
   auto model = harmonic_model(context.shape.rows, model_tones);
   const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
-  for (std::size_t k = 0; k < context.tones.size(); ++k) {
-    Tone& tone = context.tones[k];
-    tone.flags |= model.tone_flags[k];
-    // Row 0 lies `middle` rows before the point that the fit counts its phase from.
-    const Phasor turn = phasor(tone.cycles_per_row, -middle);
-    tone.phase_at_zero += std::atan2(turn.sine, turn.cosine);
-  }
+  for (std::size_t k = 0; k < context.tones.size(); ++k)
+    count_phase_from(context.tones[k], middle, model.tone_flags[k]);
   return std::make_unique<FitEstimator>(std::move(model));
 }
 
@@ -265,6 +271,50 @@ ToneGain empty_result(std::size_t tones, std::size_t frames, std::size_t columns
   const std::size_t size = tones * frames * columns;
   const std::vector<double> values(size);
   return {tones, frames, columns, values, values, values, values, values, std::vector<Flags>(size)};
+}
+
+// Whether the pass over the pixels themselves may replace that over signals of linear light in float64.
+bool may_stream(const Context& context) {
+  const auto& options = *context.options;
+  return options.efficiency < 1 && options.method == GainMethod::fit && options.waveform == WaveformShape::tone &&
+         context.camera->tone_curve.kind == ToneCurve::Kind::linear;
+}
+
+StreamingFit streaming_fit(Context& context) {
+  std::vector<double> cycles;
+  for (const Tone& tone : context.tones) cycles.push_back(tone.cycles_per_row);
+  StreamingFit fit(context.shape.rows, cycles, context.options->efficiency);
+  for (std::size_t k = 0; k < context.tones.size(); ++k) count_phase_from(context.tones[k], fit.middle(), fit.flags(k));
+  return fit;
+}
+
+void stream_gains(const AnyFramesView& frames, Context& context, ToneGain& result) {
+  const StreamingFit fit = streaming_fit(context);
+  const auto [frame_count, rows, columns] = context.shape;
+  const double level = saturation_level(frames, context.camera->tone_curve);
+  const std::size_t blocks = (columns + kColumnsPerStream - 1) / kColumnsPerStream;
+  for_each_block(frame_count * blocks, context.options->threads, [&](std::size_t block) {
+    const std::size_t frame = block / blocks;
+    const std::size_t first = block % blocks * kColumnsPerStream;
+    const std::size_t count = std::min(kColumnsPerStream, context.shape.columns - first);
+    const auto estimates = fit.estimate(frames, frame, first, count);
+    for (std::size_t k = 0; k < context.tones.size(); ++k)
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::size_t a = 2 * k + 1;
+        const Estimate estimate{estimates.parameters[i] - context.camera->tone_curve.dark_level,
+                                estimates.parameters[a * count + i],
+                                estimates.parameters[(a + 1) * count + i],
+                                estimates.noise_variance[i],
+                                fit.covariance(0, 0),
+                                fit.covariance(a, a),
+                                fit.covariance(a + 1, a + 1),
+                                fit.covariance(0, a)};
+        const Flags flags = context.tones[k].flags | (estimates.maximum[i] >= level ? flag::saturated : 0);
+        const std::size_t index = (k * context.shape.frames + frame) * context.shape.columns + first + i;
+        write_result(context, context.tones[k], estimate, background_of(context, frame, first + i), flags, index,
+                     result);
+      }
+  });
 }
 
 std::unique_ptr<Estimator> make_estimator(Context& context) {
@@ -337,9 +387,13 @@ double full_depth_ratio(WaveformShape waveform, double duty) {
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                    const ToneGainOptions& options) {
   Context context = make_context(frames, camera, frequencies, options);
-  const auto estimator = make_estimator(context);
   const auto [frame_count, rows, columns] = context.shape;
   ToneGain result = empty_result(frequencies.size(), frame_count, columns);
+  if (may_stream(context)) {
+    stream_gains(frames, context, result);
+    return result;
+  }
+  const auto estimator = make_estimator(context);
   const double level = saturation_level(frames, camera.tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
   for_each_block(frame_count * blocks, options.threads, [&](std::size_t block) {

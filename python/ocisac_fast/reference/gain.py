@@ -187,6 +187,6 @@ def _gain(
     masks[saturated] |= np.uint32(Flag.SATURATED)
     masks[~(mean > 0)] |= np.uint32(Flag.NO_LIGHT)
     unknown = (masks & np.uint32(Flag.UNRESOLVABLE | Flag.NO_LIGHT)) != 0
-    masks[~unknown & ((power < 9 * radial) | (power == 0))] |= np.uint32(Flag.WEAK)
+    masks[~unknown & ((power < 9 * radial) | (power <= (1e-9 * mean) ** 2))] |= np.uint32(Flag.WEAK)
     values = [np.where(unknown, np.nan, x) for x in (gain, std, phase)]
     return (*values, mean, np.where(unknown, np.nan, snr), masks)

@@ -1,0 +1,50 @@
+// Least squares of mean + tones in one streaming pass over the pixels, with rows added first where that costs little.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "ocisac/estimation/flags.hpp"
+#include "ocisac/estimation/projection.hpp"
+#include "ocisac/views.hpp"
+
+namespace ocisac {
+
+// Adding D neighbouring rows is a box filter, which leaves a tone a tone: amplitude times
+// g = sin(πνD)/(D·sin(πν)), ν = f·T_r. The fit of the sums knows g, so the estimate stays unbiased and only its
+// variance grows. For a row n the model is c + a·cos(2πν(n − middle)) + b·sin(2πν(n − middle)).
+class StreamingFit {
+ public:
+  // Takes the largest D of 8, 4, 2, 1 that keeps the share `efficiency` of what the fit of all rows reaches, for every
+  // tone: ratio of the variances of the amplitude.
+  StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency);
+
+  struct Columns {
+    std::vector<double> parameters;      // (1 + 2·tones, count): c, a_1, b_1, …, in DN as stored
+    std::vector<double> noise_variance;  // (count), of one row
+    std::vector<double> maximum;         // (count)
+  };
+  [[nodiscard]] Columns estimate(const AnyFramesView& frames, std::size_t frame, std::size_t first,
+                                 std::size_t count) const;
+
+  // Of the parameters, for rows with noise of variance 1.
+  [[nodiscard]] double covariance(std::size_t i, std::size_t j) const { return covariance_[i * estimates_ + j]; }
+  [[nodiscard]] double middle() const { return middle_; }  // row, fractional
+  [[nodiscard]] Flags flags(std::size_t tone) const { return flags_[tone]; }
+
+ private:
+  struct Candidate;
+  static Candidate candidate(std::size_t rows, std::span<const double> cycles_per_row, int row_group);
+
+  std::size_t estimates_;
+  double middle_;
+  double freedom_;                  // degrees of freedom of the noise times D: squares of sums → variance of a row
+  std::vector<Flags> flags_;        // of the tones
+  std::vector<double> covariance_;  // (estimates × estimates)
+  std::vector<double> gram_;        // (estimates × estimates): AᵀA of the design A of the sums
+  std::vector<double> unbias_;      // (estimates × estimates): takes back what rounding the weights to integers did
+  RowWeights weights_;
+};
+
+}  // namespace ocisac
