@@ -23,12 +23,13 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test chart nightly lint format clean build cpp-build cpp-test packages
+.PHONY: help demo test chart limits nightly lint format clean build cpp-build cpp-test packages
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
 	@echo 'make test      all tests: C++, then Python (installs what is missing)'
 	@echo 'make chart     speed against accuracy of every method: docs/chart.png, docs/chart.csv, docs/accuracy.md'
+	@echo 'make limits    where methods fail, and what the library does there: docs/limits.png, docs/limits.md'
 	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
 	@echo 'make lint      ruff, mypy, stubtest, clang-format, clang-tidy'
 	@echo 'make format    formats C++ and Python'
@@ -45,6 +46,9 @@ test: cpp-test $(VENV)/.requirements-test
 
 chart: build $(VENV)/.requirements-chart
 	@$(bin)/ocisac chart --directory docs --text docs/accuracy.md
+
+limits: build $(VENV)/.requirements-chart
+	@$(bin)/ocisac limits --directory docs --text docs/limits.md
 
 nightly: cpp-test $(VENV)/.requirements-test
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'

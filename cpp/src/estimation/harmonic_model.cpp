@@ -20,9 +20,11 @@ using Eigen::VectorXd;
 constexpr double kIllConditioned = 1e6;  // condition number from which on an answer has lost its meaning in noise
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// A tone is lost where its sines or cosines vanish on every row: at multiples of half the row rate.
+// A tone is lost where its sines or cosines vanish on every row: at multiples of half the row rate, but for the
+// rounding of f·T_r.
 bool at_multiple_of_half_row_rate(double cycles_per_row) {
-  return 2 * cycles_per_row == std::nearbyint(2 * cycles_per_row);
+  const double halves = 2 * cycles_per_row;
+  return std::abs(halves - std::nearbyint(halves)) <= 4 * std::numeric_limits<double>::epsilon() * halves;
 }
 
 Flags frequency_flags(double cycles_per_row, std::size_t rows) {

@@ -49,10 +49,10 @@ def draw(path: str | os.PathLike[str], measured: Sequence[tuple[Panel, Sequence[
             axes.set_axis_off()
         _draw_legend(figure, grid[len(measured) :], measured)
     if str(path).lower().endswith(".png"):
-        _shrink(path)
+        shrink(path)
 
 
-def _shrink(path: str | os.PathLike[str]) -> None:
+def shrink(path: str | os.PathLike[str]) -> None:
     """Keeps 256 colours, which the eye does not miss in lines and markers."""
     from PIL import Image
 

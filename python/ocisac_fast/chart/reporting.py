@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ocisac_fast.chart.measuring import Point, beaten_by, pareto_front
@@ -49,19 +49,30 @@ def update_text(path: str | os.PathLike[str], measured: Measured, setting: str) 
     Raises:
         ValueError: a marker of an unknown name, or none at all.
     """
-    text = Path(path).read_text(encoding="utf-8")
     blocks = {"setting": setting, "fit": place_of_the_fit(measured)}
     blocks.update({panel.name: points_table(panel, points) for panel, points in measured})
+    fill_markers(path, "chart", blocks)
+
+
+def fill_markers(path: str | os.PathLike[str], kind: str, blocks: Mapping[str, str]) -> None:
+    """Puts every block between ``<!-- KIND: NAME -->`` and ``<!-- KIND: end -->``.
+
+    Raises:
+        ValueError: a marker of an unknown name, or none at all.
+    """
+    text = Path(path).read_text(encoding="utf-8")
 
     def filled(match: re.Match[str]) -> str:
         name = match[1]
         if name not in blocks:
             raise ValueError(f"{os.fspath(path)}: marker: got {name!r}, allowed: {', '.join(blocks)}")
-        return f"<!-- chart: {name} -->\n{blocks[name]}\n<!-- chart: end -->"
+        return f"<!-- {kind}: {name} -->\n{blocks[name]}\n<!-- {kind}: end -->"
 
-    result, found = re.subn(r"<!-- chart: ([\w-]+) -->\n.*?<!-- chart: end -->", filled, text, flags=re.DOTALL)
+    pattern = rf"<!-- {kind}: ([\w-]+) -->\n.*?<!-- {kind}: end -->"
+    result, found = re.subn(pattern, filled, text, flags=re.DOTALL)
     if not found:
-        raise ValueError(f"{os.fspath(path)}: got no marker, allowed: '<!-- chart: NAME -->' ... '<!-- chart: end -->'")
+        allowed = f"'<!-- {kind}: NAME -->' ... '<!-- {kind}: end -->'"
+        raise ValueError(f"{os.fspath(path)}: got no marker, allowed: {allowed}")
     with atomic_path(path) as temporary:
         Path(temporary).write_text(result, encoding="utf-8")
 

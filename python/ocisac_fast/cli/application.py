@@ -19,6 +19,7 @@ _COMMANDS = {
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",
     "chart": "Speed against accuracy of every method.",
+    "limits": "Where methods fail, and what the library does there.",
 }
 
 

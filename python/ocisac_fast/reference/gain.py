@@ -93,6 +93,11 @@ def _phase(cycles_per_row: float, rows: npt.ArrayLike) -> FloatArray:
     return np.asarray(2 * np.pi * (cycles - np.rint(cycles)).astype(np.float64))
 
 
+def _at_half_row_rate(c: float) -> bool:
+    """At a multiple of half the row rate, but for the rounding of f T_r."""
+    return bool(abs(2 * c - np.rint(2 * c)) <= 8 * np.finfo(float).eps * c)
+
+
 def _fit(frame: FloatArray, cycles: FloatArray, harmonics_of: Any) -> Any:
     """For each tone: (mean, a, b, noise variance, unit covariance of them), with y = mean + a cos + b sin at row 0."""
     rows = frame.shape[0]
@@ -103,7 +108,7 @@ def _fit(frame: FloatArray, cycles: FloatArray, harmonics_of: Any) -> Any:
             flags[k] |= Flag.FEW_CYCLES
         if c > 0.5:
             flags[k] |= Flag.ALIASED
-        if 2 * c == np.rint(2 * c) or rows <= 1 + 2 * len(cycles):
+        if _at_half_row_rate(c) or rows <= 1 + 2 * len(cycles):
             flags[k] |= Flag.UNRESOLVABLE
             continue
         fundamentals.append((k, c))
@@ -111,7 +116,7 @@ def _fit(frame: FloatArray, cycles: FloatArray, harmonics_of: Any) -> Any:
     used = list(fundamentals)
     for k, c in sorted(harmonics, key=lambda pair: pair[1]):
         taken = any(abs(c - other) < 0.25 / rows for _, other in used)
-        if taken or 2 * (2 * len(used) + 3) > rows + 2 or 2 * c == np.rint(2 * c):
+        if taken or 2 * (2 * len(used) + 3) > rows + 2 or _at_half_row_rate(c):
             flags[k] |= Flag.HARMONICS_DROPPED
         else:
             used.append((k, c))

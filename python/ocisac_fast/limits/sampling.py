@@ -1,0 +1,178 @@
+"""Limits of frequency and sampling: nulls, few cycles, aliases, bins, neighbours, drift, gradient."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.chart.scenes import Float64s, Scene
+from ocisac_fast.flags import Flag
+from ocisac_fast.gain import tone_gain
+from ocisac_fast.limits.catalogue import Point, compared, limit
+from ocisac_fast.limits.plain_methods import fitted_gain, peak_frequency, rounded_bin_gain, transform_gain
+
+_BASE = Scene("limits", "", 12.0, rows=720, columns=200)
+
+
+def _frame(scene: Scene) -> npt.NDArray[np.uint8]:
+    return next(scene.frames(1))
+
+
+@limit(
+    "null-gain",
+    "Sinc null: gain",
+    sweep="distance of f·T_e from 1",
+    error="RMS error of the depth",
+    plain="Fourier sum over |sinc(f·T_e)|, to get the depth of the light",
+    why="Around whole f·T_e the exposure averages the tone away; what is left in the sum is noise, and the division "
+    "blows it up.",
+    then="Tells the noise's share and takes it out of the magnitude; NEAR_NULL below |sinc| = 0.05, WEAK below three "
+    "standard errors.",
+    spot=1e-4,
+    fails_by=5.0,
+    good=0.05,
+    flags=Flag.NEAR_NULL | Flag.WEAK,
+)
+def _null_gain() -> list[Point]:
+    points = []
+    for distance in (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3):
+        scene = dataclasses.replace(_BASE, exposure_cycles=1.0 + distance)
+        frame = _frame(scene)
+        found = tone_gain(frame, scene.camera, scene.frequency)
+        points.append(compared(distance, scene.gain, transform_gain(scene, frame), found, 1.0 / scene.gain))
+    return points
+
+
+@limit(
+    "few-cycles",
+    "Less than one cycle in the frame",
+    sweep="cycles in the frame",
+    error="RMS error of the gain",
+    plain="Fourier sum at the exact frequency",
+    why="A part of a cycle is not orthogonal to the mean, which leaks into the sum.",
+    then="Fits mean and tone together; the standard error grows as they become alike. FEW_CYCLES below one cycle.",
+    spot=0.4,
+    fails_by=0.3,
+    good=0.02,
+    flags=Flag.FEW_CYCLES,
+)
+def _few_cycles() -> list[Point]:
+    points = []
+    for cycles in (0.1, 0.2, 0.4, 0.7, 1.2, 1.6, 2.4, 4.3):
+        scene = dataclasses.replace(_BASE, cycles=cycles)
+        frame = _frame(scene)
+        found = tone_gain(frame, scene.camera, scene.frequency)
+        points.append(compared(cycles, scene.gain, transform_gain(scene, frame), found))
+    return points
+
+
+@limit(
+    "half-row-rate",
+    "A tone at half the row rate",
+    sweep="bins below half the row rate",
+    error="RMS error of the gain",
+    plain="Fourier sum at the exact frequency",
+    why="At half the row rate the rows see the tone at two points of its cycle: amplitude and phase cannot be told "
+    "apart, and the sum counts its own mirror image.",
+    then="Fits both; the standard error grows. At half the row rate and its multiples: NaN, UNRESOLVABLE.",
+    spot=0.1,
+    fails_by=0.1,
+    good=0.02,
+    flags=Flag.UNRESOLVABLE | Flag.WEAK | Flag.ILL_CONDITIONED,
+)
+def _half_row_rate() -> list[Point]:
+    points = []
+    for bins in (1e-3, 1e-2, 0.03, 0.1, 0.3, 1.3):
+        scene = dataclasses.replace(_BASE, cycles=_BASE.rows / 2 - bins, exposure_cycles=0.3)
+        frame = _frame(scene)
+        found = tone_gain(frame, scene.camera, scene.frequency)
+        points.append(compared(bins, scene.gain, transform_gain(scene, frame), found))
+    return points
+
+
+@limit(
+    "alias",
+    "Row aliasing",
+    sweep="f·T_r",
+    error="RMS error of the depth",
+    plain="frequency of the highest bin, its gain over |sinc| of that frequency",
+    why="Rows sample at 1/T_r: above half of it the tone shows at another frequency, but the exposure has weakened it "
+    "by |sinc| of the true one.",
+    then="Fits the alias of the frequency it is given, with the response and the phase of the true one. ALIASED.",
+    spot=0.85,
+    fails_by=0.3,
+    good=0.02,
+    flags=Flag(0),
+)
+def _alias() -> list[Point]:
+    points = []
+    for per_row in (0.15, 0.3, 0.45, 0.55, 0.7, 0.85, 0.95):
+        scene = dataclasses.replace(_BASE, cycles=per_row * _BASE.rows, exposure_cycles=0.8 * per_row)
+        frame = _frame(scene)
+        seen = float(np.median(peak_frequency(frame)))
+        shown = dataclasses.replace(scene, cycles=seen * scene.rows)
+        plain = transform_gain(shown, frame) / np.sinc(0.8 * seen) * scene.gain
+        found = tone_gain(frame, scene.camera, scene.frequency)
+        points.append(compared(per_row, scene.gain, plain, found, 1.0 / scene.gain))
+    return points
+
+
+@limit(
+    "rounded-bin",
+    "The rounded bin between bins",
+    sweep="distance from the bin",
+    error="RMS error of the gain",
+    plain="the paper's: the bin nearest to N·T_r·f",
+    why="Off its centre a bin holds |sinc| of the distance, 2/π half-way, and the leak of the mirror image.",
+    then="Fits at the exact frequency. Method `dft` is the paper's and says OFF_BIN.",
+    spot=0.5,
+    fails_by=0.15,
+    good=0.005,
+)
+def _rounded_bin() -> list[Point]:
+    points = []
+    for distance in (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5):
+        scene = dataclasses.replace(_BASE, cycles=8.0 + distance)
+        frame = _frame(scene)
+        found = tone_gain(frame, scene.camera, scene.frequency)
+        points.append(compared(distance, scene.gain, rounded_bin_gain(scene, frame), found))
+    return points
+
+
+@limit(
+    "two-sources",
+    "Two sources close in frequency",
+    sweep="distance in bins",
+    error="RMS error of the gain",
+    plain="fit of mean and one tone",
+    why="Within a frame neighbours less than a bin apart look alike; a fit that knows one of them takes the other in.",
+    then="Fits all frequencies it is given together: unbiased, with a standard error that grows as they approach.",
+    spot=0.1,
+    fails_by=0.1,
+    good=0.01,
+    flags=Flag.ILL_CONDITIONED | Flag.WEAK,
+)
+def _two_sources() -> list[Point]:
+    points = []
+    for bins in (0.03, 0.1, 0.3, 0.5, 1.0, 2.3, 5.4):
+        scene = dataclasses.replace(_BASE, cycles=20.0, mean=60.0)
+        other = dataclasses.replace(scene, cycles=20.0 + bins, depth=0.8)
+        random = np.random.default_rng(int(1000 * bins))
+        light = scene.light(random.random(200)) + other.light(random.random(200))
+        frame = np.rint(light + 2.0 * random.standard_normal(light.shape)).astype(np.uint8)
+        truth = 0.5 * scene.gain  # of the mean of both
+        both = tone_gain(frame, Camera(scene.row_time), [scene.frequency, other.frequency])
+        first: Any = _OneOf(both.gain[0], both.gain_std[0], both.flags[0])
+        points.append(compared(bins, truth, fitted_gain(scene, frame), first))
+    return points
+
+
+@dataclasses.dataclass(frozen=True)
+class _OneOf:
+    gain: Float64s
+    gain_std: Float64s
+    flags: npt.NDArray[np.uint32]
