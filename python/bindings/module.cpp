@@ -11,5 +11,6 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_equalize(module);
   ocisac::bindings::register_frequency(module);
   ocisac::bindings::register_receiver(module);
+  ocisac::bindings::register_channel(module);
   ocisac::bindings::register_projection(module);
 }

@@ -12,6 +12,7 @@ void register_best_exposure(pybind11::module_& module);
 void register_equalize(pybind11::module_& module);
 void register_frequency(pybind11::module_& module);
 void register_receiver(pybind11::module_& module);
+void register_channel(pybind11::module_& module);
 void register_projection(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

@@ -2,6 +2,17 @@
 
 from ocisac_fast._core import version as _version
 from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.channel import (
+    ChannelEstimate,
+    ClockErrors,
+    Pooled,
+    PreambleMatch,
+    clock_bounds,
+    expose_chips,
+    find_preamble,
+    fit_channel,
+    pool_estimates,
+)
 from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
 from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
 from ocisac_fast.flags import Flag
@@ -35,11 +46,15 @@ __all__ = [
     "BestExposure",
     "Calibration",
     "Camera",
+    "ChannelEstimate",
     "Chips",
+    "ClockErrors",
     "Constant",
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "Pooled",
+    "PreambleMatch",
     "Product",
     "Received",
     "Samples",
@@ -51,13 +66,18 @@ __all__ = [
     "Waveform",
     "best_exposure",
     "calibrate",
+    "clock_bounds",
     "equalize",
+    "expose_chips",
     "exposure_objective",
     "exposure_response",
     "find_frequency",
+    "find_preamble",
+    "fit_channel",
     "integrate_exposure",
     "lost_frequencies",
     "pick_channel",
+    "pool_estimates",
     "receive",
     "sample_waveform",
     "tone_columns",

@@ -92,6 +92,42 @@ def pick_channel(
 def receive(
     channels: Sequence[npt.NDArray[Any]], camera: Camera, chip_rate: float | None
 ) -> list[tuple[int, int, int, str, float, float, float, float, Any, Any, Any, Any, int]]: ...
+def expose_chips(
+    chips: npt.NDArray[np.float64], first: int, rows: int, rows_per_chip: float, phase: float, exposure: float
+) -> npt.NDArray[np.float64]: ...
+def fit_channel(
+    signal: npt.NDArray[np.float64],
+    chips: npt.NDArray[np.float64],
+    first: int,
+    rows_per_chip: float,
+    phase: float,
+    exposure: float,
+    dark_degree: int,
+    swing_degree: int,
+    exposure_known: bool,
+) -> tuple[Any, ...] | None: ...
+def clock_bounds(
+    chips: npt.NDArray[np.float64],
+    first: int,
+    rows_per_chip: float,
+    phase: float,
+    exposure: float,
+    swing: npt.NDArray[np.float64],
+    noise: float,
+    dark_degree: int,
+    swing_degree: int,
+    exposure_known: bool,
+) -> tuple[int, list[float]] | None: ...
+def find_preamble(
+    signal: npt.NDArray[np.float64],
+    preamble: npt.NDArray[np.float64],
+    rows_per_chip: float,
+    tolerance: float,
+    exposure: float | None,
+    longest_exposure: float,
+    most: int,
+) -> list[tuple[tuple[Any, ...], float, float]]: ...
+def pool_estimates(values: npt.NDArray[np.float64], errors: npt.NDArray[np.float64]) -> tuple[float, float, int]: ...
 
 class RowWeights:
     def __init__(self, weights: npt.ArrayLike, rows: int, row_group: int, limbs: int) -> None: ...

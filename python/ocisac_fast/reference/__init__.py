@@ -1,12 +1,20 @@
 """The same functions in plain NumPy, for checking the C++ core: slow, short and close to the equations."""
 
 from ocisac_fast.camera import Camera
+from ocisac_fast.channel import ChannelEstimate, ClockErrors, Pooled, PreambleMatch
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
 from ocisac_fast.gain import ToneGain
 from ocisac_fast.receiver import Received
+from ocisac_fast.reference.channel import (
+    clock_bounds,
+    expose_chips,
+    find_preamble,
+    fit_channel,
+    pool_estimates,
+)
 from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
 from ocisac_fast.reference.exposure_response import exposure_response
@@ -20,11 +28,15 @@ __all__ = [
     "BestExposure",
     "Calibration",
     "Camera",
+    "ChannelEstimate",
     "Chips",
+    "ClockErrors",
     "Constant",
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "Pooled",
+    "PreambleMatch",
     "Product",
     "Received",
     "Samples",
@@ -36,13 +48,18 @@ __all__ = [
     "Waveform",
     "best_exposure",
     "calibrate",
+    "clock_bounds",
     "equalize",
+    "expose_chips",
     "exposure_objective",
     "exposure_response",
     "find_frequency",
+    "find_preamble",
+    "fit_channel",
     "integrate_exposure",
     "lost_frequencies",
     "pick_channel",
+    "pool_estimates",
     "receive",
     "sample_waveform",
     "tone_columns",

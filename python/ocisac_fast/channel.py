@@ -1,0 +1,316 @@
+"""The channel from light to rows, estimated from known chips: clock, exposure, levels. All lengths are in rows.
+
+Row n sees the mean over rows n - exposure/2 ... n + exposure/2 of the chips; chip k lies between
+``phase + k rows_per_chip`` and ``phase + (k + 1) rows_per_chip``. With that mean s_n it reads dark_n + swing_n s_n plus
+noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ClockErrors:
+    """Standard errors of a clock, or their bounds.
+
+    Attributes:
+        chip: the chip in the middle of those used, where phase and rows per chip are nearly independent.
+        covariance: (3, 3) of the phase of that chip, rows per chip and exposure, rows^2; zeros for a known exposure.
+    """
+
+    chip: int
+    covariance: FloatArray
+
+    @property
+    def phase_std(self) -> float:
+        """Of the beginning of chip ``chip``, rows."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def rows_per_chip_std(self) -> float:
+        """Of the length of a chip, rows."""
+        return float(np.sqrt(self.covariance[1, 1]))
+
+    @property
+    def exposure_std(self) -> float:
+        """Of the exposure, rows."""
+        return float(np.sqrt(self.covariance[2, 2]))
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelEstimate:
+    """A channel found by least squares.
+
+    Attributes:
+        rows_per_chip: length of a chip, rows.
+        phase: row at which chip 0 begins, fractional: the middle of its edge's ramp.
+        exposure: rows.
+        errors: standard errors, from the rows' residual.
+        dark: Legendre coefficients of the light of steady 0 along the frame, from -1 (first row) to 1 (last row).
+        swing: Legendre coefficients of the step from steady 0 to steady 1.
+        noise: standard deviation of a row about the model.
+        rows: first row that was used, and the one after the last: those that see known chips only.
+        converged: whether the search came to rest.
+    """
+
+    rows_per_chip: float
+    phase: float
+    exposure: float
+    errors: ClockErrors
+    dark: FloatArray
+    swing: FloatArray
+    noise: float
+    rows: tuple[int, int]
+    converged: bool
+
+    def levels(self, rows: int) -> FloatArray:
+        """(2, rows): light of steady 0 and of steady 1 in each of a frame's ``rows`` rows."""
+        along = np.linspace(-1, 1, rows) if rows > 1 else np.zeros(1)
+        dark = np.polynomial.legendre.legval(along, self.dark)
+        return np.stack([dark, dark + np.polynomial.legendre.legval(along, self.swing)])
+
+
+@dataclass(frozen=True, slots=True)
+class PreambleMatch:
+    """A place where a preamble was seen.
+
+    Attributes:
+        channel: the channel there; ``channel.phase`` is where the preamble's first chip begins.
+        explained: share of the variance of its rows that the preamble explains.
+        certainty: ln of the odds against random chips of the same rate, less the places tried.
+    """
+
+    channel: ChannelEstimate
+    explained: float
+    certainty: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pooled:
+    """One value from many: their mean weighted by the inverse squares of their errors, its error, how many counted."""
+
+    value: float
+    std: float
+    count: int
+
+
+def expose_chips(
+    chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure: float, first: int = 0
+) -> FloatArray:
+    """What the rows of a frame see of chips: s_n = (1/exposure) times the integral of the chips over the exposure.
+
+    Args:
+        chips: (chips,) levels, 0 dark to 1 bright; the first and the last go on for ever.
+        rows: rows of the frame.
+        rows_per_chip: rows, above 0.
+        phase: row at which chip 0 begins, in the middle of the exposure.
+        exposure: rows, 0 or above; below 0.001 rows taken as that.
+        first: number of the first of ``chips``.
+
+    Returns:
+        (rows,) float64.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    levels = _vector(chips, "chips")
+    if rows < 1:
+        raise ValueError(f"rows: got {rows}, allowed: at least 1")
+    return _core.expose_chips(levels, int(first), int(rows), float(rows_per_chip), float(phase), float(exposure))
+
+
+def fit_channel(
+    signal: npt.ArrayLike,
+    chips: npt.ArrayLike,
+    *,
+    rows_per_chip: float,
+    phase: float,
+    exposure: float,
+    first: int = 0,
+    exposure_known: bool = False,
+    dark_degree: int = 1,
+    swing_degree: int = 0,
+) -> ChannelEstimate | None:
+    """Clock, exposure and levels from a column whose chips are known, by Gauss-Newton on the exact model.
+
+    Args:
+        signal: (rows,) a column, or columns combined.
+        chips: (chips,) levels, 0 dark to 1 bright. Rows that see other chips than these are left out.
+        rows_per_chip: where to start, rows; with ``phase`` good to half a chip anywhere in the chips.
+        phase: where to start.
+        exposure: where to start, or the exposure itself, rows.
+        first: number of the first of ``chips``.
+        exposure_known: keep the exposure as it is.
+        dark_degree: degree of the polynomial of the dark level along the frame, 0 to 6.
+        swing_degree: that of the step from dark to bright.
+
+    Returns:
+        The channel; None where the rows are fewer than the unknowns, or the chips (all alike) do not determine it.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    values = _core.fit_channel(
+        _vector(signal, "signal"),
+        _vector(chips, "chips"),
+        int(first),
+        float(rows_per_chip),
+        float(phase),
+        float(exposure),
+        *_degrees(dark_degree, swing_degree),
+        bool(exposure_known),
+    )
+    return None if values is None else _channel(values)
+
+
+def clock_bounds(
+    chips: npt.ArrayLike,
+    swing: npt.ArrayLike,
+    *,
+    rows_per_chip: float,
+    phase: float,
+    exposure: float,
+    noise: float,
+    first: int = 0,
+    exposure_known: bool = False,
+    dark_degree: int = 1,
+    swing_degree: int = 0,
+) -> ClockErrors | None:
+    """Cramer-Rao bounds of rows per chip, phase and exposure for white noise, the levels being unknown too.
+
+    Args:
+        chips: (chips,) levels, 0 dark to 1 bright.
+        swing: (rows,) the step from dark to bright in each row.
+        rows_per_chip: rows.
+        phase: row at which chip 0 begins.
+        exposure: rows.
+        noise: standard deviation of a row, in the unit of ``swing``.
+        first: number of the first of ``chips``.
+        exposure_known: the exposure is no unknown.
+        dark_degree: as in :func:`fit_channel`.
+        swing_degree: as in :func:`fit_channel`.
+
+    Returns:
+        The bounds; None where the chips do not determine the channel.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    values = _core.clock_bounds(
+        _vector(chips, "chips"),
+        int(first),
+        float(rows_per_chip),
+        float(phase),
+        float(exposure),
+        _vector(swing, "swing"),
+        float(noise),
+        *_degrees(dark_degree, swing_degree),
+        bool(exposure_known),
+    )
+    return None if values is None else _errors(values)
+
+
+def find_preamble(
+    signal: npt.ArrayLike,
+    preamble: npt.ArrayLike,
+    *,
+    rows_per_chip: float,
+    tolerance: float = 0.02,
+    exposure: float | None = None,
+    longest_exposure: float = 14.0,
+    most: int = 1,
+) -> list[PreambleMatch]:
+    """Places of a known sequence of chips in a column, at any exposure, with the channel there.
+
+    All places are correlated with the exposed sequence over a grid of exposures and rates, mean and slope taken out;
+    from the best of them the channel is fitted.
+
+    Args:
+        signal: (rows,) a column, or columns combined; the sequence lies whole in it.
+        preamble: (chips,) levels, 0 dark to 1 bright, at least two.
+        rows_per_chip: nominal, rows.
+        tolerance: the true one lies within this share of it, 0 to 0.5.
+        exposure: rows, where it is known; None: estimated.
+        longest_exposure: chips, where it is estimated. The sequence must be 6 chips longer than the exposure.
+        most: matches to give.
+
+    Returns:
+        The matches, the surest first; empty where nothing like the sequence is seen.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    if most < 1:
+        raise ValueError(f"most: got {most}, allowed: at least 1")
+    found = _core.find_preamble(
+        _vector(signal, "signal"),
+        _vector(preamble, "preamble"),
+        float(rows_per_chip),
+        float(tolerance),
+        None if exposure is None else float(exposure),
+        float(longest_exposure),
+        int(most),
+    )
+    return [PreambleMatch(_channel(values), explained, certainty) for values, explained, certainty in found]
+
+
+def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
+    """The mean of values weighted by the inverse squares of their standard errors: an exposure from several frames.
+
+    Args:
+        values: (values,) those that are not finite do not count.
+        errors: (values,) standard errors; those that are not finite or not above 0 do not count.
+
+    Returns:
+        Value, standard error (at least what the scatter tells) and how many counted; NaN where none does.
+
+    Raises:
+        ValueError: not two vectors of one length.
+    """
+    value, std, count = _core.pool_estimates(_vector(values, "values"), _vector(errors, "errors"))
+    return Pooled(value, std, count)
+
+
+def _vector(values: npt.ArrayLike, name: str) -> FloatArray:
+    array = np.asarray(values)
+    if array.dtype.kind not in "buif":
+        raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers")
+    if array.ndim != 1 or array.size == 0:
+        raise ValueError(f"{name}: got shape {array.shape}, allowed: a vector of at least one value")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def _degrees(dark_degree: int, swing_degree: int) -> tuple[int, int]:
+    for name, degree in (("dark_degree", dark_degree), ("swing_degree", swing_degree)):
+        if not 0 <= degree <= 6:
+            raise ValueError(f"{name}: got {degree}, allowed: 0 to 6")
+    return int(dark_degree), int(swing_degree)
+
+
+def _errors(values: tuple[int, list[float]]) -> ClockErrors:
+    chip, covariance = values
+    return ClockErrors(chip, np.array(covariance).reshape(3, 3))
+
+
+def _channel(values: tuple[Any, ...]) -> ChannelEstimate:
+    rows_per_chip, phase, exposure, errors, dark, swing, noise, begin, end, converged = values
+    return ChannelEstimate(
+        rows_per_chip,
+        phase,
+        exposure,
+        _errors(errors),
+        np.array(dark),
+        np.array(swing),
+        noise,
+        (begin, end),
+        converged,
+    )
