@@ -7,6 +7,7 @@
 #include <string>
 
 #include "arrays.hpp"
+#include "ocisac/estimation/varying_tone.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {
@@ -57,6 +58,27 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
                         as_array(result.mean, shape), as_array(result.snr, shape), as_array(result.flags, shape));
 }
 
+// (frames, columns) arrays: gain, gain_std, mean, bias, bias_std, flags.
+py::tuple varying_tone_gain_arrays(const py::array& columns, const Camera& camera, double frequency, int degree,
+                                   const std::string& waveform, double duty, const DoubleArray& background,
+                                   int threads) {
+  const AnyFramesView view = any_view(columns);
+  const VaryingToneOptions options{degree,
+                                   waveform_shape(waveform),
+                                   duty,
+                                   {background.data(), static_cast<std::size_t>(background.size())},
+                                   threads};
+  VaryingToneGain result;
+  {
+    const py::gil_scoped_release unlocked;
+    result = varying_tone_gain(view, camera, frequency, options);
+  }
+  const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(result.frames),
+                                       static_cast<py::ssize_t>(result.columns)};
+  return py::make_tuple(as_array(result.gain, shape), as_array(result.gain_std, shape), as_array(result.mean, shape),
+                        as_array(result.bias, shape), as_array(result.bias_std, shape), as_array(result.flags, shape));
+}
+
 }  // namespace
 
 void register_tone_gain(py::module_& module) {
@@ -64,6 +86,9 @@ void register_tone_gain(py::module_& module) {
   module.def("tone_gain", &tone_gain_arrays, py::arg("columns"), py::arg("camera"), py::arg("frequencies"),
              py::arg("method"), py::arg("waveform"), py::arg("duty"), py::arg("background"), py::arg("efficiency"),
              py::arg("threads"), py::arg("pooled"));
+  module.def("varying_tone_gain", &varying_tone_gain_arrays, py::arg("columns"), py::arg("camera"),
+             py::arg("frequency"), py::arg("degree"), py::arg("waveform"), py::arg("duty"), py::arg("background"),
+             py::arg("threads"));
 }
 
 }  // namespace ocisac::bindings

@@ -27,6 +27,7 @@ from ocisac_fast.frequency import (
 )
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.receiver import Received, receive
+from ocisac_fast.varying_tone import VaryingToneGain, varying_tone_gain
 from ocisac_fast.waveforms import (
     Chips,
     Constant,
@@ -63,6 +64,7 @@ __all__ = [
     "Tone",
     "ToneColumns",
     "ToneGain",
+    "VaryingToneGain",
     "Waveform",
     "best_exposure",
     "calibrate",
@@ -82,4 +84,5 @@ __all__ = [
     "sample_waveform",
     "tone_columns",
     "tone_gain",
+    "varying_tone_gain",
 ]

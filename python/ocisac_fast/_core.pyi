@@ -37,6 +37,16 @@ def tone_gain(
     threads: int,
     pooled: bool,
 ) -> tuple[Any, Any, Any, Any, Any, Any]: ...
+def varying_tone_gain(
+    columns: npt.NDArray[Any],
+    camera: Camera,
+    frequency: float,
+    degree: int,
+    waveform: str,
+    duty: float,
+    background: npt.ArrayLike,
+    threads: int,
+) -> tuple[Any, Any, Any, Any, Any, Any]: ...
 
 class Waveform:
     def __add__(self, other: Waveform) -> Waveform: ...

@@ -39,6 +39,9 @@ class Flag(IntFlag):
     """``receive``: fewer than 12 changes of the light (4 with a known rate): no bits, or the rate may be wrong."""
     LONG_EXPOSURE = 1 << 18
     """``receive``: the exposure is longer than a chip; the bits are not to be trusted."""
+    MODEL_MISFIT = 1 << 24
+    """``varying_tone_gain``: light or tone vary along the column, and the gain of ``tone_gain`` is biased by more than
+    its standard error."""
 
     def names(self) -> list[str]:
         """The bits that are set, in lower case."""

@@ -97,7 +97,7 @@ def tone_gain(
         method=method,
         waveform=waveform,
         duty=duty,
-        background=_background_values(background, array),
+        background=background_values(background, array),
         efficiency=efficiency,
         threads=threads,
         pooled=pooled,
@@ -112,7 +112,7 @@ def result_shape(columns: npt.NDArray[Any], pooled: bool) -> tuple[int, ...]:
     return frames if pooled else frames + columns.shape[-1:] * (columns.ndim > 1)
 
 
-def _background_values(background: npt.ArrayLike, columns: npt.NDArray[Any]) -> FloatArray:
+def background_values(background: npt.ArrayLike, columns: npt.NDArray[Any]) -> FloatArray:
     """The background as the core takes it: one value, or one for each column of each frame."""
     values = np.asarray(background, dtype=np.float64)
     if values.size == 1:

@@ -7,7 +7,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array<std::pair<Flags, const char*>, 15> kNames{{{flag::saturated, "saturated"},
+constexpr std::array<std::pair<Flags, const char*>, 16> kNames{{{flag::saturated, "saturated"},
                                                                 {flag::near_null, "near_null"},
                                                                 {flag::weak, "weak"},
                                                                 {flag::few_cycles, "few_cycles"},
@@ -21,7 +21,8 @@ constexpr std::array<std::pair<Flags, const char*>, 15> kNames{{{flag::saturated
                                                                 {flag::at_bound, "at_bound"},
                                                                 {flag::no_signal, "no_signal"},
                                                                 {flag::too_few_edges, "too_few_edges"},
-                                                                {flag::long_exposure, "long_exposure"}}};
+                                                                {flag::long_exposure, "long_exposure"},
+                                                                {flag::model_misfit, "model_misfit"}}};
 
 }  // namespace
 

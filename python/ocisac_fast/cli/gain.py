@@ -154,7 +154,10 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
         ]
     values = {name: np.concatenate([getattr(part, name) for part in gains]) for name in _FRAME_VALUES}
     weights = _weights(values["gain_std"])
-    flags = flag_names(np.bitwise_or.reduce(values["flags"]))
+    mask = np.bitwise_or.reduce(values["flags"])
+    if options["method"] == "fit":
+        mask |= _misfit(light.columns(first)[0], pictures.camera, light.frequency, options)
+    flags = flag_names(mask)
     return _Measured(
         camera=pictures.camera,
         frequency=light.frequency,
@@ -169,6 +172,17 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
         columns=light.columns(first)[0],
         channel=light.channel,
     )
+
+
+def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
+    """MODEL_MISFIT, or 0: whether the mean column of a frame varies as ``tone_gain`` assumes that it does not."""
+    from ocisac_fast import Flag, varying_tone_gain
+    from ocisac_fast.reference.light import linear_light
+
+    column = linear_light(columns, camera).mean(axis=-1)
+    names = ("waveform", "duty", "background")
+    found = varying_tone_gain(column, Camera(camera.row_time), frequency, **{name: options[name] for name in names})
+    return int(found.flags) & Flag.MODEL_MISFIT
 
 
 def _unanswered(light: _Light, camera: Camera, frames: Frame) -> _Measured:

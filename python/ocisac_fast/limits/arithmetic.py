@@ -30,8 +30,8 @@ def _float32(scene: Scene) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
     sweep="rows, 1 cycle",
     error="RMS error of the gain",
     plain="Goertzel's recurrence in float32",
-    why="At low frequency its two poles all but meet: what 2·cos(2πf·T_r) differs from 2 by drowns in its rounding, and "
-    "the state's rounding adds up with the square of the rows.",
+    why="At low frequency its two poles all but meet: what 2·cos(2πf·T_r) differs from 2 by drowns in its rounding, "
+    "and the state's rounding adds up with the square of the rows.",
     then="Takes phases from the row's number and sums in float64 (or exact integers of bytes).",
     spot=10000,
     fails_by=0.05,

@@ -14,6 +14,7 @@ from ocisac_fast.flags import Flag
 from ocisac_fast.gain import tone_gain
 from ocisac_fast.limits.catalogue import Point, compared, limit
 from ocisac_fast.limits.plain_methods import fitted_gain, peak_frequency, rounded_bin_gain, transform_gain
+from ocisac_fast.varying_tone import varying_tone_gain
 
 _BASE = Scene("limits", "", 12.0, rows=720, columns=200)
 
@@ -169,6 +170,58 @@ def _two_sources() -> list[Point]:
         first: Any = _OneOf(both.gain[0], both.gain_std[0], both.flags[0])
         points.append(compared(bins, truth, fitted_gain(scene, frame), first))
     return points
+
+
+def _varying_point(x: float, scene: Scene, slope: float, drift: float) -> Point:
+    """Light that falls by ``slope`` of its mean along the rows, and a frequency that rises by ``drift`` cycles in the
+    frame over the frame, both even about the middle row."""
+    random = np.random.default_rng(13)
+    u = (np.arange(scene.rows) - 0.5 * (scene.rows - 1)) / scene.rows
+    turns = (scene.cycles * u + 0.5 * drift * u**2)[:, None] + random.random(scene.columns)
+    light = scene.mean * (1.0 - slope * u[:, None]) * (1.0 + scene.gain * np.cos(2.0 * np.pi * turns))
+    frame = np.clip(np.rint(light + scene.noise * random.standard_normal(light.shape)), 0, 255).astype(np.uint8)
+    found = varying_tone_gain(frame, scene.camera, scene.frequency)
+    return compared(x, scene.gain, fitted_gain(scene, frame), found)
+
+
+@limit(
+    "gradient",
+    "A strong gradient",
+    sweep="fall along the rows / mean",
+    error="RMS error of the gain",
+    plain="fit of mean and tone, as in `tone_gain`",
+    why="A slope is not orthogonal to a few cycles and leaks into them, as 1/cycles. The standard error takes what is "
+    "left of the slope for noise: too much at many cycles, too little at few.",
+    then="`varying_tone_gain` fits light and tone that vary as polynomials; MODEL_MISFIT where `tone_gain` is off by "
+    "more than it tells. `tone_gain` alone does not see it; `ocisac gain` looks and flags.",
+    spot=1.2,
+    fails_by=0.02,
+    good=0.005,
+    flags=Flag.MODEL_MISFIT,
+)
+def _gradient() -> list[Point]:
+    scene = dataclasses.replace(_BASE, cycles=3.3)
+    return [_varying_point(slope, scene, slope, 0.0) for slope in (0.0, 0.03, 0.1, 0.3, 0.6, 1.2)]
+
+
+@limit(
+    "drift",
+    "Frequency drift within a frame",
+    sweep="drift over the frame, cycles/frame",
+    error="RMS error of the gain",
+    plain="fit of mean and tone at the mean frequency, as in `tone_gain`",
+    why="The tone runs out of step with the model, and the parts cancel; a frequency that is off by a part of a cycle "
+    "in the frame does the same.",
+    then="`varying_tone_gain` follows the phase: right to about 2 cycles/frame of drift, low beyond; MODEL_MISFIT says "
+    "that `tone_gain` is off. `tone_gain` alone does not see it; `ocisac gain` looks and flags.",
+    spot=2.0,
+    fails_by=0.04,
+    good=0.005,
+    flags=Flag.MODEL_MISFIT,
+)
+def _drift() -> list[Point]:
+    scene = dataclasses.replace(_BASE, cycles=12.3)
+    return [_varying_point(drift, scene, 0.0, drift) for drift in (0.0, 0.3, 0.6, 1.0, 2.0, 4.0)]
 
 
 @dataclasses.dataclass(frozen=True)

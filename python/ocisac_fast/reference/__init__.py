@@ -21,7 +21,9 @@ from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
+from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.varying_tone import VaryingToneGain
 from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 
 __all__ = [
@@ -45,6 +47,7 @@ __all__ = [
     "Tone",
     "ToneColumns",
     "ToneGain",
+    "VaryingToneGain",
     "Waveform",
     "best_exposure",
     "calibrate",
@@ -64,4 +67,5 @@ __all__ = [
     "sample_waveform",
     "tone_columns",
     "tone_gain",
+    "varying_tone_gain",
 ]

@@ -25,6 +25,7 @@ inline constexpr Flags at_bound = 1U << 11;       // search: the best frequency 
 inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no bits
 inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to be sure of the chip rate
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
+inline constexpr Flags model_misfit = 1U << 24;   // light or tone vary along the column: tone_gain is biased
 }  // namespace flag
 
 // The bits that are set, by name.
