@@ -382,6 +382,28 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
                          fitted->converged};
 }
 
+std::optional<LevelSquares> level_squares(std::span<const double> signal, const KnownChips& chips,
+                                          const ChipClock& clock, const ChannelModel& model) {
+  check_chips(chips);
+  check_clock(clock);
+  check_model(model);
+  const ChipClock used = with_least_exposure(clock);
+  const RowRange range = rows_of(chips, used, signal.size());
+  Problem problem(signal, chips, model, signal.size());
+  if (range.size() <= static_cast<std::size_t>(problem.level_size())) return std::nullopt;
+  problem.expose(moved_to(used, problem.origin()), range);
+  const auto levels = fit_levels(problem, range);
+  if (!levels) return std::nullopt;
+  double squares = 0;
+  problem.for_each_row(
+      range, [](std::size_t, const auto&) { return 0.0; },
+      [&](std::size_t n, const Eigen::VectorXd& parts) {
+        const double residual = signal[n] - parts.tail(problem.level_size()).dot(*levels);
+        squares += residual * residual;
+      });
+  return LevelSquares{squares, range.size()};
+}
+
 std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock& clock, std::span<const double> swing,
                                         double noise, const ChannelModel& model) {
   check_chips(chips);

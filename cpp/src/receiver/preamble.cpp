@@ -158,8 +158,8 @@ std::optional<PreambleMatch> match_at(std::span<const double> signal, const Wind
   auto channel = fit_channel(signal, {preamble, 0}, clock, model);
   if (!channel || !(channel->swing[0] > 0) || !(channel->errors.covariance[4] >= 0)) return std::nullopt;
   const double off = std::abs(channel->clock.rows_per_chip / search.rows_per_chip - 1);
-  if (off > 1.25 * search.tolerance + 4 * channel->errors.rows_per_chip_std() / search.rows_per_chip)
-    return std::nullopt;
+  const double error = channel->errors.rows_per_chip_std() / search.rows_per_chip;
+  if (off > search.tolerance + std::min(3 * error, 0.01)) return std::nullopt;
   const double squares = sums.squares_left(channel->rows.begin, channel->rows.size());
   const double left = channel->noise * channel->noise * static_cast<double>(channel->rows.size());
   if (!(squares > left)) return std::nullopt;

@@ -80,6 +80,15 @@ struct ChannelEstimate {
 std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const KnownChips& chips,
                                            const ChipClock& start, const ChannelModel& model = {});
 
+// Squares that the best levels leave at a given clock; the exposure_known of the model does not matter. Absent where
+// they are not determined.
+struct LevelSquares {
+  double squares;
+  std::size_t rows;
+};
+std::optional<LevelSquares> level_squares(std::span<const double> signal, const KnownChips& chips,
+                                          const ChipClock& clock, const ChannelModel& model);
+
 // Cramér–Rao bounds of the clock's standard errors for a noise of standard deviation `noise` on each of the frame's
 // rows that see known chips only; levels unknown, as in fit_channel. Swing and noise in the same unit. Absent where
 // the channel is not determined.
