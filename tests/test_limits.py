@@ -128,6 +128,26 @@ def test_the_paper_s_method_says_where_it_is_wrong():
         assert bool((found.flags & Flag.OFF_BIN).all()) == off
 
 
+@pytest.mark.parametrize("amplitude", [0.4, 2.0, 15.0])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_half_a_step_of_noise_makes_rounding_noise(amplitude, dtype):
+    random = np.random.default_rng(5)
+    u, offset = np.arange(720)[:, None], random.random(500)
+    light = 100 + offset + amplitude * np.cos(2 * np.pi * (12.37 * u / 720 + random.random(500)))
+    for noise, quantised in ((0.0, True), (0.2, True), (0.55, False), (1.0, False)):
+        stored = np.rint(light + noise * random.standard_normal(light.shape))
+        found = ocisac.tone_gain(stored.astype(dtype), Camera(1.0), 12.37 / 720)
+        error = np.sqrt(np.mean((found.gain - amplitude / (100 + offset)) ** 2))
+        flagged = np.mean((found.flags & (Flag.QUANTISED | Flag.WEAK)) != 0)
+        if quantised:
+            assert flagged > 0.9 or error < 1.5 * found.gain_std.mean()
+        else:
+            assert flagged < 0.02
+            assert error == pytest.approx(np.sqrt(np.mean(found.gain_std**2)), rel=0.15)
+        told_nothing = ocisac.tone_gain(stored, Camera(1.0), 12.37 / 720)  # floats need not be whole numbers
+        assert not (told_nothing.flags & Flag.QUANTISED).any()
+
+
 def test_two_sources_at_one_frequency_cannot_be_told_apart():
     found = ocisac.tone_gain(np.random.default_rng(4).random((720, 3)), Camera(1.0), [0.1, 0.1])
     assert np.isnan(found.gain).all()

@@ -42,6 +42,9 @@ class Flag(IntFlag):
     MODEL_MISFIT = 1 << 24
     """``varying_tone_gain``: light or tone vary along the column, and the gain of ``tone_gain`` is biased by more than
     its standard error."""
+    QUANTISED = 1 << 25
+    """The rows have less noise than half a step of the stored values: rounding is no noise then and may pull the gain
+    by more than the standard error."""
 
     def names(self) -> list[str]:
         """The bits that are set, in lower case."""

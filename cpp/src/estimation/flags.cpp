@@ -7,7 +7,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array<std::pair<Flags, const char*>, 16> kNames{{{flag::saturated, "saturated"},
+constexpr std::array<std::pair<Flags, const char*>, 17> kNames{{{flag::saturated, "saturated"},
                                                                 {flag::near_null, "near_null"},
                                                                 {flag::weak, "weak"},
                                                                 {flag::few_cycles, "few_cycles"},
@@ -22,7 +22,8 @@ constexpr std::array<std::pair<Flags, const char*>, 16> kNames{{{flag::saturated
                                                                 {flag::no_signal, "no_signal"},
                                                                 {flag::too_few_edges, "too_few_edges"},
                                                                 {flag::long_exposure, "long_exposure"},
-                                                                {flag::model_misfit, "model_misfit"}}};
+                                                                {flag::model_misfit, "model_misfit"},
+                                                                {flag::quantised, "quantised"}}};
 
 }  // namespace
 

@@ -50,6 +50,7 @@ struct Context {
   const Camera* camera;
   const ToneGainOptions* options;
   Shape shape;
+  bool whole_numbers;  // samples are light in steps of 1
 };
 
 // Half an exposure of delay, and half a turn where sinc is negative (angle of H).
@@ -68,6 +69,15 @@ double wrapped(double phase) {
 Flags exposure_flags(const Camera& camera, double frequency) {
   if (!camera.exposure) return 0;
   return std::abs(sinc(frequency * *camera.exposure)) < kNearNull ? flag::near_null : 0;
+}
+
+// With less noise than half a step, rounding is a function of the light instead of noise. It pulls an amplitude by up
+// to this, in steps: RMS over where the light lies between two codes, from Widrow's series, with <J1²(x)> = 1/(πx).
+double rounding_pull(double amplitude, double noise_variance) {
+  constexpr double scale = 0.1111;                                  // √(ζ(3)/π⁴)
+  const bool on_two_codes = amplitude < 1 && noise_variance < 0.3;  // their changes look like noise
+  const double noise = on_two_codes ? 0 : std::max(noise_variance - 1.0 / 12, 0.0);
+  return scale / std::sqrt(std::max(amplitude, 0.1)) * std::exp(-2 * std::numbers::pi * std::numbers::pi * noise);
 }
 
 double background_of(const Context& context, std::size_t frame, std::size_t column) {
@@ -96,7 +106,10 @@ void write_result(const Context& context, const Tone& tone, const Estimate& esti
   // Noise across the phasor lengthens it: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
   const double amplitude = std::sqrt(std::max(power - tangential, 0.0));
   const double rounding = kRounding * mean;
-  if (power < kWeak * kWeak * radial || power <= rounding * rounding) flags |= flag::weak;
+  if (power < kWeak * kWeak * radial || power <= rounding * rounding)
+    flags |= flag::weak;
+  else if (context.whole_numbers && rounding_pull(amplitude, noise) > std::sqrt(radial))
+    flags |= flag::quantised;
   const double contrast = amplitude / mean;
   const double covariance =
       noise * estimate.covariance_mean_cosine * std::copysign(std::sqrt(share_cosine), estimate.cosine);
@@ -254,7 +267,14 @@ Context make_context(const AnyFramesView& frames, const Camera& camera, std::spa
                      const ToneGainOptions& options) {
   check(camera);
   check(frames);
-  Context context{{}, full_depth_ratio(options.waveform, options.duty), &camera, &options, shape_of(frames)};
+  const bool integers = std::holds_alternative<FramesView<const std::uint8_t>>(frames) ||
+                        std::holds_alternative<FramesView<const std::uint16_t>>(frames);
+  Context context{{},
+                  full_depth_ratio(options.waveform, options.duty),
+                  &camera,
+                  &options,
+                  shape_of(frames),
+                  integers && camera.tone_curve.kind == ToneCurve::Kind::linear};
   check_options(options, context.shape);
   require(!frequencies.empty(), "frequency", "no values", "at least one frequency");
   for (const double frequency : frequencies) {
@@ -419,6 +439,7 @@ ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                           const ToneGainOptions& options) {
   Context context = make_context(frames, camera, frequencies, options);
+  context.whole_numbers = false;  // a mean of columns is not
   const auto estimator = make_estimator(context);
   ToneGain result = empty_result(frequencies.size(), context.shape.frames, 1);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {

@@ -40,7 +40,7 @@ def draw(path: str | os.PathLike[str], measured: Sequence[tuple[Limit, Sequence[
 
 
 def _draw_panel(axes: Axes, limit: Limit, points: Sequence[Point]) -> None:
-    from matplotlib.ticker import NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     x = np.array([point.x for point in points])
     plain, library, told = (np.array([getattr(p, name) for p in points]) for name in ("plain", "library", "told"))
@@ -48,11 +48,14 @@ def _draw_panel(axes: Axes, limit: Limit, points: Sequence[Point]) -> None:
     if x.min() > 0.0 and x.max() > 20.0 * x.min():
         axes.set_xscale("log")
         axes.xaxis.set_minor_formatter(NullFormatter())
+        if x.max() < 200.0 * x.min():
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     top = 2.0 * max(np.nanmax(plain), np.nanmax(library))
     values = np.concatenate([plain, library, told[told > 0.0]])
     bottom = max(0.5 * np.nanmin(values[values > 0.0]), top * 10.0**-_DECADES)
     axes.plot(x, np.maximum(told, bottom), color=BLUE, lw=4.0, alpha=0.25, solid_capstyle="round")
-    axes.plot(x, np.maximum(plain, bottom), "s-", color=RED, ms=3.5, lw=1.2)
+    axes.plot(x, np.maximum(plain, bottom), "s-", color=RED, ms=5.0, lw=2.2)
     axes.plot(x, np.maximum(library, bottom), "-", color=BLUE, lw=1.2)
     for point in points:
         _draw_answer(axes, point, point.answered(limit), bottom)
@@ -79,7 +82,7 @@ def _draw_legend(figure: Figure) -> None:
     from matplotlib.lines import Line2D
 
     handles = [
-        Line2D([], [], color=RED, marker="s", ms=4, label="plain method"),
+        Line2D([], [], color=RED, marker="s", lw=2.2, ms=5, label="plain method"),
         Line2D([], [], color=BLUE, marker="o", ms=4, label="library"),
         Line2D([], [], color=BLUE, marker="D", mfc="white", ms=5, label="library, flagged"),
         Line2D([], [], color=BLUE, lw=4.0, alpha=0.25, label="standard error that it tells"),

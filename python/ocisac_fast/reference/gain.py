@@ -42,6 +42,7 @@ def tone_gain(
     ambient = np.broadcast_to(np.asarray(background, dtype=np.float64), (light.shape[0], light.shape[2]))
     if pooled:
         light, ambient, saturated = _pool(light, ambient, saturated)
+    whole_numbers = stored.dtype in (np.uint8, np.uint16) and camera.tone_curve == "linear" and not pooled
     tones = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     estimate = _fit if method == "fit" else _dft
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
@@ -49,7 +50,7 @@ def tone_gain(
     results = []
     for frame, b, s in zip(light, ambient, saturated, strict=True):
         per_tone = [
-            _gain(parts, frame_flags, f, camera, ratio, b, s)
+            _gain(parts, frame_flags, f, camera, ratio, b, s, whole_numbers)
             for f, (parts, frame_flags) in zip(
                 tones, estimate(frame, tones * camera.row_time, harmonics_of), strict=True
             )
@@ -162,8 +163,21 @@ def _dft(frame: FloatArray, cycles: FloatArray, _harmonics_of: Any) -> Any:
         yield (mean, line.real, -line.imag, noise, np.diag([1 / rows, 2 / rows, 2 / rows])), flags
 
 
+def _rounding_pull(amplitude: FloatArray, noise: FloatArray) -> FloatArray:
+    """RMS pull of rounding on an amplitude, in steps (Widrow's series, RMS over the place between two codes)."""
+    own = np.where((amplitude < 1) & (noise < 0.3), 0.0, np.maximum(noise - 1 / 12, 0))
+    return np.asarray(0.1111 / np.sqrt(np.maximum(amplitude, 0.1)) * np.exp(-2 * np.pi**2 * own))
+
+
 def _gain(
-    parts: Any, flags: Flag, frequency: float, camera: Camera, ratio: float, ambient: FloatArray, saturated: Any
+    parts: Any,
+    flags: Flag,
+    frequency: float,
+    camera: Camera,
+    ratio: float,
+    ambient: FloatArray,
+    saturated: Any,
+    whole_numbers: bool,
 ) -> tuple[FloatArray, ...]:
     """Gain, its standard error by the delta method, phase, mean, signal-to-noise ratio and flags of each column."""
     mean, a, b, noise, covariance = parts
@@ -192,6 +206,11 @@ def _gain(
     masks[saturated] |= np.uint32(Flag.SATURATED)
     masks[~(mean > 0)] |= np.uint32(Flag.NO_LIGHT)
     unknown = (masks & np.uint32(Flag.UNRESOLVABLE | Flag.NO_LIGHT)) != 0
-    masks[~unknown & ((power < 9 * radial) | (power <= (1e-9 * mean) ** 2))] |= np.uint32(Flag.WEAK)
+    weak = (power < 9 * radial) | (power <= (1e-9 * mean) ** 2)
+    masks[~unknown & weak] |= np.uint32(Flag.WEAK)
+    if whole_numbers:
+        with np.errstate(invalid="ignore"):
+            pulled = _rounding_pull(amplitude, noise) > np.sqrt(radial)
+        masks[~unknown & ~weak & pulled] |= np.uint32(Flag.QUANTISED)
     values = [np.where(unknown, np.nan, x) for x in (gain, std, phase)]
     return (*values, mean, np.where(unknown, np.nan, snr), masks)

@@ -26,6 +26,7 @@ inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no
 inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to be sure of the chip rate
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
 inline constexpr Flags model_misfit = 1U << 24;   // light or tone vary along the column: tone_gain is biased
+inline constexpr Flags quantised = 1U << 25;      // less noise than half a step: rounding may exceed the standard error
 }  // namespace flag
 
 // The bits that are set, by name.
