@@ -13,4 +13,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_receiver(module);
   ocisac::bindings::register_channel(module);
   ocisac::bindings::register_projection(module);
+  ocisac::bindings::register_packets(module);
 }

@@ -27,6 +27,13 @@ from ocisac_fast.frequency import (
 )
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.receiver import Received, receive
+from ocisac_fast.transmission import (
+    Transmission,
+    decode_line_code,
+    encode_line_code,
+    longest_payload,
+    transmit,
+)
 from ocisac_fast.varying_tone import VaryingToneGain, varying_tone_gain
 from ocisac_fast.waveforms import (
     Chips,
@@ -64,11 +71,14 @@ __all__ = [
     "Tone",
     "ToneColumns",
     "ToneGain",
+    "Transmission",
     "VaryingToneGain",
     "Waveform",
     "best_exposure",
     "calibrate",
     "clock_bounds",
+    "decode_line_code",
+    "encode_line_code",
     "equalize",
     "expose_chips",
     "exposure_objective",
@@ -77,6 +87,7 @@ __all__ = [
     "find_preamble",
     "fit_channel",
     "integrate_exposure",
+    "longest_payload",
     "lost_frequencies",
     "pick_channel",
     "pool_estimates",
@@ -84,5 +95,6 @@ __all__ = [
     "sample_waveform",
     "tone_columns",
     "tone_gain",
+    "transmit",
     "varying_tone_gain",
 ]

@@ -15,6 +15,7 @@ _COMMANDS = {
     "gain": "Gain of a tone in a recording, against theory.",
     "exposure": "Best exposure time for communication and sensing.",
     "receive": "Bits of the lights in a recording.",
+    "transmit": "Chips that carry a payload.",
     "simulate": "Make a recording of a modulated light.",
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",

@@ -21,8 +21,10 @@ from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
+from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
 from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.transmission import Transmission
 from ocisac_fast.varying_tone import VaryingToneGain
 from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 
@@ -47,11 +49,14 @@ __all__ = [
     "Tone",
     "ToneColumns",
     "ToneGain",
+    "Transmission",
     "VaryingToneGain",
     "Waveform",
     "best_exposure",
     "calibrate",
     "clock_bounds",
+    "decode_line_code",
+    "encode_line_code",
     "equalize",
     "expose_chips",
     "exposure_objective",
@@ -60,6 +65,7 @@ __all__ = [
     "find_preamble",
     "fit_channel",
     "integrate_exposure",
+    "longest_payload",
     "lost_frequencies",
     "pick_channel",
     "pool_estimates",
@@ -67,5 +73,6 @@ __all__ = [
     "sample_waveform",
     "tone_columns",
     "tone_gain",
+    "transmit",
     "varying_tone_gain",
 ]

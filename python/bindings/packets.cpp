@@ -1,0 +1,125 @@
+#include "ocisac/receiver/packets.hpp"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "arrays.hpp"
+#include "ocisac/receiver/line_codes.hpp"
+#include "register.hpp"
+
+namespace ocisac::bindings {
+
+namespace {
+
+using Bytes = py::array_t<std::uint8_t, py::array::c_style>;
+using Ratios = py::array_t<double, py::array::c_style>;
+using CodeName = std::variant<std::string, std::vector<std::string>>;
+
+LineCode line_code_of(const CodeName& name) {
+  if (const auto* words = std::get_if<std::vector<std::string>>(&name)) return LineCode::of_table(*words);
+  return LineCode::named(std::get<std::string>(name));
+}
+
+PacketFormat format_of(const CodeName& line_code, std::size_t block_bytes, const std::string& preamble) {
+  require(preamble == "standard" || preamble == "lengthened", "preamble", '"' + preamble + '"', "standard, lengthened");
+  return {line_code_of(line_code), block_bytes, preamble == "standard" ? Preamble::standard : Preamble::lengthened};
+}
+
+template <class T>
+std::span<const T> values_of(const py::array_t<T, py::array::c_style>& array) {
+  return {array.data(), static_cast<std::size_t>(array.size())};
+}
+
+template <class T>
+py::array_t<T> as_array(const std::vector<T>& values) {
+  return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+py::bytes as_bytes(const std::vector<std::uint8_t>& bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+std::string name_of(StretchOutcome outcome) {
+  switch (outcome) {
+    case StretchOutcome::placed: return "placed";
+    case StretchOutcome::waiting: return "waiting";
+    case StretchOutcome::repeated: return "repeated";
+    case StretchOutcome::unreadable: break;
+  }
+  return "unreadable";
+}
+
+// In the order of ocisac_fast.transmission.Stretch.
+py::tuple as_tuple(const StretchReport& report) {
+  py::object payload = py::none();
+  if (report.payload)
+    payload = py::make_tuple(as_bytes(report.payload->bytes), report.payload->number, report.payload->corrected);
+  return py::make_tuple(name_of(report.outcome), report.blocks, report.bytes, report.violations, report.share, payload);
+}
+
+py::tuple layout_tuple(const PacketLayout& layout) {
+  return py::make_tuple(layout.codewords, layout.codeword_data, layout.blocks, layout.block_chips);
+}
+
+py::tuple transmit_tuple(const Bytes& payload, const CodeName& line_code, std::size_t block_bytes,
+                         const std::string& preamble, unsigned number) {
+  const auto format = format_of(line_code, block_bytes, preamble);
+  const auto bytes = values_of(payload);
+  std::vector<std::uint8_t> chips;
+  {
+    const py::gil_scoped_release unlocked;
+    chips = packet_chips(bytes, format, number);
+  }
+  return py::make_tuple(as_array(chips), layout_tuple(packet_layout(bytes.size(), format)));
+}
+
+py::tuple decode_tuple(const Ratios& llr, const CodeName& line_code) {
+  const auto decoded = line_code_of(line_code).decode(values_of(llr));
+  return py::make_tuple(as_array(decoded.llr), as_array(decoded.violations));
+}
+
+}  // namespace
+
+void register_packets(py::module_& module) {
+  module.def(
+      "encode_line_code",
+      [](const Bytes& bits, const CodeName& line_code) {
+        return as_array(line_code_of(line_code).encode(values_of(bits)));
+      },
+      py::arg("bits"), py::arg("line_code"));
+  module.def("decode_line_code", &decode_tuple, py::arg("llr"), py::arg("line_code"));
+  module.def("transmit", &transmit_tuple, py::arg("payload"), py::arg("line_code"), py::arg("block_bytes"),
+             py::arg("preamble"), py::arg("number"));
+  module.def(
+      "longest_payload",
+      [](const CodeName& line_code, std::size_t block_bytes, const std::string& preamble) {
+        return longest_payload(format_of(line_code, block_bytes, preamble));
+      },
+      py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"));
+  py::class_<PacketAssembler>(module, "PacketAssembler")
+      .def(py::init([](const CodeName& line_code, std::size_t block_bytes, const std::string& preamble) {
+             return PacketAssembler(format_of(line_code, block_bytes, preamble));
+           }),
+           py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"))
+      .def(
+          "push",
+          [](PacketAssembler& assembler, std::ptrdiff_t first, const Ratios& llr) {
+            const auto values = values_of(llr);
+            StretchReport report;
+            {
+              const py::gil_scoped_release unlocked;
+              report = assembler.push(first, values);
+            }
+            return as_tuple(report);
+          },
+          py::arg("first"), py::arg("llr"))
+      .def("lose_clock", &PacketAssembler::lose_clock);
+}
+
+}  // namespace ocisac::bindings

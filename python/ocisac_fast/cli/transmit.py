@@ -1,0 +1,145 @@
+"""``ocisac transmit``."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import numpy as np
+
+from ocisac_fast.cli.output import emit_facts, emit_json, quantity
+from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.units import FREQUENCY, Quantity
+from ocisac_fast.transmission import Transmission
+from ocisac_fast.transmission import transmit as transmit_payload
+
+LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
+
+
+def _text(sent: Transmission, _: float | None) -> bytes:
+    return "".join(map(str, sent.chips.tolist())).encode() + b"\n"
+
+
+def _npy(sent: Transmission, _: float | None) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, sent.chips)
+    return buffer.getvalue()
+
+
+def _csv(sent: Transmission, chip_rate: float | None) -> bytes:
+    if chip_rate is None:
+        lines = ["chip,level", *(f"{chip},{level}" for chip, level in enumerate(sent.chips.tolist()))]
+    else:
+        lines = ["time_s,level", *(f"{chip / chip_rate!r},{level}" for chip, level in enumerate(sent.chips.tolist()))]
+    return "\n".join(lines).encode() + b"\n"
+
+
+def _c_header(sent: Transmission, chip_rate: float | None) -> bytes:
+    """Chips packed eight a byte, the first one highest."""
+    packed = [f"0x{byte:02x}" for byte in np.packbits(sent.chips).tolist()]
+    rows = [", ".join(packed[k : k + 20]) for k in range(0, len(packed), 20)]
+    rate = [] if chip_rate is None else [f"#define OCISAC_CHIP_RATE_HZ {chip_rate!r}"]
+    lines = [
+        f"/* A packet of {len(sent.payload)} bytes: send the chips one after the other, over and over.",
+        "   Chip k: ocisac_chips[k >> 3] >> (7 - (k & 7)) & 1, 1 = bright. */",
+        "#ifndef OCISAC_CHIPS_H",
+        "#define OCISAC_CHIPS_H",
+        "#include <stdint.h>",
+        *rate,
+        f"#define OCISAC_CHIP_COUNT {len(sent.chips)}UL",
+        f"static const uint8_t ocisac_chips[{len(packed)}] = {{",
+        *(f"    {row}," for row in rows),
+        "};",
+        "#endif",
+    ]
+    return "\n".join(lines).encode() + b"\n"
+
+
+_WRITERS: dict[str, Callable[[Transmission, float | None], bytes]] = {
+    ".txt": _text,
+    ".npy": _npy,
+    ".csv": _csv,
+    ".h": _c_header,
+}
+
+
+@click.command(short_help="Chips that carry a payload.")
+@click.argument("file", required=False, metavar="[FILE]")
+@click.option("--text", help="The payload, instead of a file's bytes.")
+@click.option("--line-code", type=click.Choice(LINE_CODES), default="manchester", show_default=True)
+@click.option("--code-table", metavar="WORDS", help="A line code of its own: 2, 4, 16 or 256 words, as 01,10.")
+@click.option("--block-bytes", type=int, default=16, show_default=True, help="Coded bytes of a block, 1 to 255.")
+@click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
+@click.option("--number", type=int, default=0, show_default=True, help="Of the packet, 0 to 255.")
+@click.option("--chip-rate", type=FREQUENCY, help="For the times in a .csv and a note in a .h.")
+@click.option("-o", "--output", help="FILE.txt, .npy, .csv (chip or time, level) or .h (C, eight chips a byte).")
+@json_option
+def transmit(
+    file: str | None,
+    text: str | None,
+    line_code: str,
+    code_table: str | None,
+    block_bytes: int,
+    preamble: str,
+    number: int,
+    chip_rate: Quantity | None,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    """Turn the bytes of FILE (- for standard input) into one cycle of chips, to be sent over and over; 1 is bright.
+
+    Without -o the chips are printed. The format: docs/packets.md.
+    """
+    writer = _writer(output)
+    sent = transmit_payload(
+        _payload(file, text),
+        line_code=line_code if code_table is None else code_table.split(","),
+        block_bytes=block_bytes,
+        preamble=preamble,
+        number=number,
+    )
+    rate = None if chip_rate is None else float(chip_rate)
+    if rate is not None and not 0.0 < rate < float("inf"):
+        raise ValueError(f"--chip-rate: got {rate}, allowed: above 0")
+    facts = {
+        "payload_bytes": len(sent.payload),
+        "number": sent.number,
+        "line_code": sent.line_code,
+        "chips": len(sent.chips),
+        "blocks": sent.blocks,
+        "block_chips": sent.block_chips,
+        "block_bytes": sent.block_bytes,
+        "codewords": sent.codewords,
+        "codeword_data": sent.codeword_data,
+    }
+    if output is not None:
+        Path(output).write_bytes(writer(sent, rate))
+    if as_json:
+        levels = {} if output is not None else {"levels": _text(sent, None).decode().strip()}
+        emit_json({"file": output, **facts, **levels})
+    elif output is None:
+        click.echo(_text(sent, None), nl=False)
+    else:
+        size = f"{sent.blocks} blocks of {sent.block_chips} chips"
+        duration = {} if rate is None else {"one cycle": quantity(len(sent.chips) / rate, "s")}
+        emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
+
+
+def _writer(output: str | None) -> Callable[[Transmission, float | None], bytes]:
+    if output is None:
+        return _text
+    suffix = Path(output).suffix.lower()
+    if suffix not in _WRITERS:
+        raise ValueError(f"--output: got {output}, allowed: a file that ends in {', '.join(_WRITERS)}")
+    return _WRITERS[suffix]
+
+
+def _payload(file: str | None, text: str | None) -> bytes:
+    if (file is None) == (text is None):
+        raise click.UsageError("needs FILE or --text, and not both")
+    if text is not None:
+        return text.encode()
+    return sys.stdin.buffer.read() if file == "-" else Path(str(file)).read_bytes()
