@@ -59,7 +59,8 @@ def tone_gain(
 
     Method ``"fit"`` solves mean + tone + harmonics by least squares at the exact frequency (cf. IEEE Std 1057).
     ``"dft"`` is the paper's: the DFT's bin nearest to the tone (eqs. 24-25, figure 8), biased unless the tone completes
-    whole cycles in the frame (flag OFF_BIN); it computes through OpenCV.
+    whole cycles in the frame (flag OFF_BIN); it computes through OpenCV. Both take mean and tone to be steady down the
+    column; :func:`varying_tone_gain` tells whether they are.
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order; see ``Camera`` for what stored

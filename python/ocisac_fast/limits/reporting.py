@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import textwrap
 from collections.abc import Sequence
 
 from ocisac_fast.chart.reporting import fill_markers
@@ -43,7 +44,8 @@ def told(point: Point) -> str:
 
 def entry_text(limit: Limit) -> str:
     """Markdown: the entry in words."""
-    return f"### {limit.title}\n{limit.plain[0].upper()}{limit.plain[1:]}. {limit.why} **Library:** {limit.then}"
+    words = f"{limit.plain[0].upper()}{limit.plain[1:]}. {limit.why} **Library:** {limit.then}"
+    return f"### {limit.title}\n{textwrap.fill(words, 120, break_long_words=False, break_on_hyphens=False)}"
 
 
 def number(value: float) -> str:

@@ -42,8 +42,8 @@ def _restored(light: Waveform, frequency: float, x: float, rows: int, exposure_r
     sweep="exposure, rows",
     error="RMS error / swing, 1 % noise",
     plain="DFT divided by sinc(f·T_e)",
-    why="Around the multiples of 1/T_e the division multiplies noise, and whatever the frame's ends brought, by up to "
-    "1/0.",
+    why="Around the multiples of 1/T_e the division multiplies noise, and whatever the frame's ends brought, without "
+    "bound.",
     then="Amplifies no frequency by more than `max_boost`, continues the column beyond its ends, and reports the bands "
     "lost and the noise gained.",
     spot=24,

@@ -160,15 +160,44 @@ def _rounded_bin() -> list[Point]:
 def _two_sources() -> list[Point]:
     points = []
     for bins in (0.03, 0.1, 0.3, 0.5, 1.0, 2.3, 5.4):
-        scene = dataclasses.replace(_BASE, cycles=20.0, mean=60.0)
-        other = dataclasses.replace(scene, cycles=20.0 + bins, depth=0.8)
-        random = np.random.default_rng(int(1000 * bins))
-        light = scene.light(random.random(200)) + other.light(random.random(200))
-        frame = np.rint(light + 2.0 * random.standard_normal(light.shape)).astype(np.uint8)
-        truth = 0.5 * scene.gain  # of the mean of both
+        scene, other, frame = _two(bins)
         both = tone_gain(frame, Camera(scene.row_time), [scene.frequency, other.frequency])
         first: Any = _OneOf(both.gain[0], both.gain_std[0], both.flags[0])
-        points.append(compared(bins, truth, fitted_gain(scene, frame), first))
+        points.append(compared(bins, 0.5 * scene.gain, fitted_gain(scene, frame), first))
+    return points
+
+
+def _two(bins: float) -> tuple[Scene, Scene, npt.NDArray[np.uint8]]:
+    """A source, its neighbour, and their light together; the gain of the first is half its own."""
+    scene = dataclasses.replace(_BASE, cycles=20.0, mean=60.0)
+    other = dataclasses.replace(scene, cycles=20.0 + bins, depth=0.8)
+    random = np.random.default_rng(int(1000 * bins))
+    light = scene.light(random.random(200)) + other.light(random.random(200))
+    return scene, other, np.rint(light + 2.0 * random.standard_normal(light.shape)).astype(np.uint8)
+
+
+@limit(
+    "unknown-neighbour",
+    "A neighbour that is not known of",
+    sweep="distance in bins",
+    error="RMS error of the gain",
+    plain="fit of mean and one tone, as in `tone_gain`",
+    why="As before, but nobody tells of the other source.",
+    then="`varying_tone_gain` sees the slow beat of the two, MODEL_MISFIT, but cannot mend it. Nearer than a quarter "
+    "of a bin nothing in one frame tells them apart; from two bins on the other source counts as noise, and the "
+    "standard error is at first half of the error.",
+    spot=0.5,
+    fails_by=0.05,
+    good=0.01,
+    flags=Flag.MODEL_MISFIT,
+    silent=(0.03, 0.1, 2.3),
+)
+def _unknown_neighbour() -> list[Point]:
+    points = []
+    for bins in (0.03, 0.1, 0.3, 0.5, 0.7, 1.0, 1.5, 2.3, 3.5, 5.4):
+        scene, _, frame = _two(bins)
+        found = varying_tone_gain(frame, scene.camera, scene.frequency)
+        points.append(compared(bins, 0.5 * scene.gain, fitted_gain(scene, frame), found))
     return points
 
 
