@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import reference
+from ocisac_fast.reference.sequence_detection import detect_sequence
 
 
 class Column:
@@ -175,7 +176,7 @@ def test_what_chips_do_not_tell_is_not_guessed():
     rows = np.linspace(0, 1, 50)
     clock = {"rows_per_chip": 5.0, "phase": 0.0, "exposure": 2.0}
     assert ocisac.fit_channel(rows, np.ones(10), **clock) is None
-    assert ocisac.fit_channel(rows, [0, 1], **clock) is None  # four rows
+    assert ocisac.fit_channel(rows, [0, 1], **{**clock, "rows_per_chip": 3.0}) is None  # five rows, six unknowns
     assert ocisac.clock_bounds(np.ones(10), np.ones(50), noise=0.1, **clock) is None
     aligned = {"rows_per_chip": 2.0, "phase": 0.3, "exposure": 1.0}  # every edge on the same part of a row
     chips = np.random.default_rng(0).integers(0, 2, 100)
@@ -218,7 +219,7 @@ def test_one_chip_per_row_with_unknown_phase():
 def test_preambles_agree_with_the_reference():
     preamble = np.random.default_rng(6).integers(0, 2, 24)
     for seed, exposure in ((0, 0.7), (1, 3.0)):
-        column = Column(seed, 4.1, exposure, 0.02, rows=200, preamble=preamble)
+        column = Column(seed, 4.1, exposure, 0.02, rows=150, preamble=preamble)
         arguments = {"rows_per_chip": 4.1, "exposure": column.exposure}
         got, want = (of.find_preamble(column.rows, preamble, **arguments)[0] for of in (ocisac, reference))
         spread = want.channel.errors.phase_std
@@ -246,6 +247,114 @@ def test_no_preamble_is_found_in_noise():
         assert ocisac.find_preamble(noise, preamble, rows_per_chip=4.0) == []
     assert ocisac.find_preamble(np.full(1080, 7.0), preamble, rows_per_chip=4.0) == []
     assert ocisac.find_preamble(np.arange(50.0), preamble, rows_per_chip=4.0) == []  # longer than the frame
+
+
+def errors_of(column, found, shift):
+    """Wrong chips among those the frame shows whole; `shift` added to the numbers of the chips found."""
+    edge = int(np.ceil(column.exposure / column.rows_per_chip)) + 1
+    whole = np.arange(edge, int(len(column.rows) / column.rows_per_chip) - edge)
+    return np.sum(found.chips[whole - shift - found.first] != column.chips[whole - column.first])
+
+
+@pytest.mark.parametrize("exposure", [0.5, 2.0, 4.0])
+def test_the_whole_frame_from_a_preamble(exposure):
+    preamble = np.random.default_rng(9).integers(0, 2, 32)
+    misses = []
+    for seed in range(4):
+        column = Column(seed, 4.1, exposure, 0.03, rows=720, preamble=preamble, gradient=0.2)
+        start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
+        found = ocisac.refine_channel(column.rows, start, detect_sequence, known=preamble)
+        shift = round((column.start - column.phase) / column.rows_per_chip)
+        assert errors_of(column, found, shift) == 0
+        assert found.settled
+        assert found.even
+        assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
+        bounds = column.bounds(dark_degree=1, swing_degree=1)
+        misses.append((found.channel.exposure - column.exposure) / bounds.exposure_std)
+    assert np.sqrt(np.mean(np.square(misses))) < 2.2
+
+
+def test_the_whole_frame_agrees_with_the_reference():
+    preamble = np.random.default_rng(9).integers(0, 2, 32)
+    column = Column(1, 4.1, 3.0, 0.02, rows=400, preamble=preamble)
+    start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
+    got, want = (of.refine_channel(column.rows, start, detect_sequence, known=preamble) for of in (ocisac, reference))
+    np.testing.assert_array_equal(got.chips, want.chips)
+    assert (got.first, got.settled) == (want.first, want.settled)
+    spread = want.channel.errors
+    assert got.channel.rows_per_chip == pytest.approx(want.channel.rows_per_chip, abs=0.02 * spread.rows_per_chip_std)
+    assert got.channel.exposure == pytest.approx(want.channel.exposure, abs=0.02 * spread.exposure_std)
+
+
+@pytest.mark.parametrize(("rows_per_chip", "exposure"), [(4.1, 0.5), (2.3, 1.0), (3.3, 3.0), (1.0, 1.0)])
+def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
+    for seed in range(3):
+        column = Column(seed, rows_per_chip, exposure, 0.02, rows=500)
+        found = ocisac.find_channel(
+            column.rows,
+            detect_sequence,
+            rows_per_chip=rows_per_chip,
+            exposure=column.exposure,
+            exposure_known=rows_per_chip == 1.0,
+        )
+        middle = [(250 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
+        assert errors_of(column, found, round(middle[0] - middle[1])) <= (rows_per_chip == 1.0)
+        assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
+
+
+def test_a_detector_that_answers_wrongly_is_refused():
+    column = Column(0, 4.0, 2.0)
+    start = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())
+    with pytest.raises(ValueError, match="detect: got 1, allowed: as many levels as chips asked for"):
+        ocisac.refine_channel(column.rows, start, lambda *question: [0.0])
+    with pytest.raises(ValueError, match="highest_degree: got 9, allowed: 0 to 6"):
+        ocisac.refine_channel(column.rows, start, detect_sequence, highest_degree=9)
+
+
+def channels_of(frames, seed, frame_rows=1501.3, period=3.7):
+    """Frame numbers and channels as measured, of a light of a steady clock."""
+    random = np.random.default_rng(seed)
+    for frame in frames:
+        begin = frame * frame_rows
+        first = np.ceil((begin - 1.1) / period)
+        measured = period + 3e-4 * random.standard_normal()
+        middle = 1.1 + (first + 140) * period - begin + 0.05 * random.standard_normal()
+        errors = ocisac.ClockErrors(140, np.diag([0.05**2, 3e-4**2, 0.04]))
+        clock = (measured, middle - 140 * measured, 20 + 0.2 * random.standard_normal())
+        yield frame, ocisac.ChannelEstimate(*clock, errors, np.zeros(1), np.ones(1), 0.01, (0, 1080), True)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32), frames=st.integers(1, 40), ahead=st.integers(0, 5))
+def test_the_tracked_clock_agrees_with_the_reference(seed, frames, ahead):
+    trackers = [of.ClockTracker(1501.0, frame_rows_std=0.4, drift=0, exposure_wander=0) for of in (ocisac, reference)]
+    assert trackers[0].predict(0) is None
+    for frame, channel in channels_of(range(frames), seed):
+        for tracker in trackers:
+            assert tracker.update(frame, channel)
+    got, want = (tracker.predict(frames - 1 + ahead) for tracker in trackers)
+    assert got.rows_per_chip == pytest.approx(want.rows_per_chip, rel=1e-7)
+    assert got.exposure == pytest.approx(want.exposure)
+    assert got.phase + (want.chip - got.chip) * got.rows_per_chip == pytest.approx(want.phase, abs=1e-4)
+    if got.chip == want.chip:
+        np.testing.assert_allclose(got.covariance, want.covariance, rtol=1e-3, atol=1e-10)
+    trackers[0].reset()
+    assert trackers[0].predict(0) is None
+
+
+def test_no_chip_is_lost_between_frames_with_a_gap():
+    tracker = ocisac.ClockTracker(1501.0, frame_rows_std=0.5)
+    for frame, channel in channels_of([*range(10), *range(15, 40)], 3):
+        predicted = tracker.predict(frame)
+        if predicted is not None and frame > 3:
+            truth = 1.1 + predicted.chip * 3.7 - frame * 1501.3
+            assert abs(predicted.phase - truth) < 0.5
+            assert predicted.chips_lost < 0.2
+        assert tracker.update(frame, channel)
+    with pytest.raises(ValueError, match="frame: got 39, allowed: a frame after the last one"):
+        tracker.update(39, channel)
+    with pytest.raises(ValueError, match="frame_rows: got 0"):
+        ocisac.ClockTracker(0)
 
 
 @given(

@@ -1,10 +1,15 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <array>
+#include <utility>
 #include <vector>
 
 #include "ocisac/receiver/channel_estimate.hpp"
+#include "ocisac/receiver/clock_tracker.hpp"
 #include "ocisac/receiver/preamble.hpp"
+#include "ocisac/receiver/refine_channel.hpp"
+#include "ocisac/require.hpp"
 #include "register.hpp"
 
 namespace py = pybind11;
@@ -87,6 +92,77 @@ py::tuple pool_values(const Vector& values, const Vector& errors) {
   return py::make_tuple(pooled.value, pooled.std, pooled.count);
 }
 
+// A Python function as detector: detect(rows, rows_per_chip, phase, exposure, noise, first, count) -> (count,) levels.
+DetectChips python_detector(const py::function& function) {
+  return [&function](const ChipQuestion& question) {
+    const py::gil_scoped_acquire locked;
+    const Vector rows(static_cast<py::ssize_t>(question.rows.size()), question.rows.data());
+    const ChipClock& clock = question.clock;
+    const auto chips =
+        function(rows, clock.rows_per_chip, clock.phase, clock.exposure, question.noise, question.first, question.count)
+            .cast<std::vector<double>>();
+    require(chips.size() == question.count, "detect", chips.size(), "as many levels as chips asked for");
+    return chips;
+  };
+}
+
+py::object as_object(const std::optional<RefinedChannel>& found) {
+  if (!found) return py::none();
+  const Vector chips(static_cast<py::ssize_t>(found->chips.size()), found->chips.data());
+  return py::make_tuple(as_tuple(found->channel), chips, found->first, found->settled, found->even);
+}
+
+ChannelEstimate channel_of(const py::tuple& values) {
+  const auto errors = values[3].cast<std::pair<std::ptrdiff_t, std::array<double, 9>>>();
+  return {{values[0].cast<double>(), values[1].cast<double>(), values[2].cast<double>()},
+          {errors.first, errors.second},
+          values[4].cast<std::vector<double>>(),
+          values[5].cast<std::vector<double>>(),
+          values[6].cast<double>(),
+          {values[7].cast<std::size_t>(), values[8].cast<std::size_t>()},
+          values[9].cast<bool>()};
+}
+
+py::object refine(const Vector& signal, const py::tuple& start, const py::function& detect, bool exposure_known,
+                  std::size_t highest_degree, const Vector& known, std::ptrdiff_t known_first) {
+  std::optional<RefinedChannel> found;
+  {
+    const auto rows = view(signal);
+    const auto channel = channel_of(start);
+    const RefineOptions options{exposure_known, highest_degree, {view(known), known_first}};
+    const auto detector = python_detector(detect);
+    const py::gil_scoped_release unlocked;
+    found = refine_channel(rows, channel, detector, options);
+  }
+  return as_object(found);
+}
+
+py::object search(const Vector& signal, double rows_per_chip, double tolerance, std::optional<double> exposure,
+                  double longest_exposure, const py::function& detect, bool exposure_known,
+                  std::size_t highest_degree) {
+  std::optional<RefinedChannel> found;
+  {
+    const auto rows = view(signal);
+    const RefineOptions options{exposure_known, highest_degree, {}};
+    const auto detector = python_detector(detect);
+    const py::gil_scoped_release unlocked;
+    found = find_channel(rows, {rows_per_chip, tolerance, exposure, longest_exposure}, detector, options);
+  }
+  return as_object(found);
+}
+
+bool update(ClockTracker& tracker, std::int64_t frame, double rows_per_chip, double phase, double exposure,
+            std::ptrdiff_t chip, const std::array<double, 9>& covariance) {
+  return tracker.update(frame, {rows_per_chip, phase, exposure}, {chip, covariance});
+}
+
+py::object predict(const ClockTracker& tracker, std::int64_t frame) {
+  const auto found = tracker.predict(frame);
+  if (!found) return py::none();
+  return py::make_tuple(found->clock.rows_per_chip, found->clock.phase, found->clock.exposure, found->chip,
+                        found->errors.covariance, found->chips_lost);
+}
+
 }  // namespace
 
 void register_channel(py::module_& module) {
@@ -99,6 +175,19 @@ void register_channel(py::module_& module) {
              arg("swing"), arg("noise"), arg("dark_degree"), arg("swing_degree"), arg("exposure_known"));
   module.def("find_preamble", &find, arg("signal"), arg("preamble"), arg("rows_per_chip"), arg("tolerance"),
              arg("exposure"), arg("longest_exposure"), arg("most"));
+  module.def("refine_channel", &refine, arg("signal"), arg("start"), arg("detect"), arg("exposure_known"),
+             arg("highest_degree"), arg("known"), arg("known_first"));
+  module.def("find_channel", &search, arg("signal"), arg("rows_per_chip"), arg("tolerance"), arg("exposure"),
+             arg("longest_exposure"), arg("detect"), arg("exposure_known"), arg("highest_degree"));
+  py::class_<ClockTracker>(module, "ClockTracker")
+      .def(py::init([](double frame_rows, double frame_rows_std, double drift, double exposure_wander) {
+             return ClockTracker({frame_rows, frame_rows_std, drift, exposure_wander});
+           }),
+           arg("frame_rows"), arg("frame_rows_std"), arg("drift"), arg("exposure_wander"))
+      .def("update", &update, arg("frame"), arg("rows_per_chip"), arg("phase"), arg("exposure"), arg("chip"),
+           arg("covariance"))
+      .def("predict", &predict, arg("frame"))
+      .def("reset", &ClockTracker::reset);
   module.def("pool_estimates", &pool_values, arg("values"), arg("errors"));
 }
 

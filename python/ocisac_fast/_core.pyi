@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, overload
 
 import numpy as np
@@ -137,6 +137,34 @@ def find_preamble(
     longest_exposure: float,
     most: int,
 ) -> list[tuple[tuple[Any, ...], float, float]]: ...
+def refine_channel(
+    signal: npt.NDArray[np.float64],
+    start: tuple[Any, ...],
+    detect: Callable[..., Any],
+    exposure_known: bool,
+    highest_degree: int,
+    known: npt.NDArray[np.float64],
+    known_first: int,
+) -> tuple[tuple[Any, ...], npt.NDArray[np.float64], int, bool, bool] | None: ...
+def find_channel(
+    signal: npt.NDArray[np.float64],
+    rows_per_chip: float,
+    tolerance: float,
+    exposure: float | None,
+    longest_exposure: float,
+    detect: Callable[..., Any],
+    exposure_known: bool,
+    highest_degree: int,
+) -> tuple[tuple[Any, ...], npt.NDArray[np.float64], int, bool, bool] | None: ...
+
+class ClockTracker:
+    def __init__(self, frame_rows: float, frame_rows_std: float, drift: float, exposure_wander: float) -> None: ...
+    def update(
+        self, frame: int, rows_per_chip: float, phase: float, exposure: float, chip: int, covariance: Sequence[float]
+    ) -> bool: ...
+    def predict(self, frame: int) -> tuple[float, float, float, int, list[float], float] | None: ...
+    def reset(self) -> None: ...
+
 def pool_estimates(values: npt.NDArray[np.float64], errors: npt.NDArray[np.float64]) -> tuple[float, float, int]: ...
 
 class RowWeights:

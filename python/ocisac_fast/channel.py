@@ -7,6 +7,7 @@ noise.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,6 +102,104 @@ class Pooled:
     value: float
     std: float
     count: int
+
+
+@dataclass(frozen=True, slots=True)
+class RefinedChannel:
+    """The channel of a whole frame with the chips it was found from.
+
+    Attributes:
+        channel: the channel.
+        chips: (chips,) 0 and 1, all that any row of the frame sees; those at the ends are seen by a few rows only.
+        first: number of the first of them.
+        settled: the last detection changed none of them.
+        even: no part of the frame is explained worse than the others; where it is, the clock was lost there.
+    """
+
+    channel: ChannelEstimate
+    chips: FloatArray
+    first: int
+    settled: bool
+    even: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedClock:
+    """The clock predicted for a frame.
+
+    Attributes:
+        rows_per_chip: rows.
+        phase: row at which chip ``chip`` begins; of all chips it begins nearest row 0.
+        exposure: rows.
+        chip: its number, counted from the first frame.
+        covariance: (3, 3) of that phase, rows per chip and exposure.
+        chips_lost: standard error of the count of chips since the last update; below 0.2 it can be relied on.
+    """
+
+    rows_per_chip: float
+    phase: float
+    exposure: float
+    chip: int
+    covariance: FloatArray
+    chips_lost: float
+
+
+# detect(rows, rows_per_chip, phase, exposure, noise, first, count): levels of chips first ... first + count - 1, all
+# that `rows` (0 steady dark, 1 steady bright) see; the phase is that of chip 0 relative to the first of the rows.
+Detect = Callable[[FloatArray, float, float, float, float, int, int], npt.ArrayLike]
+
+
+class ClockTracker:
+    """The clock of a light from frame to frame: a Kalman filter of phase, rows per chip and rows per frame.
+
+    What one frame told predicts the next, across the rows that are not read between; the exposure is pooled beside it.
+
+    Args:
+        frame_rows: rows from the beginning of a frame to that of the next: frame time / row time.
+        frame_rows_std: standard error of that; it is estimated along with the clock.
+        drift: share by which the rate wanders from one frame to the next.
+        exposure_wander: the same of the exposure.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+
+    def __init__(
+        self, frame_rows: float, *, frame_rows_std: float = 0.0, drift: float = 1e-6, exposure_wander: float = 1e-4
+    ) -> None:
+        self._handle = _core.ClockTracker(
+            float(frame_rows), float(frame_rows_std), float(drift), float(exposure_wander)
+        )
+
+    def update(self, frame: int, channel: ChannelEstimate) -> bool:
+        """Takes in the channel of a frame; frames in ascending order, any of them may be missing.
+
+        Returns:
+            False where the count of chips began anew: it could not be relied on after so long (a standard error above
+            0.2 chips), or the clock is off by more than six standard errors (another light, a jump).
+
+        Raises:
+            ValueError: a frame that is not after the last one.
+        """
+        covariance = [float(value) for value in channel.errors.covariance.ravel()]
+        clock = (channel.rows_per_chip, channel.phase, channel.exposure)
+        return self._handle.update(int(frame), *clock, channel.errors.chip, covariance)
+
+    def predict(self, frame: int) -> TrackedClock | None:
+        """The clock in a frame not before the last update; None before the first.
+
+        Raises:
+            ValueError: a frame before the last update.
+        """
+        values = self._handle.predict(int(frame))
+        if values is None:
+            return None
+        rows_per_chip, phase, exposure, chip, covariance, lost = values
+        return TrackedClock(rows_per_chip, phase, exposure, chip, np.array(covariance).reshape(3, 3), lost)
+
+    def reset(self) -> None:
+        """Forgets everything."""
+        self._handle.reset()
 
 
 def expose_chips(
@@ -263,6 +362,95 @@ def find_preamble(
     return [PreambleMatch(_channel(values), explained, certainty) for values, explained, certainty in found]
 
 
+def refine_channel(
+    signal: npt.ArrayLike,
+    start: ChannelEstimate,
+    detect: Detect,
+    *,
+    known: npt.ArrayLike = (),
+    known_first: int = 0,
+    exposure_known: bool = False,
+    highest_degree: int = 4,
+) -> RefinedChannel | None:
+    """From the rows where a channel was found to the whole frame, by detection and least squares in turn.
+
+    Rows are added outwards, only as far at a time as the clock is sure.
+
+    Args:
+        signal: (rows,) a column, or columns combined.
+        start: from :func:`find_preamble` or :func:`fit_channel`.
+        detect: a detector for exposed chips, as :data:`Detect` says.
+        known: chips that need not be detected: the preamble.
+        known_first: number of the first of them.
+        exposure_known: keep the exposure of ``start``.
+        highest_degree: of the polynomials of dark and swing along the frame, 0 to 6; the data decide up to it.
+
+    Returns:
+        The channel with all chips of the frame; None where the chips found do not determine one.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    given = np.asarray(known, dtype=np.float64)
+    degree, _ = _degrees(highest_degree, 0, "highest_degree")
+    values = _core.refine_channel(
+        _vector(signal, "signal"),
+        _values(start),
+        detect,
+        bool(exposure_known),
+        degree,
+        given if given.size == 0 else _vector(given, "known"),
+        int(known_first),
+    )
+    return None if values is None else _refined(values)
+
+
+def find_channel(
+    signal: npt.ArrayLike,
+    detect: Detect,
+    *,
+    rows_per_chip: float,
+    tolerance: float = 0.02,
+    exposure: float | None = None,
+    longest_exposure: float = 7.0,
+    exposure_known: bool = False,
+    highest_degree: int = 4,
+) -> RefinedChannel | None:
+    """The channel without a preamble, from a nominal chip rate.
+
+    Several phases, rates and exposures are starts on a short part of the frame; the one whose chips leave the least
+    residual is refined over the frame.
+
+    Args:
+        signal: (rows,) a column, or columns combined.
+        detect: a detector for exposed chips, as :data:`Detect` says.
+        rows_per_chip: nominal, rows.
+        tolerance: the true one lies within this share of it, 0 to 0.5.
+        exposure: rows, where it is known; None: estimated.
+        longest_exposure: chips, where it is estimated.
+        exposure_known: keep ``exposure`` to the end; otherwise it is a start.
+        highest_degree: as in :func:`refine_channel`.
+
+    Returns:
+        The channel with all chips of the frame, numbered from an arbitrary one; None where no start leads to one.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    degree, _ = _degrees(highest_degree, 0, "highest_degree")
+    values = _core.find_channel(
+        _vector(signal, "signal"),
+        float(rows_per_chip),
+        float(tolerance),
+        None if exposure is None else float(exposure),
+        float(longest_exposure),
+        detect,
+        bool(exposure_known),
+        degree,
+    )
+    return None if values is None else _refined(values)
+
+
 def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
     """The mean of values weighted by the inverse squares of their standard errors: an exposure from several frames.
 
@@ -289,8 +477,8 @@ def _vector(values: npt.ArrayLike, name: str) -> FloatArray:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _degrees(dark_degree: int, swing_degree: int) -> tuple[int, int]:
-    for name, degree in (("dark_degree", dark_degree), ("swing_degree", swing_degree)):
+def _degrees(dark_degree: int, swing_degree: int, name_of_dark: str = "dark_degree") -> tuple[int, int]:
+    for name, degree in ((name_of_dark, dark_degree), ("swing_degree", swing_degree)):
         if not 0 <= degree <= 6:
             raise ValueError(f"{name}: got {degree}, allowed: 0 to 6")
     return int(dark_degree), int(swing_degree)
@@ -314,3 +502,15 @@ def _channel(values: tuple[Any, ...]) -> ChannelEstimate:
         (begin, end),
         converged,
     )
+
+
+def _values(channel: ChannelEstimate) -> tuple[Any, ...]:
+    """As the core gives and takes a channel."""
+    errors = (channel.errors.chip, [float(value) for value in channel.errors.covariance.ravel()])
+    clock = (channel.rows_per_chip, channel.phase, channel.exposure)
+    return (*clock, errors, list(channel.dark), list(channel.swing), channel.noise, *channel.rows, channel.converged)
+
+
+def _refined(values: tuple[tuple[Any, ...], FloatArray, int, bool, bool]) -> RefinedChannel:
+    channel, chips, first, settled, even = values
+    return RefinedChannel(_channel(channel), chips, first, settled, even)

@@ -41,7 +41,9 @@ class ChipBox {
     const double chips_end = (row + half - clock.phase) / clock.rows_per_chip;
     const Place begin = place(chips_begin + origin - first_), end = place(chips_end + origin - first_);
     // ∫ chips, in chips: whole ones as a difference of sums of few digits.
-    const double area = (sums_[end.chip] - sums_[begin.chip]) + end.level * end.part - begin.level * begin.part;
+    const double area = begin.chip == end.chip
+                            ? end.level * clock.exposure / clock.rows_per_chip
+                            : (sums_[end.chip] - sums_[begin.chip]) + end.level * end.part - begin.level * begin.part;
     const double value = clock.rows_per_chip * per_row * area;
     return {value, per_row * (begin.level - end.level),
             per_row * (area - end.level * chips_end + begin.level * chips_begin),

@@ -1,7 +1,14 @@
 """The same functions in plain NumPy, for checking the C++ core: slow, short and close to the equations."""
 
 from ocisac_fast.camera import Camera
-from ocisac_fast.channel import ChannelEstimate, ClockErrors, Pooled, PreambleMatch
+from ocisac_fast.channel import (
+    ChannelEstimate,
+    ClockErrors,
+    Pooled,
+    PreambleMatch,
+    RefinedChannel,
+    TrackedClock,
+)
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.flags import Flag
@@ -9,11 +16,14 @@ from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
 from ocisac_fast.gain import ToneGain
 from ocisac_fast.receiver import Received
 from ocisac_fast.reference.channel import (
+    ClockTracker,
     clock_bounds,
     expose_chips,
+    find_channel,
     find_preamble,
     fit_channel,
     pool_estimates,
+    refine_channel,
 )
 from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
@@ -35,6 +45,7 @@ __all__ = [
     "ChannelEstimate",
     "Chips",
     "ClockErrors",
+    "ClockTracker",
     "Constant",
     "EqualizerReport",
     "Flag",
@@ -43,12 +54,14 @@ __all__ = [
     "PreambleMatch",
     "Product",
     "Received",
+    "RefinedChannel",
     "Samples",
     "SquareWave",
     "Sum",
     "Tone",
     "ToneColumns",
     "ToneGain",
+    "TrackedClock",
     "Transmission",
     "VaryingToneGain",
     "Waveform",
@@ -61,6 +74,7 @@ __all__ = [
     "expose_chips",
     "exposure_objective",
     "exposure_response",
+    "find_channel",
     "find_frequency",
     "find_preamble",
     "fit_channel",
@@ -70,6 +84,7 @@ __all__ = [
     "pick_channel",
     "pool_estimates",
     "receive",
+    "refine_channel",
     "sample_waveform",
     "tone_columns",
     "tone_gain",

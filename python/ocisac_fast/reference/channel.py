@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.channel import ChannelEstimate, ClockErrors, Pooled, PreambleMatch
+from ocisac_fast.channel import (
+    ChannelEstimate,
+    ClockErrors,
+    Detect,
+    Pooled,
+    PreambleMatch,
+    RefinedChannel,
+    TrackedClock,
+)
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -237,3 +245,166 @@ def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
     mean = float(np.average(x, weights=w))
     scatter = float(w @ (x - mean) ** 2) / (len(x) - 1) if len(x) > 1 else 1.0
     return Pooled(mean, float(np.sqrt(max(scatter, 1.0) / w.sum())), len(x))
+
+
+def refine_channel(
+    signal: npt.ArrayLike,
+    start: ChannelEstimate,
+    detect: Detect,
+    *,
+    known: npt.ArrayLike = (),
+    known_first: int = 0,
+    exposure_known: bool = False,
+    highest_degree: int = 4,
+) -> RefinedChannel | None:
+    """Detects and fits in turn on rows that grow by a fifth at either end, then until no chip changes.
+
+    The simplest form of the idea: one try, no other rates, lines for the levels until all rows are in, then the degree
+    that Schwarz's criterion picks.
+    """
+    values, given = np.asarray(signal, dtype=float), np.asarray(known, dtype=float)
+    rows, channel = len(values), start
+    begin, end = channel.rows
+    last: tuple[int, FloatArray] | None = None
+    for _ in range(60):
+        growth = int(0.2 * (end - begin) + channel.rows_per_chip)
+        begin, end = max(begin - growth, 0), min(end + growth, rows)
+        at = np.clip(np.arange(begin, end), *channel.rows)  # levels are held beyond the rows that told them
+        dark, bright = channel.levels(rows)[:, np.minimum(at, rows - 1)]
+        clock = channel.rows_per_chip, channel.phase - begin, channel.exposure
+        first = int(np.floor((-channel.exposure / 2 - clock[1]) / clock[0]))
+        stop = int(np.floor((end - begin - 1 + channel.exposure / 2 - clock[1]) / clock[0])) + 1
+        normal = (values[begin:end] - dark) / (bright - dark)
+        chips = np.asarray(detect(normal, *clock, channel.noise / np.mean(bright - dark), first, stop - first))
+        for k, level in enumerate(given, known_first - first):
+            if 0 <= k < len(chips):
+                chips[k] = level
+        whole = end - begin == rows
+        fits = []
+        for degree in range(highest_degree + 1 if whole else 1):
+            fit = fit_channel(
+                values,
+                chips[1:-1],
+                rows_per_chip=channel.rows_per_chip,
+                phase=channel.phase,
+                exposure=channel.exposure,
+                first=first + 1,
+                exposure_known=exposure_known,
+                dark_degree=max(degree, 1),
+                swing_degree=degree,
+            )
+            if fit is not None:
+                count = fit.rows[1] - fit.rows[0]
+                fits.append((2 * count * np.log(fit.noise) + 2 * degree * np.log(count), degree, fit))
+        if not fits:
+            return None
+        channel = min(fits)[2]
+        settled = whole and last is not None and last[0] == first and np.array_equal(last[1], chips)
+        last = first, chips
+        if settled:
+            break
+    assert last is not None
+    return RefinedChannel(channel, last[1], last[0], settled, True)
+
+
+def find_channel(
+    signal: npt.ArrayLike,
+    detect: Detect,
+    *,
+    rows_per_chip: float,
+    tolerance: float = 0.02,
+    exposure: float | None = None,
+    longest_exposure: float = 7.0,
+    exposure_known: bool = False,
+    highest_degree: int = 4,
+) -> RefinedChannel | None:
+    """Every start of a grid of exposures, rates and phases on the first part of the frame refined; the best stays."""
+    values = np.asarray(signal, dtype=float)
+    best: RefinedChannel | None = None
+    lengths = [exposure] if exposure is not None else list(rows_per_chip * np.arange(0.5, longest_exposure, 0.5))
+    for length in lengths:
+        chips = 36 + length / rows_per_chip
+        part = values[: int(chips * rows_per_chip)]
+        ratio = length / rows_per_chip
+        shrink = 1 - ratio / 3 if ratio < 1 else (1 - 1 / (3 * ratio)) / ratio
+        swing = 2 * part.std() / np.sqrt(shrink)
+        for rate in np.arange(-1, 1.01, 0.5) * tolerance:
+            for phase in np.arange(0, 1, 0.25):
+                clock = (rows_per_chip * (1 + rate), phase * rows_per_chip, length)
+                errors = ClockErrors(0, np.zeros((3, 3)))
+                levels = np.array([part.mean() - swing / 2]), np.array([swing])
+                start = ChannelEstimate(*clock, errors, *levels, 0.05 * swing, (0, len(part)), False)
+                found = None
+                if swing > 0:
+                    options = {"exposure_known": exposure_known, "highest_degree": highest_degree}
+                    found = refine_channel(values, start, detect, **options)  # type: ignore[arg-type]
+                if found and found.channel.swing[0] > 0 and (not best or found.channel.noise < best.channel.noise):
+                    best = found
+    return best
+
+
+class ClockTracker:
+    """All frames at once: phases and rates of every update against one clock, by weighted least squares.
+
+    What the Kalman filter comes to without drift; the memory grows with every frame.
+    """
+
+    def __init__(
+        self, frame_rows: float, *, frame_rows_std: float = 0.0, drift: float = 1e-6, exposure_wander: float = 1e-4
+    ) -> None:
+        self.frame_rows, self.frame_rows_std = frame_rows, max(frame_rows_std, 1e-9)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets everything."""
+        self.seen: list[tuple[int, ChannelEstimate]] = []
+
+    def solve(self) -> tuple[FloatArray, FloatArray]:
+        """Phase of chip 0 in frame 0, rows per chip, rows per frame, exposure; and their covariance."""
+        design, right = [[0.0, 0.0, 1.0]], [self.frame_rows]
+        weights = [np.array([[self.frame_rows_std**-2.0]])]
+        origin, period, step = self.seen[0][1].phase, self.seen[0][1].rows_per_chip, self.frame_rows
+        for frame, channel in self.seen:
+            frames = float(frame - self.seen[0][0])
+            middle = channel.phase + channel.errors.chip * channel.rows_per_chip
+            number = np.rint((middle + frames * step - origin) / period)
+            design += [[1.0, number, -frames], [0.0, 1.0, 0.0]]
+            right += [middle, channel.rows_per_chip]
+            weights.append(np.linalg.inv(channel.errors.covariance[:2, :2]))
+            x, covariance = self.least_squares(design, right, weights)
+            origin, period, step = x
+        lengths = np.array([channel.exposure for _, channel in self.seen])
+        weight = np.array([channel.errors.covariance[2, 2] for _, channel in self.seen]) ** -1.0
+        whole = np.zeros((4, 4))
+        whole[:3, :3], whole[3, 3] = covariance, 1 / weight.sum()
+        return np.append(x, np.average(lengths, weights=weight)), whole
+
+    def least_squares(
+        self, design: list[list[float]], right: list[float], weights: list[FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Solution and covariance; one weight matrix a measurement."""
+        normal, product, at = np.zeros((3, 3)), np.zeros(3), 0
+        for weight in weights:
+            rows = np.array(design[at : at + len(weight)])
+            normal += rows.T @ weight @ rows
+            product += rows.T @ weight @ np.array(right[at : at + len(weight)])
+            at += len(weight)
+        covariance: FloatArray = np.linalg.inv(normal).astype(float)
+        return covariance @ product, covariance
+
+    def update(self, frame: int, channel: ChannelEstimate) -> bool:
+        """Keeps the channel; jumps of the clock are not looked for."""
+        self.seen.append((frame, channel))
+        return True
+
+    def predict(self, frame: int) -> TrackedClock | None:
+        """The clock of all updates, in a frame."""
+        if not self.seen:
+            return None
+        (phase, period, frame_rows, exposure), covariance = self.solve()
+        frames = frame - self.seen[0][0]
+        chip = int(np.rint((frames * frame_rows - phase) / period))
+        move = np.array([[1, chip, -frames, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+        there = move @ covariance @ move.T
+        begin = phase + chip * period - frames * frame_rows
+        return TrackedClock(period, begin, exposure, chip, there, float(np.sqrt(there[0, 0])) / period)
