@@ -26,8 +26,8 @@ def _float32(scene: Scene) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
 
 @limit(
     "goertzel",
-    "Goertzel in float32, long columns",
-    sweep="rows, 1 cycle",
+    "Goertzel in float32",
+    sweep="rows of 1 cycle",
     error="RMS error of the gain",
     plain="Goertzel's recurrence in float32",
     why="At low frequency its two poles all but meet: what 2·cos(2πf·T_r) differs from 2 by drowns in its rounding, "

@@ -68,6 +68,31 @@ def _saturated_core() -> list[Point]:
 
 
 @limit(
+    "ambient",
+    "Ambient light",
+    sweep="ambient light / source",
+    error="RMS error of the gain",
+    plain="the paper's bin over the mean, here on a bin",
+    why="The mean is not the source's alone, and the ratio reads the source's share of it; so does a dark level.",
+    then="`background=` and `dark_level=` take off what is known. What is not told cannot be known from the column "
+    "and is not flagged: the gain is then share times |sinc|.",
+    spot=1.0,
+    fails_by=0.2,
+    good=0.005,
+)
+def _ambient() -> list[Point]:
+    points = []
+    for ratio in (0.0, 0.03, 0.1, 0.3, 1.0, 2.0):
+        random = np.random.default_rng(14)
+        scene = dataclasses.replace(_BASE, mean=60.0)
+        light = scene.light(random.random(200)) + 60.0 * ratio + 2.0 * random.standard_normal((scene.rows, 200))
+        frame = np.clip(np.rint(light), 0, 255).astype(np.uint8)
+        found = tone_gain(frame, scene.camera, scene.frequency, background=60.0 * ratio)
+        points.append(compared(ratio, scene.gain, rounded_bin_gain(scene, frame), found))
+    return points
+
+
+@limit(
     "gamma",
     "Gamma",
     sweep="gamma of the picture",

@@ -11,8 +11,9 @@ import numpy.typing as npt
 from ocisac_fast.camera import Camera
 from ocisac_fast.chart.scenes import Float64s, Scene
 from ocisac_fast.flags import Flag
+from ocisac_fast.frequency import find_frequency
 from ocisac_fast.gain import tone_gain
-from ocisac_fast.limits.catalogue import Point, compared, limit
+from ocisac_fast.limits.catalogue import Point, compared, limit, rms, shared_flags
 from ocisac_fast.limits.plain_methods import fitted_gain, peak_frequency, rounded_bin_gain, transform_gain
 from ocisac_fast.varying_tone import varying_tone_gain
 
@@ -68,6 +69,59 @@ def _few_cycles() -> list[Point]:
         frame = _frame(scene)
         found = tone_gain(frame, scene.camera, scene.frequency)
         points.append(compared(cycles, scene.gain, transform_gain(scene, frame), found))
+    return points
+
+
+@limit(
+    "few-cycles-frequency",
+    "Frequency from few cycles",
+    sweep="cycles in the frame",
+    error="RMS error, cycles/frame",
+    plain="the highest bin beside the mean",
+    why="Bins are a whole cycle apart, and those next to the mean hold its mirror images too.",
+    then="`find_frequency` fits trend, tone and harmonics of one frequency; FEW_CYCLES below two, where a trend passes "
+    "for a part of the tone. Below one it does not look unless `bounds=` say so: NO_TONE.",
+    spot=1.5,
+    fails_by=0.3,
+    good=0.02,
+    flags=Flag.FEW_CYCLES | Flag.NO_TONE,
+)
+def _few_cycles_frequency() -> list[Point]:
+    random = np.random.default_rng(15)
+    points = []
+    for cycles in (0.6, 1.1, 1.5, 2.2, 3.4, 5.5, 11.3):
+        scene = dataclasses.replace(_BASE, cycles=cycles, columns=4)
+        lights = [np.tile(scene.light([phase]), 4) for phase in random.random(24)]
+        frames = [light + scene.noise * random.standard_normal(light.shape) for light in lights]
+        found = [find_frequency(frame, Camera(1.0), waveform="tone") for frame in frames]
+        plain = np.array([np.median(peak_frequency(frame)) for frame in frames])
+        flags = shared_flags(np.array([int(one.flags) for one in found], np.uint32))
+        told = scene.rows * rms([one.frequency_std for one in found])
+        error = rms(scene.rows * np.array([one.frequency for one in found]) - cycles)
+        points.append(Point(cycles, rms(scene.rows * plain - cycles), error, told, flags))
+    return points
+
+
+@limit(
+    "harmonics",
+    "Harmonics of a square wave",
+    sweep="cycles in the frame",
+    error="RMS error of the gain",
+    plain="fit of mean and tone",
+    why="At few cycles the harmonics are not orthogonal to the fundamental and leak into it.",
+    then='`waveform="square"` fits every harmonic below half the row rate, for the same three row weights.',
+    spot=1.7,
+    fails_by=0.01,
+    good=0.003,
+    flags=Flag.HARMONICS_DROPPED,
+)
+def _harmonics() -> list[Point]:
+    points = []
+    for cycles in (1.2, 1.7, 2.3, 3.7, 6.3, 12.3):
+        scene = dataclasses.replace(_BASE, cycles=cycles, exposure_cycles=0.1, depth=0.9, waveform="square")
+        frame = _frame(scene)
+        found = tone_gain(frame, scene.camera, scene.frequency, waveform="square")
+        points.append(compared(cycles, scene.gain, fitted_gain(scene, frame), found))
     return points
 
 
