@@ -14,4 +14,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_channel(module);
   ocisac::bindings::register_projection(module);
   ocisac::bindings::register_packets(module);
+  ocisac::bindings::register_sources(module);
 }

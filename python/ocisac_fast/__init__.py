@@ -40,6 +40,7 @@ from ocisac_fast.transmission import (
     transmit,
 )
 from ocisac_fast.varying_tone import VaryingToneGain, varying_tone_gain
+from ocisac_fast.sources import LightSource, detect_sources
 from ocisac_fast.waveforms import (
     Chips,
     Constant,
@@ -69,6 +70,7 @@ __all__ = [
     "FoundFrequency",
     "Pooled",
     "PreambleMatch",
+    "LightSource",
     "Product",
     "Received",
     "RefinedChannel",
@@ -87,6 +89,7 @@ __all__ = [
     "clock_bounds",
     "decode_line_code",
     "encode_line_code",
+    "detect_sources",
     "equalize",
     "expose_chips",
     "exposure_objective",

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ocisac_fast.receiver import Received
+    from ocisac_fast.sources import LightSource
 
 BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = (
     "#222222",
@@ -242,3 +243,31 @@ def draw_chips(
             axes.text(centre, signal.max() + 0.06 * span, bit, ha="center", va="bottom", fontsize="x-small")
     axes.grid(False)
     axes.set(xlim=(first, last), ylim=(signal.min() - 0.08 * span, signal.max() + 0.3 * span), ylabel="light / DN")
+
+
+def plot_sources(path: str | os.PathLike[str], frame: npt.NDArray[Any], sources: list[LightSource]) -> None:
+    """A frame with the box, number and frequency of every light found in it; reflections dashed.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        frame: (rows, columns), stored values.
+        sources: what ``detect_sources`` found in it.
+    """
+    rows, columns = frame.shape
+    step = max(1, max(rows, columns) // 2000)
+    height = float(np.clip(9.0 * rows / columns, 3.0, 12.0))
+    with picture(path, 9.0, height) as figure:
+        from matplotlib.patches import Rectangle
+
+        axes = figure.subplots()
+        extent = (0, columns, rows, 0)
+        axes.imshow(frame[::step, ::step], cmap="gray", extent=extent, aspect="equal", interpolation="nearest")
+        for index, source in enumerate(sources):
+            colour = ORANGE if source.reflection_of is None else BLUE
+            style = "-" if source.reflection_of is None else "--"
+            corner = (source.x, source.y)
+            axes.add_patch(Rectangle(corner, source.width, source.height, fill=False, ec=colour, ls=style, lw=1.2))
+            text = f"{index}: {source.frequency:.4g} Hz"
+            axes.annotate(text, corner, (0, 3), textcoords="offset points", color=colour, fontsize=8)
+        axes.set_xlabel("column")
+        axes.set_ylabel("row, in time order")

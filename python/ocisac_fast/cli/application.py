@@ -16,6 +16,7 @@ _COMMANDS = {
     "exposure": "Best exposure time for communication and sensing.",
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",
+    "detect": "Modulated lights in a recording.",
     "simulate": "Make a recording of a modulated light.",
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",

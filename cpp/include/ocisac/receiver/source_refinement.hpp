@@ -1,0 +1,31 @@
+// From a place that may hold a modulated light to its box and frequency.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+
+#include "ocisac/camera/tone_curve.hpp"
+#include "ocisac/receiver/source_screening.hpp"
+#include "ocisac/views.hpp"
+
+namespace ocisac {
+
+struct RefinedLight {
+  std::size_t column, row, width, height;  // box of the fundamental above 15 % of its largest amplitude
+  double frequency, frequency_std;         // cycles per row
+  double phase;                            // rad, of the fundamental's sum at row 0 of the picture
+  double snr;                              // periodic part over the rest, in the box
+  double amplitude;                        // of the fundamental, DN
+  double common;                           // share of the box's swing that all columns have in common
+  double periodic;                         // share of that common swing that is periodic
+};
+
+// Demodulation at the suspect's frequency f with a Hann window of two cycles, which takes out the mean, gives the map
+// of the light's swing. Its box is where the swing has the phase of its sum. The frequency maximises the energy of f,
+// 2f and 3f in log light weighted by the local swing: an envelope that is real and positive moves no peak, however few
+// cycles there are. Its standard error is a jackknife over groups of cycles. `floor`: of the logarithm, DN. Nothing
+// where the box is far from holding `least_cycles`.
+std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
+                                          const Suspect& suspect, double floor, double least_cycles);
+
+}  // namespace ocisac

@@ -1,0 +1,205 @@
+#include "ocisac/receiver/sources.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/estimation/tone_gain.hpp"
+#include "ocisac/receiver/source_refinement.hpp"
+#include "ocisac/receiver/source_screening.hpp"
+#include "ocisac/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t most_suspects = 256;
+constexpr std::size_t least_rows = 24;   // of a box
+constexpr double least_periodic = 0.4;   // of the swing common to the columns
+constexpr double data_periodic = 0.7;    // a tone or a square wave has more
+constexpr double largest_spread = 0.05;  // relative standard error of a frequency that was told at all
+constexpr double faint_level = 0.1;
+constexpr double reflection_level = 0.5;  // a light as strong as this share of another is one of its own
+
+void check(const DetectOptions& options) {
+  require(options.false_alarms > 0 && options.false_alarms <= 1, "false_alarms", options.false_alarms,
+          "above 0 up to 1 in a picture");
+  require(std::isfinite(options.least_cycles) && options.least_cycles >= 2, "min_cycles", options.least_cycles,
+          "a finite number, 2 or above");
+  require(options.most >= 1, "most", options.most, "1 or above");
+}
+
+struct Found {
+  RefinedLight light;
+  std::size_t merged = 0;
+  std::optional<std::size_t> reflection_of;
+  bool by_phase = false;
+};
+
+// As all its columns and rows together send, roughly.
+double flux(const RefinedLight& light) { return light.amplitude * static_cast<double>(light.width * light.height); }
+
+double size_of(const RefinedLight& light) {
+  return light.amplitude * std::sqrt(static_cast<double>(light.width * light.height));
+}
+
+std::size_t overlap(std::size_t a, std::size_t a_size, std::size_t b, std::size_t b_size) {
+  const std::size_t begin = std::max(a, b), end = std::min(a + a_size, b + b_size);
+  return end > begin ? end - begin : 0;
+}
+
+// Overlap of two boxes over the smaller one.
+double overlap(const RefinedLight& a, const RefinedLight& b) {
+  const std::size_t both = overlap(a.column, a.width, b.column, b.width) * overlap(a.row, a.height, b.row, b.height);
+  return static_cast<double>(both) / static_cast<double>(std::min(a.width * a.height, b.width * b.height));
+}
+
+// −ln of the odds that texture looks so periodic: its variation in a box is taken as one independent cell a cycle.
+double evidence(const RefinedLight& light) {
+  return std::log1p(light.snr) * static_cast<double>(light.height) * light.frequency;
+}
+
+// One stored step: smaller swings are as often made by compression as by light.
+double least_amplitude(const AnyFramesView& frames) {
+  return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T> ? 1.0 : 0.0; }, frames);
+}
+
+struct Limits {
+  double cycles, amplitude, evidence;
+};
+
+bool accepted(const RefinedLight& light, const Limits& limits) {
+  return light.height >= least_rows && static_cast<double>(light.height) * light.frequency >= limits.cycles &&
+         light.amplitude >= limits.amplitude && evidence(light) >= limits.evidence &&
+         light.periodic >= least_periodic && light.frequency_std <= largest_spread * light.frequency;
+}
+
+// Texture under a faint reflection pulls at its frequency by more than the scatter among its cycles tells.
+bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
+  const double spread = 3 * std::hypot(weak.frequency_std, strong.frequency_std) + 0.002 * strong.frequency;
+  const double least = weak.amplitude < faint_level * strong.amplitude ? 0.03 * strong.frequency : 0;
+  return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, least, 0.05 * strong.frequency);
+}
+
+// A suspect that lies in a light's box, or at most a cycle beside it, needs no second look.
+bool explained(const Suspect& suspect, const RefinedLight& light) {
+  const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
+  const std::size_t left = light.column - std::min(light.column, cycle), top = light.row - std::min(light.row, cycle);
+  const std::size_t both = overlap(suspect.column, suspect.width, left, light.width + 2 * cycle) *
+                           overlap(suspect.row, suspect.height, top, light.height + 2 * cycle);
+  return 2 * both > suspect.width * suspect.height;
+}
+
+// One light seen twice: boxes that share half of the smaller one, whatever the frequency; the stronger one stays.
+std::vector<Found> without_doubles(std::vector<RefinedLight> lights) {
+  std::ranges::stable_sort(lights, std::greater{}, size_of);
+  std::vector<Found> kept;
+  for (const RefinedLight& light : lights) {
+    const auto twin = std::ranges::find_if(kept, [&](const Found& other) { return overlap(light, other.light) > 0.5; });
+    if (twin == kept.end())
+      kept.push_back({light, 0, {}, false});
+    else
+      ++twin->merged;
+  }
+  return kept;
+}
+
+// A reflection shows the same light at the same time: its phase at row 0 is the light's own. Where the rows between
+// them are too many to carry the phase over, the frequency alone has to do.
+void find_reflections(std::vector<Found>& found) {
+  for (std::size_t i = 1; i < found.size(); ++i)
+    for (std::size_t k = 0; k < i && !found[i].reflection_of; ++k) {
+      const RefinedLight &weak = found[i].light, &strong = found[k].light;
+      if (found[k].reflection_of || !same_frequency(weak, strong) || flux(weak) > reflection_level * flux(strong))
+        continue;
+      // Both phases at the weaker one's middle: only the stronger one's frequency carries over the distance.
+      const auto middle = [](const RefinedLight& light) {
+        return static_cast<double>(light.row) + 0.5 * static_cast<double>(light.height);
+      };
+      const double between = middle(weak) - middle(strong);
+      const double spread = 2 * std::numbers::pi * std::abs(between) * strong.frequency_std + 0.3;
+      const double apart = std::remainder(
+          weak.phase - strong.phase + 2 * std::numbers::pi * middle(weak) * (weak.frequency - strong.frequency),
+          2 * std::numbers::pi);
+      const bool told = spread < 1;
+      if (told && std::abs(apart) > 3 * spread) continue;
+      found[i].reflection_of = k;
+      found[i].by_phase = told;
+    }
+}
+
+// The part of the frame in the light's box.
+AnyFramesView box_view(const AnyFramesView& frames, std::size_t frame, const RefinedLight& light) {
+  return std::visit(
+      [&](auto view) -> AnyFramesView {
+        view.data = view.at(frame, light.row, light.column);
+        view.frames = 1;
+        view.rows = light.height;
+        view.columns = light.width;
+        return view;
+      },
+      frames);
+}
+
+LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Found& found) {
+  const RefinedLight& light = found.light;
+  const double frequency = light.frequency / camera.row_time;
+  const ToneGain gain = pooled_tone_gain(box_view(frames, frame, light), camera, std::span(&frequency, 1));
+  const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.row), 1.0);
+  LightSource source;
+  source.frame = frame;
+  source.x = light.column, source.y = light.row, source.width = light.width, source.height = light.height;
+  source.frequency = frequency;
+  source.frequency_std = light.frequency_std / camera.row_time;
+  source.gain = gain.gain[0], source.gain_std = gain.gain_std[0];
+  source.phase = std::remainder(gain.phase[0] - turned, 2 * std::numbers::pi);
+  source.mean = gain.mean[0];
+  source.snr = light.snr;
+  source.amplitude = light.amplitude;
+  source.share = light.periodic;
+  source.carries_data = light.periodic < data_periodic;
+  source.reflection_of = found.reflection_of;
+  source.reflection_by_phase = found.by_phase;
+  source.merged = found.merged;
+  source.flags = gain.flags[0];
+  return source;
+}
+
+std::vector<Found> lights_in(const AnyFramesView& frames, std::size_t frame, const Camera& camera,
+                             const DetectOptions& options) {
+  ToneCurve stored;  // a memoryless curve keeps every period, and stored values show darkness best
+  stored.dark_level = camera.tone_curve.dark_level;
+  stored.white_level = camera.tone_curve.white_level;
+  const double floor = logarithm_floor(frames, stored);
+  auto suspects = screen_sources(frames, frame, stored, options.false_alarms);
+  suspects.resize(std::min(suspects.size(), most_suspects));
+  const Limits limits{options.least_cycles, least_amplitude(frames),
+                      std::log(static_cast<double>(std::max<std::size_t>(suspects.size(), 1)) / options.false_alarms)};
+  std::vector<RefinedLight> lights;
+  for (const Suspect& suspect : suspects) {
+    if (std::ranges::any_of(lights, [&](const RefinedLight& light) { return explained(suspect, light); })) continue;
+    const auto light = refine_source(frames, frame, stored, suspect, floor, options.least_cycles);
+    if (light && accepted(*light, limits)) lights.push_back(*light);
+  }
+  auto found = without_doubles(std::move(lights));
+  found.resize(std::min(found.size(), options.most));
+  find_reflections(found);
+  return found;
+}
+
+}  // namespace
+
+std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
+                                        const DetectOptions& options) {
+  check(frames);
+  check(camera);
+  check(options);
+  std::vector<LightSource> sources;
+  for (std::size_t frame = 0; frame < shape_of(frames).frames; ++frame)
+    for (const Found& found : lights_in(frames, frame, camera, options))
+      sources.push_back(source_of(frames, frame, camera, found));
+  return sources;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,125 @@
+"""``ocisac detect``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import click
+import numpy as np
+
+from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity, with_spread
+from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.files.recording import Frame
+
+_HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "data", "remark")
+
+
+@click.command(short_help="Modulated lights in a recording.")
+@click.argument("file")
+@click.option(
+    "--false-alarms",
+    type=float,
+    default=0.01,
+    show_default=True,
+    help="Expected number in a picture of noise, at most; up to 1.",
+)
+@click.option("--min-cycles", type=float, default=3.0, show_default=True, help="Fewest cycles in a light's box.")
+@picture_options
+@plot_option("the first frame with the boxes of its lights")
+@json_option
+def detect(
+    file: str, false_alarms: float, min_cycles: float, picture: PictureOptions, plot: str | None, as_json: bool
+) -> None:
+    """Find every modulated light in FILE (a picture, a video, a .npy array, or -).
+
+    Of colours, their mean is looked at, unless --channel names one. x, y are the top left
+    corner of a light's box in stored pixels. Every frame gives an object, the strongest light first.
+    """
+    options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
+    header = True
+    for found in _detected(file, picture, options, plot):
+        if as_json:
+            emit_json(found)
+            continue
+        title = "" if found["frames"] == 1 else f"frame {found['frame']}"
+        rows = [_row(k, source, picture.row_time is not None) for k, source in enumerate(found["sources"])]
+        if rows or header:
+            emit_table(title, _HEADER, rows, left=("remark",))
+        header = False
+
+
+def _detected(
+    file: str, picture: PictureOptions, options: dict[str, Any], plot: str | None
+) -> Iterator[dict[str, Any]]:
+    from ocisac_fast import detect_sources
+
+    with open_pictures(file, picture) as pictures:
+        count = pictures.frame_count
+        for index, frame in enumerate(progress(pictures.frames, "detecting", count)):
+            grey = _grey(frame)
+            found = detect_sources(grey, pictures.camera, **options)
+            sources = [_facts(source, grey.shape, picture) for source in found]
+            if plot is not None and index == 0:
+                from ocisac_fast.plots import plot_sources
+
+                plot_sources(plot, grey, found)
+            yield {"frame": index, "frames": count, "sources": sources}
+
+
+def _grey(frame: Frame) -> Frame:
+    """The mean of the channels, of red, green and blue with green twice, as whole stored values."""
+    if frame.ndim == 2:
+        return frame
+    wide = np.uint32 if frame.dtype.kind == "u" else np.float64
+    weights = (1, 2, 1) if frame.shape[2] == 3 else (1,) * frame.shape[2]
+    total = np.zeros(frame.shape[:2], wide)
+    for channel, weight in enumerate(weights):
+        total += frame[..., channel] * wide(weight)
+    return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
+
+
+def _stored_box(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, int]:
+    """From rows in time order to the picture as stored."""
+    x, y, width, height = source.x, source.y, source.width, source.height
+    if picture.scan_axis.startswith("-"):
+        y = shape[0] - y - height
+    if picture.scan_axis.endswith("x"):
+        x, y, width, height = y, x, height, width
+    left, top = (0, 0) if picture.region is None else picture.region[:2]
+    return {"x": left + x, "y": top + y, "width": width, "height": height}
+
+
+def _facts(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, Any]:
+    return {
+        **_stored_box(source, shape, picture),
+        "frequency_hz": source.frequency,
+        "frequency_std_hz": source.frequency_std,
+        "gain": source.gain,
+        "gain_std": source.gain_std,
+        "phase_rad": source.phase,
+        "mean": source.mean,
+        "snr_db": 10.0 * math.log10(source.snr) if source.snr > 0.0 else math.nan,
+        "carries_data": source.carries_data,
+        "reflection_of": source.reflection_of,
+        "reason": source.reason,
+        "flags": flag_names(source.flags),
+    }
+
+
+def _row(index: int, source: dict[str, Any], in_hertz: bool) -> list[str]:
+    remark = source["reason"]
+    if source["reflection_of"] is not None:
+        remark = f"reflection of {source['reflection_of']} (by {remark})"
+    elif remark:
+        remark = f"parts merged ({remark})"
+    return [
+        str(index),
+        *(str(source[name]) for name in ("x", "y", "width", "height")),
+        with_spread(source["frequency_hz"], source["frequency_std_hz"], "Hz" if in_hertz else "", 5),
+        quantity(source["gain"], "", 3),
+        number(source["snr_db"], "dB", 3),
+        "yes" if source["carries_data"] else "no",
+        remark,
+    ]
