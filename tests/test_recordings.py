@@ -20,6 +20,8 @@ LINES = [
     ("receive", "laser_check.png"),
     ("receive", "underwater_0.jpeg"),
     ("receive", "underwater_2.jpeg"),
+    ("detect", "luxapose_rig_a.jpg"),
+    ("detect", "luxapose_chandelier_a.jpg"),
 ]
 
 

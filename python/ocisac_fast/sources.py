@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy.typing as npt
 
@@ -68,10 +69,10 @@ def detect_sources(
 ) -> list[LightSource]:
     """Find every modulated light in a picture, frame by frame.
 
-    A light multiplies a picture: p(row, column) = light(row) picture(row, column), so that the logarithm of neighbouring
-    columns swings together, each about its own mean. Tiles of 32 rows and three groups of columns at several scales are
-    screened for a tone common to the groups; what passes gets its box by demodulation and its frequency by the largest
-    energy of f, 2f and 3f in log light weighted by the local swing.
+    A light multiplies a picture: p(row, column) = light(row) picture(row, column), so that the logarithm of
+    neighbouring columns swings together, each about its own mean. Tiles of 32 rows and three groups of columns at
+    several scales are screened for a tone common to the groups; what passes gets its box by demodulation and its
+    frequency by the largest energy of f, 2f and 3f in log light weighted by the local swing.
 
     Args:
         frames: (rows, columns) or (frames, rows, columns), rows in time order, DN; at least 32 rows, or nothing is
@@ -92,10 +93,10 @@ def detect_sources(
     return [_source(*values) for values in found]
 
 
-def _source(*values: object) -> LightSource:
+def _source(*values: Any) -> LightSource:
     *start, reflection_of, by_phase, merged, flags = values
     if reflection_of is not None:
         reason = "frequency and phase" if by_phase else "frequency"
     else:
         reason = "overlap" if merged else ""
-    return LightSource(*start, reflection_of, reason, merged, Flag(flags))  # type: ignore[arg-type]
+    return LightSource(*start, reflection_of, reason, merged, Flag(flags))

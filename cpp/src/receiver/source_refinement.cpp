@@ -246,12 +246,16 @@ Energy harmonic_energy(std::span<const double> x, double frequency) {
   return sum;
 }
 
+// The maximum near `frequency`: Newton's steps, none longer than a quarter of a cycle over the profile, and uphill
+// where there is no summit yet.
 double climbed(std::span<const double> x, double frequency, double lower, double upper) {
-  for (int step = 0; step < 20; ++step) {
+  const double longest = 0.25 / static_cast<double>(x.size());
+  for (int step = 0; step < 40; ++step) {
     const Energy energy = harmonic_energy(x, frequency);
-    if (!(energy.curvature < 0)) break;
-    const double next = std::clamp(frequency - energy.slope / energy.curvature, lower, upper);
-    const bool settled = std::abs(next - frequency) < 1e-9;
+    const double newton =
+        energy.curvature < 0 ? -energy.slope / energy.curvature : std::copysign(longest, energy.slope);
+    const double next = std::clamp(frequency + std::clamp(newton, -longest, longest), lower, upper);
+    const bool settled = std::abs(next - frequency) < 1e-10;
     frequency = next;
     if (settled) break;
   }
@@ -298,7 +302,24 @@ struct Profile {
   std::vector<double> weight;   // Σ of squared weights
   double energy = 0;            // Σ of squared log swing, in the box
   double common = 0;            // that of the weighted mean over the columns
+  double noise = 0;             // Σ of the variance of noise, in the box
 };
+
+// Of an element of log light, from the median of mixed differences over neighbouring rows and groups: edges and strokes
+// are few enough not to count.
+double noise_variance(const Patch& patch, std::span<const std::size_t> elements) {
+  std::vector<double> differences;
+  for (const std::size_t i : elements) {
+    if (i % patch.rows + 1 >= patch.rows || i + patch.rows >= patch.logs.size()) continue;
+    const double* at = &patch.logs[i];
+    differences.push_back(std::abs(at[0] - at[1] - at[patch.rows] + at[patch.rows + 1]));
+  }
+  if (differences.empty()) return 0;
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+  std::ranges::nth_element(differences, middle);
+  constexpr double median_of_normal = 0.6745;
+  return *middle * *middle / (4 * median_of_normal * median_of_normal);
+}
 
 // Weighted with the local swing in log light, in the box and two cycles more on each side.
 Profile profile_of(const Patch& patch, const Lit& lit, double frequency) {
@@ -323,6 +344,8 @@ Profile profile_of(const Patch& patch, const Lit& lit, double frequency) {
   }
   for (std::size_t n = 0; n < patch.rows; ++n)
     if (weights[n] > 0) profile.common += sums[n] * sums[n] / weights[n];
+  const auto core = inside(patch, lit.box);
+  profile.noise = static_cast<double>(core.size()) * noise_variance(patch, core);
   return profile;
 }
 
@@ -374,17 +397,19 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     Complex at_start = 0;
     for (std::size_t n = 0; n < patch.rows; ++n)
       at_start += profile.matched[n] * turned(frequency * static_cast<double>(patch.first_row + n));
-    result = RefinedLight{box.column,
-                          box.row,
-                          box.width,
-                          box.height,
-                          frequency,
-                          jackknife_std(profile.matched, frequency, cycles, lower, upper),
-                          std::arg(at_start),
-                          explained / std::max(1 - explained, 1e-12),
-                          2 * lit->amplitude,
-                          common,
-                          periodic};
+    result = RefinedLight{
+        box.column,
+        box.row,
+        box.width,
+        box.height,
+        frequency,
+        jackknife_std(profile.matched, frequency, cycles, lower, upper),
+        std::arg(at_start),
+        explained / std::max(1 - explained, 1e-12),
+        2 * lit->amplitude,
+        common,
+        periodic,
+        std::max(profile.energy * (1 - explained) - profile.noise, 0.0) / std::max(profile.energy * explained, 1e-300)};
   }
   return result;
 }

@@ -65,6 +65,9 @@ double least_amplitude(const AnyFramesView& frames) {
   return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T> ? 1.0 : 0.0; }, frames);
 }
 
+// Texture beside the periodic swing; lines of text have more. Few columns are alike by chance.
+double most_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
+
 struct Limits {
   double cycles, amplitude, evidence;
 };
@@ -72,7 +75,8 @@ struct Limits {
 bool accepted(const RefinedLight& light, const Limits& limits) {
   return light.height >= least_rows && static_cast<double>(light.height) * light.frequency >= limits.cycles &&
          light.amplitude >= limits.amplitude && evidence(light) >= limits.evidence &&
-         light.periodic >= least_periodic && light.frequency_std <= largest_spread * light.frequency;
+         light.texture <= most_texture(light) && light.periodic >= least_periodic &&
+         light.frequency_std <= largest_spread * light.frequency;
 }
 
 // Texture under a faint reflection pulls at its frequency by more than the scatter among its cycles tells.

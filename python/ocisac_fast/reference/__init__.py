@@ -36,6 +36,9 @@ from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
 from ocisac_fast.transmission import Transmission
 from ocisac_fast.varying_tone import VaryingToneGain
+from ocisac_fast.reference.sources import detect_sources
+from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.sources import LightSource
 from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 
 __all__ = [
@@ -52,6 +55,7 @@ __all__ = [
     "FoundFrequency",
     "Pooled",
     "PreambleMatch",
+    "LightSource",
     "Product",
     "Received",
     "RefinedChannel",
@@ -70,6 +74,7 @@ __all__ = [
     "clock_bounds",
     "decode_line_code",
     "encode_line_code",
+    "detect_sources",
     "equalize",
     "expose_chips",
     "exposure_objective",

@@ -1,0 +1,90 @@
+#include <doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <vector>
+
+#include "ocisac/receiver/source_screening.hpp"
+#include "ocisac/receiver/sources.hpp"
+
+namespace ocisac {
+namespace {
+
+constexpr std::size_t rows = 240, columns = 320;
+constexpr double row_time = 1e-5;
+
+// A dim picture with noise of a linear congruential generator; a square of light of 0.08 cycles per row in it.
+std::vector<std::uint8_t> picture(bool lit) {
+  std::vector<std::uint8_t> pixels(rows * columns);
+  std::uint32_t state = 1;
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t c = 0; c < columns; ++c) {
+      state = state * 1664525U + 1013904223U;
+      double value = 30 + static_cast<double>(state >> 30);
+      const bool inside = n >= 80 && n < 160 && c >= 100 && c < 180;
+      if (lit && inside) value += 80 + 60 * std::cos(2 * std::numbers::pi * 0.08 * static_cast<double>(n));
+      pixels[n * columns + c] = static_cast<std::uint8_t>(value);
+    }
+  return pixels;
+}
+
+Camera camera() {
+  Camera one;
+  one.row_time = row_time;
+  return one;
+}
+
+TEST_CASE("a light is found where it is") {
+  const auto pixels = picture(true);
+  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  REQUIRE(found.size() == 1);
+  const LightSource& light = found.front();
+  CHECK(light.frequency == doctest::Approx(8000).epsilon(0.01));
+  CHECK(std::abs(static_cast<double>(light.x + light.width / 2) - 140) < 8);
+  CHECK(std::abs(static_cast<double>(light.y + light.height / 2) - 120) < 8);
+  CHECK_FALSE(light.carries_data);
+}
+
+TEST_CASE("the same picture read the other way round, column by column, holds the same light") {
+  const auto pixels = picture(true);
+  std::vector<std::uint8_t> turned(pixels.size());
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t c = 0; c < columns; ++c) turned[c * rows + n] = pixels[n * columns + c];
+  FramesView<const std::uint8_t> view = dense_view<const std::uint8_t>(turned.data(), 1, columns, rows);
+  std::swap(view.rows, view.columns);
+  std::swap(view.row_stride, view.column_stride);
+  const auto one = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  const auto other = detect_sources(view, camera());
+  REQUIRE(other.size() == one.size());
+  CHECK(other.front().x == one.front().x);
+  CHECK(other.front().height == one.front().height);
+  CHECK(other.front().frequency == doctest::Approx(one.front().frequency));
+}
+
+TEST_CASE("a dark picture holds none, and neither does one of few rows") {
+  const auto pixels = picture(false);
+  CHECK(detect_sources(dense_view(pixels.data(), 1, rows, columns), camera()).empty());
+  CHECK(detect_sources(dense_view(pixels.data(), 1, 31, columns), camera()).empty());
+  CHECK(detect_sources(dense_view(pixels.data(), 1, rows, 1), camera()).empty());
+}
+
+TEST_CASE("screening gives the place and, roughly, the frequency") {
+  const auto pixels = picture(true);
+  const auto suspects = screen_sources(dense_view(pixels.data(), 1, rows, columns), 0, {}, 0.01);
+  REQUIRE_FALSE(suspects.empty());
+  CHECK(suspects.front().frequency == doctest::Approx(0.08).epsilon(0.15));
+  CHECK(suspects.front().column <= 100);
+  CHECK(suspects.front().column + suspects.front().width >= 172);
+}
+
+TEST_CASE("options without meaning are refused") {
+  const auto pixels = picture(false);
+  const auto view = dense_view(pixels.data(), 1, rows, columns);
+  CHECK_THROWS_AS(detect_sources(view, camera(), {0, 3, 64}), std::invalid_argument);
+  CHECK_THROWS_AS(detect_sources(view, camera(), {0.01, 1, 64}), std::invalid_argument);
+  CHECK_THROWS_AS(detect_sources(view, camera(), {0.01, 3, 0}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ocisac

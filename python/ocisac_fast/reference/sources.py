@@ -1,0 +1,427 @@
+"""Detection of modulated lights in plain NumPy: screening of tiles, box by demodulation, frequency by the periodogram.
+
+Windows are convolved and spectra summed directly, where the C++ core has running sums and Newton steps."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.flags import Flag
+from ocisac_fast.reference.gain import tone_gain
+from ocisac_fast.sources import LightSource
+
+Array = npt.NDArray[Any]
+Box = tuple[int, int, int, int]  # column, row, width, height
+
+WINDOW, HOP, GROUPS, WIDEST, WIDE = 32, 16, 3, 8, 8
+CYCLES = np.concatenate([np.arange(2.5, 8.0, 0.5), np.arange(8.0, 15.0)])
+LEAST_SHARE, LEAST_POWER = 0.4, 1e-6
+MOST_GROUPS, BOX_EDGE, ALIGNMENT, REACH, ROUNDS, HARMONICS, JACKKNIFE = 64, 0.15, 0.5, 0.12, 3, 3, 16
+MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, DATA_PERIODIC, LARGEST_SPREAD = 256, 24, 0.4, 0.8, 0.7, 0.05
+FAINT_LEVEL, REFLECTION_LEVEL = 0.1, 0.5
+
+
+class Suspect(NamedTuple):
+    box: Box
+    frequency: float
+    evidence: float
+
+
+class Light(NamedTuple):
+    box: Box
+    frequency: float
+    std: float
+    phase: float
+    snr: float
+    amplitude: float
+    periodic: float
+    texture: float
+
+
+def detect_sources(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    *,
+    false_alarms: float = 0.01,
+    min_cycles: float = 3.0,
+    most: int = 64,
+) -> list[LightSource]:
+    """Lights of every frame: tiles whose columns swing together at one frequency, refined one by one."""
+    pixels = np.asarray(frames)
+    sources = []
+    for index, frame in enumerate(pixels.reshape(-1, *pixels.shape[-2:]) if pixels.ndim > 1 else pixels[None, :, None]):
+        lights = _lights(frame, camera, false_alarms, min_cycles)[:most]
+        sources += _sources(frame, camera, index, lights)
+    return sources
+
+
+def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float) -> list[tuple[Light, int]]:
+    """Lights that hold, the strongest first, each with the number of doubles merged into it."""
+    light = frame.astype(float) - camera.dark_level
+    whole = frame.dtype.kind == "u"
+    white = camera.white_level or (np.iinfo(frame.dtype).max if whole else None)
+    floor = (white - camera.dark_level) / 64 if white else (light.max() / 64 if light.max() > 0 else 1.0)
+    suspects = screen(light, floor, false_alarms)[:MOST_SUSPECTS]
+    least_evidence = math.log(max(len(suspects), 1) / false_alarms)
+    lights: list[Light] = []
+    for suspect in suspects:
+        if any(_explained(suspect.box, other) for other in lights):
+            continue
+        found = refine(light, suspect, floor, min_cycles)
+        if found is None:
+            continue
+        cycles = found.box[3] * found.frequency
+        if (
+            found.box[3] >= LEAST_ROWS
+            and cycles >= min_cycles
+            and found.amplitude >= (1.0 if whole else 0.0)
+            and math.log1p(found.snr) * cycles >= least_evidence
+            and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
+            and found.periodic >= LEAST_PERIODIC
+            and found.std <= LARGEST_SPREAD * found.frequency
+        ):
+            lights.append(found)
+    kept: list[tuple[Light, int]] = []
+    for one in sorted(lights, key=lambda a: -a.amplitude * math.sqrt(a.box[2] * a.box[3])):
+        for k, (other, merged) in enumerate(kept):
+            if _overlap(one.box, other.box) > 0.5 * min(one.box[2] * one.box[3], other.box[2] * other.box[3]):
+                kept[k] = (other, merged + 1)
+                break
+        else:
+            kept.append((one, 0))
+    return kept
+
+
+def _overlap(a: Box, b: Box) -> int:
+    """Area in common."""
+    width = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    return max(width, 0) * max(height, 0)
+
+
+def _widened(box: Box, by: int) -> Box:
+    left, up = min(box[0], by), min(box[1], by)
+    return box[0] - left, box[1] - up, box[2] + left + by, box[3] + up + by
+
+
+def _explained(suspect: Box, light: Light) -> bool:
+    return 2 * _overlap(suspect, _widened(light.box, _rounded(1 / light.frequency))) > suspect[2] * suspect[3]
+
+
+def _rounded(x: float) -> int:
+    return math.floor(x + 0.5)
+
+
+def screen(light: Array, floor: float, false_alarms: float) -> list[Suspect]:
+    """Places where tiles hold a tone common to their columns, the one with the most evidence first."""
+    group = min(max(light.shape[1] // (2 * GROUPS), 1), WIDEST)
+    finest = _means(light, 1, group)
+    scales = []
+    step = 1
+    while True:
+        if finest.shape[1] >= GROUPS * WIDE:
+            scales.append((_means(finest, 1, WIDE), step, group * WIDE))
+        scales.append((finest, step, group))
+        if finest.shape[0] // 2 < WINDOW:
+            break
+        across = 2 if finest.shape[1] > 1 else 1
+        finest, step, group = _means(finest, 2, across), 2 * step, group * across
+    tiles = sum(_windows(scale.shape[0]) * scale.shape[1] for scale, _, _ in scales)
+    found = []
+    for scale, row_step, column_step in scales:
+        groups = min(GROUPS, scale.shape[1])
+        half_freedom = (groups * (WINDOW - 2) - 2) / 2
+        chance = min(false_alarms / (max(tiles, 1) * CYCLES.size), 1.0)
+        threshold = max(LEAST_SHARE, 1 - chance ** (1 / half_freedom))
+        shares, waves = _tiles(np.log(np.maximum(scale, 0) + floor), groups, threshold)
+        found += _suspects(shares, waves, groups, row_step, column_step)
+    return sorted(found, key=lambda s: -s.evidence)
+
+
+def _means(x: Array, rows: int, columns: int) -> Array:
+    height, width = x.shape[0] // rows, x.shape[1] // columns
+    cut: Array = x[: height * rows, : width * columns].reshape(height, rows, width, columns)
+    return np.asarray(cut.mean(axis=(1, 3)))
+
+
+def _windows(rows: int) -> int:
+    return 0 if rows < WINDOW else (rows - WINDOW) // HOP + 1
+
+
+def _tiles(logs: Array, groups: int, threshold: float) -> tuple[Array, Array]:
+    """Share of the best common tone, and its index in CYCLES, (windows, groups of columns); 0 below the threshold."""
+    across = logs.shape[1] - groups + 1
+    shares, waves = np.zeros((_windows(logs.shape[0]), across)), np.zeros((_windows(logs.shape[0]), across), int)
+    n = np.arange(WINDOW)
+    trend = np.stack([np.ones(WINDOW), n - n.mean()]) / np.sqrt([[WINDOW], [np.sum((n - n.mean()) ** 2)]])
+    carriers = np.exp(-2j * np.pi * np.outer(CYCLES, n) / WINDOW)
+    for w in range(shares.shape[0]):
+        x = logs[w * HOP : w * HOP + WINDOW]
+        x = x - trend.T @ (trend @ x)
+        energy = sum((x**2).sum(axis=0)[k : k + across] for k in range(groups))
+        tones = 2 / WINDOW * np.abs(carriers @ sum(x[:, k : k + across] for k in range(groups))) ** 2
+        lit = energy > LEAST_POWER * WINDOW * groups
+        best = np.where(lit, tones.max(axis=0) / np.where(lit, groups * energy, 1.0), 0.0)
+        shares[w] = np.where(best >= threshold, np.minimum(best, 0.9999), 0.0)
+        waves[w] = tones.argmax(axis=0)
+    return shares, waves
+
+
+def _suspects(shares: Array, waves: Array, groups: int, row_step: int, column_step: int) -> list[Suspect]:
+    """Tiles that touch and agree in frequency to a cycle in their window."""
+    found = []
+    seen = shares == 0
+    for start in zip(*np.nonzero(~seen), strict=True):
+        if seen[start]:
+            continue
+        seen[start] = True
+        members, at = [start], 0
+        while at < len(members):
+            w, g = members[at]
+            at += 1
+            for v in range(max(w - 1, 0), min(w + 2, shares.shape[0])):
+                for h in range(max(g - 1, 0), min(g + 2, shares.shape[1])):
+                    if not seen[v, h] and abs(CYCLES[waves[v, h]] - CYCLES[waves[w, g]]) <= 1:
+                        seen[v, h] = True
+                        members.append((v, h))
+        index = tuple(np.array(members).T)
+        top, left = (int(i.min()) for i in index)
+        bottom, right = (int(i.max()) for i in index)
+        best = waves[index][shares[index].argmax()]
+        box = (
+            left * column_step,
+            top * HOP * row_step,
+            (right - left + groups) * column_step,
+            ((bottom - top) * HOP + WINDOW) * row_step,
+        )
+        found.append(Suspect(box, CYCLES[best] / (WINDOW * row_step), float(-np.log1p(-shares[index]).sum())))
+    return found
+
+
+def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float) -> Light | None:
+    """Box and frequency in turn, three times; None where there is no such light."""
+    box, frequency = suspect.box, suspect.frequency
+    for _ in range(ROUNDS):
+        margin = _hann_length(frequency) + 2
+        rows, columns = light.shape
+        left, right = max(box[0] - margin, 0), min(box[0] + box[2] + margin, columns)
+        top, bottom = max(box[1] - margin, 0), min(box[1] + box[3] + margin, rows)
+        group = max(-(-(right - left) // MOST_GROUPS), min(max(box[2] // 16, 1), 8))
+        patch = _means(light[top:bottom, left:right], 1, min(group, right - left))
+        lit = _lit_box(patch, frequency, box, (left, top, group))
+        if lit is None or lit[0][3] * frequency < 0.7 * min_cycles:
+            return None
+        box, amplitude = lit
+        matched, weight, common, energy, noise = _profile(
+            np.log(np.maximum(patch, 0) + floor), frequency, box, (left, top, group)
+        )
+        lower, upper = frequency * (1 - REACH), min(frequency * (1 + REACH), 0.499)
+        frequency = _peak(matched, lower, upper)
+        if not lower < frequency < upper:
+            return None
+    periodic = _periodic_share(matched, weight, frequency)
+    explained = common * periodic
+    phase = np.angle(np.sum(matched * np.exp(-2j * np.pi * frequency * (top + np.arange(matched.size)))))
+    std = _jackknife(matched, frequency, box[3] * frequency, lower, upper)
+    box = (box[0], box[1], min(box[2], light.shape[1] - box[0]), box[3])
+    snr = explained / max(1 - explained, 1e-12)
+    texture = max(energy * (1 - explained) - noise, 0.0) / max(energy * explained, 1e-300)
+    return Light(box, frequency, std, float(phase), snr, 2 * amplitude, periodic, texture)
+
+
+def _hann_length(frequency: float) -> int:
+    return 2 * _rounded(1 / frequency) + 1
+
+
+def _demodulated(x: Array, frequency: float, length: int) -> Array:
+    """Local mean of x e^{-j 2 pi f n} under a Hann window of two cycles, along the rows."""
+    reach = length // 2
+    offsets = np.arange(-reach, reach + 1)
+    window = (1 + np.cos(2 * np.pi * offsets / length)) / length
+    padded = np.pad(x, ((reach, reach), (0, 0)), mode="edge")
+    carried = padded * np.exp(-2j * np.pi * frequency * np.arange(-reach, x.shape[0] + reach))[:, None]
+    return np.stack([np.convolve(column, window, "valid") for column in carried.T], axis=1)
+
+
+def _inside(shape: tuple[int, ...], box: Box, place: tuple[int, int, int]) -> Array:
+    """Mask of a patch's elements in a box; place: first column, first row, columns in a group."""
+    left, top, group = place
+    starts = left + group * np.arange(shape[1])
+    across = (starts + group > box[0]) & (starts < box[0] + box[2])
+    down = top + np.arange(shape[0])
+    return np.asarray(((down >= box[1]) & (down < box[1] + box[3]))[:, None] & across)
+
+
+def _lit_box(patch: Array, frequency: float, box: Box, place: tuple[int, int, int]) -> tuple[Box, float] | None:
+    """Box of the connected part with the most swing in phase that reaches into the suspect's box; its amplitude."""
+    swing = _demodulated(patch - patch.mean(axis=0), frequency, _hann_length(frequency))
+    where = _inside(patch.shape, box, place)
+    if not where.any():
+        return None
+    total = (np.abs(swing) * swing)[where].sum()
+    sizes = np.sort(np.abs(swing)[where])
+    largest = sizes[(sizes.size - 1) * 98 // 100]
+    if largest <= 0 or total == 0:
+        return None
+    aligned = (swing * np.conj(total / abs(total))).real
+    free = aligned > np.maximum(ALIGNMENT * np.abs(swing), BOX_EDGE * largest)
+    best, best_part = 0.0, None
+    for start in zip(*np.nonzero(where & free), strict=True):
+        if not free[start]:
+            continue
+        free[start] = False
+        members, at = [start], 0
+        while at < len(members):
+            n, g = members[at]
+            at += 1
+            for m in range(max(n - 1, 0), min(n + 2, patch.shape[0])):
+                for h in range(max(g - 1, 0), min(g + 2, patch.shape[1])):
+                    if free[m, h]:
+                        free[m, h] = False
+                        members.append((m, h))
+        part = tuple(np.array(members).T)
+        if aligned[part].sum() > best:
+            best, best_part = float(aligned[part].sum()), part
+    if best_part is None:
+        return None
+    down, across = best_part
+    left, top, group = place
+    width, height = (int(across.max() - across.min()) + 1) * group, int(down.max() - down.min()) + 1
+    return (left + int(across.min()) * group, top + int(down.min()), width, height), float(largest)
+
+
+def _profile(
+    logs: Array, frequency: float, box: Box, place: tuple[int, int, int]
+) -> tuple[Array, Array, float, float, float]:
+    """Log swing weighted with its local amplitude and added over the columns, squared weights; in the box: the share in
+    common, all energy and that of noise."""
+    length = _hann_length(frequency)
+    swing = _demodulated(logs - logs.mean(axis=0), frequency, length)
+    fast = logs - _demodulated(logs, 0.0, length).real
+    core = _inside(logs.shape, box, place)
+    wide = _inside(logs.shape, _widened(box, 2 * _rounded(1 / frequency)), place)
+    total = swing[core].sum()
+    weight = np.maximum((swing * np.conj(total / abs(total) if total != 0 else 1.0)).real, 0)
+    sums, weights = (weight * fast * core).sum(axis=1), (weight**2 * core).sum(axis=1)
+    energy = (fast**2 * core).sum()
+    lit = weights > 0
+    common = min((sums[lit] ** 2 / weights[lit]).sum() / energy, 1.0) if energy > 0 else 0.0
+    mixed = np.abs(logs[:-1, :-1] - logs[1:, :-1] - logs[:-1, 1:] + logs[1:, 1:])[core[:-1, :-1]]
+    middle = np.sort(mixed)[mixed.size // 2] if mixed.size else 0.0
+    noise = core.sum() * middle**2 / (4 * 0.6745**2)
+    matched, squares = (weight * fast * wide).sum(axis=1), (weight**2 * wide).sum(axis=1)
+    return matched, squares, float(common), float(energy), float(noise)
+
+
+def _energy(x: Array, frequencies: Array, harmonics: int) -> Array:
+    n = np.arange(x.size) - x.size / 2
+    orders = [h for h in range(1, harmonics + 1) if h == 1 or h * frequencies.max() < 0.5]
+    sums = [np.exp(-2j * np.pi * h * np.outer(frequencies, n)) @ x for h in orders]
+    return np.asarray((np.abs(sums) ** 2).sum(axis=0))
+
+
+def _climbed(x: Array, frequency: float, lower: float, upper: float) -> float:
+    """The maximum of the energy of all harmonics nearest to a frequency, by ever finer grids."""
+    span = 0.125 / x.size
+    while span > 1e-12:
+        grid = np.clip(frequency + span * np.linspace(-1, 1, 21), lower, upper)
+        energy = _energy(x, grid, HARMONICS)
+        best = int(energy.argmax())
+        frequency = float(grid[best])
+        if 0 < best < 20:
+            span /= 8
+        elif frequency in (lower, upper):
+            break
+    return frequency
+
+
+def _peak(x: Array, lower: float, upper: float) -> float:
+    grid = np.minimum(np.arange(lower, upper + 0.125 / x.size, 0.125 / x.size), upper)
+    return _climbed(x, float(grid[_energy(x, grid, 1).argmax()]), lower, upper)
+
+
+def _jackknife(x: Array, frequency: float, cycles: float, lower: float, upper: float) -> float:
+    """Standard error from the frequencies with one group of cycles after the other left out."""
+    lit = np.nonzero(x)[0]
+    first, last = (int(lit[0]), int(lit[-1]) + 1) if lit.size else (0, 0)
+    count = min(max(int(cycles), 2), JACKKNIFE)
+    found = []
+    for k in range(count):
+        rest = x.copy()
+        rest[first + k * (last - first) // count : first + (k + 1) * (last - first) // count] = 0
+        found.append(_climbed(rest, frequency, lower, upper))
+    return math.sqrt((count - 1) / count * float(np.sum((np.array(found) - np.mean(found)) ** 2)))
+
+
+def _periodic_share(matched: Array, weight: Array, frequency: float) -> float:
+    lit = weight > 0
+    total = float(np.sum(matched[lit] ** 2 / weight[lit]))
+    orders = np.arange(1, min(int(0.499 / frequency), 9) + 1)
+    sums = np.exp(-2j * np.pi * frequency * np.outer(orders, np.arange(matched.size))) @ matched
+    return min(float(2 * np.sum(np.abs(sums) ** 2) / weight.sum()) / total, 1.0) if total > 0 else 0.0
+
+
+def _same_frequency(weak: Light, strong: Light) -> bool:
+    spread = 3 * math.hypot(weak.std, strong.std) + 0.002 * strong.frequency
+    least = 0.03 * strong.frequency if weak.amplitude < FAINT_LEVEL * strong.amplitude else 0.0
+    return abs(weak.frequency - strong.frequency) <= min(max(spread, least), 0.05 * strong.frequency)
+
+
+def _reflection(lights: list[Light], i: int, reflections: dict[int, tuple[int, str]]) -> tuple[int, str] | None:
+    """Index of the stronger light that a light repeats at the same time, and what tells it."""
+    weak = lights[i]
+    for k, strong in enumerate(lights[:i]):
+        flux = [light.amplitude * light.box[2] * light.box[3] for light in (weak, strong)]
+        if k in reflections or not _same_frequency(weak, strong) or flux[0] > REFLECTION_LEVEL * flux[1]:
+            continue
+        middle = weak.box[1] + weak.box[3] / 2
+        between = middle - strong.box[1] - strong.box[3] / 2
+        spread = 2 * math.pi * abs(between) * strong.std + 0.3
+        apart = weak.phase - strong.phase + 2 * math.pi * middle * (weak.frequency - strong.frequency)
+        if spread < 1 and abs(math.remainder(apart, 2 * math.pi)) > 3 * spread:
+            continue
+        return k, "frequency and phase" if spread < 1 else "frequency"
+    return None
+
+
+def _sources(frame: Array, camera: Camera, index: int, found: list[tuple[Light, int]]) -> list[LightSource]:
+    lights = [light for light, _ in found]
+    reflections: dict[int, tuple[int, str]] = {}
+    sources = []
+    for i, (light, merged) in enumerate(found):
+        reflection = _reflection(lights, i, reflections)
+        if reflection is not None:
+            reflections[i] = reflection
+        x, y, width, height = light.box
+        frequency = light.frequency / camera.row_time
+        gain = tone_gain(frame[y : y + height, x : x + width], camera, frequency, pooled=True)
+        phase = math.remainder(float(gain.phase) - 2 * math.pi * math.fmod(light.frequency * y, 1.0), 2 * math.pi)
+        sources.append(
+            LightSource(
+                frame=index,
+                x=x,
+                y=y,
+                width=width,
+                height=height,
+                frequency=frequency,
+                frequency_std=light.std / camera.row_time,
+                gain=float(gain.gain),
+                gain_std=float(gain.gain_std),
+                phase=phase,
+                mean=float(gain.mean),
+                snr=light.snr,
+                amplitude=light.amplitude,
+                periodic=light.periodic,
+                carries_data=light.periodic < DATA_PERIODIC,
+                reflection_of=None if reflection is None else reflection[0],
+                reason=reflection[1] if reflection else ("overlap" if merged else ""),
+                merged=merged,
+                flags=Flag(int(gain.flags)),
+            )
+        )
+    return sources
