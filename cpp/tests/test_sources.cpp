@@ -1,8 +1,10 @@
-#include <doctest.h>
+#include <doctest/doctest.h>
 
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "ocisac/receiver/source_screening.hpp"

@@ -32,6 +32,7 @@ from ocisac_fast.frequency import (
 )
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.receiver import Received, receive
+from ocisac_fast.sources import LightSource, detect_sources
 from ocisac_fast.transmission import (
     Transmission,
     decode_line_code,
@@ -40,7 +41,6 @@ from ocisac_fast.transmission import (
     transmit,
 )
 from ocisac_fast.varying_tone import VaryingToneGain, varying_tone_gain
-from ocisac_fast.sources import LightSource, detect_sources
 from ocisac_fast.waveforms import (
     Chips,
     Constant,
@@ -68,9 +68,9 @@ __all__ = [
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "LightSource",
     "Pooled",
     "PreambleMatch",
-    "LightSource",
     "Product",
     "Received",
     "RefinedChannel",
@@ -88,8 +88,8 @@ __all__ = [
     "calibrate",
     "clock_bounds",
     "decode_line_code",
-    "encode_line_code",
     "detect_sources",
+    "encode_line_code",
     "equalize",
     "expose_chips",
     "exposure_objective",

@@ -99,4 +99,4 @@ def _source(*values: Any) -> LightSource:
         reason = "frequency and phase" if by_phase else "frequency"
     else:
         reason = "overlap" if merged else ""
-    return LightSource(*start, reflection_of, reason, merged, Flag(flags))
+    return LightSource(*(*start, reflection_of, reason, merged, Flag(flags)))

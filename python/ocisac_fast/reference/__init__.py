@@ -31,14 +31,13 @@ from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
+from ocisac_fast.reference.sources import detect_sources
 from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
 from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.sources import LightSource
 from ocisac_fast.transmission import Transmission
 from ocisac_fast.varying_tone import VaryingToneGain
-from ocisac_fast.reference.sources import detect_sources
-from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
-from ocisac_fast.sources import LightSource
 from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 
 __all__ = [
@@ -53,9 +52,9 @@ __all__ = [
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "LightSource",
     "Pooled",
     "PreambleMatch",
-    "LightSource",
     "Product",
     "Received",
     "RefinedChannel",
@@ -73,8 +72,8 @@ __all__ = [
     "calibrate",
     "clock_bounds",
     "decode_line_code",
-    "encode_line_code",
     "detect_sources",
+    "encode_line_code",
     "equalize",
     "expose_chips",
     "exposure_objective",
