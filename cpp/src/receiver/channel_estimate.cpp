@@ -16,6 +16,7 @@ namespace {
 using Eigen::Index;
 
 constexpr int kRounds = 20;
+constexpr int kPasses = 3;
 constexpr double kSettled = 1e-9;        // chips; a step below it is the last
 constexpr double kLongestExposure = 24;  // chips
 constexpr double kLeastPivot = 1e-11;    // of a normal matrix with a unit diagonal
@@ -103,6 +104,7 @@ void check_chips(const KnownChips& chips) {
 void check_model(const ChannelModel& model) {
   require(model.dark_degree <= kHighestDegree, "dark_degree", model.dark_degree, "0 to 6");
   require(model.swing_degree <= kHighestDegree, "swing_degree", model.swing_degree, "0 to 6");
+  require_not_negative("rate_std", model.rate_std);
 }
 
 ChipClock with_least_exposure(ChipClock clock) {
@@ -238,7 +240,12 @@ std::optional<Eigen::VectorXd> fit_levels(const Problem& problem, RowRange range
   return solved->values;
 }
 
-std::optional<Linearised> linearise(Problem& problem, const ChipClock& clock, RowRange range) {
+// A rate known beforehand, as a reading of it: `weight` is the inverse of its variance in that of a row.
+struct KnownRate {
+  double rows_per_chip = 0, weight = 0;
+};
+
+std::optional<Linearised> linearise(Problem& problem, const ChipClock& clock, RowRange range, const KnownRate& known) {
   problem.expose(clock, range);
   const auto levels = fit_levels(problem, range);
   if (!levels) return std::nullopt;
@@ -254,6 +261,10 @@ std::optional<Linearised> linearise(Problem& problem, const ChipClock& clock, Ro
         right += parts * residual;
         squares += residual * residual;
       });
+  const double off = known.rows_per_chip - clock.rows_per_chip;
+  normal(1, 1) += known.weight;
+  right[1] += known.weight * off;
+  squares += known.weight * off * off;
   const Eigen::MatrixXd full = normal.selfadjointView<Eigen::Lower>();
   const auto solved = clock_size == 3 ? solve_clock(full, right) : solve_normal(full, right);
   if (!solved) return std::nullopt;
@@ -281,14 +292,15 @@ struct Fitted {
   bool converged = false;
 };
 
-std::optional<Fitted> descend(Problem& problem, ChipClock clock, RowRange range, double half_chips) {
-  auto here = linearise(problem, clock, range);
+std::optional<Fitted> descend(Problem& problem, ChipClock clock, RowRange range, double half_chips,
+                              const KnownRate& known) {
+  auto here = linearise(problem, clock, range, known);
   if (!here) return std::nullopt;
   for (int round = 0; round < kRounds; ++round) {
     bool better = false;
     for (double share = 1; share > 0.02; share *= 0.5) {
       const ChipClock next = stepped(clock, here->step, share, half_chips);
-      auto there = next.rows_per_chip > 0 ? linearise(problem, next, range) : std::nullopt;
+      auto there = next.rows_per_chip > 0 ? linearise(problem, next, range, known) : std::nullopt;
       if (!there || there->squares > here->squares) continue;
       const double moved =
           std::max({std::abs(next.phase - clock.phase), half_chips * std::abs(next.rows_per_chip - clock.rows_per_chip),
@@ -364,12 +376,20 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
   ChipClock clock = with_least_exposure(start);
   std::optional<Fitted> fitted;
   RowRange range;
-  for (int pass = 0; pass < 3; ++pass) {  // which rows see known chips only depends on the clock
+  KnownRate known{start.rows_per_chip, 0};
+  for (int pass = 0; pass < kPasses; ++pass) {  // which rows see known chips only, and their noise, depend on the clock
     const RowRange now = rows_of(chips, clock, signal.size());
     if (now.size() <= static_cast<std::size_t>(problem.unknowns())) return std::nullopt;
-    if (pass > 0 && now.begin == range.begin && now.end == range.end) break;
+    const bool same = pass > 0 && now.begin == range.begin && now.end == range.end;
+    if (same && (model.rate_std == 0 || pass == kPasses - 1)) break;
     range = now;
-    fitted = descend(problem, moved_to(clock, problem.origin()), range, half_chips);
+    if (model.rate_std > 0) {
+      const auto before = linearise(problem, moved_to(clock, problem.origin()), range, {});
+      if (!before) return std::nullopt;
+      const double variance = before->squares / static_cast<double>(range.size());
+      known.weight = variance / (model.rate_std * model.rate_std);
+    }
+    fitted = descend(problem, moved_to(clock, problem.origin()), range, half_chips, known);
     if (!fitted) return std::nullopt;
     clock = moved_to(fitted->clock, -problem.origin());
   }
@@ -422,6 +442,7 @@ std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock
   problem.for_each_row(
       range, [&](std::size_t n, const auto&) { return swing[n]; },
       [&](std::size_t, const Eigen::VectorXd& parts) { normal.selfadjointView<Eigen::Lower>().rankUpdate(parts); });
+  if (model.rate_std > 0) normal(1, 1) += noise * noise / (model.rate_std * model.rate_std);
   const Eigen::MatrixXd full = normal.selfadjointView<Eigen::Lower>();
   const Eigen::VectorXd nothing = Eigen::VectorXd::Zero(size);
   const auto solved = model.exposure_known ? solve_normal(full, nothing) : solve_clock(full, nothing);

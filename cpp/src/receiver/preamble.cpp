@@ -14,6 +14,7 @@ constexpr double kPhaseSlack = 0.2;      // chips by which the grid of rates may
 constexpr double kPlaceStep = 0.3;       // chips, of the grid of places; at most a row
 constexpr std::size_t kCandidates = 12;  // places from which the channel is fitted
 constexpr double kLeastCertainty = 5.5;  // nats
+constexpr double kToleranceError = 0.5;  // standard error of a rate somewhere within the tolerance
 constexpr double kMostExplained = 1 - 1e-9;
 
 // Sums over windows of the rows: what a mean and a slope leave of their squares.
@@ -154,8 +155,18 @@ std::vector<Candidate> best_places(std::span<const double> signal, std::span<con
 std::optional<PreambleMatch> match_at(std::span<const double> signal, const WindowSums& sums,
                                       std::span<const double> preamble, const PreambleSearch& search,
                                       const ChipClock& clock) {
-  const ChannelModel model{1, 0, search.exposure.has_value()};
-  auto channel = fit_channel(signal, {preamble, 0}, clock, model);
+  // The grid's rate is a start; the nominal one with its tolerance is what is known.
+  const ChannelModel free{1, 0, search.exposure.has_value()};
+  ChannelModel bound = free;
+  bound.rate_std = kToleranceError * search.tolerance * search.rows_per_chip;
+  auto channel = fit_channel(signal, {preamble, 0}, clock, free);
+  if (!channel || channel->errors.rows_per_chip_std() > 0.2 * bound.rate_std) {
+    const double middle = 0.5 * static_cast<double>(preamble.size());
+    ChipClock nominal = channel ? channel->clock : clock;
+    nominal.phase += middle * (nominal.rows_per_chip - search.rows_per_chip);
+    nominal.rows_per_chip = search.rows_per_chip;
+    if (bound.rate_std > 0) channel = fit_channel(signal, {preamble, 0}, nominal, bound);
+  }
   if (!channel || !(channel->swing[0] > 0) || !(channel->errors.covariance[4] >= 0)) return std::nullopt;
   const double off = std::abs(channel->clock.rows_per_chip / search.rows_per_chip - 1);
   const double error = channel->errors.rows_per_chip_std() / search.rows_per_chip;

@@ -45,6 +45,7 @@ struct ChannelModel {
   std::size_t dark_degree = 1;
   std::size_t swing_degree = 0;
   bool exposure_known = false;  // kept as it is
+  double rate_std = 0;          // standard error of the start's rows per chip, taken in as one more reading; 0: none
 };
 
 inline constexpr std::size_t kHighestDegree = 6;
