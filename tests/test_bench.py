@@ -42,3 +42,18 @@ def test_speed_reports_every_figure():
     names = [figure["name"] for figure in report["figures"]]
     assert len(set(names)) == len(names) >= 15
     assert all(figure["value"] > 0.0 for figure in report["figures"])
+
+
+def test_timing_reports_every_figure():
+    command = [sys.executable, str(BENCH / "timing.py"), "--frames", "1", "--longest", "0.5", "--json"]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout
+    settings = [json.loads(line) for line in printed.splitlines()]
+    assert [(s["rows_per_chip"], s["noise"]) for s in settings[:4]] == [
+        (2.0, 0.01),
+        (2.0, 0.02),
+        (2.0, 0.04),
+        (4.0, 0.01),
+    ]
+    assert all(s["chip_error_rate"] == s["chip_error_rate_genie"] == 0 for s in settings)
+    assert all(s["frames_lost"] == s["frames_clock_off"] == 0 for s in settings)

@@ -1,0 +1,200 @@
+#!/usr/bin/env python3
+"""Timing and channel estimation against their bounds, at any exposure.
+
+Random chips with the lengthened preamble somewhere, non-integer ratios, unknown phase, the nominal rate off by up to
+1 %: the preamble is found, the channel estimated, chips detected and the channel refined over the frame. Printed for
+every setting: chip errors with everything known and with everything estimated (the same detector; edge chips left
+out), whether these are at most twice as many (or chance), frames lost, frames whose clock is off by more than 0.1 %,
+the Cramer-Rao bound of the exposure, its rms error over that bound, the share of frames with an exposure within 1 %,
+and the same of ten frames pooled.
+
+The detector is the reference's full trellis in NumPy: slow at long exposures, which --longest leaves out.
+
+usage: bench/timing.py [--frames N] [--longest CHIPS] [--blind] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ocisac_fast import (
+    ChannelEstimate,
+    clock_bounds,
+    expose_chips,
+    find_channel,
+    find_preamble,
+    pool_estimates,
+    refine_channel,
+)
+from ocisac_fast.reference.sequence_detection import detect_sequence
+
+ROWS = 1080
+EXPOSURES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0)  # chips
+ROWS_PER_CHIP = (2.0, 4.0, 7.0)
+NOISES = (0.01, 0.02, 0.04)  # of the swing
+STANDARD = np.array([0] + [1] * 6 + [0] * 6 + [1], float)
+LENGTHENED = np.concatenate([STANDARD, 1 - STANDARD, STANDARD])
+POOLED = 10
+
+
+@dataclass
+class Frame:
+    """One column of a simulated frame and what is true of it."""
+
+    chips: np.ndarray
+    first: int
+    clock: dict[str, float]
+    noise: float
+    rows: np.ndarray
+    preamble_chip: int  # number of the preamble's first chip
+
+    @property
+    def whole(self) -> np.ndarray:
+        """Numbers of the chips compared: an exposure away from either edge."""
+        edge = math.ceil(self.clock["exposure"] / self.clock["rows_per_chip"]) + 1
+        return np.arange(edge, int(ROWS / self.clock["rows_per_chip"]) - edge)
+
+    def errors(self, chips: np.ndarray, first: int, shift: int) -> int:
+        """Wrong ones of `chips`, the first of which is number first + shift here."""
+        at = self.whole - shift - first
+        inside = (at >= 0) & (at < len(chips))
+        sent = self.chips[self.whole - self.first]
+        return int(np.sum(~inside) + np.sum(chips[at[inside]] != sent[inside]))
+
+
+def make_frame(random: np.random.Generator, rows_per_chip: float, exposure: float, noise: float) -> Frame:
+    period = rows_per_chip * (1 + random.uniform(-0.01, 0.01))
+    first = -math.ceil(exposure / 2) - 2
+    chips = random.integers(0, 2, int(ROWS / period) - 2 * first).astype(float)
+    margin = math.ceil(exposure / 2) + 2 - first
+    at = int(random.integers(margin, len(chips) - margin - len(LENGTHENED)))
+    chips[at : at + len(LENGTHENED)] = LENGTHENED
+    clock = {"rows_per_chip": period, "phase": random.uniform(0, period), "exposure": exposure * period}
+    rows = 20 + 100 * (expose_chips(chips, ROWS, first=first, **clock) + noise * random.standard_normal(ROWS))
+    return Frame(chips, first, clock, noise, rows, first + at)
+
+
+def genie(frame: Frame) -> int:
+    """Errors with clock, exposure, levels and noise known."""
+    period, phase, exposure = (frame.clock[name] for name in ("rows_per_chip", "phase", "exposure"))
+    first = math.floor((-exposure / 2 - phase) / period)
+    count = math.floor((ROWS - 1 + exposure / 2 - phase) / period) - first + 1
+    chips = detect_sequence((frame.rows - 20) / 100, period, phase, exposure, frame.noise, first, count)
+    return frame.errors(chips, first, 0)
+
+
+def estimate(frame: Frame, rows_per_chip: float, blind: bool) -> tuple[ChannelEstimate, int, float] | None:
+    """Channel, errors and seconds from the rows alone; in blind frames the exposure is given, not the preamble."""
+    begin = time.perf_counter()
+    if blind:
+        exposure = frame.clock["exposure"]
+        found = find_channel(frame.rows, detect_sequence, rows_per_chip=rows_per_chip, exposure=exposure)
+    else:
+        matches = find_preamble(frame.rows, LENGTHENED, rows_per_chip=rows_per_chip)
+        found = refine_channel(frame.rows, matches[0].channel, detect_sequence, known=LENGTHENED) if matches else None
+    seconds = time.perf_counter() - begin
+    if found is None:
+        return None
+    shift = frame.preamble_chip
+    if blind:
+        here, there = frame.clock, found.channel
+        shift = round(
+            (ROWS / 2 - here["phase"]) / here["rows_per_chip"] - (ROWS / 2 - there.phase) / there.rows_per_chip
+        )
+    return found.channel, frame.errors(found.chips, found.first, shift), seconds
+
+
+def pooled_off(relative: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Relative errors of the exposures (chips) of ten frames pooled."""
+    batches = range(0, len(relative) - POOLED + 1, POOLED)
+    return np.array([pool_estimates(relative[k : k + POOLED], errors[k : k + POOLED]).value for k in batches])
+
+
+def measure(rows_per_chip: float, exposure: float, noise: float, frames: int, blind: bool) -> dict[str, Any]:
+    random = np.random.default_rng([int(100 * rows_per_chip), int(100 * exposure), int(1000 * noise)])
+    chips = wrong = wrong_genie = lost = clock_off = 0
+    seconds, relative, bounds, own = 0.0, [], [], []
+    for _ in range(frames):
+        frame = make_frame(random, rows_per_chip, exposure, noise)
+        chips += len(frame.whole)
+        wrong_genie += genie(frame)
+        found = estimate(frame, rows_per_chip, blind)
+        if found is None:
+            lost += 1
+            wrong += len(frame.whole)
+            continue
+        channel, errors, spent = found
+        wrong += errors
+        seconds += spent
+        clock_off += abs(channel.rows_per_chip / frame.clock["rows_per_chip"] - 1) > 1e-3
+        bound = clock_bounds(frame.chips, np.full(ROWS, 1.0), noise=noise, first=frame.first, **frame.clock)
+        if bound is not None and np.isfinite([bound.exposure_std, channel.errors.exposure_std]).all():
+            relative.append(channel.exposure / frame.clock["exposure"] - 1)
+            bounds.append(bound.exposure_std / frame.clock["exposure"])
+            own.append(channel.errors.exposure_std / channel.exposure)
+    off, limit = np.array(relative), np.array(bounds)
+    pooled = pooled_off(off, np.array(own))
+    return {
+        "exposure_chips": exposure,
+        "rows_per_chip": rows_per_chip,
+        "noise": noise,
+        "frames": frames,
+        "chips": chips,
+        "chip_error_rate": wrong / chips,
+        "chip_error_rate_genie": wrong_genie / chips,
+        "frames_lost": lost,
+        "frames_clock_off": int(clock_off),
+        "exposure_bound": float(np.sqrt(np.mean(limit**2))) if len(off) else None,
+        "exposure_rms_over_bound": float(np.sqrt(np.mean((off / limit) ** 2))) if len(off) else None,
+        "exposure_within_1_percent": float(np.mean(np.abs(off) < 0.01)) if len(off) else None,
+        "pooled_within_1_percent": float(np.mean(np.abs(pooled) < 0.01)) if len(pooled) else None,
+        "seconds_per_frame": seconds / frames,
+    }
+
+
+def line(got: dict[str, Any]) -> str:
+    """A row of the table; `no` where errors are more than twice the genie's (and more than chance allows)."""
+    allowed = 2 * got["chip_error_rate_genie"] * got["chips"] + 3 * math.sqrt(
+        2 * got["chip_error_rate_genie"] * got["chips"]
+    )
+    good = got["chip_error_rate"] * got["chips"] <= allowed or got["chip_error_rate_genie"] >= 1e-2
+    numbers = [got[name] for name in ("exposure_bound", "exposure_rms_over_bound", "exposure_within_1_percent")]
+    texts = ["   -  " if number is None else f"{number:6.3f}" for number in numbers]
+    pooled = got["pooled_within_1_percent"]
+    return (
+        f"{got['exposure_chips']:5.1f} {got['rows_per_chip']:5.1f} {got['noise']:6.2f}  "
+        f"{got['chip_error_rate_genie']:8.1e} {got['chip_error_rate']:8.1e}  {'ok' if good else 'no'}  "
+        f"{got['frames_lost']:4d} {got['frames_clock_off']:5d}  {' '.join(texts)} "
+        f"{'   -  ' if pooled is None else f'{pooled:6.3f}'}  {1e3 * got['seconds_per_frame']:7.1f}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=10, help="frames a setting (default 10)")
+    parser.add_argument("--longest", type=float, default=7.0, help="longest exposure, chips (default 7)")
+    parser.add_argument("--blind", action="store_true", help="no preamble; the exposure is given")
+    parser.add_argument("--json", action="store_true", help="an object a line instead of the table")
+    options = parser.parse_args()
+    if not options.json:
+        print("exposure rows noise     genie estimated      lost clock   bound  rms/b within pooled  ms a frame")
+        print("  chips /chip /swing  errors    errors        frames  off  of the exposure    1 %    1 %")
+    for exposure in EXPOSURES:
+        for rows_per_chip in ROWS_PER_CHIP:
+            for noise in NOISES:
+                if exposure > options.longest:
+                    continue
+                got = measure(rows_per_chip, exposure, noise, options.frames, options.blind)
+                print(json.dumps(got) if options.json else line(got), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
