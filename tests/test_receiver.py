@@ -307,3 +307,13 @@ def test_refuses(arguments, message):
     arguments = {"frames": np.zeros((9, 4)), **arguments}
     with pytest.raises(ValueError, match=message):
         ocisac.receive(arguments.pop("frames"), CAMERA, **arguments)
+
+
+def test_chips_are_as_long_as_the_runs_say():
+    """Dim single columns, at half whose period the edges' lattice may lock: every run is then of an even number."""
+    for seed in np.random.default_rng(1).integers(0, 1 << 31, 40):
+        frame = Frame(int(seed), 11.06, 0.2, "manchester", 0.04, 1.4, columns=1)
+        pixels = frame.as_bytes(scale=40.0)
+        got = ocisac.receive(pixels, CAMERA)[0]
+        assert_received(got, frame)
+        assert_agree(got, reference.receive(pixels, CAMERA)[0])

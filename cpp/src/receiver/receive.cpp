@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "ocisac/camera/linear_light.hpp"
@@ -109,6 +110,31 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   return decoded;
 }
 
+// A light whose every run is a whole multiple of n > 1 chips has chips n times as long; absent where n is 1 or the
+// edges are too few to tell.
+std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming& timing, FrequencyRange range) {
+  std::ptrdiff_t shared = 0, first_edge = 0, last_edge = 0;
+  std::size_t edges = 0;
+  const auto& bits = decoded.detection.bits;
+  for (std::size_t k = 1; k < bits.size(); ++k) {
+    if (bits[k] == bits[k - 1]) continue;
+    const auto edge = decoded.grid.first + static_cast<std::ptrdiff_t>(k);
+    if (edges++ == 0)
+      first_edge = edge;
+    else
+      shared = std::gcd(shared, edge - last_edge);
+    last_edge = edge;
+  }
+  if (edges < kSureBlind || shared < 2) return std::nullopt;
+  ChipTiming slower = timing;
+  const ChipLattice& lattice = decoded.grid.lattice;
+  slower.lattice.phase = lattice.phase + static_cast<double>(first_edge) * lattice.rows_per_chip;
+  slower.lattice.rows_per_chip = static_cast<double>(shared) * lattice.rows_per_chip;
+  slower.lattice.rows_per_chip_std = static_cast<double>(shared) * lattice.rows_per_chip_std;
+  if (slower.lattice.rows_per_chip * range.lowest > 1) return std::nullopt;
+  return slower;
+}
+
 // Swing over noise, as powers: soft values lie 1 from the threshold.
 double snr_of(std::span<const double> soft) {
   double variance = 0;
@@ -137,6 +163,9 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
   if (search.timing) {
     auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, what.exposure);
+    const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
+    if (slower)
+      if (auto again = detect_and_refine(column.signal, *slower, Slicer{}, what.exposure)) decoded = std::move(again);
     if (decoded && snr_of(decoded->detection.soft) >= kLeastSnr) {
       fill(received, std::move(*decoded), what.exposure);
       return true;

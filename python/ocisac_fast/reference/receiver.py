@@ -404,6 +404,19 @@ def decode(signal: FloatArray, timing: Timing, exposure: float | None) -> tuple[
     return (lattice, first, sliced) if again is None else (refined, new_first, again)
 
 
+def slower_timing(timing: Timing, decoded: tuple[Lattice, int, Sliced], lowest: float) -> Timing | None:
+    """The lattice of chips n times as long where every run is a whole multiple of n > 1 chips."""
+    (period, phase, error), first, sliced = decoded
+    edges = first + 1 + np.flatnonzero(np.diff(sliced.bits.astype(int)))
+    if len(edges) < 12:
+        return None
+    shared = int(np.gcd.reduce(np.diff(edges)))
+    if shared < 2 or shared * period * lowest > 1:
+        return None
+    slower = {"period": shared * period, "phase": phase + float(edges[0]) * period, "error": shared * error}
+    return timing | slower
+
+
 def receive(
     frames: npt.ArrayLike,
     camera: Camera,
@@ -452,6 +465,9 @@ def receive_frame(
             timing, edges = time_chips(signal, noise, *bounds)
             flags |= Flag.TOO_FEW_EDGES if 0 < edges < sure else Flag(0)
             decoded = None if timing is None else decode(signal, timing, exposure)
+            slower = None if timing is None or decoded is None else slower_timing(timing, decoded, bounds[0])
+            if slower is not None:
+                decoded = decode(signal, slower, exposure) or decoded
             if decoded is not None and signal_to_noise(decoded[2].soft) >= 2:
                 return result(number, channel, decoded, weights, flags, camera, exposure)
             flags |= Flag(0) if 0 < edges < sure else Flag.NO_SIGNAL
