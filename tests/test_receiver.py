@@ -234,6 +234,41 @@ def test_the_channel_with_the_light_is_chosen():
         assert ocisac.receive(picture[None], CAMERA, channel=(channel + 1) % 3)[0].bits == ""
 
 
+@pytest.mark.parametrize("strength", [1.0, 0.4])
+def test_lights_side_by_side_are_sources_of_their_own(strength):
+    for seed in range(6):
+        left = Frame(seed, 6.6, 0.5, gradient=1.5, columns=60)
+        middle = Frame(seed + 50, 4.3, 0.7, "manchester", gradient=1.5, columns=60)
+        right = Frame(seed + 90, 9.1, 0.4, "runs", gradient=1.5, columns=60)
+        dark = 0.1 + 0.02 * np.random.default_rng(seed).standard_normal((1080, 40))
+        pixels = np.hstack([dark, left.pixels, dark, strength * middle.pixels, right.pixels, dark])
+        frame = np.clip(np.rint(150 * pixels + 10), 0, 255).astype(np.uint8)
+        got = ocisac.receive(frame, CAMERA)
+        assert [g.source for g in got] == [0, 1, 2]
+        by_column = sorted(got, key=lambda g: g.weights @ np.arange(len(g.weights)))
+        for g, sent, first in zip(by_column, (left, middle, right), (40, 140, 200), strict=True):
+            assert_received(g, sent)
+            assert not g.flags
+            assert first - 8 <= g.columns.min()
+            assert g.columns.max() < first + 68
+        if seed == 0:
+            want = reference.receive(frame, CAMERA)
+            assert len(got) == len(want)
+            for g, w in zip(got, want, strict=True):
+                assert_agree(g, w)
+
+
+def test_one_light_and_texture_are_one_source():
+    for seed in range(10):
+        frame = Frame(seed, 6.6, 0.5, columns=80)
+        texture = np.repeat(np.random.default_rng(seed).uniform(0, 1, (90, 1)), 12, axis=0) * np.ones(40)
+        pixels = np.hstack([frame.as_bytes(100.0), (60 + 80 * texture).astype(np.uint8)])
+        got = ocisac.receive(pixels, CAMERA)
+        assert len(got) == 1
+        assert_received(got[0], frame)
+        assert got[0].columns.max() < 80
+
+
 def test_one_result_for_each_frame():
     frames = [Frame(seed, rows_per_chip=6.6, exposure=0.5) for seed in range(3)]
     got = ocisac.receive(np.stack([frame.as_bytes() for frame in frames]), CAMERA)

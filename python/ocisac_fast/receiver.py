@@ -83,7 +83,8 @@ def receive(
         channel: index of the colour channel to read. None: the one in which the light stands out most.
 
     Returns:
-        One :class:`Received` for each frame, in the order of the frames.
+        At least one :class:`Received` for each frame, in the order of the frames, the strongest source first. Several
+        sources are told apart where they stand side by side; further ones are given where their bits are without a doubt.
 
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.

@@ -19,8 +19,10 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr std::size_t kBlocks = 64;         // groups of neighbouring columns with a weight each
-constexpr double kClippedShare = 0.01;      // columns with more saturated rows than this are left out
+constexpr std::size_t kBlocks = 64;              // groups of neighbouring columns with a weight each
+constexpr double kClippedShare = 0.01;           // columns with more saturated rows than this are left out
+constexpr double kTogether = 0.6, kApart = 0.3;  // cosines of the swings of one light, of different lights
+constexpr std::size_t kMostLights = 8;
 constexpr int kIterations = 8;              // of the factor model, and of the eigenvector within each
 constexpr double kLeastOwnVariance = 0.01;  // of the strongest block: a block without noise must not take all
 
@@ -30,12 +32,16 @@ double clipping_level(const ToneCurve& curve) {
   return 0.98 * white_level(curve, sample_maximum<T>());
 }
 
-std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated) {
-  const double limit = std::max(kClippedShare, 2 * std::ranges::min(clipped));
+std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated,
+                                         std::span<const std::uint8_t> columns) {
+  const auto allowed = [&](std::size_t column) { return columns.empty() || columns[column] != 0; };
+  double least = 1;
+  for (std::size_t column = 0; column < clipped.size(); ++column)
+    if (allowed(column)) least = std::min(least, clipped[column]);
+  const double limit = std::max(kClippedShare, 2 * least);
   std::vector<std::uint8_t> usable(clipped.size());
-  std::ranges::transform(clipped, usable.begin(), [&](double share) -> std::uint8_t {
-    return saturated == SaturatedColumns::use || share <= limit;
-  });
+  for (std::size_t column = 0; column < clipped.size(); ++column)
+    usable[column] = allowed(column) && (saturated == SaturatedColumns::use || clipped[column] <= limit);
   return usable;
 }
 
@@ -102,15 +108,52 @@ Matrix block_means(const FramesView<const T>& view, const ToneCurve& curve, std:
   return means;
 }
 
-// Covariance of the blocks' swings about their moving means: a gradient along the rows is not common light.
-Matrix swing_covariance(const Matrix& means) {
+// The blocks' swings about their moving means: a gradient along the rows is not common light.
+Matrix swings_of(const Matrix& means) {
   const auto rows = static_cast<std::size_t>(means.cols());
   Matrix swings = means;
   for (Index block = 0; block < means.rows(); ++block) {
     const auto slow = moving_mean({means.row(block).data(), rows}, rows / 16 + 1);
     swings.row(block) -= Eigen::Map<const Eigen::RowVectorXd>(slow.data(), means.cols());
   }
-  return swings * swings.transpose() / static_cast<double>(rows);
+  return swings;
+}
+
+Matrix swing_covariance(const Matrix& means) {
+  const Matrix swings = swings_of(means);
+  return swings * swings.transpose() / static_cast<double>(means.cols());
+}
+
+// Blocks that see one light, with the one that shows it best.
+struct BlockGroup {
+  Index seed;
+  std::vector<Index> members;
+};
+
+// Of the blocks that agree with no group's seed, the strongest that agrees with another of them begins the next group.
+std::vector<BlockGroup> block_groups(const Matrix& cosines, const VectorXd& power) {
+  const Index count = cosines.rows();
+  std::vector<BlockGroup> groups;
+  const auto is_apart = [&](Index block) {
+    return std::ranges::all_of(groups, [&](const auto& g) { return std::abs(cosines(block, g.seed)) < kApart; });
+  };
+  while (groups.size() < kMostLights) {
+    Index seed = -1;
+    for (Index i = 0; i < count; ++i) {
+      if (!(power(i) > 0) || !is_apart(i) || (seed >= 0 && power(i) <= power(seed))) continue;
+      for (Index j = 0; j < count; ++j)
+        if (j != i && is_apart(j) && cosines(i, j) >= kTogether) seed = i;
+    }
+    if (seed < 0) break;
+    groups.push_back({seed, {}});
+  }
+  for (Index block = 0; block < count; ++block)
+    for (auto& group : groups) {
+      const double own = cosines(block, group.seed);
+      const bool best = std::ranges::all_of(groups, [&](const auto& g) { return cosines(block, g.seed) <= own; });
+      if (own >= kApart && best) group.members.push_back(block);
+    }
+  return groups;
 }
 
 }  // namespace
@@ -157,10 +200,48 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
       frames);
 }
 
+std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
+  const auto usable = usable_columns(saturated_share(frames, frame, curve), SaturatedColumns::leave_out,
+                                     std::span<const std::uint8_t>{});
+  const Blocks blocks = make_blocks(usable);
+  const Matrix swings = swings_of(
+      std::visit([&](const auto& view) { return block_means(view.frame(frame), curve, usable, blocks); }, frames));
+  const VectorXd power = swings.rowwise().squaredNorm();
+  const VectorXd scale = (power.array() > 0).select(power.array().max(1e-300).sqrt().inverse(), 0.0);
+  const Matrix cosines = scale.asDiagonal() * (swings * swings.transpose()) * scale.asDiagonal();
+  const auto groups = block_groups(cosines, power);
+  if (groups.size() < 2) return {};
+  std::vector<LightGroup> lights;
+  for (const auto& group : groups) {
+    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}};
+    Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(swings.cols());
+    for (const Index block : group.members) {
+      sum += swings.row(block);
+      const auto at = static_cast<std::size_t>(block);
+      for (std::size_t column = blocks.begin[at]; column < blocks.end[at]; ++column)
+        light.columns[column] = usable[column];
+    }
+    sum.normalize();
+    light.swings.assign(sum.begin(), sum.end());
+    lights.push_back(std::move(light));
+  }
+  return lights;
+}
+
+double agreement(std::span<const double> signal, const LightGroup& group) {
+  const auto slow = moving_mean(signal, signal.size() / 16 + 1);
+  double product = 0, square = 0;
+  for (std::size_t n = 0; n < signal.size(); ++n) {
+    product += (signal[n] - slow[n]) * group.swings[n];
+    square += (signal[n] - slow[n]) * (signal[n] - slow[n]);
+  }
+  return square > 0 ? product / std::sqrt(square) : 0.0;
+}
+
 CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                               SaturatedColumns saturated) {
+                               SaturatedColumns saturated, std::span<const std::uint8_t> columns) {
   const auto clipped = saturated_share(frames, frame, curve);
-  const auto usable = usable_columns(clipped, saturated);
+  const auto usable = usable_columns(clipped, saturated, columns);
   const Blocks blocks = make_blocks(usable);
   const Matrix means =
       std::visit([&](const auto& view) { return block_means(view.frame(frame), curve, usable, blocks); }, frames);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -22,7 +23,8 @@ constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges; with fewer 
 constexpr double kLongExposure = 1.05;                     // chips
 constexpr double kLeastSnr = 2;                            // noise cut in two halves shows 1.8
 constexpr double kMostSnr = 1e12;
-constexpr double kWeakSnr = 9;  // a swing of three standard deviations to either side
+constexpr double kSameLight = 0.9;  // cosine of the swings of a signal and of a light
+constexpr double kWeakSnr = 9;      // a swing of three standard deviations to either side
 
 // One signal decoded: timing and decisions.
 struct Decoded {
@@ -175,24 +177,54 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   return false;
 }
 
-Received receive_frame(std::span<const AnyFramesView> channels, std::size_t frame, const Camera& camera,
-                       const Search& what) {
+// One source with the signal it was read from; `signal` is empty where none was decoded.
+struct Source {
+  Received received;
+  std::vector<double> signal;
+};
+
+// The light that stands out most, among `columns` (all where empty).
+Source receive_source(std::span<const AnyFramesView> channels, std::size_t frame, const Camera& camera,
+                      const Search& what, std::span<const std::uint8_t> allowed) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0};
   bool first = true;
   for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
     std::vector<std::pair<CombinedColumn, std::size_t>> columns;
     for (std::size_t channel = 0; channel < channels.size(); ++channel)
-      columns.emplace_back(combine_columns(channels[channel], frame, camera.tone_curve, saturated), channel);
+      columns.emplace_back(combine_columns(channels[channel], frame, camera.tone_curve, saturated, allowed), channel);
     std::ranges::stable_sort(columns, [](const auto& a, const auto& b) { return a.first.quality > b.first.quality; });
-    for (const auto& [column, channel] : columns) {
+    for (auto& [column, channel] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
       Received received{frame, 0, channel, {}, nan, nan, nan, nan, {}, {}, 0};
-      if (decode(column, what, received)) return received;
+      if (decode(column, what, received)) return {std::move(received), std::move(column.signal)};
       if (std::exchange(first, false)) best = std::move(received);
     }
   }
-  return best;
+  return {std::move(best), {}};
+}
+
+bool is_clean(const Source& source) {
+  return !source.signal.empty() && (source.received.flags & ~flag::saturated) == 0;
+}
+
+// All lights of a frame, each from columns of its own where there are several; first the one that all columns show.
+std::vector<Received> receive_frame(std::span<const AnyFramesView> channels, std::size_t frame, const Camera& camera,
+                                    const Search& what) {
+  Source whole = receive_source(channels, frame, camera, what, {});
+  const auto lights = light_groups(channels[whole.received.channel], frame, camera.tone_curve);
+  std::vector<Received> sources;
+  for (const auto& light : lights) {
+    const bool seen = is_clean(whole) && agreement(whole.signal, light) >= kSameLight;
+    Source source = receive_source(channels, frame, camera, what, light.columns);
+    if (is_clean(source))
+      sources.insert(seen ? sources.begin() : sources.end(), std::move(source.received));
+    else if (seen)
+      sources.insert(sources.begin(), whole.received);
+  }
+  if (sources.empty()) return {std::move(whole.received)};
+  for (std::size_t k = 0; k < sources.size(); ++k) sources[k].source = k;
+  return sources;
 }
 
 }  // namespace
@@ -213,7 +245,7 @@ std::vector<Received> receive(std::span<const AnyFramesView> channels, const Cam
   if (camera.exposure) what.exposure = *camera.exposure / camera.row_time;
   std::vector<Received> received;
   for (std::size_t frame = 0; frame < shape.frames; ++frame)
-    received.push_back(receive_frame(channels, frame, camera, what));
+    std::ranges::move(receive_frame(channels, frame, camera, what), std::back_inserter(received));
   return received;
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -441,20 +442,84 @@ def receive(
         bounds = 0.97 * chip_rate * camera.row_time, min(1.03 * chip_rate * camera.row_time, 0.5)
     channels = list(range(stack.shape[3])) if channel is None else [channel]
     sure = 12 if chip_rate is None else 4  # with fewer edges the rate cannot be sure
-    return [receive_frame(frame, number, channels, camera, bounds, sure) for number, frame in enumerate(stack)]
+    results = [receive_frame(frame, number, channels, camera, bounds, sure) for number, frame in enumerate(stack)]
+    return [received for sources in results for received in sources]
+
+
+def usable_columns(clipped: FloatArray, columns: BoolArray, use_saturated: bool) -> BoolArray:
+    """Those of `columns` that saturate in few rows."""
+    return np.asarray(columns & ((clipped <= max(CLIPPED_SHARE, 2 * clipped[columns].min())) | use_saturated))
+
+
+def light_groups(light: FloatArray, usable: BoolArray) -> list[tuple[BoolArray, FloatArray]]:
+    """Columns of each light where several stand side by side, the strongest first, and its swings; empty for one."""
+    rows, columns = light.shape
+    groups = min(BLOCKS, columns)
+    edges = [group * columns // groups for group in range(groups + 1)]
+    kept = [block for a, b in pairwise(edges) if len(block := np.flatnonzero(usable[a:b]) + a)]
+    means = np.stack([light[:, block].mean(axis=1) for block in kept])
+    swings = means - moving_mean(means, rows // 16 + 1)
+    power = np.sum(swings**2, axis=1)
+    unit = swings / np.sqrt(np.where(power > 0, power, 1))[:, None]
+    cosines = unit @ unit.T
+    seeds: list[int] = []
+    while len(seeds) < 8:
+        apart = np.all(np.abs(cosines[:, seeds]) < 0.3, axis=1) & (power > 0)
+        partners = (cosines >= 0.6) & apart & apart[:, None] & ~np.eye(len(kept), dtype=bool)
+        candidates = np.flatnonzero(partners.any(axis=1))
+        if not len(candidates):
+            break
+        seeds.append(int(candidates[np.argmax(power[candidates])]))
+    found = []
+    for seed in seeds if len(seeds) > 1 else []:
+        own = cosines[:, seed]
+        members = np.flatnonzero((own >= 0.3) & np.all(cosines[:, seeds] <= own[:, None], axis=1))
+        mask = np.zeros(columns, dtype=bool)
+        for block in members:
+            mask[kept[block]] = True
+        found.append((mask, swings[members].sum(axis=0)))
+    return found
 
 
 def receive_frame(
     frame: npt.NDArray[Any], number: int, channels: list[int], camera: Camera, bounds: tuple[float, float], sure: int
-) -> Received:
-    """The source of one frame (rows, columns, channels): the best channel that can be decoded."""
+) -> list[Received]:
+    """All lights of one frame (rows, columns, channels), each from columns of its own where there are several."""
+    everything = np.ones(frame.shape[1], dtype=bool)
+    whole, signal = receive_source(frame, number, channels, camera, bounds, sure, everything)
+    clipped = (frame[..., whole.channel] >= 0.98 * saturation_level(frame, camera)).mean(axis=0)
+    usable = usable_columns(clipped, everything, use_saturated=False)
+    sources: list[Received] = []
+    for columns, swings in light_groups(linear_light(frame[..., whole.channel], camera), usable):
+        seen = False
+        if signal is not None and not whole.flags & ~Flag.SATURATED:
+            own = signal - moving_mean(signal, len(signal) // 16 + 1)
+            seen = bool(own @ swings >= 0.9 * np.linalg.norm(own) * np.linalg.norm(swings))
+        source, decoded = receive_source(frame, number, channels, camera, bounds, sure, columns)
+        if decoded is not None and not source.flags & ~Flag.SATURATED:
+            sources.insert(0 if seen else len(sources), source)
+        elif seen:
+            sources.insert(0, whole)
+    return [replace(source, source=k) for k, source in enumerate(sources)] or [whole]
+
+
+def receive_source(
+    frame: npt.NDArray[Any],
+    number: int,
+    channels: list[int],
+    camera: Camera,
+    bounds: tuple[float, float],
+    sure: int,
+    columns: BoolArray,
+) -> tuple[Received, FloatArray | None]:
+    """The light that stands out most in the columns, from the best channel that can be decoded; and its signal."""
     exposure = None if camera.exposure is None else camera.exposure / camera.row_time
     failed = []
     for use_saturated in (False, True):
         tries = []
         for channel in channels:
             clipped = (frame[..., channel] >= 0.98 * saturation_level(frame, camera)).mean(axis=0)
-            usable = (clipped <= max(CLIPPED_SHARE, 2 * clipped.min())) | use_saturated
+            usable = usable_columns(clipped, columns, use_saturated)
             signal, weights, noise, quality = combine(linear_light(frame[..., channel], camera), usable)
             saturated = bool(np.any((weights > 0) & (clipped > CLIPPED_SHARE)))
             tries.append((quality, channel, signal, weights, noise, saturated))
@@ -469,10 +534,10 @@ def receive_frame(
             if slower is not None:
                 decoded = decode(signal, slower, exposure) or decoded
             if decoded is not None and signal_to_noise(decoded[2].soft) >= 2:
-                return result(number, channel, decoded, weights, flags, camera, exposure)
+                return result(number, channel, decoded, weights, flags, camera, exposure), signal
             flags |= Flag(0) if 0 < edges < sure else Flag.NO_SIGNAL
             failed.append(received(number, channel, weights=weights, flags=flags))
-    return failed[0]
+    return failed[0], None
 
 
 def signal_to_noise(soft: FloatArray) -> float:

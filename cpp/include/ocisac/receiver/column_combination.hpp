@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -24,10 +25,26 @@ enum class SaturatedColumns { leave_out, use };
 // samples saturate only where the curve names a white level.
 std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
+// Columns that see one light where several lights are in the picture.
+struct LightGroup {
+  std::vector<std::uint8_t> columns;  // (columns) 1: sees it
+  std::vector<double> swings;         // (rows) its swings about their moving mean, of length 1
+};
+
+// The lights that stand side by side, the strongest first: groups of columns whose swings agree with each other (cosine
+// above 0.6) and not with another group's (below 0.3). Empty where all columns may see one light. Saturated columns are
+// in none.
+std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
+
+// Cosine of a signal's swings about their moving mean with a group's.
+double agreement(std::span<const double> signal, const LightGroup& group);
+
 // Weights that maximise the signal-to-noise ratio: with a one-factor model of the columns' covariance (all see the
 // same light, each has noise and texture of its own), gain over own variance. Neighbouring columns share a weight.
+// `columns`: 1 for those that may be used, empty for all.
 CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                               SaturatedColumns saturated = SaturatedColumns::leave_out);
+                               SaturatedColumns saturated = SaturatedColumns::leave_out,
+                               std::span<const std::uint8_t> columns = {});
 
 // One-factor model C = a·aᵀ + diag(v) of a covariance (size × size) by principal-factor iteration.
 struct CommonFactor {

@@ -33,8 +33,10 @@ struct Received {
   Flags flags = 0;
 };
 
-// The source in each frame. `channels`: one view a colour channel, all of one shape; the one in which the light stands
-// out most is read. Frames are decoded by themselves.
+// The sources in each frame, at least one result a frame, the strongest source first. `channels`: one view a colour
+// channel, all of one shape; the one in which the light stands out most is read. Several sources are told apart where
+// they stand side by side (light_groups); further ones are given where they are decoded without a doubt. Frames are
+// decoded by themselves.
 std::vector<Received> receive(std::span<const AnyFramesView> channels, const Camera& camera,
                               const ReceiveOptions& options = {});
 
