@@ -71,11 +71,18 @@ template <class T, class Sum, class Light>
 Matrix sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
                   Light light) {
   Matrix sums(static_cast<Index>(blocks.begin.size()), static_cast<Index>(view.rows));
+  const bool dense = view.column_stride == 1;
   for (std::size_t row = 0; row < view.rows; ++row)
     for (std::size_t block = 0; block < blocks.begin.size(); ++block) {
+      const std::size_t begin = blocks.begin[block], end = blocks.end[block];
       Sum sum = 0;
-      for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column)
-        if (usable[column]) sum += light(view(0, row, column));
+      if (dense && blocks.size[block] == end - begin) {  // no branches: the loop of nearly all pixels
+        const T* values = &view(0, row, begin);
+        for (std::size_t k = 0; k < end - begin; ++k) sum += light(values[k]);
+      } else {
+        for (std::size_t column = begin; column < end; ++column)
+          if (usable[column]) sum += light(view(0, row, column));
+      }
       sums(static_cast<Index>(block), static_cast<Index>(row)) = static_cast<double>(sum);
     }
   return sums;
@@ -89,7 +96,7 @@ Matrix block_means(const FramesView<const T>& view, const ToneCurve& curve, std:
   double dark = 0;
   if constexpr (std::is_integral_v<T>) {
     if (curve.kind == ToneCurve::Kind::linear) {
-      means = sum_blocks<T, std::uint64_t>(view, usable, blocks, [](T value) { return value; });
+      means = sum_blocks<T, std::uint64_t>(view, usable, blocks, [](T value) { return std::uint32_t{value}; });
       dark = curve.dark_level;
     } else {
       std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
@@ -189,9 +196,15 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
         const double level = clipping_level<T>(curve);
         if (std::isfinite(level)) {
           const auto least = static_cast<T>(std::is_integral_v<T> ? std::ceil(level) : level);
-          for (std::size_t row = 0; row < view.rows; ++row)
-            for (std::size_t column = 0; column < view.columns; ++column)
-              counts[column] += view(0, row, column) >= least;
+          for (std::size_t row = 0; row < view.rows; ++row) {
+            if (view.column_stride == 1) {
+              const T* values = &view(0, row, 0);
+              for (std::size_t column = 0; column < view.columns; ++column) counts[column] += values[column] >= least;
+            } else {
+              for (std::size_t column = 0; column < view.columns; ++column)
+                counts[column] += view(0, row, column) >= least;
+            }
+          }
         }
         std::vector<double> share(counts.begin(), counts.end());
         for (double& value : share) value /= static_cast<double>(view.rows);
