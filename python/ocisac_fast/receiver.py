@@ -84,7 +84,7 @@ def receive(
 
     Returns:
         At least one :class:`Received` for each frame, in the order of the frames, the strongest source first. Several
-        sources are told apart where they stand side by side; further ones are given where their bits are without a doubt.
+        sources are told apart where they stand side by side; further ones are given where their bits are beyond doubt.
 
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.

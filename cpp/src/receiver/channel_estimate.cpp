@@ -17,6 +17,7 @@ using Eigen::Index;
 
 constexpr int kRounds = 20;
 constexpr int kPasses = 3;
+constexpr double kSmallStep = 1e-3;      // standard errors; such a step is the last
 constexpr double kSettled = 1e-9;        // chips; a step below it is the last
 constexpr double kLongestExposure = 24;  // chips
 constexpr double kLeastPivot = 1e-11;    // of a normal matrix with a unit diagonal
@@ -224,18 +225,37 @@ struct Linearised {
   double squares = 0;
 };
 
+// Sums of products of parts, and of parts and values, row by row; spelled out, the parts being few.
+class NormalSums {
+ public:
+  explicit NormalSums(Index size) : products_(RowMajor::Zero(size, size)), right_(Eigen::VectorXd::Zero(size)) {}
+
+  void add(const double* parts, double value) {
+    const Index size = right_.size();
+    for (Index i = 0; i < size; ++i) {
+      double* row = &products_(i, 0);
+      for (Index j = 0; j <= i; ++j) row[j] += parts[i] * parts[j];
+      right_[i] += parts[i] * value;
+    }
+  }
+  [[nodiscard]] Eigen::MatrixXd matrix() const { return products_.selfadjointView<Eigen::Lower>(); }
+  [[nodiscard]] const Eigen::VectorXd& right() const { return right_; }
+
+ private:
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  RowMajor products_;
+  Eigen::VectorXd right_;
+};
+
 std::optional<Eigen::VectorXd> fit_levels(const Problem& problem, RowRange range) {
   const Index size = problem.level_size();
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
-  Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
+  NormalSums sums(size);
   problem.for_each_row(
       range, [](std::size_t, const auto&) { return 0.0; },
       [&](std::size_t n, const Eigen::VectorXd& parts) {
-        const auto levels = parts.tail(size);
-        normal.selfadjointView<Eigen::Lower>().rankUpdate(levels);
-        right += levels * problem.signal()[n];
+        sums.add(parts.data() + problem.clock_size(), problem.signal()[n]);
       });
-  const auto solved = solve_normal(normal.selfadjointView<Eigen::Lower>(), right);
+  const auto solved = solve_normal(sums.matrix(), sums.right());
   if (!solved) return std::nullopt;
   return solved->values;
 }
@@ -250,23 +270,22 @@ std::optional<Linearised> linearise(Problem& problem, const ChipClock& clock, Ro
   const auto levels = fit_levels(problem, range);
   if (!levels) return std::nullopt;
   const Index size = problem.unknowns(), clock_size = problem.clock_size();
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
-  Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
+  NormalSums sums(size);
   double squares = 0;
   problem.for_each_row(
       range, [&](std::size_t, const auto& basis) { return problem.swing_of(*levels, basis); },
       [&](std::size_t n, const Eigen::VectorXd& parts) {
         const double residual = problem.signal()[n] - parts.tail(size - clock_size).dot(*levels);
-        normal.selfadjointView<Eigen::Lower>().rankUpdate(parts);
-        right += parts * residual;
+        sums.add(parts.data(), residual);
         squares += residual * residual;
       });
+  Eigen::MatrixXd normal = sums.matrix();
+  Eigen::VectorXd right = sums.right();
   const double off = known.rows_per_chip - clock.rows_per_chip;
   normal(1, 1) += known.weight;
   right[1] += known.weight * off;
   squares += known.weight * off * off;
-  const Eigen::MatrixXd full = normal.selfadjointView<Eigen::Lower>();
-  const auto solved = clock_size == 3 ? solve_clock(full, right) : solve_normal(full, right);
+  const auto solved = clock_size == 3 ? solve_clock(normal, right) : solve_normal(normal, right);
   if (!solved) return std::nullopt;
   return Linearised{*levels, solved->values.head(clock_size), solved->inverse, squares};
 }
@@ -283,6 +302,13 @@ ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double sh
                                kLongestExposure * next.rows_per_chip);
   }
   return next;
+}
+
+// A step beside the standard errors of what it changes.
+bool is_small(const Eigen::VectorXd& step, const Eigen::MatrixXd& inverse, double variance) {
+  for (Index k = 0; k < step.size(); ++k)
+    if (!(std::abs(step[k]) <= kSmallStep * std::sqrt(variance * inverse(k, k)))) return false;
+  return true;
 }
 
 // Gauss–Newton with a step halved until the squares fall. Clock and errors refer to the problem's origin.
@@ -302,13 +328,14 @@ std::optional<Fitted> descend(Problem& problem, ChipClock clock, RowRange range,
       const ChipClock next = stepped(clock, here->step, share, half_chips);
       auto there = next.rows_per_chip > 0 ? linearise(problem, next, range, known) : std::nullopt;
       if (!there || there->squares > here->squares) continue;
+      const bool last = is_small(here->step, here->inverse, here->squares / static_cast<double>(range.size()));
       const double moved =
           std::max({std::abs(next.phase - clock.phase), half_chips * std::abs(next.rows_per_chip - clock.rows_per_chip),
                     std::abs(next.exposure - clock.exposure)});
       clock = next;
       here = std::move(there);
       better = true;
-      if (moved < kSettled * clock.rows_per_chip) return Fitted{clock, std::move(*here), true};
+      if (last || moved < kSettled * clock.rows_per_chip) return Fitted{clock, std::move(*here), true};
       break;
     }
     if (!better) return Fitted{clock, std::move(*here), true};  // at the bottom to the last digit
@@ -438,14 +465,13 @@ std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock
   problem.expose(moved_to(used, problem.origin()), range);
   const Index size = problem.unknowns();
   if (range.size() < static_cast<std::size_t>(size)) return std::nullopt;
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
+  NormalSums sums(size);
   problem.for_each_row(
       range, [&](std::size_t n, const auto&) { return swing[n]; },
-      [&](std::size_t, const Eigen::VectorXd& parts) { normal.selfadjointView<Eigen::Lower>().rankUpdate(parts); });
+      [&](std::size_t, const Eigen::VectorXd& parts) { sums.add(parts.data(), 0.0); });
+  Eigen::MatrixXd normal = sums.matrix();
   if (model.rate_std > 0) normal(1, 1) += noise * noise / (model.rate_std * model.rate_std);
-  const Eigen::MatrixXd full = normal.selfadjointView<Eigen::Lower>();
-  const Eigen::VectorXd nothing = Eigen::VectorXd::Zero(size);
-  const auto solved = model.exposure_known ? solve_normal(full, nothing) : solve_clock(full, nothing);
+  const auto solved = model.exposure_known ? solve_normal(normal, sums.right()) : solve_clock(normal, sums.right());
   if (!solved) return std::nullopt;
   return errors_of(problem, solved->inverse, noise * noise);
 }
