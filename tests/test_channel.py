@@ -357,6 +357,38 @@ def test_no_chip_is_lost_between_frames_with_a_gap():
         ocisac.ClockTracker(0)
 
 
+@pytest.mark.parametrize("exposure", [0.6, 3.0, 5.0])
+def test_frames_are_read_on_without_preambles_across_the_gaps(exposure):
+    """A preamble in the first frame alone; the frame time known to 50 ppm; a clock that drifts; frames lost."""
+    random = np.random.default_rng(11)
+    rows, frame_rows, period, length = 1080, 1501.5, 4.0 * 1.007, exposure * 4.0
+    preamble = random.integers(0, 2, 32)
+    chips = random.integers(0, 2, 16000).astype(float)
+    chips[100:132] = preamble
+    tracker = ocisac.ClockTracker(frame_rows * (1 + 50e-6), frame_rows_std=0.1)
+    channel, begins_with = None, 0
+    for frame in (0, 1, 2, 3, 5, 6, 9, 10, 15, 16):
+        drifted = period * (1 + 2e-6 * frame)
+        phase = -(frame * frame_rows) * (1 + 1e-6 * frame)  # of chip 0, in rows of this frame
+        light = ocisac.expose_chips(chips, rows, rows_per_chip=drifted, phase=phase, exposure=length)
+        signal = 10 + 50 * (light + 0.02 * random.standard_normal(rows))
+        if frame == 0:
+            channel = ocisac.find_preamble(signal, preamble, rows_per_chip=4.0, exposure=length)[0].channel
+            known, begins_with = {"known": preamble}, 100
+        else:
+            predicted = tracker.predict(frame)
+            assert predicted.chips_lost < 0.2
+            channel, known = predicted.channel(channel, rows), {}
+            begins_with = 100 + predicted.chip
+        found = ocisac.refine_channel(signal, channel, detect_sequence, **known)
+        sent = chips[begins_with + found.first :][: len(found.chips)]
+        edge = int(np.ceil(exposure)) + 1
+        if frame > 0:  # in the first frame the chips before the light's first are missing
+            np.testing.assert_array_equal(found.chips[edge:-edge], sent[edge:-edge])
+        channel = found.channel
+        assert tracker.update(frame, channel)
+
+
 @given(
     values=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=12),
     errors=st.lists(st.one_of(st.floats(1e-3, 1e3), st.sampled_from([0.0, np.inf, np.nan])), min_size=12, max_size=12),

@@ -8,7 +8,7 @@ noise.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -142,6 +142,26 @@ class TrackedClock:
     chip: int
     covariance: FloatArray
     chips_lost: float
+
+    def channel(self, earlier: ChannelEstimate, rows: int) -> ChannelEstimate:
+        """What to begin a frame with: this clock, the levels and the noise of an earlier frame.
+
+        Args:
+            earlier: the channel of a frame before.
+            rows: rows of the frame.
+
+        Returns:
+            A start for :func:`refine_channel`; its chip 0 is chip ``chip`` of the light.
+        """
+        return replace(
+            earlier,
+            rows_per_chip=self.rows_per_chip,
+            phase=self.phase,
+            exposure=self.exposure,
+            errors=ClockErrors(0, self.covariance),
+            rows=(0, rows),
+            converged=False,
+        )
 
 
 # detect(rows, rows_per_chip, phase, exposure, noise, first, count): levels of chips first ... first + count - 1, all

@@ -145,4 +145,13 @@ std::optional<TrackedClock> ClockTracker::predict(std::int64_t frame) const {
                       std::sqrt(c(0, 0)) / there.mean[1]};
 }
 
+ChannelEstimate predicted_channel(const ChannelEstimate& earlier, const TrackedClock& clock, std::size_t rows) {
+  ChannelEstimate start = earlier;
+  start.clock = clock.clock;
+  start.errors = clock.errors;
+  start.rows = {0, rows};
+  start.converged = false;
+  return start;
+}
+
 }  // namespace ocisac
