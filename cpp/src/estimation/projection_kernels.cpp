@@ -69,185 +69,171 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 #endif
 }
 
-template <int kGroup>
-HWY_INLINE Sum16 sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride) {
-  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
-  Sum16 sum = hn::PromoteTo(d16, hn::LoadU(d8, pixels));
-  for (int i = 1; i < kGroup; ++i) sum = hn::Add(sum, hn::PromoteTo(d16, hn::LoadU(d8, pixels + i * stride)));
-  return sum;
-}
+// A strip of columns is as wide as a vector of bytes. Its sums of rows are kept for even and odd columns apart, which
+// costs a shift where widening would cost two shuffles.
+constexpr std::size_t kVectors = 4;  // of 32-bit sums a strip
+const hn::ScalableTag<std::uint8_t> d8;
+using Bytes = hn::Vec<decltype(d8)>;
 
-// Sums of a strip's columns, one 32-bit lane each. Interleaving permutes them in a way that lane_order() tells.
-struct StripSums {
-  std::int32_t* first;  // of output 0; two vectors an output
-  std::ptrdiff_t per_output;
+struct EvenOdd {
+  Sum16 even, odd;
 };
 
-template <int kOutputs, std::size_t kPairs>
-HWY_INLINE void add_outputs(const Pair16* HWY_RESTRICT lower, const Pair16* HWY_RESTRICT upper,
-                            const std::int32_t* HWY_RESTRICT weights, std::size_t weights_stride, StripSums sums) {
-  for (int o = 0; o < kOutputs; ++o) {
-    std::int32_t* HWY_RESTRICT out = sums.first + o * sums.per_output;
-    Sum32 low = hn::Load(d32, out);
-    Sum32 high = hn::Load(d32, out + hn::Lanes(d32));
-    for (std::size_t p = 0; p < kPairs; ++p) {
-      const auto weight = hn::BitCast(d16s, hn::Set(d32, weights[static_cast<std::size_t>(o) * weights_stride + p]));
-      low = multiply_pairs(low, lower[p], weight);
-      high = multiply_pairs(high, upper[p], weight);
-    }
-    hn::Store(low, d32, out);
-    hn::Store(high, d32, out + hn::Lanes(d32));
+// Sum of kGroup rows of a strip; raises the maximum and asks for the rows `ahead` bytes further on.
+template <int kGroup>
+HWY_INLINE EvenOdd sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride, std::ptrdiff_t ahead,
+                                Bytes& maximum) {
+  Sum16 all = hn::Zero(d16);  // even + 256·odd, modulo 2^16
+  Sum16 odd = all;
+  for (int i = 0; i < kGroup; ++i, pixels += stride) {
+    hwy::Prefetch(pixels + ahead);
+    const Bytes row = hn::LoadU(d8, pixels);
+    maximum = hn::Max(maximum, row);
+    all = hn::Add(all, hn::BitCast(d16, row));
+    odd = hn::Add(odd, hn::ShiftRight<8>(hn::BitCast(d16, row)));
   }
+  return {kGroup == 1 ? hn::And(all, hn::Set(d16, 255)) : hn::Sub(all, hn::ShiftLeft<8>(odd)), odd};
 }
 
-// One block of rows of one strip of columns: all outputs, then the squares.
+// The sums of two groups side by side in 32-bit lanes. lane_order() tells which column a lane is of.
+HWY_INLINE void interleave(const EvenOdd& a, const EvenOdd& b, Pair16* HWY_RESTRICT pairs) {
+  pairs[0] = hn::BitCast(d16s, hn::InterleaveLower(d16, a.even, b.even));
+  pairs[1] = hn::BitCast(d16s, hn::InterleaveUpper(d16, a.even, b.even));
+  pairs[2] = hn::BitCast(d16s, hn::InterleaveLower(d16, a.odd, b.odd));
+  pairs[3] = hn::BitCast(d16s, hn::InterleaveUpper(d16, a.odd, b.odd));
+}
+
+// A block of rows as add_strip sees it: kPairs pairs of groups, and where the next block lies.
+struct Rows {
+  const std::uint8_t* pixels;
+  std::ptrdiff_t stride;
+  std::ptrdiff_t ahead;
+};
+
+struct Weights {
+  const std::int32_t* pairs;  // of the block's first pair of groups
+  std::size_t stride;         // from output to output
+  std::size_t outputs;
+};
+
+// One block of rows of one strip: all outputs, then the squares. sums: kVectors vectors an output.
 template <int kGroup, std::size_t kPairs>
-HWY_INLINE void add_strip(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride,
-                          const std::int32_t* HWY_RESTRICT weights, std::size_t weights_stride, std::size_t outputs,
-                          StripSums sums) {
-  Pair16 lower[kPairs];
-  Pair16 upper[kPairs];
+HWY_INLINE void add_strip(const Rows& rows, const Weights& weights, std::int32_t* HWY_RESTRICT sums,
+                          std::uint8_t* HWY_RESTRICT maximum) {
+  Pair16 pairs[kPairs][kVectors];
+  Bytes top = hn::LoadU(d8, maximum);
   for (std::size_t p = 0; p < kPairs; ++p) {
-    const std::uint8_t* rows = pixels + static_cast<std::ptrdiff_t>(2 * kGroup * p) * stride;
-    const Sum16 even = sum_of_group<kGroup>(rows, stride);
-    const Sum16 odd = sum_of_group<kGroup>(rows + kGroup * stride, stride);
-    lower[p] = hn::BitCast(d16s, hn::InterleaveLower(d16, even, odd));
-    upper[p] = hn::BitCast(d16s, hn::InterleaveUpper(d16, even, odd));
+    const std::uint8_t* first = rows.pixels + static_cast<std::ptrdiff_t>(2 * kGroup * p) * rows.stride;
+    const EvenOdd a = sum_of_group<kGroup>(first, rows.stride, rows.ahead, top);
+    const EvenOdd b = sum_of_group<kGroup>(first + kGroup * rows.stride, rows.stride, rows.ahead, top);
+    interleave(a, b, pairs[p]);
   }
-  std::size_t o = 0;
-  const auto rest = [&] {
-    return StripSums{sums.first + static_cast<std::ptrdiff_t>(o) * sums.per_output, sums.per_output};
-  };
-  for (; o + 3 <= outputs; o += 3)
-    add_outputs<3, kPairs>(lower, upper, weights + o * weights_stride, weights_stride, rest());
-  for (; o < outputs; ++o) add_outputs<1, kPairs>(lower, upper, weights + o * weights_stride, weights_stride, rest());
-  std::int32_t* HWY_RESTRICT out = rest().first;
-  Sum32 low = hn::Load(d32, out);
-  Sum32 high = hn::Load(d32, out + hn::Lanes(d32));
-  for (std::size_t p = 0; p < kPairs; ++p) {
-    low = multiply_pairs(low, lower[p], lower[p]);
-    high = multiply_pairs(high, upper[p], upper[p]);
-  }
-  hn::Store(low, d32, out);
-  hn::Store(high, d32, out + hn::Lanes(d32));
-}
-
-// Also brings the block to the caches: along rows, as memory is read best.
-HWY_INLINE void raise_maximum(const ByteBlock& block, std::uint8_t* HWY_RESTRICT maximum) {
-  const hn::ScalableTag<std::uint8_t> d8;
-  const std::size_t lanes = hn::Lanes(d8);
-  for (std::size_t r = 0; r < block.rows; ++r) {
-    const std::uint8_t* HWY_RESTRICT row = block.pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride;
-    std::size_t c = 0;
-    for (; c + lanes <= block.columns; c += lanes) {
-#ifdef OCISAC_PREFETCH
-      hwy::Prefetch(row + OCISAC_PREFETCH + c);
-#endif
-      hn::StoreU(hn::Max(hn::LoadU(d8, maximum + c), hn::LoadU(d8, row + c)), d8, maximum + c);
+  hn::StoreU(top, d8, maximum);
+  const std::size_t lanes = hn::Lanes(d32);
+  for (std::size_t o = 0; o < weights.outputs; ++o, sums += kVectors * lanes) {
+    Sum32 out[kVectors];
+    for (std::size_t v = 0; v < kVectors; ++v) out[v] = hn::Load(d32, sums + v * lanes);
+    for (std::size_t p = 0; p < kPairs; ++p) {
+      const auto weight = hn::BitCast(d16s, hn::Set(d32, weights.pairs[o * weights.stride + p]));
+      for (std::size_t v = 0; v < kVectors; ++v) out[v] = multiply_pairs(out[v], pairs[p][v], weight);
     }
-    for (; c < block.columns; ++c) maximum[c] = std::max(maximum[c], row[c]);
+    for (std::size_t v = 0; v < kVectors; ++v) hn::Store(out[v], d32, sums + v * lanes);
+  }
+  for (std::size_t v = 0; v < kVectors; ++v) {
+    Sum32 square = hn::Load(d32, sums + v * lanes);
+    for (std::size_t p = 0; p < kPairs; ++p) square = multiply_pairs(square, pairs[p][v], pairs[p][v]);
+    hn::Store(square, d32, sums + v * lanes);
   }
 }
 
-// The column, within a strip, whose sum ends up in each lane of the two vectors of an output.
+// The column, within a strip, whose sum ends up in each lane of the vectors of an output.
 std::vector<std::size_t> lane_order() {
-  const std::size_t lanes = hn::Lanes(d16);
-  std::vector<std::uint16_t> index(lanes);
-  const auto iota = hn::Iota(d16, 0);
-  const hn::ScalableTag<std::uint32_t> d32u;
-  std::vector<std::uint32_t> out(lanes);
-  hn::StoreU(hn::BitCast(d32u, hn::InterleaveLower(d16, iota, hn::Zero(d16))), d32u, out.data());
-  hn::StoreU(hn::BitCast(d32u, hn::InterleaveUpper(d16, iota, hn::Zero(d16))), d32u, out.data() + lanes / 2);
-  return {out.begin(), out.end()};
+  const std::size_t half = hn::Lanes(d16);
+  std::vector<std::uint16_t> lanes(kVectors * half);
+  const auto even = hn::Add(hn::Iota(d16, 0), hn::Iota(d16, 0));
+  const auto none = hn::Zero(d16);
+  Pair16 pairs[kVectors];
+  interleave({even, hn::Add(even, hn::Set(d16, 1))}, {none, none}, pairs);
+  for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(hn::BitCast(d16, pairs[v]), d16, lanes.data() + v * half);
+  std::vector<std::size_t> order;
+  for (std::size_t lane = 0; lane < lanes.size(); lane += 2) order.push_back(lanes[lane]);
+  return order;
 }
 
 // Runs add_strip over all strips of a block of rows; the last, narrower strip goes through a padded copy.
 template <int kGroup, std::size_t kPairs>
-void add_block(const ByteBlock& block, const std::int32_t* weights, std::size_t weights_stride, std::size_t outputs,
-               std::int32_t* sums, std::size_t padded_columns) {
-  const std::size_t strip = hn::Lanes(d16);
-  const auto per_output = static_cast<std::ptrdiff_t>(padded_columns);
+void add_block(const ByteBlock& block, bool is_last, const Weights& weights, std::int32_t* sums,
+               std::uint8_t* maximum) {
+  constexpr std::size_t kRows = 2 * kGroup * kPairs;
+  const std::size_t strip = hn::Lanes(d8);
+  const std::ptrdiff_t ahead = is_last ? 0 : static_cast<std::ptrdiff_t>(kRows) * block.row_stride;
   std::size_t c = 0;
-  for (; c + strip <= block.columns; c += strip)
-    add_strip<kGroup, kPairs>(block.pixels + c, block.row_stride, weights, weights_stride, outputs,
-                              {sums + c, per_output});
+  for (; c + strip <= block.columns; c += strip, sums += (weights.outputs + 1) * strip)
+    add_strip<kGroup, kPairs>({block.pixels + c, block.row_stride, ahead}, weights, sums, maximum + c);
   if (c == block.columns) return;
-  std::array<std::uint8_t, 2 * kGroup * kPairs * HWY_MAX_BYTES> padded{};
-  for (std::size_t r = 0; r < 2 * kGroup * kPairs; ++r)
+  std::array<std::uint8_t, kRows * HWY_MAX_BYTES> padded{};
+  for (std::size_t r = 0; r < kRows; ++r)
     std::copy_n(block.pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride + c, block.columns - c,
                 padded.data() + r * strip);
-  add_strip<kGroup, kPairs>(padded.data(), static_cast<std::ptrdiff_t>(strip), weights, weights_stride, outputs,
-                            {sums + c, per_output});
+  add_strip<kGroup, kPairs>({padded.data(), static_cast<std::ptrdiff_t>(strip), 0}, weights, sums, maximum + c);
 }
 
 // A last single group has no partner: it gets one of zeros.
 template <int kGroup>
-void add_last_group(const ByteBlock& block, const std::int32_t* weights, std::size_t weights_stride,
-                    std::size_t outputs, std::int32_t* sums, std::size_t padded_columns) {
+void add_last_group(const ByteBlock& block, const Weights& weights, std::int32_t* sums, std::uint8_t* maximum) {
   std::vector<std::uint8_t> padded(2 * kGroup * block.columns);
   for (std::size_t r = 0; r < kGroup; ++r)
     std::copy_n(block.pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns,
                 padded.data() + r * block.columns);
   const ByteBlock pair{padded.data(), static_cast<std::ptrdiff_t>(block.columns), 2 * kGroup, block.columns};
-  add_block<kGroup, 1>(pair, weights, weights_stride, outputs, sums, padded_columns);
+  add_block<kGroup, 1>(pair, true, weights, sums, maximum);
 }
 
 template <int kGroup>
-void project_groups(const ByteBlock& block, const std::int32_t* pairs, std::size_t pairs_stride, std::size_t outputs,
-                    std::int32_t* sums, std::size_t padded_columns, std::uint8_t* maximum) {
+void project_groups(ByteBlock rest, Weights weights, std::int32_t* sums, std::uint8_t* maximum) {
   constexpr std::size_t kPairs = std::max<std::size_t>(kRowsPerBlock / (2 * kGroup), 1);
   constexpr std::size_t kRows = 2 * kGroup * kPairs;
-  ByteBlock rest = block;
   const auto advance = [&](std::size_t rows) {
     rest.pixels += static_cast<std::ptrdiff_t>(rows) * rest.row_stride;
     rest.rows -= rows;
-    pairs += rows / (2 * kGroup);
+    weights.pairs += rows / (2 * kGroup);
   };
-  while (rest.rows >= kRows) {
-    raise_maximum({rest.pixels, rest.row_stride, kRows, rest.columns}, maximum);
-    add_block<kGroup, kPairs>(rest, pairs, pairs_stride, outputs, sums, padded_columns);
-    advance(kRows);
-  }
-  while (rest.rows >= 2 * kGroup) {
-    raise_maximum({rest.pixels, rest.row_stride, 2 * kGroup, rest.columns}, maximum);
-    add_block<kGroup, 1>(rest, pairs, pairs_stride, outputs, sums, padded_columns);
-    advance(2 * kGroup);
-  }
-  if (rest.rows > 0) {
-    raise_maximum({rest.pixels, rest.row_stride, kGroup, rest.columns}, maximum);
-    add_last_group<kGroup>(rest, pairs, pairs_stride, outputs, sums, padded_columns);
-    advance(kGroup);
-  }
+  for (; rest.rows >= kRows; advance(kRows))
+    add_block<kGroup, kPairs>(rest, rest.rows < 2 * kRows, weights, sums, maximum);
+  for (; rest.rows >= 2 * kGroup; advance(2 * kGroup)) add_block<kGroup, 1>(rest, true, weights, sums, maximum);
+  if (rest.rows > 0) add_last_group<kGroup>(rest, weights, sums, maximum);
 }
 
-// Adds the sums of one output to those of the chunks before, back in the order of the columns.
-void add_in_order(const std::int32_t* HWY_RESTRICT from, const std::vector<std::size_t>& order, double* HWY_RESTRICT to,
-                  std::size_t columns) {
+// Adds the sums of all outputs and the squares to those of the chunks before, back in the order of the columns.
+void add_in_order(const std::int32_t* HWY_RESTRICT from, std::size_t outputs, std::size_t columns, double* sums,
+                  double* squares) {
+  const auto order = lane_order();
   const std::size_t strip = order.size();
-  std::size_t c = 0;
-  for (; c + strip <= columns; c += strip)
-    for (std::size_t lane = 0; lane < strip; ++lane) to[c + order[lane]] += static_cast<double>(from[c + lane]);
-  for (std::size_t lane = 0; lane < strip; ++lane)
-    if (c + order[lane] < columns) to[c + order[lane]] += static_cast<double>(from[c + lane]);
+  for (std::size_t c = 0; c < columns; c += strip)
+    for (std::size_t o = 0; o <= outputs; ++o, from += strip) {
+      double* HWY_RESTRICT to = (o < outputs ? sums + o * columns : squares) + c;
+      if (c + strip <= columns)
+        for (std::size_t lane = 0; lane < strip; ++lane) to[order[lane]] += static_cast<double>(from[lane]);
+      else
+        for (std::size_t lane = 0; lane < strip; ++lane)
+          if (c + order[lane] < columns) to[order[lane]] += static_cast<double>(from[lane]);
+    }
 }
 
 void ProjectBytes(const ByteBlock& block, int row_group, const std::int32_t* pairs, std::size_t pairs_stride,
                   std::size_t outputs, double* sums, double* squares, std::uint8_t* maximum) {
-  const std::size_t strip = hn::Lanes(d16);
+  const std::size_t strip = hn::Lanes(d8);
   const std::size_t padded_columns = (block.columns + strip - 1) / strip * strip;
   const auto integers = hwy::AllocateAligned<std::int32_t>((outputs + 1) * padded_columns);
   std::fill_n(integers.get(), (outputs + 1) * padded_columns, 0);
-  const auto run = [&]<int kGroup>() {
-    project_groups<kGroup>(block, pairs, pairs_stride, outputs, integers.get(), padded_columns, maximum);
-  };
-  if (row_group == 1) run.template operator()<1>();
-  if (row_group == 2) run.template operator()<2>();
-  if (row_group == 4) run.template operator()<4>();
-  if (row_group == 8) run.template operator()<8>();
-  const auto order = lane_order();
-  for (std::size_t o = 0; o <= outputs; ++o)
-    add_in_order(integers.get() + o * padded_columns, order, o < outputs ? sums + o * block.columns : squares,
-                 block.columns);
+  std::vector<std::uint8_t> top(padded_columns);
+  const Weights weights{pairs, pairs_stride, outputs};
+  if (row_group == 1) project_groups<1>(block, weights, integers.get(), top.data());
+  if (row_group == 2) project_groups<2>(block, weights, integers.get(), top.data());
+  if (row_group == 4) project_groups<4>(block, weights, integers.get(), top.data());
+  if (row_group == 8) project_groups<8>(block, weights, integers.get(), top.data());
+  for (std::size_t c = 0; c < block.columns; ++c) maximum[c] = std::max(maximum[c], top[c]);
+  add_in_order(integers.get(), outputs, block.columns, sums, squares);
 }
 
 #endif  // HWY_TARGET == HWY_SCALAR

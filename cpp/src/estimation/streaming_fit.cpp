@@ -4,8 +4,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <list>
+#include <mutex>
 #include <numbers>
-#include <optional>
 #include <type_traits>
 
 #include "ocisac/estimation/harmonic_model.hpp"
@@ -15,6 +16,8 @@ namespace ocisac {
 namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr double kRounding = 1e-14;  // of a column's sum of squares
 
 HarmonicModel fundamentals_only(std::size_t rows, std::span<const double> cycles_per_row, double factor) {
   std::vector<ModelTone> tones;
@@ -44,10 +47,10 @@ Eigen::Map<const RowMajor> square_matrix(const std::vector<double>& values, std:
 // The fit of sums of `row_group` rows, in terms of the rows.
 struct StreamingFit::Candidate {
   int row_group;
-  std::size_t estimates;
-  RowMajor weights;     // (estimates × groups), of sums
-  RowMajor design;      // (groups × estimates), of sums
-  RowMajor covariance;  // for rows with noise of variance 1
+  std::vector<Flags> flags;  // of the tones
+  RowMajor weights;          // (estimates × groups), of sums
+  RowMajor design;           // (groups × estimates), of sums
+  RowMajor covariance;       // for rows with noise of variance 1
 };
 
 StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<const double> cycles_per_row,
@@ -57,7 +60,7 @@ StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<cons
   std::vector<double> gains;
   for (const double cycles : cycles_per_row) gains.push_back(group_gain(cycles, row_group));
   const auto size = static_cast<Eigen::Index>(model.estimates);
-  Candidate result{row_group, model.estimates, RowMajor(size, static_cast<Eigen::Index>(groups)),
+  Candidate result{row_group, model.tone_flags, RowMajor(size, static_cast<Eigen::Index>(groups)),
                    RowMajor(static_cast<Eigen::Index>(groups), size), RowMajor(size, size)};
   for (Eigen::Index i = 0; i < size; ++i) {
     const auto estimate = static_cast<std::size_t>(i);
@@ -77,14 +80,21 @@ StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<cons
 
 namespace {
 
-// Whether the sums keep the share of every tone's information, and do not fold a tone.
-bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums, std::span<const double> cycles_per_row,
-           int row_group) {
-  for (std::size_t k = 0; k < cycles_per_row.size(); ++k) {
-    const auto a = static_cast<Eigen::Index>(2 * k + 1);
+// Whether the sums can keep the share at all: a quick look, for many cycles in the frame. Tones must not fold.
+bool may_keep(double efficiency, std::span<const double> cycles_per_row, int row_group) {
+  constexpr double kFewCycles = 0.95;  // what few cycles may add to the share
+  return std::ranges::all_of(cycles_per_row, [&](double cycles) {
+    const double gain = group_gain(cycles, row_group);
+    return efficiency < 1 && cycles * row_group < 0.5 && gain * gain >= kFewCycles * efficiency;
+  });
+}
+
+// Whether the sums keep the share of every tone's information.
+bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
+  for (Eigen::Index a = 1; a < sums.rows(); a += 2) {
     const double before = all_rows(a, a) + all_rows(a + 1, a + 1);
     const double after = sums(a, a) + sums(a + 1, a + 1);
-    if (cycles_per_row[k] * row_group >= 0.5 || !(before >= efficiency * after)) return false;
+    if (!(before >= efficiency * after)) return false;
   }
   return true;
 }
@@ -92,29 +102,73 @@ bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums, st
 }  // namespace
 
 StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency)
-    : estimates_(1 + 2 * cycles_per_row.size()),
-      flags_(fundamentals_only(rows, cycles_per_row, 1).tone_flags),
-      weights_(std::vector<double>(rows), 1, rows, 1, 1) {
+    : estimates_(1 + 2 * cycles_per_row.size()), weights_(std::vector<double>(rows), 1, rows, 1, 1) {
+  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency);
+}
+
+void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency) {
   const Candidate all_rows = candidate(rows, cycles_per_row, 1);
-  std::optional<Candidate> chosen;
+  flags_ = all_rows.flags;
+  const Flags hard = flag::few_cycles | flag::unresolvable | flag::ill_conditioned;
+  well_posed_ = std::ranges::none_of(flags_, [](Flags flags) { return (flags & hard) != 0; });
+  if (!well_posed_) return;
   for (const int row_group : {8, 4, 2}) {
+    if (!may_keep(efficiency, cycles_per_row, row_group)) continue;
     if (rows / static_cast<std::size_t>(row_group) <= 2 * estimates_) continue;
-    Candidate sums = candidate(rows, cycles_per_row, row_group);
-    if (!keeps(efficiency, all_rows.covariance, sums.covariance, cycles_per_row, row_group)) continue;
-    chosen = std::move(sums);
-    break;
+    const Candidate sums = candidate(rows, cycles_per_row, row_group);
+    if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
   }
-  const Candidate& plan = chosen ? *chosen : all_rows;
-  const auto groups = static_cast<std::size_t>(plan.design.rows());
-  const auto group = static_cast<std::size_t>(plan.row_group);
-  middle_ = (static_cast<double>(groups * group) - 1) / 2;
-  freedom_ = (static_cast<double>(groups) - static_cast<double>(std::min(estimates_, groups))) * plan.row_group;
-  covariance_ = dense(plan.covariance);
-  gram_ = dense(plan.design.transpose() * plan.design);
-  weights_ = RowWeights(dense(plan.weights), estimates_, rows, plan.row_group, 1);
+  adopt(rows, all_rows, efficiency < 1 ? 1 : 2);
+}
+
+void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
+  const auto groups = static_cast<std::size_t>(chosen.design.rows());
+  middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
+  freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
+  covariance_ = dense(chosen.covariance);
+  gram_ = dense(chosen.design.transpose() * chosen.design);
+  weights_ = RowWeights(dense(chosen.weights), estimates_, rows, chosen.row_group, limbs);
   const auto rounded = weights_.byte_weights();
-  const Eigen::Map<const RowMajor> integers(rounded.data(), plan.weights.rows(), plan.weights.cols());
-  unbias_ = dense((integers * plan.design).inverse());
+  const Eigen::Map<const RowMajor> integers(rounded.data(), chosen.weights.rows(), chosen.weights.cols());
+  unbias_ = dense((integers * chosen.design).inverse());
+}
+
+namespace {
+
+struct PlanKey {
+  std::size_t rows;
+  double efficiency;
+  std::vector<double> cycles_per_row;
+  bool operator==(const PlanKey&) const = default;
+};
+
+struct KeptPlan {
+  PlanKey key;
+  std::shared_ptr<const StreamingFit> plan;
+};
+
+constexpr std::size_t kKeptPlans = 32;
+
+}  // namespace
+
+std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
+                                                       double efficiency) {
+  static std::mutex mutex;
+  static std::list<KeptPlan> kept;  // the last used first
+  const PlanKey key{rows, efficiency, cycles_per_row};
+  {
+    const std::lock_guard lock(mutex);
+    const auto found = std::ranges::find(kept, key, &KeptPlan::key);
+    if (found != kept.end()) {
+      kept.splice(kept.begin(), kept, found);
+      return found->plan;
+    }
+  }
+  auto made = std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency);
+  const std::lock_guard lock(mutex);
+  kept.push_front({key, made});
+  if (kept.size() > kKeptPlans) kept.pop_back();
+  return made;
 }
 
 StreamingFit::Columns StreamingFit::estimate(const AnyFramesView& frames, std::size_t frame, std::size_t first,
@@ -129,7 +183,8 @@ StreamingFit::Columns StreamingFit::estimate(const AnyFramesView& frames, std::s
   for (std::size_t c = 0; c < count; ++c) {
     const auto column = static_cast<Eigen::Index>(c);
     const double rest = projection.squares[c] - parameters.col(column).dot(explained.col(column));
-    columns.noise_variance[c] = std::max(rest, 0.0) / freedom_;
+    // What is left of the squares after rounding is nothing.
+    columns.noise_variance[c] = rest > kRounding * projection.squares[c] ? rest / freedom_ : 0;
   }
   return columns;
 }

@@ -2,12 +2,14 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
 #include <numbers>
 #include <string>
 
+#include "estimation/gain_kernel.hpp"
 #include "estimation/streaming_fit.hpp"
 #include "ocisac/camera/exposure_response.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -23,17 +25,15 @@ namespace {
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kNearNull = 0.05;  // |sinc| below which a gain is called near a null
-constexpr double kWeak = 3;         // standard errors
-constexpr double kOffBin = 0.01;    // bins
-constexpr double kRounding = 1e-9;  // contrast below which a steady column differs from 0 by rounding alone
+constexpr double kNearNull = 0.05;               // |sinc| below which a gain is called near a null
+constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory is read best along rows
 constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
 
-// What a column says of one tone, on the way to the gain: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
-struct Estimate {
-  double mean, cosine, sine;
-  double noise_variance;                                                         // of one row
+// What a block of columns says of one tone, on the way to the gain: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
+struct Estimates {
+  std::vector<double> mean, cosine, sine;                                        // (columns,)
+  std::vector<double> noise_variance;                                            // (columns,), of one row
   double variance_mean, variance_cosine, variance_sine, covariance_mean_cosine;  // for noise of variance 1
 };
 
@@ -60,12 +60,6 @@ double exposure_phase(const Camera& camera, double frequency) {
   return -std::numbers::pi * std::fmod(cycles, 2.0) + (sinc(cycles) < 0 ? std::numbers::pi : 0.0);
 }
 
-double wrapped(double phase) {
-  const double turn = 2 * std::numbers::pi;
-  const double rest = phase - turn * std::nearbyint(phase / turn);
-  return rest <= -std::numbers::pi ? rest + turn : rest;
-}
-
 Flags exposure_flags(const Camera& camera, double frequency) {
   if (!camera.exposure) return 0;
   return std::abs(sinc(frequency * *camera.exposure)) < kNearNull ? flag::near_null : 0;
@@ -86,40 +80,42 @@ double background_of(const Context& context, std::size_t frame, std::size_t colu
   return background.size() == 1 ? background[0] : background[frame * context.shape.columns + column];
 }
 
-// Gain, its error and the rest from the estimate; the ratio's error by its first derivatives.
-void write_result(const Context& context, const Tone& tone, const Estimate& estimate, double background, Flags flags,
-                  std::size_t index, ToneGain& result) {
-  const double mean = estimate.mean - background;
-  if (!(mean > 0)) flags |= flag::no_light;
-  result.mean[index] = mean;
-  if (flags & (flag::unresolvable | flag::no_light)) {
-    for (auto* values : {&result.gain, &result.gain_std, &result.phase, &result.snr}) (*values)[index] = kNaN;
+// Of column 0 in the result's arrays.
+std::size_t index_of(const Context& context, std::size_t tone, std::size_t frame) {
+  return (tone * context.shape.frames + frame) * context.shape.columns;
+}
+
+void mark_unknown(ToneGain& result, std::size_t index) {
+  for (auto* values : {&result.gain, &result.gain_std, &result.phase, &result.snr}) (*values)[index] = kNaN;
+}
+
+// Takes off what is not the source's.
+void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::vector<double>& mean) {
+  for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
+}
+
+// Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
+// `first` in the result on. saturated: (columns,).
+void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
+                  std::span<const std::uint8_t> saturated, std::size_t first, ToneGain& result) {
+  const std::size_t count = estimates.mean.size();
+  std::vector<double> weak(count);
+  kernels::gains_of_fit(
+      {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
+       estimates.variance_mean, estimates.variance_cosine, estimates.variance_sine, estimates.covariance_mean_cosine,
+       context.ratio, tone.phase_at_zero},
+      {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], weak.data()});
+  for (std::size_t i = 0; i < count; ++i) {
+    Flags flags = tone.flags | (saturated[i] ? flag::saturated : 0);
+    const std::size_t index = first + i;
+    result.mean[index] = estimates.mean[i];
+    if (!(estimates.mean[i] > 0)) flags |= flag::no_light;
+    if (flags & (flag::unresolvable | flag::no_light))
+      mark_unknown(result, index);
+    else if (weak[i] != 0)
+      flags |= flag::weak;
     result.flags[index] = flags;
-    return;
   }
-  const double power = estimate.cosine * estimate.cosine + estimate.sine * estimate.sine;
-  const double share_cosine = power > 0 ? estimate.cosine * estimate.cosine / power : 0.5;
-  const double share_sine = 1 - share_cosine;
-  const double noise = estimate.noise_variance;
-  const double radial = noise * (share_cosine * estimate.variance_cosine + share_sine * estimate.variance_sine);
-  const double tangential = noise * (share_sine * estimate.variance_cosine + share_cosine * estimate.variance_sine);
-  // Noise across the phasor lengthens it: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
-  const double amplitude = std::sqrt(std::max(power - tangential, 0.0));
-  const double rounding = kRounding * mean;
-  if (power < kWeak * kWeak * radial || power <= rounding * rounding)
-    flags |= flag::weak;
-  else if (context.whole_numbers && rounding_pull(amplitude, noise) > std::sqrt(radial))
-    flags |= flag::quantised;
-  const double contrast = amplitude / mean;
-  const double covariance =
-      noise * estimate.covariance_mean_cosine * std::copysign(std::sqrt(share_cosine), estimate.cosine);
-  const double variance = radial - 2 * contrast * covariance + contrast * contrast * noise * estimate.variance_mean;
-  result.gain[index] = contrast / context.ratio;
-  result.gain_std[index] = std::sqrt(std::max(variance, 0.0)) / (mean * context.ratio);
-  result.phase[index] = wrapped(tone.phase_at_zero + std::atan2(-estimate.sine, estimate.cosine));
-  const double tone_level = amplitude / context.ratio;  // G·C
-  result.snr[index] = tone_level * tone_level / noise;
-  result.flags[index] = flags;
 }
 
 // Columns with samples at the top of the scale.
@@ -134,18 +130,18 @@ double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
   return curve.white_level != 0 ? curve.white_level : ocisac::saturation_level(frames);
 }
 
-// One method's estimates for a block of signals (count × rows): (tones × count).
+// One method's estimates for a block of signals (count × rows), of each tone.
 class Estimator {
  public:
   virtual ~Estimator() = default;
-  [[nodiscard]] virtual std::vector<Estimate> estimate(const std::vector<double>& signals) const = 0;
+  [[nodiscard]] virtual std::vector<Estimates> estimate(const std::vector<double>& signals) const = 0;
 };
 
 class FitEstimator final : public Estimator {
  public:
   explicit FitEstimator(HarmonicModel model) : model_(std::move(model)) {}
 
-  [[nodiscard]] std::vector<Estimate> estimate(const std::vector<double>& signals) const override {
+  [[nodiscard]] std::vector<Estimates> estimate(const std::vector<double>& signals) const override {
     const auto rows = static_cast<Eigen::Index>(model_.rows);
     const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
     const Eigen::Map<const RowMajor> y(signals.data(), count, rows);
@@ -155,14 +151,17 @@ class FitEstimator final : public Estimator {
     const RowMajor residual = y - (y * basis.transpose()) * basis;
     const auto freedom = static_cast<double>(model_.rows - std::min(model_.rows, model_.parameters));
     const auto tones = static_cast<Eigen::Index>(model_.tone_flags.size());
-    std::vector<Estimate> estimates;
-    for (Eigen::Index k = 0; k < tones; ++k)
-      for (Eigen::Index column = 0; column < count; ++column) {
-        const double noise = freedom > 0 ? residual.row(column).squaredNorm() / freedom : kNaN;
-        const Eigen::Index a = 2 * k + 1;
-        estimates.push_back({values(column, 0), values(column, a), values(column, a + 1), noise, covariance(0, 0),
-                             covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)});
-      }
+    std::vector<double> noise(static_cast<std::size_t>(count), kNaN);
+    for (Eigen::Index column = 0; freedom > 0 && column < count; ++column)
+      noise[static_cast<std::size_t>(column)] = residual.row(column).squaredNorm() / freedom;
+    const auto estimates_of = [&](Eigen::Index i) {
+      const Eigen::VectorXd column = values.col(i);
+      return std::vector<double>(column.begin(), column.end());
+    };
+    std::vector<Estimates> estimates;
+    for (Eigen::Index a = 1; a < 2 * tones; a += 2)
+      estimates.push_back({estimates_of(0), estimates_of(a), estimates_of(a + 1), noise, covariance(0, 0),
+                           covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)});
     return estimates;
   }
 
@@ -191,13 +190,14 @@ class DftEstimator final : public Estimator {
   DftEstimator(std::size_t rows, std::vector<Bin> bins) : rows_(rows), bins_(std::move(bins)) {}
 
   // Steps 1–4 of the paper; the noise is all that is neither in the mean nor in the bin.
-  [[nodiscard]] std::vector<Estimate> estimate(const std::vector<double>& signals) const override {
+  [[nodiscard]] std::vector<Estimates> estimate(const std::vector<double>& signals) const override {
     const std::size_t count = signals.size() / rows_;
     const std::size_t width = rows_ / 2 + 1;
     const auto length = static_cast<double>(rows_);
     const auto spectra = half_spectra(signals, rows_);
-    std::vector<Estimate> estimates;
-    for (const Bin bin : bins_)
+    std::vector<Estimates> estimates;
+    for (const Bin bin : bins_) {
+      Estimates of_tone{{}, {}, {}, {}, 1 / length, 2 / length, 2 / length, 0};
       for (std::size_t column = 0; column < count; ++column) {
         const auto mean = spectra[column * width].real() / length;
         auto line = 2.0 / length * spectra[column * width + bin.index];
@@ -205,9 +205,13 @@ class DftEstimator final : public Estimator {
         double squares = 0;
         for (const double v : std::span(signals).subspan(column * rows_, rows_)) squares += (v - mean) * (v - mean);
         const double rest = std::max(squares - std::norm(line) * length / 2, 0.0);
-        const double noise = rows_ > 3 ? rest / (length - 3) : kNaN;
-        estimates.push_back({mean, line.real(), -line.imag(), noise, 1 / length, 2 / length, 2 / length, 0});
+        of_tone.mean.push_back(mean);
+        of_tone.cosine.push_back(line.real());
+        of_tone.sine.push_back(-line.imag());
+        of_tone.noise_variance.push_back(rows_ > 3 ? rest / (length - 3) : kNaN);
       }
+      estimates.push_back(std::move(of_tone));
+    }
     return estimates;
   }
 
@@ -293,47 +297,57 @@ ToneGain empty_result(std::size_t tones, std::size_t frames, std::size_t columns
   return {tones, frames, columns, values, values, values, values, values, std::vector<Flags>(size)};
 }
 
-// Whether the pass over the pixels themselves may replace that over signals of linear light in float64.
-bool may_stream(const Context& context) {
+// The plan of a pass over the pixels themselves, where that answers as well as the fit of signals of linear light in
+// float64 does; null otherwise. At full efficiency floats are left to the latter, which is exact in its residual too.
+std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
   const auto& options = *context.options;
-  return options.efficiency < 1 && options.method == GainMethod::fit && options.waveform == WaveformShape::tone &&
-         context.camera->tone_curve.kind == ToneCurve::Kind::linear;
-}
-
-StreamingFit streaming_fit(Context& context) {
+  const bool integers = !std::holds_alternative<FramesView<const float>>(frames) &&
+                        !std::holds_alternative<FramesView<const double>>(frames);
+  if (options.method != GainMethod::fit || options.waveform != WaveformShape::tone ||
+      context.camera->tone_curve.kind != ToneCurve::Kind::linear || (options.efficiency == 1 && !integers))
+    return nullptr;
   std::vector<double> cycles;
   for (const Tone& tone : context.tones) cycles.push_back(tone.cycles_per_row);
-  StreamingFit fit(context.shape.rows, cycles, context.options->efficiency);
-  for (std::size_t k = 0; k < context.tones.size(); ++k) count_phase_from(context.tones[k], fit.middle(), fit.flags(k));
+  auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency);
+  if (!fit->well_posed()) return nullptr;
+  for (std::size_t k = 0; k < context.tones.size(); ++k)
+    count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
   return fit;
 }
 
-void stream_gains(const AnyFramesView& frames, Context& context, ToneGain& result) {
-  const StreamingFit fit = streaming_fit(context);
-  const auto [frame_count, rows, columns] = context.shape;
+Estimates estimates_of_tone(const StreamingFit& fit, const StreamingFit::Columns& columns, std::size_t tone) {
+  const std::size_t count = columns.noise_variance.size();
+  const std::size_t a = 2 * tone + 1;
+  const auto parameter = [&](std::size_t i) {
+    const auto values = std::span(columns.parameters).subspan(i * count, count);
+    return std::vector<double>(values.begin(), values.end());
+  };
+  return {parameter(0),
+          parameter(a),
+          parameter(a + 1),
+          columns.noise_variance,
+          fit.covariance(0, 0),
+          fit.covariance(a, a),
+          fit.covariance(a + 1, a + 1),
+          fit.covariance(0, a)};
+}
+
+void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context, ToneGain& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
-  const std::size_t blocks = (columns + kColumnsPerStream - 1) / kColumnsPerStream;
-  for_each_block(frame_count * blocks, context.options->threads, [&](std::size_t block) {
+  const std::size_t blocks = (context.shape.columns + kColumnsPerStream - 1) / kColumnsPerStream;
+  for_each_block(context.shape.frames * blocks, context.options->threads, [&](std::size_t block) {
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerStream;
     const std::size_t count = std::min(kColumnsPerStream, context.shape.columns - first);
-    const auto estimates = fit.estimate(frames, frame, first, count);
-    for (std::size_t k = 0; k < context.tones.size(); ++k)
-      for (std::size_t i = 0; i < count; ++i) {
-        const std::size_t a = 2 * k + 1;
-        const Estimate estimate{estimates.parameters[i] - context.camera->tone_curve.dark_level,
-                                estimates.parameters[a * count + i],
-                                estimates.parameters[(a + 1) * count + i],
-                                estimates.noise_variance[i],
-                                fit.covariance(0, 0),
-                                fit.covariance(a, a),
-                                fit.covariance(a + 1, a + 1),
-                                fit.covariance(0, a)};
-        const Flags flags = context.tones[k].flags | (estimates.maximum[i] >= level ? flag::saturated : 0);
-        const std::size_t index = (k * context.shape.frames + frame) * context.shape.columns + first + i;
-        write_result(context, context.tones[k], estimate, background_of(context, frame, first + i), flags, index,
-                     result);
-      }
+    const auto columns = fit.estimate(frames, frame, first, count);
+    std::vector<std::uint8_t> saturated(count);
+    for (std::size_t i = 0; i < count; ++i) saturated[i] = columns.maximum[i] >= level;
+    for (std::size_t k = 0; k < context.tones.size(); ++k) {
+      Estimates estimates = estimates_of_tone(fit, columns, k);
+      for (double& mean : estimates.mean) mean -= context.camera->tone_curve.dark_level;
+      take_off_background(context, frame, first, estimates.mean);
+      write_result(context, context.tones[k], estimates, saturated, index_of(context, k, frame) + first, result);
+    }
   });
 }
 
@@ -409,8 +423,8 @@ ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<
   Context context = make_context(frames, camera, frequencies, options);
   const auto [frame_count, rows, columns] = context.shape;
   ToneGain result = empty_result(frequencies.size(), frame_count, columns);
-  if (may_stream(context)) {
-    stream_gains(frames, context, result);
+  if (const auto fit = streaming_fit(frames, context)) {
+    stream_gains(frames, *fit, context, result);
     return result;
   }
   const auto estimator = make_estimator(context);
@@ -420,17 +434,13 @@ ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
-    const auto estimates = estimator->estimate(column_signals(frames, frame, first, count, camera.tone_curve));
-    for (std::size_t i = 0; i < count; ++i) {
-      const std::size_t column = first + i;
-      const bool saturated =
-          std::visit([&](const auto& view) { return is_saturated(view, frame, column, level); }, frames);
-      for (std::size_t k = 0; k < context.tones.size(); ++k) {
-        const Flags flags = context.tones[k].flags | (saturated ? flag::saturated : 0);
-        const std::size_t index = (k * context.shape.frames + frame) * context.shape.columns + column;
-        write_result(context, context.tones[k], estimates[k * count + i], background_of(context, frame, column), flags,
-                     index, result);
-      }
+    auto estimates = estimator->estimate(column_signals(frames, frame, first, count, camera.tone_curve));
+    std::vector<std::uint8_t> saturated(count);
+    for (std::size_t i = 0; i < count; ++i)
+      saturated[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames);
+    for (std::size_t k = 0; k < context.tones.size(); ++k) {
+      take_off_background(context, frame, first, estimates[k].mean);
+      write_result(context, context.tones[k], estimates[k], saturated, index_of(context, k, frame) + first, result);
     }
   });
   return result;
@@ -444,11 +454,11 @@ ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std
   ToneGain result = empty_result(frequencies.size(), context.shape.frames, 1);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
-    const auto estimates = estimator->estimate(pooled.signal);
+    auto estimates = estimator->estimate(pooled.signal);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
-      const Flags flags = context.tones[k].flags | (pooled.saturated ? flag::saturated : 0);
-      write_result(context, context.tones[k], estimates[k], pooled.background, flags, k * context.shape.frames + frame,
-                   result);
+      estimates[k].mean[0] -= pooled.background;
+      write_result(context, context.tones[k], estimates[k], std::array<std::uint8_t, 1>{pooled.saturated},
+                   k * context.shape.frames + frame, result);
     }
   });
   return result;

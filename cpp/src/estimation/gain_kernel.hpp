@@ -1,0 +1,27 @@
+// From a fit's parameters to gains, for many columns at once; compiled once for each SIMD target.
+#pragma once
+
+#include <cstddef>
+
+namespace ocisac::kernels {
+
+// y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu), u: row from the point that phases are counted from.
+struct FittedTone {
+  const double* mean;            // (count,), of the source's own light
+  const double* cosine;          // (count,)
+  const double* sine;            // (count,)
+  const double* noise_variance;  // (count,), of one row
+  std::size_t count;
+  double variance_mean, variance_cosine, variance_sine, covariance_mean_cosine;  // for noise of variance 1
+  double full_depth_ratio;
+  double phase_at_zero;  // rad
+};
+
+// (count,) each; see ToneGain. weak: 1 where the tone is not told from nothing, else 0.
+struct GainOutputs {
+  double *gain, *gain_std, *phase, *snr, *weak;
+};
+
+void gains_of_fit(const FittedTone& fit, const GainOutputs& out);
+
+}  // namespace ocisac::kernels
