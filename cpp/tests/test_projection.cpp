@@ -24,6 +24,15 @@ std::vector<double> random_weights(std::size_t count) {
   return weights;
 }
 
+// Every other output symmetric about the middle, the others antisymmetric.
+std::vector<double> symmetric_weights(std::size_t outputs, std::size_t groups) {
+  auto weights = random_weights(outputs * groups);
+  for (std::size_t o = 0; o < outputs; ++o)
+    for (std::size_t g = 0; g < groups / 2; ++g)
+      weights[(o + 1) * groups - 1 - g] = (o % 2 == 0 ? 1 : -1) * weights[o * groups + g];
+  return weights;
+}
+
 // Largest deviation of the kernel from the plain loop, over the largest magnitude of the output.
 double deviation(const ocisac::Projection& got, const ocisac::Projection& want) {
   double worst = 0;
@@ -40,7 +49,7 @@ double deviation(const ocisac::Projection& got, const ocisac::Projection& want) 
 // A frame inside a larger allocation whose margins hold NaN (or 255), at an offset that no vector is aligned to.
 template <class T>
 void check_against_plain_loop(std::size_t rows, std::size_t columns, std::size_t outputs, int row_group, int limbs,
-                              std::size_t column_step, bool upside_down) {
+                              std::size_t column_step, bool upside_down, bool symmetric = false) {
   const std::size_t margin = 3;
   const std::size_t width = columns * column_step + 2 * margin;
   const T filler = std::is_integral_v<T> ? std::numeric_limits<T>::max() : std::numeric_limits<T>::quiet_NaN();
@@ -59,7 +68,9 @@ void check_against_plain_loop(std::size_t rows, std::size_t columns, std::size_t
     view.row_stride = -view.row_stride;
   }
   const std::size_t groups = rows / static_cast<std::size_t>(row_group);
-  const ocisac::RowWeights weights(random_weights(outputs * groups), outputs, rows, row_group, limbs);
+  const ocisac::RowWeights weights(symmetric ? symmetric_weights(outputs, groups) : random_weights(outputs * groups),
+                                   outputs, rows, row_group, limbs);
+  if (groups > 4) CHECK(weights.folded_pairs().empty() == !(symmetric && groups % 2 == 0));
   const auto frames = ocisac::as_const(view);
   const auto got = ocisac::project(frames, 0, 0, columns, weights);
   CHECK(deviation(got, ocisac::project_plainly(frames, 0, 0, columns, weights)) < 1e-12);
@@ -88,12 +99,16 @@ TEST_CASE("every SIMD target agrees with the plain loop at awkward sizes") {
           const std::size_t outputs = 1 + columns % 5;
           check_against_plain_loop<std::uint8_t>(rows, columns, outputs, row_group, 1 + static_cast<int>(rows % 3), 1,
                                                  rows % 2 == 1);
+          check_against_plain_loop<std::uint8_t>(rows + 1, columns, outputs, row_group, 1 + static_cast<int>(rows % 3),
+                                                 1, rows % 2 == 1, true);
           check_against_plain_loop<std::uint16_t>(rows, columns, outputs, row_group, 1, 1, rows % 2 == 1);
           check_against_plain_loop<float>(rows, columns, outputs, row_group, 1, 1 + rows % 2, false);
           check_against_plain_loop<double>(rows, columns, outputs, row_group, 1, 1 + rows % 2, rows % 2 == 1);
         }
     check_against_plain_loop<std::uint8_t>(5003, 40, 4, 1, 3, 2, false);
     check_against_plain_loop<std::uint8_t>(5003, 40, 4, 4, 1, 1, true);
+    check_against_plain_loop<std::uint8_t>(5004, 40, 4, 1, 2, 1, false, true);
+    check_against_plain_loop<std::uint8_t>(5008, 40, 3, 8, 2, 2, true, true);
   }
   ocisac::force_simd_target("");
 }
@@ -105,6 +120,7 @@ TEST_CASE("the brightest frame does not overflow") {
     const std::size_t groups = rows / static_cast<std::size_t>(row_group);
     const std::vector<double> ones(groups, 1.0);
     const ocisac::RowWeights weights(ones, 1, rows, row_group, 1);
+    CHECK(!weights.folded_pairs().empty());
     const auto frames = ocisac::as_const(ocisac::dense_view(pixels.data(), 1, rows, 20));
     const auto result = ocisac::project(frames, 0, 0, 20, weights);
     for (const double sum : result.sums) CHECK(sum == doctest::Approx(255.0 * rows).epsilon(1e-14));

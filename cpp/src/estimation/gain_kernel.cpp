@@ -1,6 +1,8 @@
 #include "estimation/gain_kernel.hpp"
 
+#include <algorithm>
 #include <numbers>
+#include <vector>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "estimation/gain_kernel.cpp"
@@ -15,13 +17,58 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr double kWeak = 3;         // standard errors
-constexpr double kRounding = 1e-9;  // contrast below which a steady column differs from 0 by rounding alone
+constexpr double kWeak = 3;                   // standard errors
+constexpr double kRounding = 1e-9;            // contrast below which a steady column differs from 0 by rounding alone
+constexpr double kRoundingOfSquares = 1e-14;  // of a column's sum of squares
 
 const hn::ScalableTag<double> d64;
 using Vector = hn::Vec<decltype(d64)>;
 
 HWY_INLINE Vector constant(double value) { return hn::Set(d64, value); }
+
+// row·values, values one vector of columns each.
+HWY_INLINE Vector product(const double* HWY_RESTRICT row, const double* HWY_RESTRICT values, std::size_t size,
+                          std::size_t stride) {
+  Vector sum = hn::Zero(d64);
+  for (std::size_t j = 0; j < size; ++j)
+    sum = hn::Add(sum, hn::Mul(constant(row[j]), hn::LoadU(d64, values + j * stride)));
+  return sum;
+}
+
+// One vector of columns.
+HWY_INLINE void solve_columns(const FitSums& fit, const double* HWY_RESTRICT sums, const double* HWY_RESTRICT squares,
+                              std::size_t stride, double* HWY_RESTRICT parameters, double* HWY_RESTRICT noise) {
+  const std::size_t size = fit.estimates;
+  for (std::size_t i = 0; i < size; ++i)
+    hn::StoreU(product(fit.transform + i * size, sums, size, stride), d64, parameters + i * stride);
+  const Vector all = hn::LoadU(d64, squares);
+  Vector rest = all;
+  for (std::size_t i = 0; i < size; ++i)
+    rest = hn::Sub(
+        rest, hn::Mul(hn::LoadU(d64, parameters + i * stride), product(fit.gram + i * size, parameters, size, stride)));
+  const auto more_than_rounding = hn::Gt(rest, hn::Mul(constant(kRoundingOfSquares), all));
+  hn::StoreU(hn::IfThenElseZero(more_than_rounding, hn::Div(rest, constant(fit.freedom))), d64, noise);
+}
+
+void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_variance) {
+  const std::size_t lanes = hn::Lanes(d64);
+  std::size_t c = 0;
+  for (; c + lanes <= fit.count; c += lanes)
+    solve_columns(fit, fit.sums + c, fit.squares + c, fit.count, parameters + c, noise_variance + c);
+  if (c == fit.count) return;
+  // What is left, in padded copies.
+  const std::size_t rest = fit.count - c;
+  std::vector<double> padded(2 * (fit.estimates + 1) * lanes);
+  double* sums = padded.data();
+  double* squares = sums + fit.estimates * lanes;
+  double* result = squares + lanes;
+  double* noise = result + fit.estimates * lanes;
+  for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(fit.sums + i * fit.count + c, rest, sums + i * lanes);
+  std::copy_n(fit.squares + c, rest, squares);
+  solve_columns(fit, sums, squares, lanes, result, noise);
+  for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(result + i * lanes, rest, parameters + i * fit.count + c);
+  std::copy_n(noise, rest, noise_variance + c);
+}
 
 // NaN stays NaN.
 HWY_INLINE Vector not_negative(Vector v) { return hn::IfThenElse(hn::Lt(v, hn::Zero(d64)), hn::Zero(d64), v); }
@@ -36,7 +83,7 @@ HWY_INLINE Vector arc_tangent(Vector y, Vector x) {
 // Into (−π, π].
 HWY_INLINE Vector wrapped(Vector phase) {
   const Vector turn = constant(2 * std::numbers::pi);
-  const Vector rest = hn::Sub(phase, hn::Mul(turn, hn::Round(hn::Div(phase, turn))));
+  const Vector rest = hn::Sub(phase, hn::Mul(turn, hn::Round(hn::Mul(phase, constant(0.5 / std::numbers::pi)))));
   return hn::IfThenElse(hn::Le(rest, constant(-std::numbers::pi)), hn::Add(rest, turn), rest);
 }
 
@@ -65,11 +112,11 @@ HWY_INLINE Outputs gains(const Inputs& in, const FittedTone& fit) {
       hn::Mul(hn::Mul(in.noise, constant(fit.covariance_mean_cosine)), hn::CopySign(hn::Sqrt(share_cosine), in.cosine));
   const Vector of_mean = hn::Mul(hn::Mul(contrast, contrast), hn::Mul(in.noise, constant(fit.variance_mean)));
   const Vector variance = hn::Add(hn::Sub(radial, hn::Mul(hn::Mul(constant(2), contrast), covariance)), of_mean);
-  const Vector level = hn::Div(amplitude, constant(fit.full_depth_ratio));  // G·C
+  const Vector level = hn::Mul(amplitude, constant(1 / fit.full_depth_ratio));  // G·C
   const Vector rounding = hn::Mul(constant(kRounding), in.mean);
   const auto is_weak =
       hn::Or(hn::Lt(power, hn::Mul(constant(kWeak * kWeak), radial)), hn::Le(power, hn::Mul(rounding, rounding)));
-  return {hn::Div(contrast, constant(fit.full_depth_ratio)),
+  return {hn::Mul(contrast, constant(1 / fit.full_depth_ratio)),
           hn::Div(hn::Sqrt(not_negative(variance)), hn::Mul(in.mean, constant(fit.full_depth_ratio))),
           wrapped(hn::Add(constant(fit.phase_at_zero), arc_tangent(hn::Neg(in.sine), in.cosine))),
           hn::Div(hn::Mul(level, level), in.noise), hn::IfThenElseZero(is_weak, constant(1))};
@@ -107,7 +154,12 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace ocisac::kernels {
 
+HWY_EXPORT(ParametersOfSums);
 HWY_EXPORT(GainsOfFit);
+
+void parameters_of_sums(const FitSums& fit, double* parameters, double* noise_variance) {
+  HWY_DYNAMIC_DISPATCH(ParametersOfSums)(fit, parameters, noise_variance);
+}
 
 void gains_of_fit(const FittedTone& fit, const GainOutputs& out) { HWY_DYNAMIC_DISPATCH(GainsOfFit)(fit, out); }
 

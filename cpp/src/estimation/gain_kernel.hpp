@@ -5,6 +5,19 @@
 
 namespace ocisac::kernels {
 
+// What a fit's weights made of many columns: sums (estimates × count) and squares (count,), the sum of a column's
+// squared samples. The parameters are transform·sums (transform: estimates × estimates), and what they leave of the
+// squares, parametersᵀ·gram·parameters taken off, over `freedom` is the variance of a row's noise.
+struct FitSums {
+  std::size_t estimates, count;
+  const double *sums, *squares;
+  const double *transform, *gram;
+  double freedom;
+};
+
+// parameters: (estimates × count), noise_variance: (count,).
+void parameters_of_sums(const FitSums& fit, double* parameters, double* noise_variance);
+
 // y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu), u: row from the point that phases are counted from.
 struct FittedTone {
   const double* mean;            // (count,), of the source's own light

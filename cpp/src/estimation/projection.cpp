@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <type_traits>
 
 #include "estimation/projection_kernels.hpp"
@@ -15,10 +16,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLimbBase = 2.0 * kernels::kLargestWeight + 2;  // one unit of a limb over one of the next
-constexpr std::size_t kStagedRows = 16;                          // a multiple of every row group
+constexpr double kLimbBase = 2.0 * kernels::kLargestWeight;  // one unit of a limb over one of the next
+constexpr std::size_t kStagedRows = 16;                      // a multiple of every row group
 
-std::uint32_t low_half(std::int32_t weight) { return static_cast<std::uint32_t>(weight) & 0xffffU; }
+// Puts a weight into its half of the word of a pair of groups.
+void put_weight(std::int32_t& pair, std::size_t group, int weight) {
+  const std::uint32_t half = static_cast<std::uint32_t>(weight) & 0xffffU;
+  pair = static_cast<std::int32_t>(static_cast<std::uint32_t>(pair) | (group % 2 == 0 ? half : half << 16));
+}
 
 }  // namespace
 
@@ -42,12 +47,43 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
         const double whole =
             std::clamp<double>(std::nearbyint(rest), -kernels::kLargestWeight, kernels::kLargestWeight);
         rest = (rest - whole) * kLimbBase;
-        auto& pair =
-            pairs_[(o * static_cast<std::size_t>(limbs) + static_cast<std::size_t>(limb)) * pair_count() + g / 2];
-        const std::uint32_t half = low_half(static_cast<std::int32_t>(whole));
-        pair = static_cast<std::int32_t>(static_cast<std::uint32_t>(pair) | (g % 2 == 0 ? half : half << 16));
+        const std::size_t part = o * static_cast<std::size_t>(limbs) + static_cast<std::size_t>(limb);
+        put_weight(pairs_[part * pair_count() + g / 2], g, static_cast<int>(whole));
       }
     }
+  }
+  fold();
+}
+
+int RowWeights::integer_weight(std::size_t part, std::size_t group) const {
+  const auto pair = static_cast<std::uint32_t>(pairs_[part * pair_count() + group / 2]);
+  return static_cast<std::int16_t>(group % 2 == 0 ? pair & 0xffffU : pair >> 16);
+}
+
+bool RowWeights::has_symmetry(std::size_t part, int sign) const {
+  for (std::size_t g = 0; g < groups_ / 2; ++g)
+    if (integer_weight(part, g) != sign * integer_weight(part, groups_ - 1 - g)) return false;
+  return true;
+}
+
+void RowWeights::fold() {
+  const std::size_t parts = outputs_ * static_cast<std::size_t>(limbs_);
+  places_.resize(parts);
+  std::iota(places_.begin(), places_.end(), std::size_t{0});
+  if (groups_ % 2 == 1) return;
+  std::vector<std::size_t> order;  // of the parts
+  for (std::size_t part = 0; part < parts; ++part)
+    if (has_symmetry(part, 1)) order.push_back(part);
+  const std::size_t even = order.size();
+  for (std::size_t part = 0; part < parts; ++part)
+    if (!has_symmetry(part, 1) && has_symmetry(part, -1)) order.push_back(part);
+  if (order.size() < parts) return;
+  even_parts_ = even;
+  folded_pairs_.assign(parts * folded_pair_count(), 0);
+  for (std::size_t place = 0; place < parts; ++place) {
+    places_[order[place]] = place;
+    for (std::size_t g = 0; g < groups_ / 2; ++g)
+      put_weight(folded_pairs_[place * folded_pair_count() + g / 2], g, integer_weight(order[place], g));
   }
 }
 
@@ -58,10 +94,8 @@ std::vector<double> RowWeights::byte_weights() const {
   for (std::size_t o = 0; o < outputs_; ++o)
     for (std::size_t g = 0; g < groups_; ++g)
       for (int limb = limbs_ - 1; limb >= 0; --limb) {
-        const auto place = o * static_cast<std::size_t>(limbs_) + static_cast<std::size_t>(limb);
-        const auto pair = static_cast<std::uint32_t>(pairs_[place * pair_count() + g / 2]);
-        const auto whole = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
-        values[o * groups_ + g] += unit(o, limb) * whole;
+        const auto part = o * static_cast<std::size_t>(limbs_) + static_cast<std::size_t>(limb);
+        values[o * groups_ + g] += unit(o, limb) * integer_weight(part, g);
       }
   return values;
 }
@@ -86,28 +120,59 @@ void for_each_dense_block(const FramesView<const T>& view, std::size_t frame, st
   }
 }
 
+// Where the kernel adds up: sums of all parts of the weights, in the kernel's order.
+struct ByteSums {
+  std::vector<double> parts, squares;
+  std::vector<std::uint8_t> maximum;
+};
+
+void add_folded(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
+                const RowWeights& weights, ByteSums& sums) {
+  const auto group = static_cast<std::size_t>(weights.row_group());
+  const std::size_t half = weights.groups() / 2;
+  const std::size_t parts = weights.outputs() * static_cast<std::size_t>(weights.limbs());
+  const std::size_t most = kernels::kRowsPerChunk / (2 * group);
+  for (std::size_t g = 0; g < half; g += most)
+    kernels::project_bytes({view.at(frame, g * group, first), view.at(frame, (weights.groups() - 1 - g) * group, first),
+                            view.row_stride, std::min(most, half - g), count},
+                           {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
+                            parts, weights.even_parts()},
+                           sums.parts.data(), sums.squares.data(), sums.maximum.data());
+}
+
+void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
+                 const RowWeights& weights, ByteSums& sums) {
+  const auto group = static_cast<std::size_t>(weights.row_group());
+  const std::size_t parts = weights.outputs() * static_cast<std::size_t>(weights.limbs());
+  for_each_dense_block(view, frame, first, count, weights.groups() * group, kernels::kRowsPerChunk,
+                       [&](const std::uint8_t* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
+                         kernels::project_bytes({pixels, nullptr, stride, rows / group, count},
+                                                {weights.row_group(), weights.pairs().data() + row / (2 * group),
+                                                 weights.pair_count(), parts, parts},
+                                                sums.parts.data(), sums.squares.data(), sums.maximum.data());
+                       });
+}
+
 Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first,
                          std::size_t count, const RowWeights& weights) {
   const std::size_t parts = weights.outputs() * static_cast<std::size_t>(weights.limbs());
-  const auto group = static_cast<std::size_t>(weights.row_group());
-  std::vector<double> sums(parts * count);
-  Projection result{std::vector<double>(weights.outputs() * count), std::vector<double>(count), {}};
-  std::vector<std::uint8_t> maximum(count);
-  for_each_dense_block(view, frame, first, count, weights.groups() * group, kernels::kRowsPerChunk,
-                       [&](const std::uint8_t* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
-                         kernels::project_bytes({pixels, stride, rows, count}, weights.row_group(),
-                                                weights.pairs().data() + row / (2 * group), weights.pair_count(), parts,
-                                                sums.data(), result.squares.data(), maximum.data());
-                       });
+  ByteSums sums{std::vector<double>(parts * count), std::vector<double>(count), std::vector<std::uint8_t>(count)};
+  const bool folded = !weights.folded_pairs().empty() && (view.column_stride == 1 || count == 1);
+  if (folded)
+    add_folded(view, frame, first, count, weights, sums);
+  else
+    add_plainly(view, frame, first, count, weights, sums);
+  Projection result{std::vector<double>(weights.outputs() * count),
+                    std::move(sums.squares),
+                    {sums.maximum.begin(), sums.maximum.end()}};
   // Limbs from the smallest on; the sums are whole numbers and exact.
   for (std::size_t o = 0; o < weights.outputs(); ++o)
     for (int limb = weights.limbs() - 1; limb >= 0; --limb) {
+      const std::size_t place = folded ? weights.place_of(o, limb)
+                                       : o * static_cast<std::size_t>(weights.limbs()) + static_cast<std::size_t>(limb);
       const double unit = weights.unit(o, limb);
-      const double* part =
-          &sums[(o * static_cast<std::size_t>(weights.limbs()) + static_cast<std::size_t>(limb)) * count];
-      for (std::size_t c = 0; c < count; ++c) result.sums[o * count + c] += unit * part[c];
+      for (std::size_t c = 0; c < count; ++c) result.sums[o * count + c] += unit * sums.parts[place * count + c];
     }
-  result.maximum.assign(maximum.begin(), maximum.end());
   return result;
 }
 

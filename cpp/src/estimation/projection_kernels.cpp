@@ -25,24 +25,28 @@ constexpr std::size_t kRowsPerBlock = 16;
 #if HWY_TARGET == HWY_SCALAR
 
 // Without vectors: the loops as they are meant.
-void ProjectBytes(const ByteBlock& block, int row_group, const std::int32_t* pairs, std::size_t pairs_stride,
-                  std::size_t outputs, double* sums, double* squares, std::uint8_t* maximum) {
-  const auto group = static_cast<std::size_t>(row_group);
-  for (std::size_t g = 0; g * group < block.rows; ++g)
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
+                  std::uint8_t* maximum) {
+  const auto group = static_cast<std::size_t>(weights.row_group);
+  const auto sum_of_group = [&](const std::uint8_t* pixels, std::size_t c) {
+    std::int32_t sum = 0;
+    for (std::size_t r = 0; r < group; ++r, pixels += block.row_stride) {
+      maximum[c] = std::max(maximum[c], pixels[c]);
+      sum += pixels[c];
+    }
+    return sum;
+  };
+  for (std::size_t g = 0; g < block.groups; ++g)
     for (std::size_t c = 0; c < block.columns; ++c) {
-      std::int32_t sum = 0;
-      for (std::size_t r = g * group; r < (g + 1) * group; ++r) {
-        const std::uint8_t v =
-            block.pixels[static_cast<std::ptrdiff_t>(r) * block.row_stride + static_cast<std::ptrdiff_t>(c)];
-        maximum[c] = std::max(maximum[c], v);
-        sum += v;
-      }
-      for (std::size_t o = 0; o < outputs; ++o) {
-        const auto pair = static_cast<std::uint32_t>(pairs[o * pairs_stride + g / 2]);
+      const auto rows = static_cast<std::ptrdiff_t>(g * group) * block.row_stride;
+      const std::int32_t near = sum_of_group(block.pixels + rows, c);
+      const std::int32_t far = block.mirrored ? sum_of_group(block.mirrored - rows, c) : 0;
+      for (std::size_t o = 0; o < weights.outputs; ++o) {
+        const auto pair = static_cast<std::uint32_t>(weights.pairs[o * weights.stride + g / 2]);
         const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
-        sums[o * block.columns + c] += weight * sum;
+        sums[o * block.columns + c] += weight * (o < weights.even ? near + far : near - far);
       }
-      squares[c] += static_cast<double>(sum) * sum;
+      squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
     }
 }
 
@@ -103,47 +107,102 @@ HWY_INLINE void interleave(const EvenOdd& a, const EvenOdd& b, Pair16* HWY_RESTR
   pairs[3] = hn::BitCast(d16s, hn::InterleaveUpper(d16, a.odd, b.odd));
 }
 
-// A block of rows as add_strip sees it: kPairs pairs of groups, and where the next block lies.
+HWY_INLINE EvenOdd operator+(const EvenOdd& a, const EvenOdd& b) {
+  return {hn::Add(a.even, b.even), hn::Add(a.odd, b.odd)};
+}
+HWY_INLINE EvenOdd operator-(const EvenOdd& a, const EvenOdd& b) {
+  return {hn::Sub(a.even, b.even), hn::Sub(a.odd, b.odd)};
+}
+
+// Where a strip's rows are, from the block's first on, and, mirrored, from its last group on backwards (or null).
 struct Rows {
-  const std::uint8_t* pixels;
+  const std::uint8_t* near;
+  const std::uint8_t* far;
   std::ptrdiff_t stride;
-  std::ptrdiff_t ahead;
+  std::ptrdiff_t ahead;  // to the next block; backwards for the mirrored ones
 };
 
-struct Weights {
-  const std::int32_t* pairs;  // of the block's first pair of groups
-  std::size_t stride;         // from output to output
-  std::size_t outputs;
-};
+// A strip's sums: kVectors vectors of an output, one output after the other, the squares last.
+HWY_INLINE void load_sums(const std::int32_t* HWY_RESTRICT from, Sum32* HWY_RESTRICT sums) {
+  for (std::size_t v = 0; v < kVectors; ++v) sums[v] = hn::Load(d32, from + v * hn::Lanes(d32));
+}
 
-// One block of rows of one strip: all outputs, then the squares. sums: kVectors vectors an output.
-template <int kGroup, std::size_t kPairs>
-HWY_INLINE void add_strip(const Rows& rows, const Weights& weights, std::int32_t* HWY_RESTRICT sums,
-                          std::uint8_t* HWY_RESTRICT maximum) {
-  Pair16 pairs[kPairs][kVectors];
-  Bytes top = hn::LoadU(d8, maximum);
+HWY_INLINE void store_sums(const Sum32* HWY_RESTRICT sums, std::int32_t* HWY_RESTRICT to) {
+  for (std::size_t v = 0; v < kVectors; ++v) hn::Store(sums[v], d32, to + v * hn::Lanes(d32));
+}
+
+// kOutputs at a time: as many as the registers hold.
+template <std::size_t kOutputs, std::size_t kPairs>
+HWY_INLINE void add_outputs(const Pair16 (&pairs)[kPairs][kVectors], const std::int32_t* HWY_RESTRICT weights,
+                            std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
+  const std::size_t per_output = kVectors * hn::Lanes(d32);
+  Sum32 out[kOutputs][kVectors];
+  for (std::size_t o = 0; o < kOutputs; ++o) load_sums(sums + o * per_output, out[o]);
+#pragma GCC unroll 1  // else the compiler reorders the additions and spills
   for (std::size_t p = 0; p < kPairs; ++p) {
-    const std::uint8_t* first = rows.pixels + static_cast<std::ptrdiff_t>(2 * kGroup * p) * rows.stride;
-    const EvenOdd a = sum_of_group<kGroup>(first, rows.stride, rows.ahead, top);
-    const EvenOdd b = sum_of_group<kGroup>(first + kGroup * rows.stride, rows.stride, rows.ahead, top);
-    interleave(a, b, pairs[p]);
+    Pair16 weight[kOutputs];
+    for (std::size_t o = 0; o < kOutputs; ++o)
+      weight[o] = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
+    for (std::size_t v = 0; v < kVectors; ++v)
+      for (std::size_t o = 0; o < kOutputs; ++o) out[o][v] = multiply_pairs(out[o][v], pairs[p][v], weight[o]);
+  }
+  for (std::size_t o = 0; o < kOutputs; ++o) store_sums(out[o], sums + o * per_output);
+}
+
+// Two groups of rows of a strip side by side: as they are, or the sums with their mirror images and the differences.
+// A lone group has no second.
+template <int kGroup, bool kFold, bool kLone>
+HWY_INLINE void load_pair(const Rows& rows, std::size_t pair, Bytes& top, Pair16* HWY_RESTRICT sums,
+                          Pair16* HWY_RESTRICT differences) {
+  const std::ptrdiff_t second = kGroup * rows.stride;
+  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(2 * pair) * second;
+  const EvenOdd none{hn::Zero(d16), hn::Zero(d16)};
+  const EvenOdd a = sum_of_group<kGroup>(rows.near + first, rows.stride, rows.ahead, top);
+  const EvenOdd b = kLone ? none : sum_of_group<kGroup>(rows.near + first + second, rows.stride, rows.ahead, top);
+  if constexpr (!kFold) {
+    interleave(a, b, sums);
+  } else {
+    const EvenOdd c = sum_of_group<kGroup>(rows.far - first, rows.stride, -rows.ahead, top);
+    const EvenOdd d = kLone ? none : sum_of_group<kGroup>(rows.far - first - second, rows.stride, -rows.ahead, top);
+    interleave(a + c, b + d, sums);
+    interleave(a - c, b - d, differences);
+  }
+}
+
+template <std::size_t kPairs>
+HWY_INLINE void add_all_outputs(const Pair16 (&pairs)[kPairs][kVectors], const std::int32_t* weights,
+                                std::size_t weights_stride, std::size_t outputs, std::int32_t* sums) {
+  const std::size_t per_output = kVectors * hn::Lanes(d32);
+  std::size_t o = 0;
+  for (; o + 2 <= outputs; o += 2)
+    add_outputs<2>(pairs, weights + o * weights_stride, weights_stride, sums + o * per_output);
+  if (o < outputs) add_outputs<1>(pairs, weights + o * weights_stride, weights_stride, sums + o * per_output);
+}
+
+// One block of rows of one strip: the squares (twice, if folded), then all outputs.
+template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
+HWY_INLINE void add_strip(const Rows& rows, const ByteWeights& weights, std::int32_t* HWY_RESTRICT sums,
+                          std::uint8_t* HWY_RESTRICT maximum) {
+  const std::size_t per_output = kVectors * hn::Lanes(d32);
+  std::int32_t* squares = sums + weights.outputs * per_output;
+  Pair16 near[kPairs][kVectors];
+  Pair16 differences[kFold ? kPairs : 1][kVectors];
+  Sum32 square[kVectors];
+  load_sums(squares, square);
+  Bytes top = hn::LoadU(d8, maximum);
+#pragma GCC unroll 1
+  for (std::size_t p = 0; p < kPairs; ++p) {
+    load_pair<kGroup, kFold, kLone>(rows, p, top, near[p], differences[kFold ? p : 0]);
+    for (std::size_t v = 0; v < kVectors; ++v) square[v] = multiply_pairs(square[v], near[p][v], near[p][v]);
+    for (std::size_t v = 0; kFold && v < kVectors; ++v)
+      square[v] = multiply_pairs(square[v], differences[p][v], differences[p][v]);
   }
   hn::StoreU(top, d8, maximum);
-  const std::size_t lanes = hn::Lanes(d32);
-  for (std::size_t o = 0; o < weights.outputs; ++o, sums += kVectors * lanes) {
-    Sum32 out[kVectors];
-    for (std::size_t v = 0; v < kVectors; ++v) out[v] = hn::Load(d32, sums + v * lanes);
-    for (std::size_t p = 0; p < kPairs; ++p) {
-      const auto weight = hn::BitCast(d16s, hn::Set(d32, weights.pairs[o * weights.stride + p]));
-      for (std::size_t v = 0; v < kVectors; ++v) out[v] = multiply_pairs(out[v], pairs[p][v], weight);
-    }
-    for (std::size_t v = 0; v < kVectors; ++v) hn::Store(out[v], d32, sums + v * lanes);
-  }
-  for (std::size_t v = 0; v < kVectors; ++v) {
-    Sum32 square = hn::Load(d32, sums + v * lanes);
-    for (std::size_t p = 0; p < kPairs; ++p) square = multiply_pairs(square, pairs[p][v], pairs[p][v]);
-    hn::Store(square, d32, sums + v * lanes);
-  }
+  store_sums(square, squares);
+  add_all_outputs(near, weights.pairs, weights.stride, kFold ? weights.even : weights.outputs, sums);
+  if constexpr (kFold)
+    add_all_outputs(differences, weights.pairs + weights.even * weights.stride, weights.stride,
+                    weights.outputs - weights.even, sums + weights.even * per_output);
 }
 
 // The column, within a strip, whose sum ends up in each lane of the vectors of an output.
@@ -160,80 +219,91 @@ std::vector<std::size_t> lane_order() {
   return order;
 }
 
-// Runs add_strip over all strips of a block of rows; the last, narrower strip goes through a padded copy.
-template <int kGroup, std::size_t kPairs>
-void add_block(const ByteBlock& block, bool is_last, const Weights& weights, std::int32_t* sums,
+// Copies `rows` rows of the last, narrower strip, which leaves the rest of a vector 0.
+HWY_INLINE void pad_strip(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
+                          std::uint8_t* to) {
+  for (std::size_t r = 0; r < rows; ++r)
+    std::copy_n(from + static_cast<std::ptrdiff_t>(r) * stride, columns, to + r * hn::Lanes(d8));
+}
+
+// Runs add_strip over all strips of a block of rows.
+template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
+void add_block(const ByteBlock& block, bool is_last, const ByteWeights& weights, std::int32_t* sums,
                std::uint8_t* maximum) {
-  constexpr std::size_t kRows = 2 * kGroup * kPairs;
+  constexpr std::size_t kRows = (kLone ? 1 : 2) * kGroup * kPairs;
   const std::size_t strip = hn::Lanes(d8);
   const std::ptrdiff_t ahead = is_last ? 0 : static_cast<std::ptrdiff_t>(kRows) * block.row_stride;
   std::size_t c = 0;
   for (; c + strip <= block.columns; c += strip, sums += (weights.outputs + 1) * strip)
-    add_strip<kGroup, kPairs>({block.pixels + c, block.row_stride, ahead}, weights, sums, maximum + c);
+    add_strip<kGroup, kPairs, kFold, kLone>(
+        {block.pixels + c, kFold ? block.mirrored + c : nullptr, block.row_stride, ahead}, weights, sums, maximum + c);
   if (c == block.columns) return;
-  std::array<std::uint8_t, kRows * HWY_MAX_BYTES> padded{};
-  for (std::size_t r = 0; r < kRows; ++r)
-    std::copy_n(block.pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride + c, block.columns - c,
-                padded.data() + r * strip);
-  add_strip<kGroup, kPairs>({padded.data(), static_cast<std::ptrdiff_t>(strip), 0}, weights, sums, maximum + c);
+  std::array<std::uint8_t, kRows * HWY_MAX_BYTES> near{};
+  std::array<std::uint8_t, kFold ? kRows * HWY_MAX_BYTES : 1> far{};
+  const std::ptrdiff_t back = static_cast<std::ptrdiff_t>(kRows - kGroup);  // from the last group to the first
+  pad_strip(block.pixels + c, block.row_stride, kRows, block.columns - c, near.data());
+  if (kFold)
+    pad_strip(block.mirrored - back * block.row_stride + c, block.row_stride, kRows, block.columns - c, far.data());
+  const auto stride = static_cast<std::ptrdiff_t>(strip);
+  add_strip<kGroup, kPairs, kFold, kLone>({near.data(), far.data() + (kFold ? back * stride : 0), stride, 0}, weights,
+                                          sums, maximum + c);
 }
 
-// A last single group has no partner: it gets one of zeros.
-template <int kGroup>
-void add_last_group(const ByteBlock& block, const Weights& weights, std::int32_t* sums, std::uint8_t* maximum) {
-  std::vector<std::uint8_t> padded(2 * kGroup * block.columns);
-  for (std::size_t r = 0; r < kGroup; ++r)
-    std::copy_n(block.pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns,
-                padded.data() + r * block.columns);
-  const ByteBlock pair{padded.data(), static_cast<std::ptrdiff_t>(block.columns), 2 * kGroup, block.columns};
-  add_block<kGroup, 1>(pair, true, weights, sums, maximum);
-}
-
-template <int kGroup>
-void project_groups(ByteBlock rest, Weights weights, std::int32_t* sums, std::uint8_t* maximum) {
-  constexpr std::size_t kPairs = std::max<std::size_t>(kRowsPerBlock / (2 * kGroup), 1);
-  constexpr std::size_t kRows = 2 * kGroup * kPairs;
-  const auto advance = [&](std::size_t rows) {
-    rest.pixels += static_cast<std::ptrdiff_t>(rows) * rest.row_stride;
-    rest.rows -= rows;
-    weights.pairs += rows / (2 * kGroup);
+template <int kGroup, bool kFold>
+void project_groups(ByteBlock rest, ByteWeights weights, std::int32_t* sums, std::uint8_t* maximum) {
+  constexpr std::size_t kPairs = std::max<std::size_t>(kRowsPerBlock / (kFold ? 4 * kGroup : 2 * kGroup), 1);
+  const auto advance = [&](std::size_t pairs) {
+    const auto rows = static_cast<std::ptrdiff_t>(2 * kGroup * pairs) * rest.row_stride;
+    rest.pixels += rows;
+    if (kFold) rest.mirrored -= rows;
+    rest.groups -= 2 * pairs;
+    weights.pairs += pairs;
   };
-  for (; rest.rows >= kRows; advance(kRows))
-    add_block<kGroup, kPairs>(rest, rest.rows < 2 * kRows, weights, sums, maximum);
-  for (; rest.rows >= 2 * kGroup; advance(2 * kGroup)) add_block<kGroup, 1>(rest, true, weights, sums, maximum);
-  if (rest.rows > 0) add_last_group<kGroup>(rest, weights, sums, maximum);
+  for (; rest.groups >= 2 * kPairs; advance(kPairs))
+    add_block<kGroup, kPairs, kFold, false>(rest, rest.groups < 4 * kPairs, weights, sums, maximum);
+  for (; rest.groups >= 2; advance(1)) add_block<kGroup, 1, kFold, false>(rest, true, weights, sums, maximum);
+  if (rest.groups > 0) add_block<kGroup, 1, kFold, true>(rest, true, weights, sums, maximum);
 }
 
-// Adds the sums of all outputs and the squares to those of the chunks before, back in the order of the columns.
-void add_in_order(const std::int32_t* HWY_RESTRICT from, std::size_t outputs, std::size_t columns, double* sums,
-                  double* squares) {
-  const auto order = lane_order();
-  const std::size_t strip = order.size();
-  for (std::size_t c = 0; c < columns; c += strip)
-    for (std::size_t o = 0; o <= outputs; ++o, from += strip) {
-      double* HWY_RESTRICT to = (o < outputs ? sums + o * columns : squares) + c;
-      if (c + strip <= columns)
-        for (std::size_t lane = 0; lane < strip; ++lane) to[order[lane]] += static_cast<double>(from[lane]);
-      else
-        for (std::size_t lane = 0; lane < strip; ++lane)
-          if (c + order[lane] < columns) to[order[lane]] += static_cast<double>(from[lane]);
-    }
+template <int kGroup>
+void project_any(const ByteBlock& block, const ByteWeights& weights, std::int32_t* sums, std::uint8_t* maximum) {
+  if (block.mirrored)
+    project_groups<kGroup, true>(block, weights, sums, maximum);
+  else
+    project_groups<kGroup, false>(block, weights, sums, maximum);
 }
 
-void ProjectBytes(const ByteBlock& block, int row_group, const std::int32_t* pairs, std::size_t pairs_stride,
-                  std::size_t outputs, double* sums, double* squares, std::uint8_t* maximum) {
+// Adds a strip's sums to those of the chunks before, back in the order of the columns.
+void add_in_order(const std::int32_t* HWY_RESTRICT from, const std::vector<std::size_t>& order, double unit,
+                  double* HWY_RESTRICT to, std::size_t columns) {
+  if (columns == order.size())
+    for (std::size_t lane = 0; lane < order.size(); ++lane) to[order[lane]] += unit * static_cast<double>(from[lane]);
+  else
+    for (std::size_t lane = 0; lane < order.size(); ++lane)
+      if (order[lane] < columns) to[order[lane]] += unit * static_cast<double>(from[lane]);
+}
+
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
+                  std::uint8_t* maximum) {
   const std::size_t strip = hn::Lanes(d8);
   const std::size_t padded_columns = (block.columns + strip - 1) / strip * strip;
-  const auto integers = hwy::AllocateAligned<std::int32_t>((outputs + 1) * padded_columns);
-  std::fill_n(integers.get(), (outputs + 1) * padded_columns, 0);
+  const auto integers = hwy::AllocateAligned<std::int32_t>((weights.outputs + 1) * padded_columns);
+  std::fill_n(integers.get(), (weights.outputs + 1) * padded_columns, 0);
   std::vector<std::uint8_t> top(padded_columns);
-  const Weights weights{pairs, pairs_stride, outputs};
-  if (row_group == 1) project_groups<1>(block, weights, integers.get(), top.data());
-  if (row_group == 2) project_groups<2>(block, weights, integers.get(), top.data());
-  if (row_group == 4) project_groups<4>(block, weights, integers.get(), top.data());
-  if (row_group == 8) project_groups<8>(block, weights, integers.get(), top.data());
+  if (weights.row_group == 1) project_any<1>(block, weights, integers.get(), top.data());
+  if (weights.row_group == 2) project_any<2>(block, weights, integers.get(), top.data());
+  if (weights.row_group == 4) project_any<4>(block, weights, integers.get(), top.data());
+  if (weights.row_group == 8) project_any<8>(block, weights, integers.get(), top.data());
   for (std::size_t c = 0; c < block.columns; ++c) maximum[c] = std::max(maximum[c], top[c]);
-  add_in_order(integers.get(), outputs, block.columns, sums, squares);
+  const auto order = lane_order();
+  const std::int32_t* from = integers.get();
+  for (std::size_t c = 0; c < block.columns; c += strip) {
+    const std::size_t here = std::min(strip, block.columns - c);
+    for (std::size_t o = 0; o < weights.outputs; ++o, from += strip)
+      add_in_order(from, order, 1, sums + o * block.columns + c, here);
+    add_in_order(from, order, block.mirrored ? 0.5 : 1, squares + c, here);
+    from += strip;
+  }
 }
 
 #endif  // HWY_TARGET == HWY_SCALAR
@@ -376,9 +446,9 @@ HWY_EXPORT(ProjectDoubles);
 HWY_EXPORT(ReadBytes);
 HWY_EXPORT(TargetName);
 
-void project_bytes(const ByteBlock& block, int row_group, const std::int32_t* pairs, std::size_t pairs_stride,
-                   std::size_t outputs, double* sums, double* squares, std::uint8_t* maximum) {
-  HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, row_group, pairs, pairs_stride, outputs, sums, squares, maximum);
+void project_bytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
+                   std::uint8_t* maximum) {
+  HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, sums, squares, maximum);
 }
 
 template <>

@@ -6,12 +6,23 @@
 
 namespace ocisac::kernels {
 
-// A block of rows of bytes, each row dense.
+// Groups of rows of bytes, each row dense: `groups` of them from `pixels` on and, if folded, their mirror images from
+// `mirrored`, the first row of the last group, on backwards.
 struct ByteBlock {
   const std::uint8_t* pixels;
+  const std::uint8_t* mirrored;  // null: not folded
   std::ptrdiff_t row_stride;
-  std::size_t rows;     // a multiple of row_group, at most kRowsPerChunk
+  std::size_t groups;   // at most kRowsPerChunk rows, the mirrored ones included
   std::size_t columns;  // any
+};
+
+// Integer weights of the groups of a block, two groups a word: output o's begin at pairs + o·stride. Folded, the first
+// `even` outputs weigh the sums of groups and their mirror images, the others the differences.
+struct ByteWeights {
+  int row_group;
+  const std::int32_t* pairs;
+  std::size_t stride;
+  std::size_t outputs, even;
 };
 
 // 32-bit sums may grow over this many rows: 255·kRowsPerChunk·kLargestWeight < 2^31.
@@ -19,9 +30,8 @@ inline constexpr std::size_t kRowsPerChunk = 2048;
 inline constexpr std::int32_t kLargestWeight = 4095;
 
 // sums (outputs × columns), squares and maximum (columns) are added to (maximum: raised).
-// pairs: of the block's first pair of groups; output o's pairs begin at pairs + o·pairs_stride.
-void project_bytes(const ByteBlock& block, int row_group, const std::int32_t* pairs, std::size_t pairs_stride,
-                   std::size_t outputs, double* sums, double* squares, std::uint8_t* maximum);
+void project_bytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
+                   std::uint8_t* maximum);
 
 template <class T>
 struct SampleBlock {

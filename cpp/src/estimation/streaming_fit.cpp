@@ -7,8 +7,9 @@
 #include <list>
 #include <mutex>
 #include <numbers>
-#include <type_traits>
+#include <variant>
 
+#include "estimation/gain_kernel.hpp"
 #include "ocisac/estimation/harmonic_model.hpp"
 
 namespace ocisac {
@@ -16,8 +17,6 @@ namespace ocisac {
 namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-constexpr double kRounding = 1e-14;  // of a column's sum of squares
 
 HarmonicModel fundamentals_only(std::size_t rows, std::span<const double> cycles_per_row, double factor) {
   std::vector<ModelTone> tones;
@@ -37,10 +36,6 @@ double tone_of(std::size_t estimate, std::span<const double> per_tone, double fo
 }
 
 std::vector<double> dense(const RowMajor& matrix) { return {matrix.data(), matrix.data() + matrix.size()}; }
-
-Eigen::Map<const RowMajor> square_matrix(const std::vector<double>& values, std::size_t size) {
-  return {values.data(), static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(size)};
-}
 
 }  // namespace
 
@@ -130,6 +125,7 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   weights_ = RowWeights(dense(chosen.weights), estimates_, rows, chosen.row_group, limbs);
   const auto rounded = weights_.byte_weights();
   const Eigen::Map<const RowMajor> integers(rounded.data(), chosen.weights.rows(), chosen.weights.cols());
+  identity_ = dense(RowMajor::Identity(integers.rows(), integers.rows()));
   unbias_ = dense((integers * chosen.design).inverse());
 }
 
@@ -174,18 +170,11 @@ std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const s
 StreamingFit::Columns StreamingFit::estimate(const AnyFramesView& frames, std::size_t frame, std::size_t first,
                                              std::size_t count) const {
   Projection projection = project(frames, frame, first, count, weights_);
-  Columns columns{std::move(projection.sums), std::vector<double>(count), std::move(projection.maximum)};
-  const auto size = static_cast<Eigen::Index>(estimates_);
-  Eigen::Map<RowMajor> parameters(columns.parameters.data(), size, static_cast<Eigen::Index>(count));
-  if (std::holds_alternative<FramesView<const std::uint8_t>>(frames))
-    parameters = (square_matrix(unbias_, estimates_) * parameters).eval();
-  const RowMajor explained = square_matrix(gram_, estimates_) * parameters;
-  for (std::size_t c = 0; c < count; ++c) {
-    const auto column = static_cast<Eigen::Index>(c);
-    const double rest = projection.squares[c] - parameters.col(column).dot(explained.col(column));
-    // What is left of the squares after rounding is nothing.
-    columns.noise_variance[c] = rest > kRounding * projection.squares[c] ? rest / freedom_ : 0;
-  }
+  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
+  Columns columns{std::vector<double>(estimates_ * count), std::vector<double>(count), std::move(projection.maximum)};
+  kernels::parameters_of_sums({estimates_, count, projection.sums.data(), projection.squares.data(),
+                               (bytes ? unbias_ : identity_).data(), gram_.data(), freedom_},
+                              columns.parameters.data(), columns.noise_variance.data());
   return columns;
 }
 

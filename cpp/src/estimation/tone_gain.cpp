@@ -31,10 +31,21 @@ constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory i
 constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
 
 // What a block of columns says of one tone, on the way to the gain: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
+struct Variances {  // for noise of variance 1
+  double mean, cosine, sine, mean_and_cosine;
+};
+
 struct Estimates {
-  std::vector<double> mean, cosine, sine;                                        // (columns,)
-  std::vector<double> noise_variance;                                            // (columns,), of one row
-  double variance_mean, variance_cosine, variance_sine, covariance_mean_cosine;  // for noise of variance 1
+  std::span<double> mean;                                // (columns,); turned into the source's own
+  std::span<const double> cosine, sine, noise_variance;  // (columns,); the noise is that of one row
+  Variances variances;
+};
+
+// The same with memory of its own.
+struct OwnEstimates {
+  std::vector<double> mean, cosine, sine, noise_variance;
+  Variances variances;
+  Estimates view() { return {mean, cosine, sine, noise_variance, variances}; }
 };
 
 struct Tone {
@@ -90,7 +101,8 @@ void mark_unknown(ToneGain& result, std::size_t index) {
 }
 
 // Takes off what is not the source's.
-void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::vector<double>& mean) {
+void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::span<double> mean) {
+  if (context.options->background.empty()) return;
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
 }
 
@@ -99,11 +111,11 @@ void take_off_background(const Context& context, std::size_t frame, std::size_t 
 void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
                   std::span<const std::uint8_t> saturated, std::size_t first, ToneGain& result) {
   const std::size_t count = estimates.mean.size();
+  const Variances& variances = estimates.variances;
   std::vector<double> weak(count);
   kernels::gains_of_fit(
       {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
-       estimates.variance_mean, estimates.variance_cosine, estimates.variance_sine, estimates.covariance_mean_cosine,
-       context.ratio, tone.phase_at_zero},
+       variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
       {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], weak.data()});
   for (std::size_t i = 0; i < count; ++i) {
     Flags flags = tone.flags | (saturated[i] ? flag::saturated : 0);
@@ -134,14 +146,14 @@ double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
 class Estimator {
  public:
   virtual ~Estimator() = default;
-  [[nodiscard]] virtual std::vector<Estimates> estimate(const std::vector<double>& signals) const = 0;
+  [[nodiscard]] virtual std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const = 0;
 };
 
 class FitEstimator final : public Estimator {
  public:
   explicit FitEstimator(HarmonicModel model) : model_(std::move(model)) {}
 
-  [[nodiscard]] std::vector<Estimates> estimate(const std::vector<double>& signals) const override {
+  [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
     const auto rows = static_cast<Eigen::Index>(model_.rows);
     const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
     const Eigen::Map<const RowMajor> y(signals.data(), count, rows);
@@ -158,10 +170,13 @@ class FitEstimator final : public Estimator {
       const Eigen::VectorXd column = values.col(i);
       return std::vector<double>(column.begin(), column.end());
     };
-    std::vector<Estimates> estimates;
+    std::vector<OwnEstimates> estimates;
     for (Eigen::Index a = 1; a < 2 * tones; a += 2)
-      estimates.push_back({estimates_of(0), estimates_of(a), estimates_of(a + 1), noise, covariance(0, 0),
-                           covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)});
+      estimates.push_back({estimates_of(0),
+                           estimates_of(a),
+                           estimates_of(a + 1),
+                           noise,
+                           {covariance(0, 0), covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)}});
     return estimates;
   }
 
@@ -190,14 +205,14 @@ class DftEstimator final : public Estimator {
   DftEstimator(std::size_t rows, std::vector<Bin> bins) : rows_(rows), bins_(std::move(bins)) {}
 
   // Steps 1–4 of the paper; the noise is all that is neither in the mean nor in the bin.
-  [[nodiscard]] std::vector<Estimates> estimate(const std::vector<double>& signals) const override {
+  [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
     const std::size_t count = signals.size() / rows_;
     const std::size_t width = rows_ / 2 + 1;
     const auto length = static_cast<double>(rows_);
     const auto spectra = half_spectra(signals, rows_);
-    std::vector<Estimates> estimates;
+    std::vector<OwnEstimates> estimates;
     for (const Bin bin : bins_) {
-      Estimates of_tone{{}, {}, {}, {}, 1 / length, 2 / length, 2 / length, 0};
+      OwnEstimates of_tone{{}, {}, {}, {}, {1 / length, 2 / length, 2 / length, 0}};
       for (std::size_t column = 0; column < count; ++column) {
         const auto mean = spectra[column * width].real() / length;
         auto line = 2.0 / length * spectra[column * width + bin.index];
@@ -293,8 +308,8 @@ Context make_context(const AnyFramesView& frames, const Camera& camera, std::spa
 
 ToneGain empty_result(std::size_t tones, std::size_t frames, std::size_t columns) {
   const std::size_t size = tones * frames * columns;
-  const std::vector<double> values(size);
-  return {tones, frames, columns, values, values, values, values, values, std::vector<Flags>(size)};
+  const auto values = [&] { return std::vector<double>(size); };
+  return {tones, frames, columns, values(), values(), values(), values(), values(), std::vector<Flags>(size)};
 }
 
 // The plan of a pass over the pixels themselves, where that answers as well as the fit of signals of linear light in
@@ -315,21 +330,15 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   return fit;
 }
 
-Estimates estimates_of_tone(const StreamingFit& fit, const StreamingFit::Columns& columns, std::size_t tone) {
+Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& columns, std::size_t tone) {
   const std::size_t count = columns.noise_variance.size();
   const std::size_t a = 2 * tone + 1;
-  const auto parameter = [&](std::size_t i) {
-    const auto values = std::span(columns.parameters).subspan(i * count, count);
-    return std::vector<double>(values.begin(), values.end());
-  };
+  const auto parameter = [&](std::size_t i) { return std::span(columns.parameters).subspan(i * count, count); };
   return {parameter(0),
           parameter(a),
           parameter(a + 1),
           columns.noise_variance,
-          fit.covariance(0, 0),
-          fit.covariance(a, a),
-          fit.covariance(a + 1, a + 1),
-          fit.covariance(0, a)};
+          {fit.covariance(0, 0), fit.covariance(a, a), fit.covariance(a + 1, a + 1), fit.covariance(0, a)}};
 }
 
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context, ToneGain& result) {
@@ -339,15 +348,15 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerStream;
     const std::size_t count = std::min(kColumnsPerStream, context.shape.columns - first);
-    const auto columns = fit.estimate(frames, frame, first, count);
+    auto columns = fit.estimate(frames, frame, first, count);
+    const auto mean = std::span(columns.parameters).first(count);
+    for (double& value : mean) value -= context.camera->tone_curve.dark_level;
+    take_off_background(context, frame, first, mean);
     std::vector<std::uint8_t> saturated(count);
     for (std::size_t i = 0; i < count; ++i) saturated[i] = columns.maximum[i] >= level;
-    for (std::size_t k = 0; k < context.tones.size(); ++k) {
-      Estimates estimates = estimates_of_tone(fit, columns, k);
-      for (double& mean : estimates.mean) mean -= context.camera->tone_curve.dark_level;
-      take_off_background(context, frame, first, estimates.mean);
-      write_result(context, context.tones[k], estimates, saturated, index_of(context, k, frame) + first, result);
-    }
+    for (std::size_t k = 0; k < context.tones.size(); ++k)
+      write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), saturated,
+                   index_of(context, k, frame) + first, result);
   });
 }
 
@@ -440,7 +449,8 @@ ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<
       saturated[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
-      write_result(context, context.tones[k], estimates[k], saturated, index_of(context, k, frame) + first, result);
+      write_result(context, context.tones[k], estimates[k].view(), saturated, index_of(context, k, frame) + first,
+                   result);
     }
   });
   return result;
@@ -457,7 +467,7 @@ ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std
     auto estimates = estimator->estimate(pooled.signal);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       estimates[k].mean[0] -= pooled.background;
-      write_result(context, context.tones[k], estimates[k], std::array<std::uint8_t, 1>{pooled.saturated},
+      write_result(context, context.tones[k], estimates[k].view(), std::array<std::uint8_t, 1>{pooled.saturated},
                    k * context.shape.frames + frame, result);
     }
   });

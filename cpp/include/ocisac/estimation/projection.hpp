@@ -34,6 +34,15 @@ class RowWeights {
   // For the kernels. Integer weights of groups 2i and 2i + 1 as one pair: (outputs·limbs × pairs).
   [[nodiscard]] std::span<const std::int32_t> pairs() const { return pairs_; }
   [[nodiscard]] std::size_t pair_count() const { return (groups_ + 1) / 2; }
+  // The same for the first half of the groups, where every output is symmetric or antisymmetric about the middle and
+  // the groups are even in number; else empty. A fit's weights are: half the products do for it. The symmetric parts
+  // come first; place_of() tells where a part stands.
+  [[nodiscard]] std::span<const std::int32_t> folded_pairs() const { return folded_pairs_; }
+  [[nodiscard]] std::size_t folded_pair_count() const { return (groups_ / 2 + 1) / 2; }
+  [[nodiscard]] std::size_t even_parts() const { return even_parts_; }
+  [[nodiscard]] std::size_t place_of(std::size_t output, int limb) const {
+    return places_[output * static_cast<std::size_t>(limbs_) + static_cast<std::size_t>(limb)];
+  }
   // Value of one unit of limb `limb` of output `output`.
   [[nodiscard]] double unit(std::size_t output, int limb) const;
 
@@ -42,7 +51,13 @@ class RowWeights {
   int row_group_, limbs_;
   std::vector<double> weights_;
   std::vector<double> scales_;  // largest magnitude of an output's weights over the largest integer
+  [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
+  [[nodiscard]] bool has_symmetry(std::size_t part, int sign) const;
+  void fold();
   std::vector<std::int32_t> pairs_;
+  std::vector<std::int32_t> folded_pairs_;
+  std::vector<std::size_t> places_;
+  std::size_t even_parts_ = 0;
 };
 
 // What a pass over columns [first, first + count) of one frame brings, dense.
