@@ -19,14 +19,15 @@ def tone_columns(rows, cycles_per_row, columns=3, noise=1.0, seed=0, mean=100.0)
     return mean * (1 + 0.6 * np.cos(phase)) + noise * random.standard_normal((rows, columns))
 
 
-def assert_agree(got, want, tolerance):
+def assert_agree(got, want, tolerance, tolerance_of_noise=None):
     for name in FIELDS:
         a, b = getattr(got, name), getattr(want, name)
         assert a.shape == b.shape, name
         if name == "phase":
             a = b + np.angle(np.exp(1j * (a - b)))
         scale = np.abs(b[np.isfinite(b)]).max(initial=1e-300)
-        np.testing.assert_allclose(a, b, rtol=0, atol=tolerance * scale, err_msg=name)
+        allowed = tolerance_of_noise if tolerance_of_noise and name in ("gain_std", "snr") else tolerance
+        np.testing.assert_allclose(a, b, rtol=0, atol=allowed * scale, err_msg=name)
     np.testing.assert_array_equal(got.flags, want.flags)
 
 
@@ -64,7 +65,12 @@ def test_agrees_with_the_reference(
     before = pixels.copy()
     got = ocisac.tone_gain(view, *arguments, pooled=pooled)
     want = reference.tone_gain(view, *arguments, pooled=pooled)
-    assert_agree(got, want, 1e-10 if method == "dft" else 1e-11)
+    # Streamed integers: weights of 26 bits for bytes, and a residual that is a difference of squares.
+    streamed = not floating and method == "fit" and waveform == "tone" and curve == "linear" and not pooled
+    if streamed:
+        assert_agree(got, want, 1e-8, tolerance_of_noise=1e-5)
+    else:
+        assert_agree(got, want, 1e-10 if method == "dft" else 1e-11)
     np.testing.assert_array_equal(pixels, before)
 
 
