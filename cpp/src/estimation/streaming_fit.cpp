@@ -24,6 +24,8 @@ HarmonicModel fundamentals_only(std::size_t rows, std::span<const double> cycles
   return harmonic_model(rows, tones);
 }
 
+constexpr std::size_t kFewRows = 256;  // whose weights are large beside their rounding, and cost little
+
 // Amplitude that a tone keeps when `row_group` rows are averaged.
 double group_gain(double cycles_per_row, int row_group) {
   if (row_group == 1) return 1;
@@ -113,7 +115,7 @@ void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_r
     const Candidate sums = candidate(rows, cycles_per_row, row_group);
     if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
   }
-  adopt(rows, all_rows, efficiency < 1 ? 1 : 2);
+  adopt(rows, all_rows, efficiency < 1 ? 1 : rows < kFewRows ? 3 : 2);
 }
 
 void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {

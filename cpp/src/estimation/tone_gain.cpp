@@ -106,6 +106,17 @@ void take_off_background(const Context& context, std::size_t frame, std::size_t 
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
 }
 
+// Whether rounding to codes may pull the amplitude of column i by more than noise does.
+bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
+  const double noise = estimates.noise_variance[i];
+  if (!(noise < 1)) return false;  // the pull is below 10⁻⁸ of a step
+  const double cosine = estimates.cosine[i] * estimates.cosine[i];
+  const double sine = estimates.sine[i] * estimates.sine[i];
+  const double radial =
+      noise * (cosine * estimates.variances.cosine + sine * estimates.variances.sine) / (cosine + sine);
+  return rounding_pull(amplitude, noise) > std::sqrt(radial);
+}
+
 // Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
 // `first` in the result on. saturated: (columns,).
 void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
@@ -126,6 +137,9 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
       mark_unknown(result, index);
     else if (weak[i] != 0)
       flags |= flag::weak;
+    else if (context.whole_numbers &&
+             is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i]))
+      flags |= flag::quantised;
     result.flags[index] = flags;
   }
 }
