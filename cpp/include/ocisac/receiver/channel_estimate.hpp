@@ -29,7 +29,8 @@ struct ChipClock {
 
 inline constexpr double kShortestExposure = 1e-3;
 
-// s_n of rows 0 … out.size() − 1; the first and the last known chip go on for ever.
+// s_n of rows 0 … out.size() − 1, to the rounding of a row's place (1e-12 rows) over the exposure; the first and the
+// last known chip go on for ever.
 void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<double> out);
 
 // The rows that see known chips only.
