@@ -17,6 +17,7 @@ using Eigen::Index;
 
 constexpr int kRounds = 20;
 constexpr int kPasses = 3;
+constexpr double kLeastShare = 1e-3;     // of a step; the model has kinks
 constexpr double kSmallStep = 1e-3;      // standard errors; such a step is the last
 constexpr double kSettled = 1e-9;        // chips; a step below it is the last
 constexpr double kLongestExposure = 24;  // chips
@@ -324,7 +325,7 @@ std::optional<Fitted> descend(Problem& problem, ChipClock clock, RowRange range,
   if (!here) return std::nullopt;
   for (int round = 0; round < kRounds; ++round) {
     bool better = false;
-    for (double share = 1; share > 0.02; share *= 0.5) {
+    for (double share = 1; share > kLeastShare; share *= 0.5) {
       const ChipClock next = stepped(clock, here->step, share, half_chips);
       auto there = next.rows_per_chip > 0 ? linearise(problem, next, range, known) : std::nullopt;
       if (!there || there->squares > here->squares) continue;
