@@ -372,7 +372,7 @@ double periodic_share(const Profile& profile, double frequency) {
 }  // namespace
 
 std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                                          const Suspect& suspect, double floor, double least_cycles) {
+                                          const Suspect& suspect, double floor, const LightLimits& limits) {
   Box box{suspect.column, suspect.row, suspect.width, suspect.height};
   double frequency = suspect.frequency;
   std::optional<RefinedLight> result;
@@ -381,7 +381,9 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     const Patch patch = patch_of(frames, frame, curve, box, margin, floor);
     const auto swing = demodulated(patch, patch.light, frequency);
     const auto lit = lit_box(patch, swing, box);
-    if (!lit || static_cast<double>(lit->box.height) * frequency < 0.7 * least_cycles) return {};
+    if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
+        static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
+      return {};
     const Profile profile = profile_of(patch, *lit, frequency);
     const double lower = frequency * (1 - frequency_reach), upper = std::min(frequency * (1 + frequency_reach), 0.499);
     frequency = strongest_frequency(profile.matched, lower, upper);

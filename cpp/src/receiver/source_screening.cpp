@@ -2,20 +2,21 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <cstring>
-#include <limits>
+#include <memory>
 #include <numbers>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "receiver/screening_kernels.hpp"
 
 namespace ocisac {
 
 namespace {
 
 constexpr std::size_t window = 32, hop = 16;  // rows of a tile, after adding
-constexpr std::size_t most_groups = 3;        // in a tile
+constexpr std::size_t tile_groups = 3;        // in a tile
 constexpr std::size_t widest_group = 8;       // columns at the finest scale
 constexpr std::size_t wide_factor = 8;        // a second family of scales, for faint light on wide areas
 constexpr double least_share = 0.4;
@@ -23,136 +24,31 @@ constexpr float least_power = 1e-6F;  // mean square of log light: swings below 
 // Cycles in a window: by halves where the tiles of the next scale do not see better.
 constexpr std::array<double, 18> cycles{2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8, 9, 10, 11, 12, 13, 14};
 
-// Mean light of groups of neighbouring columns, (rows × groups), DN above dark.
-struct Reduced {
-  std::size_t rows, groups;
-  std::size_t row_step, column_step;  // pixels in an element
-  std::vector<float> light;
-};
-
-// Sum of eight bytes.
-std::uint32_t sum_of_bytes(const std::uint8_t* bytes) {
-  constexpr std::uint64_t low = 0x00ff00ff00ff00ffU;
-  std::uint64_t x;
-  std::memcpy(&x, bytes, sizeof x);
-  x = (x & low) + ((x >> 8) & low);
-  x += x >> 32;
-  return static_cast<std::uint32_t>((x + (x >> 16)) & 0xffffU);
-}
-
-template <class T>
-void sum_row(const T* row, std::ptrdiff_t stride, std::size_t group, std::size_t groups, float scale, float dark,
-             float* out) {
-  if constexpr (std::is_same_v<T, std::uint8_t>)
-    if (stride == 1 && group == 8) {
-      for (std::size_t g = 0; g < groups; ++g)
-        out[g] = static_cast<float>(static_cast<std::int32_t>(sum_of_bytes(row + 8 * g))) * scale - dark;
-      return;
-    }
-  for (std::size_t g = 0; g < groups; ++g) {
-    float sum = 0;
-    for (std::size_t c = 0; c < group; ++c)
-      sum += static_cast<float>(row[static_cast<std::ptrdiff_t>(g * group + c) * stride]);
-    out[g] = sum * scale - dark;
-  }
-}
-
-// Columns lie in memory one after the other: each is added up as it lies, 16 groups at a time.
-template <class T>
-void sum_columns(const FramesView<const T>& view, std::size_t group, float scale, float dark, Reduced& out) {
-  constexpr std::size_t side = 16;
-  std::vector<float> sums(side * view.rows);
-  for (std::size_t first = 0; first < out.groups; first += side) {
-    const std::size_t count = std::min(side, out.groups - first);
-    std::fill(sums.begin(), sums.end(), 0.0F);
-    for (std::size_t g = 0; g < count; ++g)
-      for (std::size_t c = 0; c < group; ++c) {
-        const T* column = view.at(0, 0, (first + g) * group + c);
-        float* sum = &sums[g * view.rows];
-        if (view.row_stride == 1)
-          for (std::size_t n = 0; n < view.rows; ++n) sum[n] += static_cast<float>(column[n]);
-        else
-          for (std::size_t n = 0; n < view.rows; ++n)
-            sum[n] += static_cast<float>(column[static_cast<std::ptrdiff_t>(n) * view.row_stride]);
-      }
-    for (std::size_t n = 0; n < view.rows; ++n)
-      for (std::size_t g = 0; g < count; ++g)
-        out.light[n * out.groups + first + g] = sums[g * view.rows + n] * scale - dark;
-  }
-}
-
-// A memoryless tone curve keeps every period: stored values do.
-template <class T>
-Reduced reduced(const FramesView<const T>& view, double dark) {
-  const std::size_t group = std::clamp<std::size_t>(view.columns / (2 * most_groups), 1, widest_group);
-  Reduced out{view.rows, view.columns / group, 1, group, {}};
-  out.light.resize(out.rows * out.groups);
-  const float scale = 1.0F / static_cast<float>(group);
-  if (std::abs(view.row_stride) < std::abs(view.column_stride)) {
-    sum_columns(view, group, scale, static_cast<float>(dark), out);
-  } else {
-    for (std::size_t n = 0; n < view.rows; ++n)
-      sum_row(view.at(0, n, 0), view.column_stride, group, out.groups, scale, static_cast<float>(dark),
-              &out.light[n * out.groups]);
-  }
-  return out;
-}
-
-Reduced half(const Reduced& fine) {
-  Reduced out{fine.rows / 2, std::max<std::size_t>(fine.groups / 2, 1), 2 * fine.row_step, 2 * fine.column_step, {}};
-  const std::size_t second = fine.groups > 1 ? 1 : 0;
-  if (second == 0) out.column_step = fine.column_step;
-  out.light.resize(out.rows * out.groups);
-  for (std::size_t n = 0; n < out.rows; ++n) {
-    const float* upper = &fine.light[2 * n * fine.groups];
-    const float* lower = upper + fine.groups;
-    for (std::size_t g = 0; g < out.groups; ++g)
-      out.light[n * out.groups + g] =
-          0.25F * (upper[2 * g] + upper[2 * g + second] + lower[2 * g] + lower[2 * g + second]);
-  }
-  return out;
-}
-
-Reduced widened(const Reduced& fine) {
-  Reduced out{fine.rows, fine.groups / wide_factor, fine.row_step, fine.column_step * wide_factor, {}};
-  out.light.resize(out.rows * out.groups);
-  for (std::size_t n = 0; n < out.rows; ++n)
-    for (std::size_t g = 0; g < out.groups; ++g) {
-      float sum = 0;
-      for (std::size_t k = 0; k < wide_factor; ++k) sum += fine.light[n * fine.groups + g * wide_factor + k];
-      out.light[n * out.groups + g] = sum / static_cast<float>(wide_factor);
-    }
-  return out;
-}
-
-// ln x to 1e-5 for x > 0, in a form that compilers turn into SIMD: ln m = 2·artanh((m − 1)/(m + 1)).
-float logarithm(float x) {
-  const auto bits = std::bit_cast<std::int32_t>(x);
-  const auto exponent = static_cast<float>((bits >> 23) - 127);
-  const auto mantissa = std::bit_cast<float>((bits & 0x007fffff) | 0x3f800000);
-  const float t = (mantissa - 1) / (mantissa + 1), t2 = t * t;
-  return exponent * std::numbers::ln2_v<float> + 2 * t * (1 + t2 * (1.0F / 3 + t2 * (0.2F + t2 / 7)));
-}
-
-void take_logarithm(Reduced& reduced, float floor) {
-  for (float& value : reduced.light) value = logarithm(std::max(value, 0.0F) + floor);
-}
-
+// Cosines and sines less their own mean and slope, so that a signal's do not count: (rows × waves).
 struct Waves {
-  std::array<std::array<float, window>, cycles.size()> cosine, sine;
-  std::array<float, window> slope;  // −15.5 … 15.5
-  float slope_energy = 0;
+  static constexpr std::size_t padded = 24;  // waves, in whole vectors
+  std::array<std::array<float, padded>, window> cosine{}, sine{};
+  float slope_energy = 0;  // Σ (n − 15.5)²
 
   Waves() {
+    std::array<double, window> slope;
     for (std::size_t n = 0; n < window; ++n) {
-      slope[n] = static_cast<float>(n) - 0.5F * (window - 1);
-      slope_energy += slope[n] * slope[n];
-      for (std::size_t k = 0; k < cycles.size(); ++k) {
-        const double turn = 2 * std::numbers::pi * cycles[k] * static_cast<double>(n) / window;
-        cosine[k][n] = static_cast<float>(std::cos(turn));
-        sine[k][n] = static_cast<float>(std::sin(turn));
-      }
+      slope[n] = static_cast<double>(n) - 0.5 * (window - 1);
+      slope_energy += static_cast<float>(slope[n] * slope[n]);
     }
+    for (std::size_t k = 0; k < cycles.size(); ++k)
+      for (const bool quarter : {false, true}) {
+        std::array<double, window> wave;
+        double mean = 0, tilt = 0;
+        for (std::size_t n = 0; n < window; ++n) {
+          const double turn = 2 * std::numbers::pi * cycles[k] * static_cast<double>(n) / window;
+          wave[n] = quarter ? std::sin(turn) : std::cos(turn);
+          mean += wave[n] / window;
+          tilt += wave[n] * slope[n] / static_cast<double>(slope_energy);
+        }
+        auto& rows = quarter ? sine : cosine;
+        for (std::size_t n = 0; n < window; ++n) rows[n][k] = static_cast<float>(wave[n] - mean - tilt * slope[n]);
+      }
   }
 };
 
@@ -160,31 +56,6 @@ const Waves& waves() {
   static const Waves one;
   return one;
 }
-
-// Σx, Σx·slope and Σx² of many signals side by side.
-struct Moments {
-  std::vector<float> sum, slope, square;
-  explicit Moments(std::size_t count) : sum(count), slope(count), square(count) {}
-
-  void clear() {
-    for (auto* values : {&sum, &slope, &square}) std::fill(values->begin(), values->end(), 0.0F);
-  }
-  void add(const float* x, float position) {
-    float* a = sum.data();
-    float* b = slope.data();
-    float* c = square.data();
-    const std::size_t count = sum.size();
-    for (std::size_t i = 0; i < count; ++i) {
-      a[i] += x[i];
-      b[i] += position * x[i];
-      c[i] += x[i] * x[i];
-    }
-  }
-  // Energy beyond mean and slope.
-  [[nodiscard]] float energy(std::size_t i) const {
-    return square[i] - sum[i] * sum[i] / window - slope[i] * slope[i] / waves().slope_energy;
-  }
-};
 
 struct Tile {
   float share = 0;  // 0: nothing
@@ -197,23 +68,23 @@ struct Tone {
 };
 
 // The strongest of the waves in the sum of `groups` neighbouring groups.
-Tone strongest_tone(const float* first, std::size_t stride, std::size_t groups) {
-  std::array<float, window> x{};
-  float mean = 0, slope = 0;
+Tone strongest_tone(const float* earlier, const float* later, std::size_t stride, std::size_t groups) {
+  const Waves& all = waves();
+  std::array<float, Waves::padded> a{}, b{};
+  float first = 0;
+  for (std::size_t g = 0; g < groups; ++g) first += earlier[g];
   for (std::size_t n = 0; n < window; ++n) {
-    for (std::size_t g = 0; g < groups; ++g) x[n] += first[n * stride + g];
-    mean += x[n] / window;
-    slope += x[n] * waves().slope[n] / waves().slope_energy;
+    const float* row = n < hop ? earlier + n * stride : later + (n - hop) * stride;
+    float x = -first;
+    for (std::size_t g = 0; g < groups; ++g) x += row[g];
+    for (std::size_t k = 0; k < Waves::padded; ++k) {
+      a[k] += x * all.cosine[n][k];
+      b[k] += x * all.sine[n][k];
+    }
   }
-  for (std::size_t n = 0; n < window; ++n) x[n] -= mean + slope * waves().slope[n];
   Tone best;
   for (std::size_t k = 0; k < cycles.size(); ++k) {
-    float a = 0, b = 0;
-    for (std::size_t n = 0; n < window; ++n) {
-      a += x[n] * waves().cosine[k][n];
-      b += x[n] * waves().sine[k][n];
-    }
-    const double energy = 2.0 / window * static_cast<double>(a * a + b * b);
+    const double energy = 2.0 / window * static_cast<double>(a[k] * a[k] + b[k] * b[k]);
     if (energy > best.energy) best = {energy, static_cast<std::uint8_t>(k)};
   }
   return best;
@@ -226,50 +97,13 @@ struct TileMap {
 
 std::size_t windows_in(std::size_t rows) { return rows < window ? 0 : (rows - window) / hop + 1; }
 
-// `logs`: log light. The common share of a tile bounds that of any tone in it, and costs a few sums; only where it
-// reaches the threshold are tones looked at.
-TileMap tile_map(const Reduced& logs, double threshold) {
-  const std::size_t groups = std::min(most_groups, logs.groups);
-  TileMap map{windows_in(logs.rows), logs.groups - groups + 1, {}};
-  map.tiles.resize(map.windows * map.across);
-  Moments own(logs.groups), common(map.across);
-  std::vector<float> swing(logs.groups), together(map.across);
-  for (std::size_t w = 0; w < map.windows; ++w) {
-    const float* first = &logs.light[w * hop * logs.groups];
-    own.clear();
-    common.clear();
-    for (std::size_t n = 0; n < window; ++n) {
-      const float* row = first + n * logs.groups;
-      for (std::size_t g = 0; g < logs.groups; ++g) swing[g] = row[g] - first[g];  // keeps float sums of squares exact
-      const float* s = swing.data();
-      if (groups == 3)
-        for (std::size_t g = 0; g < map.across; ++g) together[g] = s[g] + s[g + 1] + s[g + 2];
-      else
-        for (std::size_t g = 0; g < map.across; ++g) together[g] = groups == 2 ? s[g] + s[g + 1] : s[g];
-      own.add(s, waves().slope[n]);
-      common.add(together.data(), waves().slope[n]);
-    }
-    for (std::size_t g = 0; g < map.across; ++g) {
-      float energy = 0;
-      for (std::size_t k = 0; k < groups; ++k) energy += own.energy(g + k);
-      const auto count = static_cast<float>(groups);
-      if (!(energy > least_power * window * count) || common.energy(g) < static_cast<float>(threshold) * count * energy)
-        continue;
-      const Tone tone = strongest_tone(first + g, logs.groups, groups);
-      const double share = tone.energy / static_cast<double>(count * energy);
-      if (share >= threshold) map.tiles[w * map.across + g] = {static_cast<float>(std::min(share, 0.9999)), tone.wave};
-    }
-  }
-  return map;
-}
-
 bool alike(std::uint8_t a, std::uint8_t b) { return std::abs(cycles[a] - cycles[b]) <= 1; }
 
 // Tiles that touch, corners included, and agree in frequency.
-void add_suspects(const TileMap& map, const Reduced& scale, std::vector<Suspect>& suspects) {
+void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, std::size_t column_step,
+                  std::vector<Suspect>& suspects) {
   std::vector<std::uint8_t> seen(map.tiles.size());
   std::vector<std::size_t> open;
-  const std::size_t groups = std::min(most_groups, scale.groups);
   for (std::size_t start = 0; start < map.tiles.size(); ++start) {
     if (seen[start] || map.tiles[start].share == 0) continue;
     std::size_t top = map.windows, bottom = 0, left = map.across, right = 0;
@@ -292,10 +126,10 @@ void add_suspects(const TileMap& map, const Reduced& scale, std::vector<Suspect>
           open.push_back(next);
         }
     }
-    suspects.push_back({left * scale.column_step, top * hop * scale.row_step,
-                        (right - left + groups) * scale.column_step, ((bottom - top) * hop + window) * scale.row_step,
-                        cycles[best.wave] / static_cast<double>(window * scale.row_step),
-                        static_cast<double>(best.share), evidence});
+    suspects.push_back({left * column_step, top * hop * row_step, (right - left + groups) * column_step,
+                        ((bottom - top) * hop + window) * row_step,
+                        cycles[best.wave] / static_cast<double>(window * row_step), static_cast<double>(best.share),
+                        evidence});
   }
 }
 
@@ -306,20 +140,201 @@ double share_threshold(std::size_t tiles, std::size_t groups, double false_alarm
   return std::max(least_share, 1 - std::pow(std::min(false_alarms / tests, 1.0), 1 / half_freedom));
 }
 
-std::vector<Reduced> scales_of(Reduced finest) {
-  std::vector<Reduced> scales;
-  const bool wide = finest.groups >= most_groups * wide_factor;
-  if (wide) scales.push_back(widened(finest));
-  scales.push_back(std::move(finest));
-  while (scales.back().rows / 2 >= window) {
-    scales.push_back(half(scales.back()));
-    if (scales.back().groups >= most_groups * wide_factor) {
-      Reduced narrow = std::move(scales.back());
-      scales.back() = widened(narrow);
-      scales.push_back(std::move(narrow));
+// Log light of one scale as its rows come by: two chunks of 16 rows are a window. Rows added in pairs and groups of
+// groups make the next scales.
+class Scale {
+ public:
+  Scale(std::size_t rows, std::size_t groups, std::size_t row_step, std::size_t column_step, bool widen)
+      : rows_(rows),
+        groups_(groups),
+        row_step_(row_step),
+        column_step_(column_step),
+        stride_(groups + kernels::chunk_padding),
+        logs_(2 * kernels::chunk_rows * stride_),
+        previous_(stride_),
+        step_(stride_),
+        sum_(stride_),
+        slope_(stride_),
+        own_(stride_) {
+    for (auto& values : moments_) values.resize(2 * stride_);
+    if (widen && groups >= tile_groups * wide_factor)
+      wide_ = std::make_unique<Scale>(rows, groups / wide_factor, row_step, column_step * wide_factor, false);
+    if (widen && rows / 2 >= window) {
+      across_ = groups > 1 ? 2 : 1;
+      half_ = std::make_unique<Scale>(rows / 2, groups / across_, 2 * row_step, across_ * column_step, true);
+    }
+    light_.resize(std::max(wide_ ? wide_->groups_ : 0, half_ ? half_->groups_ : 0));
+  }
+
+  // Of this scale and those made from it.
+  [[nodiscard]] std::size_t tiles() const {
+    return windows_in(rows_) * groups_ + (wide_ ? wide_->tiles() : 0) + (half_ ? half_->tiles() : 0);
+  }
+
+  void begin(float floor, float least_swing, double false_alarms, std::size_t all_tiles) {
+    floor_ = floor;
+    least_swing_ = least_swing;
+    threshold_ = share_threshold(all_tiles, tile_width(), false_alarms);
+    if (wide_) wide_->begin(floor, least_swing, false_alarms, all_tiles);
+    if (half_) half_->begin(floor, least_swing, false_alarms, all_tiles);
+  }
+
+  // `light`: mean light of every group in the next row, DN above dark.
+  void add_row(const float* light) {
+    const std::size_t slot = seen_ % (2 * kernels::chunk_rows);
+    kernels::logarithms(light, groups_, floor_, &logs_[slot * stride_]);
+    if (wide_) add_to_wide(light);
+    if (half_ && seen_ % 2 == 0) std::copy(light, light + groups_, previous_.begin());
+    if (half_ && seen_ % 2 == 1) add_to_half(light);
+    ++seen_;
+    if (seen_ % kernels::chunk_rows == 0) end_chunk();
+  }
+
+  void collect(std::vector<Suspect>& suspects) const {
+    if (wide_) wide_->collect(suspects);
+    add_suspects(map_, tile_width(), row_step_, column_step_, suspects);
+    if (half_) half_->collect(suspects);
+  }
+
+ private:
+  [[nodiscard]] std::size_t tile_width() const { return std::min(tile_groups, groups_); }
+
+  void add_to_wide(const float* light) {
+    for (std::size_t g = 0; g < wide_->groups_; ++g) {
+      float sum = 0;
+      for (std::size_t k = 0; k < wide_factor; ++k) sum += light[g * wide_factor + k];
+      light_[g] = sum / static_cast<float>(wide_factor);
+    }
+    wide_->add_row(light_.data());
+  }
+
+  void add_to_half(const float* light) {
+    const std::size_t second = across_ - 1;
+    for (std::size_t g = 0; g < half_->groups_; ++g) {
+      const std::size_t at = across_ * g;
+      light_[g] = 0.25F * (previous_[at] + previous_[at + second] + light[at] + light[at + second]);
+    }
+    half_->add_row(light_.data());
+  }
+
+  void end_chunk() {
+    const std::size_t chunk = seen_ / kernels::chunk_rows - 1, later = chunk % 2;
+    const auto part = [&](std::size_t k) { return moments_[k].data() + later * stride_; };
+    kernels::chunk_moments(&logs_[later * kernels::chunk_rows * stride_], stride_, groups_,
+                           {part(0), part(1), part(2), part(3), part(4)});
+    if (chunk > 0) end_window(1 - later, later);
+  }
+
+  // Moments of two chunks about the first row of the earlier one, less mean and slope of each group: energies of the
+  // groups and products of neighbours. The common share of a tile bounds that of any tone in it, and costs only this;
+  // tones are looked at where it reaches the threshold.
+  void end_window(std::size_t earlier, std::size_t later) {
+    const std::size_t across = groups_ - tile_width() + 1;
+    map_.across = across;
+    map_.tiles.resize(++map_.windows * across);
+    const float* a = &logs_[earlier * kernels::chunk_rows * stride_];
+    const float* b = &logs_[later * kernels::chunk_rows * stride_];
+    const auto of = [&](std::size_t k, std::size_t chunk) { return moments_[k].data() + chunk * stride_; };
+    const float *sum_a = of(0, earlier), *sum_b = of(0, later), *slope_a = of(1, earlier), *slope_b = of(1, later);
+    constexpr float rows = kernels::chunk_rows;
+    constexpr float middle = 0.5F * (window - 1);
+    constexpr float later_slope = 128;  // Σ of n − 15.5 over the later chunk
+    for (std::size_t g = 0; g < groups_; ++g) {
+      const float step = b[g] - a[g];
+      step_[g] = step;
+      sum_[g] = sum_a[g] + sum_b[g] + rows * step;
+      slope_[g] = slope_a[g] - middle * sum_a[g] + slope_b[g] + (rows - middle) * sum_b[g] + later_slope * step;
+    }
+    const float per_row = 1.0F / window, per_slope = 1 / waves().slope_energy;
+    // Of groups g and h, beyond mean and slope; k as of ChunkMoments.
+    const auto product = [&](std::size_t k, std::size_t g, std::size_t h) {
+      return of(k, earlier)[g] + of(k, later)[g] + step_[g] * sum_b[h] + step_[h] * sum_b[g] +
+             rows * step_[g] * step_[h] - sum_[g] * sum_[h] * per_row - slope_[g] * slope_[h] * per_slope;
+    };
+    for (std::size_t g = 0; g < groups_; ++g) own_[g] = product(2, g, g);
+    const auto count = static_cast<float>(tile_width());
+    const auto threshold = static_cast<float>(threshold_);
+    for (std::size_t g = 0; g < across; ++g) {
+      float energy = own_[g], common = 0;
+      if (tile_width() > 1) {
+        energy += own_[g + 1];
+        common += product(3, g, g + 1);
+      }
+      if (tile_width() > 2) {
+        energy += own_[g + 2];
+        common += product(3, g + 1, g + 2) + product(4, g, g + 2);
+      }
+      if (!(energy > least_power * window * count) || energy + 2 * common < threshold * count * energy) continue;
+      float mean = 0;  // of log light
+      for (std::size_t k = 0; k < tile_width(); ++k) mean += (a[g + k] + sum_[g + k] * per_row) / count;
+      const float swing = least_swing_ * std::exp(-mean);
+      if (energy < 0.5F * swing * swing * window * count) continue;
+      const Tone tone = strongest_tone(a + g, b + g, stride_, tile_width());
+      const double share = tone.energy / static_cast<double>(count * energy);
+      if (share >= threshold_)
+        map_.tiles[(map_.windows - 1) * across + g] = {static_cast<float>(std::min(share, 0.9999)), tone.wave};
     }
   }
-  return scales;
+
+  std::size_t rows_, groups_, row_step_, column_step_, stride_, across_ = 1, seen_ = 0;
+  float floor_ = 0, least_swing_ = 0;
+  double threshold_ = 1;
+  std::vector<float> logs_;                    // (2 chunks × 16 rows)
+  std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of ChunkMoments
+  std::vector<float> previous_, light_;
+  std::vector<float> step_, sum_, slope_, own_;  // of a window
+  TileMap map_;
+  std::unique_ptr<Scale> wide_, half_;
+};
+
+// A memoryless tone curve keeps every period: stored values do.
+template <class T>
+void add_rows(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
+  const std::size_t groups = view.columns / group;
+  const float factor = 1.0F / static_cast<float>(group);
+  std::vector<float> light(groups);
+  for (std::size_t n = 0; n < view.rows; ++n) {
+    const T* row = view.at(0, n, 0);
+    bool done = false;
+    if constexpr (std::is_same_v<T, std::uint8_t>)
+      if (view.column_stride == 1 && group == 8) {
+        kernels::sum_eight_bytes(row, groups, factor, dark, light.data());
+        done = true;
+      }
+    for (std::size_t g = 0; g < groups && !done; ++g) {
+      float sum = 0;
+      for (std::size_t c = 0; c < group; ++c)
+        sum += static_cast<float>(row[static_cast<std::ptrdiff_t>(g * group + c) * view.column_stride]);
+      light[g] = sum * factor - dark;
+    }
+    scale.add_row(light.data());
+  }
+}
+
+// Columns lie in memory one after the other: a cache line of each at a time.
+template <class T>
+void add_columns(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
+  constexpr std::size_t block = 64;
+  const std::size_t groups = view.columns / group;
+  const float factor = 1.0F / static_cast<float>(group);
+  std::vector<float> light(block * groups);
+  std::array<float, block> sums;
+  for (std::size_t first = 0; first < view.rows; first += block) {
+    const std::size_t count = std::min(block, view.rows - first);
+    for (std::size_t g = 0; g < groups; ++g) {
+      sums.fill(0);
+      for (std::size_t c = 0; c < group; ++c) {
+        const T* column = view.at(0, first, g * group + c);
+        if (view.row_stride == 1)
+          for (std::size_t n = 0; n < count; ++n) sums[n] += static_cast<float>(column[n]);
+        else
+          for (std::size_t n = 0; n < count; ++n)
+            sums[n] += static_cast<float>(column[static_cast<std::ptrdiff_t>(n) * view.row_stride]);
+      }
+      for (std::size_t n = 0; n < count; ++n) light[n * groups + g] = sums[n] * factor - dark;
+    }
+    for (std::size_t n = 0; n < count; ++n) scale.add_row(&light[n * groups]);
+  }
 }
 
 }  // namespace
@@ -342,16 +357,24 @@ double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve) {
 std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
                                     double false_alarms) {
   const auto floor = static_cast<float>(logarithm_floor(frames, curve));
-  auto scales =
-      scales_of(std::visit([&](const auto& view) { return reduced(view.frame(frame), curve.dark_level); }, frames));
-  std::size_t tiles = 0;
-  for (const Reduced& scale : scales) tiles += windows_in(scale.rows) * scale.groups;
+  const Shape shape = shape_of(frames);
+  const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
+  const bool whole = saturation_level(frames) > 0;  // integers: a tone of half a stored step is none
+  const float least_swing = whole ? 0.5F : 0.0F;
+  Scale finest(shape.rows, shape.columns / group, 1, group, true);
+  finest.begin(floor, least_swing, false_alarms, finest.tiles());
+  std::visit(
+      [&](const auto& view) {
+        const auto one = view.frame(frame);
+        const auto dark = static_cast<float>(curve.dark_level);
+        if (std::abs(one.row_stride) < std::abs(one.column_stride))
+          add_columns(one, group, dark, finest);
+        else
+          add_rows(one, group, dark, finest);
+      },
+      frames);
   std::vector<Suspect> suspects;
-  for (Reduced& scale : scales) {
-    take_logarithm(scale, floor);
-    const double threshold = share_threshold(tiles, std::min(most_groups, scale.groups), false_alarms);
-    add_suspects(tile_map(scale, threshold), scale, suspects);
-  }
+  finest.collect(suspects);
   std::ranges::stable_sort(suspects, std::greater{}, &Suspect::evidence);
   return suspects;
 }

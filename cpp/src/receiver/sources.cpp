@@ -15,7 +15,7 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t most_suspects = 256;
-constexpr std::size_t least_rows = 24;   // of a box
+constexpr double least_rows = 24;        // of a box
 constexpr double least_periodic = 0.4;   // of the swing common to the columns
 constexpr double data_periodic = 0.7;    // a tone or a square wave has more
 constexpr double largest_spread = 0.05;  // relative standard error of a frequency that was told at all
@@ -68,15 +68,11 @@ double least_amplitude(const AnyFramesView& frames) {
 // Texture beside the periodic swing; lines of text have more. Few columns are alike by chance.
 double most_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
 
-struct Limits {
-  double cycles, amplitude, evidence;
-};
-
-bool accepted(const RefinedLight& light, const Limits& limits) {
-  return light.height >= least_rows && static_cast<double>(light.height) * light.frequency >= limits.cycles &&
-         light.amplitude >= limits.amplitude && evidence(light) >= limits.evidence &&
-         light.texture <= most_texture(light) && light.periodic >= least_periodic &&
-         light.frequency_std <= largest_spread * light.frequency;
+bool accepted(const RefinedLight& light, const LightLimits& limits, double least_evidence) {
+  const auto height = static_cast<double>(light.height);
+  return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
+         evidence(light) >= least_evidence && light.texture <= most_texture(light) &&
+         light.periodic >= least_periodic && light.frequency_std <= largest_spread * light.frequency;
 }
 
 // Texture under a faint reflection pulls at its frequency by more than the scatter among its cycles tells.
@@ -178,13 +174,14 @@ std::vector<Found> lights_in(const AnyFramesView& frames, std::size_t frame, con
   const double floor = logarithm_floor(frames, stored);
   auto suspects = screen_sources(frames, frame, stored, options.false_alarms);
   suspects.resize(std::min(suspects.size(), most_suspects));
-  const Limits limits{options.least_cycles, least_amplitude(frames),
-                      std::log(static_cast<double>(std::max<std::size_t>(suspects.size(), 1)) / options.false_alarms)};
+  const LightLimits limits{least_rows, options.least_cycles, least_amplitude(frames)};
+  const double least_evidence =
+      std::log(static_cast<double>(std::max<std::size_t>(suspects.size(), 1)) / options.false_alarms);
   std::vector<RefinedLight> lights;
   for (const Suspect& suspect : suspects) {
     if (std::ranges::any_of(lights, [&](const RefinedLight& light) { return explained(suspect, light); })) continue;
-    const auto light = refine_source(frames, frame, stored, suspect, floor, options.least_cycles);
-    if (light && accepted(*light, limits)) lights.push_back(*light);
+    const auto light = refine_source(frames, frame, stored, suspect, floor, limits);
+    if (light && accepted(*light, limits, least_evidence)) lights.push_back(*light);
   }
   auto found = without_doubles(std::move(lights));
   found.resize(std::min(found.size(), options.most));

@@ -66,13 +66,13 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
     whole = frame.dtype.kind == "u"
     white = camera.white_level or (np.iinfo(frame.dtype).max if whole else None)
     floor = (white - camera.dark_level) / 64 if white else (light.max() / 64 if light.max() > 0 else 1.0)
-    suspects = screen(light, floor, false_alarms)[:MOST_SUSPECTS]
+    suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
     least_evidence = math.log(max(len(suspects), 1) / false_alarms)
     lights: list[Light] = []
     for suspect in suspects:
         if any(_explained(suspect.box, other) for other in lights):
             continue
-        found = refine(light, suspect, floor, min_cycles)
+        found = refine(light, suspect, floor, min_cycles, 1.0 if whole else 0.0)
         if found is None:
             continue
         cycles = found.box[3] * found.frequency
@@ -117,7 +117,7 @@ def _rounded(x: float) -> int:
     return math.floor(x + 0.5)
 
 
-def screen(light: Array, floor: float, false_alarms: float) -> list[Suspect]:
+def screen(light: Array, floor: float, least_swing: float, false_alarms: float) -> list[Suspect]:
     """Places where tiles hold a tone common to their columns, the one with the most evidence first."""
     group = min(max(light.shape[1] // (2 * GROUPS), 1), WIDEST)
     finest = _means(light, 1, group)
@@ -138,7 +138,7 @@ def screen(light: Array, floor: float, false_alarms: float) -> list[Suspect]:
         half_freedom = (groups * (WINDOW - 2) - 2) / 2
         chance = min(false_alarms / (max(tiles, 1) * CYCLES.size), 1.0)
         threshold = max(LEAST_SHARE, 1 - chance ** (1 / half_freedom))
-        shares, waves = _tiles(np.log(np.maximum(scale, 0) + floor), groups, threshold)
+        shares, waves = _tiles(np.log(np.maximum(scale, 0) + floor), groups, threshold, least_swing)
         found += _suspects(shares, waves, groups, row_step, column_step)
     return sorted(found, key=lambda s: -s.evidence)
 
@@ -153,7 +153,7 @@ def _windows(rows: int) -> int:
     return 0 if rows < WINDOW else (rows - WINDOW) // HOP + 1
 
 
-def _tiles(logs: Array, groups: int, threshold: float) -> tuple[Array, Array]:
+def _tiles(logs: Array, groups: int, threshold: float, least_swing: float) -> tuple[Array, Array]:
     """Share of the best common tone, and its index in CYCLES, (windows, groups of columns); 0 below the threshold."""
     across = logs.shape[1] - groups + 1
     shares, waves = np.zeros((_windows(logs.shape[0]), across)), np.zeros((_windows(logs.shape[0]), across), int)
@@ -162,10 +162,11 @@ def _tiles(logs: Array, groups: int, threshold: float) -> tuple[Array, Array]:
     carriers = np.exp(-2j * np.pi * np.outer(CYCLES, n) / WINDOW)
     for w in range(shares.shape[0]):
         x = logs[w * HOP : w * HOP + WINDOW]
+        mean = sum(x[:, k : k + across].mean(axis=0) for k in range(groups)) / groups
         x = x - trend.T @ (trend @ x)
         energy = sum((x**2).sum(axis=0)[k : k + across] for k in range(groups))
         tones = 2 / WINDOW * np.abs(carriers @ sum(x[:, k : k + across] for k in range(groups))) ** 2
-        lit = energy > LEAST_POWER * WINDOW * groups
+        lit = energy > np.maximum(LEAST_POWER, 0.5 * (least_swing * np.exp(-mean)) ** 2) * WINDOW * groups
         best = np.where(lit, tones.max(axis=0) / np.where(lit, groups * energy, 1.0), 0.0)
         shares[w] = np.where(best >= threshold, np.minimum(best, 0.9999), 0.0)
         waves[w] = tones.argmax(axis=0)
@@ -203,7 +204,7 @@ def _suspects(shares: Array, waves: Array, groups: int, row_step: int, column_st
     return found
 
 
-def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float) -> Light | None:
+def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float, least_amplitude: float) -> Light | None:
     """Box and frequency in turn, three times; None where there is no such light."""
     box, frequency = suspect.box, suspect.frequency
     for _ in range(ROUNDS):
@@ -214,7 +215,9 @@ def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float) -> L
         group = max(-(-(right - left) // MOST_GROUPS), min(max(box[2] // 16, 1), 8))
         patch = _means(light[top:bottom, left:right], 1, min(group, right - left))
         lit = _lit_box(patch, frequency, box, (left, top, group))
-        if lit is None or lit[0][3] * frequency < 0.7 * min_cycles:
+        if lit is None or 2 * lit[1] < 0.7 * least_amplitude:
+            return None
+        if lit[0][3] < 0.7 * max(LEAST_ROWS, min_cycles / frequency):
             return None
         box, amplitude = lit
         matched, weight, common, energy, noise = _profile(

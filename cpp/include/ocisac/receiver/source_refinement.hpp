@@ -10,6 +10,11 @@
 
 namespace ocisac {
 
+// Least rows and cycles of a box, and least amplitude in DN.
+struct LightLimits {
+  double rows, cycles, amplitude;
+};
+
 struct RefinedLight {
   std::size_t column, row, width, height;  // box of the fundamental above 15 % of its largest amplitude
   double frequency, frequency_std;         // cycles per row
@@ -25,8 +30,8 @@ struct RefinedLight {
 // of the light's swing. Its box is where the swing has the phase of its sum. The frequency maximises the energy of f,
 // 2f and 3f in log light weighted by the local swing: an envelope that is real and positive moves no peak, however few
 // cycles there are. Its standard error is a jackknife over groups of cycles. `floor`: of the logarithm, DN. Nothing
-// where the box is far from holding `least_cycles`.
+// where box or amplitude is below 0.7 of the limits on the way.
 std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                                          const Suspect& suspect, double floor, double least_cycles);
+                                          const Suspect& suspect, double floor, const LightLimits& limits);
 
 }  // namespace ocisac

@@ -21,6 +21,7 @@ struct Suspect {
 // likewise. In a tile, less each group's mean and slope, `share` is the energy of the best tone common to the groups
 // over all energy. Under white noise P(share > s) = (1 − s)^((90 − 2)/2) for a given frequency, so the threshold
 // follows from `false_alarms`, the expected number in a picture; it is never below 0.4, for the sake of texture.
+// Integer samples whose light swings by less than half a step are passed over.
 // Tiles that touch and agree in frequency are one suspect. The strongest come first.
 std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
                                     double false_alarms);
