@@ -21,7 +21,7 @@ constexpr std::size_t most_columns = 512;  // converted to light at a time
 constexpr double box_edge = 0.15;          // of the largest amplitude
 constexpr double least_alignment = 0.5;    // cosine of the angle to the light's phase
 constexpr double frequency_reach = 0.12;   // relative, in a round
-constexpr int rounds = 3;
+constexpr int rounds = 2;
 constexpr std::size_t harmonics = 3;
 constexpr std::size_t most_jackknife = 16;
 
@@ -33,6 +33,11 @@ struct Box {
 Complex turned(double cycles) {
   const double angle = -2 * std::numbers::pi * (cycles - std::floor(cycles));
   return {std::cos(angle), std::sin(angle)};
+}
+
+// Without the detour that infinities take in the standard's.
+Complex product(Complex a, Complex b) {
+  return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
 
 // Groups of columns of a part of the frame: (groups × rows), linear light and its logarithm.
@@ -105,7 +110,8 @@ class HannDemodulator {
         sums_[i + 1] = sums_[i] + x[std::min(i - std::min(i, reach_), x.size() - 1)] * carriers_[k][i];
       for (std::size_t n = 0; n < x.size(); ++n) {
         const Complex part = sums_[n + length_] - sums_[n];
-        z[n] += k == 1 ? bin_ * part : 0.5 * bin_ * (k == 0 ? turns_[n] : std::conj(turns_[n])) * part;
+        const Complex turn = k == 1 ? Complex(2) : k == 0 ? turns_[n] : std::conj(turns_[n]);
+        z[n] += 0.5 * bin_ * product(turn, part);
       }
     }
   }
@@ -236,7 +242,7 @@ Energy harmonic_energy(std::span<const double> x, double frequency) {
       const double rate = 2 * std::numbers::pi * order * at;
       const Complex term = x[n] * turned(order * frequency * at);
       p += term;
-      p1 += Complex(0, -rate) * term;
+      p1 += Complex(rate * term.imag(), -rate * term.real());
       p2 -= rate * rate * term;
     }
     sum.value += std::norm(p);
@@ -271,7 +277,7 @@ double strongest_frequency(std::span<const double> x, double lower, double upper
     const double frequency = std::min(lower + static_cast<double>(i) * step, upper);
     const Complex turn = turned(frequency);
     Complex sum = 0;
-    for (std::size_t n = x.size(); n-- > 0;) sum = sum * turn + x[n];  // Horner
+    for (std::size_t n = x.size(); n-- > 0;) sum = product(sum, turn) + x[n];  // Horner
     if (std::norm(sum) > most) most = std::norm(sum), best = frequency;
   }
   return climbed(x, best, lower, upper);
