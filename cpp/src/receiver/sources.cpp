@@ -15,8 +15,9 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t most_suspects = 256;
-constexpr double least_rows = 24;        // of a box
-constexpr double least_periodic = 0.4;   // of the swing common to the columns
+constexpr double least_rows = 24;       // of a box
+constexpr double least_periodic = 0.4;  // of the swing common to the columns
+constexpr double most_uneven = 0.25;
 constexpr double data_periodic = 0.7;    // a tone or a square wave has more
 constexpr double largest_spread = 0.05;  // relative standard error of a frequency that was told at all
 constexpr double faint_level = 0.1;
@@ -68,10 +69,13 @@ double least_amplitude(const AnyFramesView& frames) {
 // Texture beside the periodic swing; lines of text have more. Few columns are alike by chance.
 double most_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
 
+// Texture that comes and goes with the rows is no picture under a light.
+bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > most_uneven; }
+
 bool accepted(const RefinedLight& light, const LightLimits& limits, double least_evidence) {
   const auto height = static_cast<double>(light.height);
   return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
-         evidence(light) >= least_evidence && light.texture <= most_texture(light) &&
+         evidence(light) >= least_evidence && light.texture <= most_texture(light) && !like_text(light) &&
          light.periodic >= least_periodic && light.frequency_std <= largest_spread * light.frequency;
 }
 

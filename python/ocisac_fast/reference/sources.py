@@ -22,7 +22,15 @@ WINDOW, HOP, GROUPS, WIDEST, WIDE = 32, 16, 3, 8, 8
 CYCLES = np.concatenate([np.arange(2.5, 8.0, 0.5), np.arange(8.0, 15.0)])
 LEAST_SHARE, LEAST_POWER = 0.4, 1e-6
 MOST_GROUPS, BOX_EDGE, ALIGNMENT, REACH, ROUNDS, HARMONICS, JACKKNIFE = 64, 0.15, 0.5, 0.12, 2, 3, 16
-MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, DATA_PERIODIC, LARGEST_SPREAD = 256, 24, 0.4, 0.8, 0.7, 0.05
+MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, MOST_UNEVEN, DATA_PERIODIC, LARGEST_SPREAD = (
+    256,
+    24,
+    0.4,
+    0.8,
+    0.25,
+    0.7,
+    0.05,
+)
 FAINT_LEVEL, REFLECTION_LEVEL = 0.1, 0.5
 
 
@@ -41,6 +49,7 @@ class Light(NamedTuple):
     amplitude: float
     periodic: float
     texture: float
+    uneven: float
 
 
 def detect_sources(
@@ -82,6 +91,7 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
             and found.amplitude >= (1.0 if whole else 0.0)
             and math.log1p(found.snr) * cycles >= least_evidence
             and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
+            and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
             and found.periodic >= LEAST_PERIODIC
             and found.std <= LARGEST_SPREAD * found.frequency
         ):
@@ -220,7 +230,7 @@ def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float, leas
         if lit[0][3] < 0.7 * max(LEAST_ROWS, min_cycles / frequency):
             return None
         box, amplitude = lit
-        matched, weight, common, energy, noise = _profile(
+        matched, weight, common, energy, noise, uneven = _profile(
             np.log(np.maximum(patch, 0) + floor), frequency, box, (left, top, group)
         )
         lower, upper = frequency * (1 - REACH), min(frequency * (1 + REACH), 0.499)
@@ -234,7 +244,7 @@ def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float, leas
     box = (box[0], box[1], min(box[2], light.shape[1] - box[0]), box[3])
     snr = explained / max(1 - explained, 1e-12)
     texture = max(energy * (1 - explained) - noise, 0.0) / max(energy * explained, 1e-300)
-    return Light(box, frequency, std, float(phase), snr, 2 * amplitude, periodic, texture)
+    return Light(box, frequency, std, float(phase), snr, 2 * amplitude, periodic, texture, uneven)
 
 
 def _hann_length(frequency: float) -> int:
@@ -300,9 +310,9 @@ def _lit_box(patch: Array, frequency: float, box: Box, place: tuple[int, int, in
 
 def _profile(
     logs: Array, frequency: float, box: Box, place: tuple[int, int, int]
-) -> tuple[Array, Array, float, float, float]:
+) -> tuple[Array, Array, float, float, float, float]:
     """Log swing weighted with its local amplitude and added over the columns, squared weights; in the box: the share in
-    common, all energy and that of noise."""
+    common, all energy, that of noise, and the depth at the frequency of the rows' variance across the columns."""
     length = _hann_length(frequency)
     swing = _demodulated(logs - logs.mean(axis=0), frequency, length)
     fast = logs - _demodulated(logs, 0.0, length).real
@@ -318,7 +328,11 @@ def _profile(
     middle = np.sort(mixed)[mixed.size // 2] if mixed.size else 0.0
     noise = core.sum() * middle**2 / (4 * 0.6745**2)
     matched, squares = (weight * fast * wide).sum(axis=1), (weight**2 * wide).sum(axis=1)
-    return matched, squares, float(common), float(energy), float(noise)
+    count = np.maximum(core.sum(axis=1), 1)
+    variance = np.maximum((fast**2 * core).sum(axis=1) - (fast * core).sum(axis=1) ** 2 / count, 0)
+    tone = np.sum(variance * np.exp(-2j * np.pi * frequency * np.arange(variance.size)))
+    uneven = abs(tone) / variance.sum() if variance.sum() > 0 else 0.0
+    return matched, squares, float(common), float(energy), float(noise), float(uneven)
 
 
 def _energy(x: Array, frequencies: Array, harmonics: int) -> Array:

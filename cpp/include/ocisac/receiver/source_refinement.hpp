@@ -24,6 +24,7 @@ struct RefinedLight {
   double common;                           // share of the box's swing that all columns have in common
   double periodic;                         // share of that common swing that is periodic
   double texture;                          // rest of the swing, less what noise explains, over the periodic part
+  double uneven;                           // depth of the texture's swing at the frequency; 0 where light multiplies it
 };
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which takes out the mean, gives the map
