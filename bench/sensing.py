@@ -202,6 +202,8 @@ def draw(path: str, curves: dict[str, Any], alarms: dict[float, dict[str, float]
         panel.set(xscale="log", xlabel=labels[name], ylim=(-0.05, 1.05))
         panel.set_title("recall (number of lights)", loc="left", fontsize=10)
         panel.grid(alpha=0.3)
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_formatter("")
     figure.savefig(path, dpi=90)
 
 

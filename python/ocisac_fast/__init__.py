@@ -32,6 +32,7 @@ from ocisac_fast.frequency import (
 )
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.receiver import Received, receive
+from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource, detect_sources
 from ocisac_fast.transmission import (
     Transmission,
@@ -75,11 +76,13 @@ __all__ = [
     "Received",
     "RefinedChannel",
     "Samples",
+    "SourceTracker",
     "SquareWave",
     "Sum",
     "Tone",
     "ToneColumns",
     "ToneGain",
+    "Track",
     "TrackedClock",
     "Transmission",
     "VaryingToneGain",

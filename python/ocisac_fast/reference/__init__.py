@@ -35,6 +35,7 @@ from ocisac_fast.reference.sources import detect_sources
 from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
 from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource
 from ocisac_fast.transmission import Transmission
 from ocisac_fast.varying_tone import VaryingToneGain
@@ -59,11 +60,13 @@ __all__ = [
     "Received",
     "RefinedChannel",
     "Samples",
+    "SourceTracker",
     "SquareWave",
     "Sum",
     "Tone",
     "ToneColumns",
     "ToneGain",
+    "Track",
     "TrackedClock",
     "Transmission",
     "VaryingToneGain",

@@ -1,0 +1,95 @@
+"""Lights followed over frames."""
+
+import numpy as np
+import pytest
+from test_sources import CAMERA, add_lamp, scene, stored
+
+from ocisac_fast import SourceTracker, SquareWave, detect_sources
+
+
+def frame_with(places, seed=0, shape=(360, 480)):
+    """Lamps (row, column, frequency, swing) of 50 rows; a swing of 0: hidden."""
+    picture, random = scene(*shape, seed=seed)
+    for row, column, frequency, swing in places:
+        if swing:
+            add_lamp(picture, row, column, 25, SquareWave(frequency, phase=random.random()), swing=swing)
+    return stored(picture)
+
+
+@pytest.mark.parametrize("full_every", [1, 5])
+def test_lights_that_move_and_cross_keep_their_identity(full_every):
+    tracker = SourceTracker(CAMERA, full_every=full_every)
+    identities = {}
+    for k in range(12):
+        places = [(150 + k, 60 + 30 * k, 9000.0, 120.0), (230 - k, 420 - 30 * k, 13000.0, 120.0)]
+        tracks = tracker.update(frame_with(places, seed=k))
+        assert [t.identity for t in tracks] == [0, 1]
+        for row, column, frequency, _ in places:
+            (track,) = [t for t in tracks if abs(t.frequency / frequency - 1) < 0.05]
+            assert track.visible
+            assert track.identity == identities.setdefault(frequency, track.identity)
+            assert abs(track.source.x + track.source.width / 2 - column) < 26  # one hides the other as they cross
+            assert abs(track.source.y + track.source.height / 2 - row) < 26
+    assert sorted(round(t.velocity[0], -1) for t in tracks) == [-30.0, 30.0]
+
+
+def test_a_hidden_light_is_waited_for_and_known_again():
+    tracker = SourceTracker(CAMERA, patience=4)
+    for k in range(9):
+        swing = 0.0 if 3 <= k <= 6 else 120.0
+        tracks = tracker.update(frame_with([(180, 80 + 20 * k, 9000.0, swing)], seed=k))
+        assert [t.identity for t in tracks] == [0]
+        assert tracks[0].hidden == (k - 2 if 3 <= k <= 6 else 0)
+        x, y, width, height = tracks[0].region
+        assert x <= 80 + 20 * (k + 1) <= x + width
+        assert y <= 180 <= y + height
+    for k in range(5):
+        tracks = tracker.update(frame_with([], seed=20 + k))
+    assert tracks == []
+    assert [t.identity for t in tracker.update(frame_with([(180, 80, 9000.0, 120.0)]))] == [1]
+
+
+def test_a_light_of_another_frequency_at_the_same_place_is_another():
+    tracker = SourceTracker(CAMERA)
+    tracker.update(frame_with([(180, 200, 9000.0, 120.0)]))
+    tracks = tracker.update(frame_with([(180, 200, 12000.0, 120.0)]))
+    assert [(t.identity, t.visible) for t in tracks] == [(0, False), (1, True)]
+
+
+def test_a_light_that_fades_stays():
+    tracker = SourceTracker(CAMERA)
+    for k, swing in enumerate((120.0, 60.0, 30.0, 15.0)):
+        (track,) = tracker.update(frame_with([(180, 200, 9000.0, swing)], seed=k))
+        assert track.visible
+
+
+def test_a_region_gives_what_the_whole_frame_gives():
+    frames = [frame_with([(180, 200, 9000.0, 120.0)], seed=k) for k in range(2)]
+    tracker = SourceTracker(CAMERA, full_every=10)
+    tracker.update(frames[0])
+    (track,) = tracker.update(frames[1])
+    (whole,) = detect_sources(frames[1], CAMERA)
+    assert abs(track.source.x - whole.x) <= 4
+    assert abs(track.source.y - whole.y) <= 4
+    assert track.source.frequency == pytest.approx(whole.frequency, rel=0.005)
+    spread = 2 * np.pi * 180 * CAMERA.row_time * abs(track.source.frequency - whole.frequency) + 0.1
+    assert abs(np.angle(np.exp(1j * (track.source.phase - whole.phase)))) < spread
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"patience": -1}, "patience: got -1, allowed: 0 or above"),
+        ({"reach": 0.0}, "reach: got 0.0, allowed: a finite number above 0"),
+        ({"reach": float("nan")}, "reach: got nan"),
+        ({"full_every": 0}, "full_every: got 0, allowed: 1 or above"),
+    ],
+)
+def test_options_out_of_range_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        SourceTracker(CAMERA, **options)
+
+
+def test_a_stack_of_frames_is_refused():
+    with pytest.raises(ValueError, match="frame: got 3 dimensions, allowed: \\(rows, columns\\)"):
+        SourceTracker(CAMERA).update(np.zeros((2, 64, 64), np.uint8))
