@@ -18,6 +18,7 @@ using Eigen::Index;
 constexpr int kRounds = 20;
 constexpr int kPasses = 3;
 constexpr double kLeastShare = 1e-3;     // of a step; the model has kinks
+constexpr double kSmallFall = 1e-5;      // of the squares, in variances of a row; so is a step that gains less
 constexpr double kSmallStep = 1e-3;      // standard errors; such a step is the last
 constexpr double kSettled = 1e-9;        // chips; a step below it is the last
 constexpr double kLongestExposure = 24;  // chips
@@ -329,7 +330,9 @@ std::optional<Fitted> descend(Problem& problem, ChipClock clock, RowRange range,
       const ChipClock next = stepped(clock, here->step, share, half_chips);
       auto there = next.rows_per_chip > 0 ? linearise(problem, next, range, known) : std::nullopt;
       if (!there || there->squares > here->squares) continue;
-      const bool last = is_small(here->step, here->inverse, here->squares / static_cast<double>(range.size()));
+      const double variance = there->squares / static_cast<double>(range.size());
+      const bool last =
+          is_small(here->step, here->inverse, variance) || here->squares - there->squares < kSmallFall * variance;
       const double moved =
           std::max({std::abs(next.phase - clock.phase), half_chips * std::abs(next.rows_per_chip - clock.rows_per_chip),
                     std::abs(next.exposure - clock.exposure)});
