@@ -27,6 +27,7 @@ import numpy as np
 
 from ocisac_fast import (
     ChannelEstimate,
+    chip_likelihoods,
     clock_bounds,
     expose_chips,
     find_channel,
@@ -34,7 +35,6 @@ from ocisac_fast import (
     pool_estimates,
     refine_channel,
 )
-from ocisac_fast.reference.sequence_detection import detect_sequence
 
 ROWS = 1080
 EXPOSURES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0)  # chips
@@ -87,7 +87,18 @@ def genie(frame: Frame) -> int:
     period, phase, exposure = (frame.clock[name] for name in ("rows_per_chip", "phase", "exposure"))
     first = math.floor((-exposure / 2 - phase) / period)
     count = math.floor((ROWS - 1 + exposure / 2 - phase) / period) - first + 1
-    chips = detect_sequence((frame.rows - 20) / 100, period, phase, exposure, frame.noise, first, count)
+    chips = (
+        chip_likelihoods(
+            (frame.rows - 20) / 100,
+            rows_per_chip=period,
+            phase=phase,
+            exposure=exposure,
+            noise=frame.noise,
+            first=first,
+            count=count,
+        )
+        > 0
+    )
     return frame.errors(chips, first, 0)
 
 
@@ -96,10 +107,10 @@ def estimate(frame: Frame, rows_per_chip: float, blind: bool) -> tuple[ChannelEs
     begin = time.perf_counter()
     if blind:
         exposure = frame.clock["exposure"]
-        found = find_channel(frame.rows, detect_sequence, rows_per_chip=rows_per_chip, exposure=exposure)
+        found = find_channel(frame.rows, rows_per_chip=rows_per_chip, exposure=exposure)
     else:
         matches = find_preamble(frame.rows, LENGTHENED, rows_per_chip=rows_per_chip)
-        found = refine_channel(frame.rows, matches[0].channel, detect_sequence, known=LENGTHENED) if matches else None
+        found = refine_channel(frame.rows, matches[0].channel, known=LENGTHENED) if matches else None
     seconds = time.perf_counter() - begin
     if found is None:
         return None

@@ -57,3 +57,12 @@ def test_timing_reports_every_figure():
     ]
     assert all(s["chip_error_rate"] == s["chip_error_rate_genie"] == 0 for s in settings)
     assert all(s["frames_lost"] == s["frames_clock_off"] == 0 for s in settings)
+
+
+def test_detection_reports_every_figure_with_its_limit_reached():
+    command = [sys.executable, str(BENCH / "detection.py"), "--frames", "2", "--json", "--check"]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout
+    results = json.loads(printed)["results"]
+    assert len(results) == 9
+    assert all(r["reached"] and r["chips"] > 100 for r in results)

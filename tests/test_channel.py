@@ -1,8 +1,10 @@
 """The channel from known chips: agreement with the reference, errors at their bounds, preambles found, refusals."""
 
+import math
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import ocisac_fast as ocisac
@@ -448,3 +450,69 @@ def test_refuses(function, arguments, message):
         del arguments["signal"]
     with pytest.raises(ValueError, match=message):
         getattr(ocisac, function)(**arguments)
+
+
+@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.filter_too_much])
+@given(
+    rows_per_chip=st.floats(1.0, 7.0),
+    chips=st.floats(0.0, 9.0),
+    place=st.floats(-0.9, 0.0),
+    count=st.integers(1, 12),
+    first=st.integers(-5, 5),
+    seed=st.integers(0, 1000),
+)
+def test_likelihoods_are_those_of_all_sequences(rows_per_chip, chips, place, count, first, seed):
+    random = np.random.default_rng(seed)
+    exposure = chips * rows_per_chip
+    # Rows that see no chips but those `count`.
+    phase = place - exposure / 2 - first * rows_per_chip
+    rows = int(count * rows_per_chip - exposure + place)
+    assume(rows > 0)
+    light = random.random(rows)
+    question = {"rows_per_chip": rows_per_chip, "phase": phase, "exposure": exposure, "noise": 0.2}
+    got, want = (of.chip_likelihoods(light, **question, first=first, count=count) for of in (ocisac, reference))
+    assert got.shape == (count,)
+    np.testing.assert_allclose(got, want, atol=1e-3)  # single precision inside
+
+
+def test_detection_reaches_what_the_closest_pair_allows():
+    """Chip errors at an exposure of 7 chips, 4 rows a chip, 4 % noise: near Q(d/2s), and none at 2 %."""
+    column = Column(5, 4.0, 7.0, noise=0)
+    light = (column.rows - 10 - 3 * np.linspace(-1, 1, 1080)) / 40
+    errors = {}
+    for noise in (0.02, 0.04):
+        wrong = total = 0
+        for _ in range(40):
+            rows = light + noise * column.random.standard_normal(len(light))
+            found = ocisac.chip_likelihoods(rows, **column.clock, noise=noise, count=len(column.chips))
+            inside = slice(12, -12)
+            wrong += int(np.sum((found > 0)[inside] != column.chips[inside]))
+            total += len(column.chips[inside])
+        errors[noise] = wrong / total
+    distance = ocisac.closest_pair_distance(column.rows_per_chip, column.exposure)
+    assert distance == pytest.approx(reference.closest_pair_distance(column.rows_per_chip, column.exposure), rel=1e-12)
+    tail = math.erfc(distance / 0.08 / math.sqrt(2)) / 2
+    assert errors[0.02] == 0
+    assert errors[0.04] < 5 * tail
+
+
+def test_the_core_detects_where_no_detector_is_given():
+    column = Column(11, 4.0, 3.0)
+    found = ocisac.find_channel(column.rows, rows_per_chip=4.0, exposure=column.exposure)
+    assert found is not None
+    assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"noise": 0.0}, "noise: got 0"),
+        ({"exposure": 65.0}, "exposure: got 65"),
+        ({"rows_per_chip": -1.0}, "rows_per_chip: got -1"),
+        ({"count": -1}, "count: got -1"),
+    ],
+)
+def test_likelihoods_refuse(change, message):
+    question = {"rows_per_chip": 4.0, "phase": 0.0, "exposure": 8.0, "noise": 0.1, "first": 0, "count": 3}
+    with pytest.raises(ValueError, match=message):
+        ocisac.chip_likelihoods(np.zeros(4), **{**question, **change})

@@ -9,6 +9,7 @@
 #include "ocisac/receiver/clock_tracker.hpp"
 #include "ocisac/receiver/preamble.hpp"
 #include "ocisac/receiver/refine_channel.hpp"
+#include "ocisac/receiver/sequence_detector.hpp"
 #include "ocisac/require.hpp"
 #include "register.hpp"
 
@@ -92,18 +93,31 @@ py::tuple pool_values(const Vector& values, const Vector& errors) {
   return py::make_tuple(pooled.value, pooled.std, pooled.count);
 }
 
-// A Python function as detector: detect(rows, rows_per_chip, phase, exposure, noise, first, count) -> (count,) levels.
-DetectChips python_detector(const py::function& function) {
-  return [&function](const ChipQuestion& question) {
+// None: maximum likelihood. A Python function: detect(rows, rows_per_chip, phase, exposure, noise, first, count) ->
+// (count,) levels.
+DetectChips detector_of(const std::optional<py::function>& detect) {
+  if (!detect) return detect_sequence_levels;
+  return [function = &*detect](const ChipQuestion& question) {
     const py::gil_scoped_acquire locked;
     const Vector rows(static_cast<py::ssize_t>(question.rows.size()), question.rows.data());
     const ChipClock& clock = question.clock;
-    const auto chips =
-        function(rows, clock.rows_per_chip, clock.phase, clock.exposure, question.noise, question.first, question.count)
-            .cast<std::vector<double>>();
+    const auto chips = (*function)(rows, clock.rows_per_chip, clock.phase, clock.exposure, question.noise,
+                                   question.first, question.count)
+                           .cast<std::vector<double>>();
     require(chips.size() == question.count, "detect", chips.size(), "as many levels as chips asked for");
     return chips;
   };
+}
+
+Vector likelihoods(const Vector& rows, double rows_per_chip, double phase, double exposure, double noise,
+                   std::ptrdiff_t first, std::size_t count) {
+  const ChipQuestion question{view(rows), {rows_per_chip, phase, exposure}, noise, first, count};
+  std::vector<double> ratios;
+  {
+    const py::gil_scoped_release unlocked;
+    ratios = detect_sequence(question).log_likelihood_ratios;
+  }
+  return Vector(static_cast<py::ssize_t>(ratios.size()), ratios.data());
 }
 
 py::object as_object(const std::optional<RefinedChannel>& found) {
@@ -123,14 +137,14 @@ ChannelEstimate channel_of(const py::tuple& values) {
           values[9].cast<bool>()};
 }
 
-py::object refine(const Vector& signal, const py::tuple& start, const py::function& detect, bool exposure_known,
-                  std::size_t highest_degree, const Vector& known, std::ptrdiff_t known_first) {
+py::object refine(const Vector& signal, const py::tuple& start, const std::optional<py::function>& detect,
+                  bool exposure_known, std::size_t highest_degree, const Vector& known, std::ptrdiff_t known_first) {
   std::optional<RefinedChannel> found;
   {
     const auto rows = view(signal);
     const auto channel = channel_of(start);
     const RefineOptions options{exposure_known, highest_degree, {view(known), known_first}};
-    const auto detector = python_detector(detect);
+    const auto detector = detector_of(detect);
     const py::gil_scoped_release unlocked;
     found = refine_channel(rows, channel, detector, options);
   }
@@ -138,13 +152,13 @@ py::object refine(const Vector& signal, const py::tuple& start, const py::functi
 }
 
 py::object search(const Vector& signal, double rows_per_chip, double tolerance, std::optional<double> exposure,
-                  double longest_exposure, const py::function& detect, bool exposure_known,
+                  double longest_exposure, const std::optional<py::function>& detect, bool exposure_known,
                   std::size_t highest_degree) {
   std::optional<RefinedChannel> found;
   {
     const auto rows = view(signal);
     const RefineOptions options{exposure_known, highest_degree, {}};
-    const auto detector = python_detector(detect);
+    const auto detector = detector_of(detect);
     const py::gil_scoped_release unlocked;
     found = find_channel(rows, {rows_per_chip, tolerance, exposure, longest_exposure}, detector, options);
   }
@@ -175,6 +189,9 @@ void register_channel(py::module_& module) {
              arg("swing"), arg("noise"), arg("dark_degree"), arg("swing_degree"), arg("exposure_known"));
   module.def("find_preamble", &find, arg("signal"), arg("preamble"), arg("rows_per_chip"), arg("tolerance"),
              arg("exposure"), arg("longest_exposure"), arg("most"));
+  module.def("chip_likelihoods", &likelihoods, arg("rows"), arg("rows_per_chip"), arg("phase"), arg("exposure"),
+             arg("noise"), arg("first"), arg("count"));
+  module.def("closest_pair_distance", &closest_pair_distance, arg("rows_per_chip"), arg("exposure"));
   module.def("refine_channel", &refine, arg("signal"), arg("start"), arg("detect"), arg("exposure_known"),
              arg("highest_degree"), arg("known"), arg("known_first"));
   module.def("find_channel", &search, arg("signal"), arg("rows_per_chip"), arg("tolerance"), arg("exposure"),

@@ -137,10 +137,20 @@ def find_preamble(
     longest_exposure: float,
     most: int,
 ) -> list[tuple[tuple[Any, ...], float, float]]: ...
+def chip_likelihoods(
+    rows: npt.NDArray[np.float64],
+    rows_per_chip: float,
+    phase: float,
+    exposure: float,
+    noise: float,
+    first: int,
+    count: int,
+) -> npt.NDArray[np.float64]: ...
+def closest_pair_distance(rows_per_chip: float, exposure: float) -> float: ...
 def refine_channel(
     signal: npt.NDArray[np.float64],
     start: tuple[Any, ...],
-    detect: Callable[..., Any],
+    detect: Callable[..., Any] | None,
     exposure_known: bool,
     highest_degree: int,
     known: npt.NDArray[np.float64],
@@ -152,7 +162,7 @@ def find_channel(
     tolerance: float,
     exposure: float | None,
     longest_exposure: float,
-    detect: Callable[..., Any],
+    detect: Callable[..., Any] | None,
     exposure_known: bool,
     highest_degree: int,
 ) -> tuple[tuple[Any, ...], npt.NDArray[np.float64], int, bool, bool] | None: ...

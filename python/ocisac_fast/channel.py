@@ -385,7 +385,7 @@ def find_preamble(
 def refine_channel(
     signal: npt.ArrayLike,
     start: ChannelEstimate,
-    detect: Detect,
+    detect: Detect | None = None,
     *,
     known: npt.ArrayLike = (),
     known_first: int = 0,
@@ -399,7 +399,7 @@ def refine_channel(
     Args:
         signal: (rows,) a column, or columns combined.
         start: from :func:`find_preamble` or :func:`fit_channel`.
-        detect: a detector for exposed chips, as :data:`Detect` says.
+        detect: a detector for exposed chips, as :data:`Detect` says; None: maximum likelihood.
         known: chips that need not be detected: the preamble.
         known_first: number of the first of them.
         exposure_known: keep the exposure of ``start``.
@@ -427,7 +427,7 @@ def refine_channel(
 
 def find_channel(
     signal: npt.ArrayLike,
-    detect: Detect,
+    detect: Detect | None = None,
     *,
     rows_per_chip: float,
     tolerance: float = 0.02,
@@ -443,7 +443,7 @@ def find_channel(
 
     Args:
         signal: (rows,) a column, or columns combined.
-        detect: a detector for exposed chips, as :data:`Detect` says.
+        detect: a detector for exposed chips, as :data:`Detect` says; None: maximum likelihood.
         rows_per_chip: nominal, rows.
         tolerance: the true one lies within this share of it, 0 to 0.5.
         exposure: rows, where it is known; None: estimated.
@@ -469,6 +469,59 @@ def find_channel(
         degree,
     )
     return None if values is None else _refined(values)
+
+
+def chip_likelihoods(
+    rows: npt.ArrayLike, *, rows_per_chip: float, phase: float, exposure: float, noise: float, first: int, count: int
+) -> FloatArray:
+    """Maximum-likelihood detection of chips that the exposure has run into each other, with soft outputs.
+
+    The exposure is a box, so each row is a known weighted sum of the chips it sees, and all rows together are likeliest
+    for one sequence of chips. Forward and backward over the trellis of the last ceil(exposure/rows_per_chip) chips give
+    for every chip the likeliest sequences with it bright and with it dark (max-log; Viterbi 1967, Bahl et al. 1974).
+
+    Args:
+        rows: (rows,) light of consecutive rows, 0 for steady dark and 1 for steady bright.
+        rows_per_chip: above 0, need not be whole.
+        phase: row at which chip 0 begins, in the middle of its edge's ramp.
+        exposure: rows, at most 15 chips. Time grows with 2^(exposure in chips).
+        noise: standard deviation of ``rows``, above 0.
+        first: number of the first chip that the rows see.
+        count: of the chips that they see, all of them.
+
+    Returns:
+        (count,) ln p(rows | bright) - ln p(rows | dark): above 0 for a bright chip; 0 for a chip that no row sees.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    if count < 0:
+        raise ValueError(f"count: got {count}, allowed: 0 or more")
+    return _core.chip_likelihoods(
+        _vector(rows, "rows"),
+        float(rows_per_chip),
+        float(phase),
+        float(exposure),
+        float(noise),
+        int(first),
+        int(count),
+    )
+
+
+def closest_pair_distance(rows_per_chip: float, exposure: float) -> float:
+    """How far apart, in swings, the rows of the two sequences are that are hardest to tell: 01 against 10.
+
+    The least over where chips lie to the rows; the closest pair there is for exposures from about two chips on. Noise
+    sigma of a row then makes about Q(distance/(2 sigma)) errors a chip, whatever the receiver.
+
+    Args:
+        rows_per_chip: above 0.
+        exposure: rows, above 0.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    return _core.closest_pair_distance(float(rows_per_chip), float(exposure))
 
 
 def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:

@@ -161,7 +161,8 @@ class Trellis {
 void check(const ChipQuestion& question) {
   require_positive("rows_per_chip", question.clock.rows_per_chip);
   require_finite("phase", question.clock.phase);
-  require(question.clock.exposure >= 0 && question.clock.exposure <= kLongestExposure * question.clock.rows_per_chip,
+  require(question.clock.exposure >= 0 &&
+              question.clock.exposure <= kLongestDetectedExposure * question.clock.rows_per_chip,
           "exposure", question.clock.exposure, "0 to 15 chips, in rows");
   require_positive("noise", question.noise);
   for (const double row : question.rows) require_finite("rows", row);

@@ -31,6 +31,7 @@ from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
+from ocisac_fast.reference.sequence_detection import chip_likelihoods, closest_pair_distance
 from ocisac_fast.reference.sources import detect_sources
 from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
 from ocisac_fast.reference.varying_tone import varying_tone_gain
@@ -73,7 +74,9 @@ __all__ = [
     "Waveform",
     "best_exposure",
     "calibrate",
+    "chip_likelihoods",
     "clock_bounds",
+    "closest_pair_distance",
     "decode_line_code",
     "detect_sources",
     "encode_line_code",

@@ -14,6 +14,7 @@ from ocisac_fast.channel import (
     RefinedChannel,
     TrackedClock,
 )
+from ocisac_fast.reference.sequence_detection import detect_sequence
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -250,7 +251,7 @@ def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
 def refine_channel(
     signal: npt.ArrayLike,
     start: ChannelEstimate,
-    detect: Detect,
+    detect: Detect | None = None,
     *,
     known: npt.ArrayLike = (),
     known_first: int = 0,
@@ -275,7 +276,9 @@ def refine_channel(
         first = int(np.floor((-channel.exposure / 2 - clock[1]) / clock[0]))
         stop = int(np.floor((end - begin - 1 + channel.exposure / 2 - clock[1]) / clock[0])) + 1
         normal = (values[begin:end] - dark) / (bright - dark)
-        chips = np.asarray(detect(normal, *clock, channel.noise / np.mean(bright - dark), first, stop - first))
+        chips = np.asarray(
+            (detect or detect_sequence)(normal, *clock, channel.noise / np.mean(bright - dark), first, stop - first)
+        )
         for k, level in enumerate(given, known_first - first):
             if 0 <= k < len(chips):
                 chips[k] = level
@@ -309,7 +312,7 @@ def refine_channel(
 
 def find_channel(
     signal: npt.ArrayLike,
-    detect: Detect,
+    detect: Detect | None = None,
     *,
     rows_per_chip: float,
     tolerance: float = 0.02,

@@ -41,3 +41,37 @@ def detect_sequence(
         chips[chip] = state & 1
         state = int(origin[chip, state])
     return chips
+
+
+def chip_likelihoods(
+    rows: npt.ArrayLike, *, rows_per_chip: float, phase: float, exposure: float, noise: float, first: int, count: int
+) -> FloatArray:
+    """By trying: the least squares of all sequences with a chip bright, and with it dark. For at most 16 chips."""
+    if count > 16:
+        raise ValueError(f"count: got {count}, allowed: at most 16")
+    if count == 0:
+        return np.zeros(0)
+    values = np.asarray(rows, dtype=float)
+    sequences = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
+    length = max(exposure, 1e-3) / rows_per_chip
+    ends = (np.arange(len(values)) + exposure / 2 - phase) / rows_per_chip - first
+    chip = np.arange(count)
+    overlap = np.minimum(ends[:, None], chip + 1) - np.maximum(ends[:, None] - length, chip)
+    expected = sequences @ np.maximum(overlap, 0).T / length
+    cost = np.sum((values - expected) ** 2, axis=1) / (2 * noise**2)
+    least = [np.where(sequences == bit, cost[:, None], np.inf).min(axis=0) for bit in (0, 1)]
+    return np.asarray(least[0] - least[1])
+
+
+def closest_pair_distance(rows_per_chip: float, exposure: float) -> float:
+    """Square root of the least sum, over 16 places of the chips to the rows, of the squared differences of the rows."""
+    length = exposure / rows_per_chip
+
+    def area(ends: FloatArray) -> FloatArray:
+        return np.asarray(np.clip(ends, 0, 1) - np.clip(ends - 1, 0, 1))
+
+    squares = []
+    for place in np.arange(16) / 16:
+        ends = np.arange(place, rows_per_chip * (length + 2)) / rows_per_chip
+        squares.append(np.sum(((area(ends) - area(ends - length)) / length) ** 2))
+    return float(np.sqrt(min(squares)))

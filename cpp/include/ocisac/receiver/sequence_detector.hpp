@@ -9,7 +9,7 @@
 namespace ocisac {
 
 // The longest exposure that is detected, in chips: 2^15 sequences are compared at each chip.
-inline constexpr double kLongestExposure = 15;
+inline constexpr double kLongestDetectedExposure = 15;
 
 // The exposure is a box, so a row is a known weighted sum of the chips that it sees:
 //
@@ -24,7 +24,7 @@ struct SequenceDetection {
   std::vector<double> log_likelihood_ratios;
 };
 
-// Throws std::invalid_argument for an exposure beyond kLongestExposure chips, and for values that are not finite or out
+// Throws std::invalid_argument for an exposure beyond kLongestDetectedExposure chips, and for values that are not finite or out
 // of range. Time and memory grow with chips·2^⌈L⌉ (memory: 4 bytes each).
 SequenceDetection detect_sequence(const ChipQuestion& question);
 
