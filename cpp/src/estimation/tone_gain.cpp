@@ -357,11 +357,13 @@ Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& colu
 
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context, ToneGain& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
-  const std::size_t blocks = (context.shape.columns + kColumnsPerStream - 1) / kColumnsPerStream;
+  // Threads share a frame in halves: one that starts late still finds work. The numbers do not depend on it.
+  const std::size_t width = context.options->threads > 1 ? kColumnsPerStream / 2 : kColumnsPerStream;
+  const std::size_t blocks = (context.shape.columns + width - 1) / width;
   for_each_block(context.shape.frames * blocks, context.options->threads, [&](std::size_t block) {
     const std::size_t frame = block / blocks;
-    const std::size_t first = block % blocks * kColumnsPerStream;
-    const std::size_t count = std::min(kColumnsPerStream, context.shape.columns - first);
+    const std::size_t first = block % blocks * width;
+    const std::size_t count = std::min(width, context.shape.columns - first);
     auto columns = fit.estimate(frames, frame, first, count);
     const auto mean = std::span(columns.parameters).first(count);
     for (double& value : mean) value -= context.camera->tone_curve.dark_level;
