@@ -24,8 +24,8 @@ struct SequenceDetection {
   std::vector<double> log_likelihood_ratios;
 };
 
-// Throws std::invalid_argument for an exposure beyond kLongestDetectedExposure chips, and for values that are not finite or out
-// of range. Time and memory grow with chips·2^⌈L⌉ (memory: 4 bytes each).
+// Throws std::invalid_argument for an exposure beyond kLongestDetectedExposure chips, and for values that are not
+// finite or out of range. Time and memory grow with chips·2^⌈L⌉ (memory: 4 bytes each).
 SequenceDetection detect_sequence(const ChipQuestion& question);
 
 // The same as levels, 0 or 1: a DetectChips.
