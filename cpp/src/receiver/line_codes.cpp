@@ -74,7 +74,7 @@ LineCode::LineCode(std::size_t bits_per_word, std::size_t chips_per_word, std::v
       at_plus_(std::move(at_plus)) {}
 
 LineCode LineCode::named(std::string_view name) {
-  const auto fixed = [](std::size_t bits, std::size_t chips, std::vector<std::uint32_t> words) {
+  const auto fixed = [](std::size_t bits, std::size_t chips, const std::vector<std::uint32_t>& words) {
     return LineCode(bits, chips, words, words);
   };
   if (name == "none") return fixed(1, 1, {0, 1});
