@@ -413,7 +413,6 @@ std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
 #if HWY_TARGET == HWY_SCALAR
   return std::accumulate(data, data + size, std::uint64_t{0});
 #else
-  const hn::ScalableTag<std::uint8_t> d8;
   const hn::ScalableTag<std::uint64_t> d_sum;
   const std::size_t lanes = hn::Lanes(d8);
   auto a = hn::Zero(d_sum), b = a, c = a, d = a;
