@@ -15,4 +15,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_projection(module);
   ocisac::bindings::register_packets(module);
   ocisac::bindings::register_sources(module);
+  ocisac::bindings::register_stream_receiver(module);
 }

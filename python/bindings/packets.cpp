@@ -6,11 +6,11 @@
 #include <cstdint>
 #include <span>
 #include <string>
-#include <variant>
 #include <vector>
 
 #include "arrays.hpp"
 #include "ocisac/receiver/line_codes.hpp"
+#include "packet_arguments.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {
@@ -19,48 +19,9 @@ namespace {
 
 using Bytes = py::array_t<std::uint8_t, py::array::c_style>;
 using Ratios = py::array_t<double, py::array::c_style>;
-using CodeName = std::variant<std::string, std::vector<std::string>>;
-
-LineCode line_code_of(const CodeName& name) {
-  if (const auto* words = std::get_if<std::vector<std::string>>(&name)) return LineCode::of_table(*words);
-  return LineCode::named(std::get<std::string>(name));
-}
-
-PacketFormat format_of(const CodeName& line_code, std::size_t block_bytes, const std::string& preamble) {
-  require(preamble == "standard" || preamble == "lengthened", "preamble", '"' + preamble + '"', "standard, lengthened");
-  return {line_code_of(line_code), block_bytes, preamble == "standard" ? Preamble::standard : Preamble::lengthened};
-}
-
 template <class T>
 std::span<const T> values_of(const py::array_t<T, py::array::c_style>& array) {
   return {array.data(), static_cast<std::size_t>(array.size())};
-}
-
-template <class T>
-py::array_t<T> as_array(const std::vector<T>& values) {
-  return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
-}
-
-py::bytes as_bytes(const std::vector<std::uint8_t>& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
-std::string name_of(StretchOutcome outcome) {
-  switch (outcome) {
-    case StretchOutcome::placed: return "placed";
-    case StretchOutcome::waiting: return "waiting";
-    case StretchOutcome::repeated: return "repeated";
-    case StretchOutcome::unreadable: break;
-  }
-  return "unreadable";
-}
-
-// In the order of ocisac_fast.transmission.Stretch.
-py::tuple as_tuple(const StretchReport& report) {
-  py::object payload = py::none();
-  if (report.payload)
-    payload = py::make_tuple(as_bytes(report.payload->bytes), report.payload->number, report.payload->corrected);
-  return py::make_tuple(name_of(report.outcome), report.blocks, report.bytes, report.violations, report.share, payload);
 }
 
 py::tuple layout_tuple(const PacketLayout& layout) {
@@ -116,7 +77,7 @@ void register_packets(py::module_& module) {
               const py::gil_scoped_release unlocked;
               report = assembler.push(first, values);
             }
-            return as_tuple(report);
+            return stretch_tuple(report);
           },
           py::arg("first"), py::arg("llr"))
       .def("lose_clock", &PacketAssembler::lose_clock);

@@ -36,6 +36,7 @@ from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.receiver import Received, receive
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource, detect_sources
+from ocisac_fast.stream_receiver import ReceivedFrame, Receiver
 from ocisac_fast.transmission import (
     Transmission,
     decode_line_code,
@@ -76,6 +77,8 @@ __all__ = [
     "PreambleMatch",
     "Product",
     "Received",
+    "ReceivedFrame",
+    "Receiver",
     "RefinedChannel",
     "Samples",
     "SourceTracker",

@@ -200,7 +200,16 @@ def longest_payload(line_code: str | Sequence[str], block_bytes: int, preamble: 
 
 class PacketAssembler:
     def __init__(self, line_code: str | Sequence[str], block_bytes: int, preamble: str) -> None: ...
-    def push(
-        self, first: int, llr: npt.NDArray[np.float64]
-    ) -> tuple[str, int, int, int, float, tuple[bytes, int, int] | None]: ...
+    def push(self, first: int, llr: npt.NDArray[np.float64]) -> tuple[Any, ...]: ...
     def lose_clock(self) -> None: ...
+
+class Receiver:
+    def __init__(
+        self,
+        camera: Camera,
+        chip_rate: float | None,
+        line_code: str | Sequence[str],
+        block_bytes: int,
+        preamble: str,
+    ) -> None: ...
+    def push(self, channels: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...

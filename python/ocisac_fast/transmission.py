@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.waveforms import Chips
+
+LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
 
 ByteArray = npt.NDArray[np.uint8]
 
@@ -82,6 +85,12 @@ class Stretch:
     violations: int
     share: float
     payload: Payload | None
+
+    @classmethod
+    def _of(cls, values: tuple[Any, ...]) -> Stretch:
+        """From the core's values."""
+        outcome, blocks, seen, violations, share, payload = values
+        return cls(outcome, blocks, seen, violations, share, None if payload is None else Payload(*payload))
 
 
 def transmit(
@@ -201,9 +210,7 @@ class PacketAssembler:
         Raises:
             ValueError: a wrong shape, or NaN.
         """
-        outcome, blocks, seen, violations, share, payload = self._handle.push(int(first), _as_ratios(llr))
-        whole = None if payload is None else Payload(*payload)
-        return Stretch(outcome, blocks, seen, violations, share, whole)
+        return Stretch._of(self._handle.push(int(first), _as_ratios(llr)))
 
     def lose_clock(self) -> None:
         """The clock has jumped: what is in the packet stays, the next header gives the place anew."""

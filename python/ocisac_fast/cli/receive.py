@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import dataclasses
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -11,12 +13,17 @@ import click
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY, Quantity
+from ocisac_fast.transmission import LINE_CODES
 
 
 @click.command(short_help="Bits of the lights in a recording.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @click.option("--chip-rate", type=FREQUENCY, help="Chips per second; else found in every frame.")
-@click.option("--line-code", type=click.Choice(["none"]), default="none", show_default=True)
+@click.option("--line-code", type=click.Choice(LINE_CODES), default="none", show_default=True, help="Of packets.")
+@click.option("--packets", is_flag=True, help="Look for packets of `ocisac transmit`; goes without saying with a code.")
+@click.option("--block-bytes", type=int, default=16, show_default=True, help="Coded bytes of a packet's block.")
+@click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
+@click.option("--frame-rate", type=FREQUENCY, help="Joins the packets of several frames; a video's own otherwise.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
 @json_option
@@ -24,18 +31,29 @@ def receive(
     files: tuple[str, ...],
     chip_rate: Quantity | None,
     line_code: str,
+    packets: bool,
+    block_bytes: int,
+    preamble: str,
+    frame_rate: Quantity | None,
     picture: PictureOptions,
     plot: str | None,
     as_json: bool,
 ) -> None:
     """Receive on-off keyed bits from FILE... (pictures, videos, .npy arrays, or -); 1 is bright.
 
-    Columns, channel and chip rate are found. Chips cut by the edges of a frame are left out.
+    Columns, channel and chip rate are found. Chips cut by the edges of a frame are left out. With --packets frames
+    are taken as one stream in time order, exposures may be longer than a chip (then --chip-rate is needed), and
+    payloads are given where they come whole.
     """
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
+    packets = packets or line_code != "none"
+    if frame_rate is not None and picture.row_time is None:
+        raise click.UsageError("--frame-rate: needs --row-time")
+    seconds = None if frame_rate is None else 1.0 / _positive("--frame-rate", float(frame_rate))
+    stream = _Stream(rate, line_code, block_bytes, preamble, seconds) if packets else None
     for file in files:
-        for facts in _received(file, picture, plot, {"chip_rate": rate, "line_code": line_code}):
+        for facts in _received(file, picture, plot, rate, stream):
             named = {"file": file, **facts} if len(files) > 1 else facts
             if as_json:
                 emit_json(named)
@@ -46,14 +64,59 @@ def receive(
         header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER]
         emit_table("", header, [_row(facts, picture.row_time is not None) for facts in every], left=("flags",))
         for facts in every:
-            click.echo(facts["bits"] or "no bits")
+            if stream is None:
+                click.echo(facts["bits"] or "no bits")
+            elif "payload" in facts:
+                click.echo(f"frame {facts['frame']}, packet {facts['packet']}: {facts['payload']}")
+        if stream is not None:
+            click.echo(stream.summary())
 
 
 _HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags")
 
 
+def _positive(name: str, value: float) -> float:
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name}: got {value}, allowed: above 0")
+    return value
+
+
+class _Stream:
+    """One receiver over all frames of all files."""
+
+    def __init__(
+        self, chip_rate: float | None, line_code: str, block_bytes: int, preamble: str, frame_time: float | None
+    ) -> None:
+        self._options: dict[str, Any] = {
+            "chip_rate": chip_rate,
+            "line_code": line_code,
+            "block_bytes": block_bytes,
+            "preamble": preamble,
+        }
+        self._frame_time = frame_time
+        self._receiver: Any = None
+        self._share = 0.0
+        self._payloads = 0
+
+    def push(self, frame: Any, camera: Any) -> Any:
+        from ocisac_fast.stream_receiver import Receiver
+
+        if self._receiver is None:
+            frame_time = self._frame_time or camera.frame_time
+            self._receiver = Receiver(dataclasses.replace(camera, frame_time=frame_time), **self._options)
+        result = self._receiver.push(frame)
+        self._share = result.stretch.share if result.stretch is not None else self._share
+        self._payloads += result.payload is not None
+        return result
+
+    def summary(self) -> str:
+        if self._payloads:
+            return f"{self._payloads} payload{'s' if self._payloads > 1 else ''}"
+        return f"no payload; {100.0 * min(self._share, 1.0):.0f} % of the bytes that one needs"
+
+
 def _received(
-    file: str, picture: PictureOptions, plot: str | None, options: dict[str, Any]
+    file: str, picture: PictureOptions, plot: str | None, rate: float | None, stream: _Stream | None
 ) -> Iterator[dict[str, Any]]:
     """The JSON objects of a file, as its frames are read."""
     from ocisac_fast import receive as receive_frames
@@ -61,14 +124,41 @@ def _received(
     with open_pictures(file, picture) as pictures:
         count = 0
         for batch in progress(pictures.batches(), "receiving", 1 if pictures.frame_count == 1 else None):
-            results = receive_frames(batch, pictures.camera, **options)
             if plot is not None and count == 0:
                 from ocisac_fast.plots import plot_received
 
-                plot_received(plot, batch[0], pictures.camera, results[0])
-            for result in results:
-                yield _facts(result, count, batch.shape[1])
+                first = receive_frames(batch[:1], pictures.camera, chip_rate=rate)[0]
+                plot_received(plot, batch[0], pictures.camera, first)
+            if stream is None:
+                for result in receive_frames(batch, pictures.camera, chip_rate=rate):
+                    yield _facts(result, count, batch.shape[1])
+            else:
+                for index, frame in enumerate(batch):
+                    yield _stream_facts(stream.push(frame, pictures.camera), count + index, batch.shape[1])
             count += len(batch)
+
+
+def _stream_facts(result: Any, frame: int, rows: int) -> dict[str, Any]:
+    """The JSON object of a frame in a stream with packets."""
+    facts = {
+        "frame": frame,
+        "source": 0,
+        "rows": rows,
+        "bits": result.bits,
+        "rows_per_chip": result.rows_per_chip,
+        "chip_rate_hz": result.chip_rate,
+        "snr_db": 10.0 * math.log10(result.snr) if result.snr > 0.0 else math.nan,
+        "exposure_s": result.exposure,
+        "error_rate": result.error_rate,
+        "outcome": result.outcome,
+    }
+    if result.stretch is not None:
+        facts |= {"packet_" + name: getattr(result.stretch, name) for name in ("outcome", "blocks", "bytes", "share")}
+    if result.payload is not None:
+        payload = result.payload.payload
+        facts |= {"packet": result.payload.number, "payload": payload.decode(errors="replace")}
+        facts["payload_base64"] = base64.b64encode(payload).decode()
+    return {**facts, "flags": flag_names(result.flags)}
 
 
 def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:

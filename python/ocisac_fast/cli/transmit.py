@@ -13,10 +13,8 @@ import numpy as np
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.units import FREQUENCY, Quantity
-from ocisac_fast.transmission import Transmission
+from ocisac_fast.transmission import LINE_CODES, Transmission
 from ocisac_fast.transmission import transmit as transmit_payload
-
-LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
 
 
 def _text(sent: Transmission, _: float | None) -> bytes:

@@ -38,6 +38,7 @@ from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource
+from ocisac_fast.stream_receiver import ReceivedFrame, Receiver
 from ocisac_fast.transmission import Transmission
 from ocisac_fast.varying_tone import VaryingToneGain
 from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
@@ -59,6 +60,8 @@ __all__ = [
     "PreambleMatch",
     "Product",
     "Received",
+    "ReceivedFrame",
+    "Receiver",
     "RefinedChannel",
     "Samples",
     "SourceTracker",

@@ -1,0 +1,61 @@
+#include "ocisac/receiver/stream_receiver.hpp"
+
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include <string>
+#include <vector>
+
+#include "arrays.hpp"
+#include "packet_arguments.hpp"
+#include "register.hpp"
+
+namespace ocisac::bindings {
+
+namespace {
+
+std::string name_of(FrameOutcome outcome) {
+  switch (outcome) {
+    case FrameOutcome::received: return "received";
+    case FrameOutcome::no_signal: return "no_signal";
+    case FrameOutcome::not_finite: return "not_finite";
+    case FrameOutcome::repeated: return "repeated";
+    case FrameOutcome::other_shape: break;
+  }
+  return "other_shape";
+}
+
+// In the order of ocisac_fast.stream_receiver.ReceivedFrame.
+py::tuple as_tuple(const ReceivedFrame& frame) {
+  py::object stretch = py::none();
+  if (frame.stretch) stretch = stretch_tuple(*frame.stretch);
+  return py::make_tuple(frame.frame, name_of(frame.outcome), frame.channel, frame.bits, frame.phase,
+                        frame.rows_per_chip, frame.rows_per_chip_std, frame.exposure, frame.exposure_std, frame.snr,
+                        frame.error_rate, as_array(frame.llr), stretch, frame.flags);
+}
+
+}  // namespace
+
+void register_stream_receiver(py::module_& module) {
+  py::class_<Receiver>(module, "Receiver")
+      .def(py::init([](const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
+                       std::size_t block_bytes, const std::string& preamble) {
+             return Receiver(camera, {chip_rate, format_of(line_code, block_bytes, preamble)});
+           }),
+           py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"))
+      .def(
+          "push",
+          [](Receiver& receiver, const std::vector<py::array>& channels, std::optional<std::int64_t> frame) {
+            std::vector<AnyFramesView> views;
+            for (const auto& channel : channels) views.push_back(any_view(channel));
+            ReceivedFrame result;
+            {
+              const py::gil_scoped_release unlocked;
+              result = receiver.push(views, frame);
+            }
+            return as_tuple(result);
+          },
+          py::arg("channels"), py::arg("frame"));
+}
+
+}  // namespace ocisac::bindings
