@@ -177,8 +177,10 @@ CommonFactor common_factor(std::span<const double> covariance, std::size_t size)
     for (int inner = 0; inner < kIterations; ++inner) {
       const VectorXd product = common * loadings;
       const double length = product.norm();
-      if (length == 0)
-        return {std::vector<double>(size, 0.0), {power.cwiseMax(floor).begin(), power.cwiseMax(floor).end()}};
+      if (length == 0) {
+        const VectorXd variances = power.cwiseMax(floor);
+        return {std::vector<double>(size, 0.0), {variances.begin(), variances.end()}};
+      }
       loadings = product / length;
     }
     loadings *= std::sqrt(std::max(loadings.dot(common * loadings), 0.0));
