@@ -78,8 +78,9 @@ def test_projection_of_a_frame_is_the_matrix_product():
     for group in (1, 2, 4, 8):
         weights = random.standard_normal((3, 45 // group))
         grouped = frame[: 45 // group * group].reshape(-1, group, 70).sum(axis=1, dtype=np.float64)
-        sums, squares, maximum = _core.project(frame, weights, group, 3)
+        sums, totals, squares, maximum = _core.project(frame, weights, group, 3)
         np.testing.assert_allclose(sums, weights @ grouped, rtol=0, atol=5e-8)
+        np.testing.assert_array_equal(totals, grouped.sum(axis=0))
         np.testing.assert_array_equal(squares, (grouped**2).sum(axis=0))
         np.testing.assert_array_equal(maximum, frame[: 45 // group * group].max(axis=0))
         again = _core.project(frame, _core.RowWeights(weights, 45, group, 3))[0]

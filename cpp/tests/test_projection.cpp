@@ -42,6 +42,8 @@ double deviation(const ocisac::Projection& got, const ocisac::Projection& want) 
     worst = std::max(worst, std::abs(got.sums[i] - want.sums[i]) / largest);
   for (std::size_t i = 0; i < want.squares.size(); ++i)
     worst = std::max(worst, std::abs(got.squares[i] / want.squares[i] - 1));
+  for (std::size_t i = 0; i < want.totals.size(); ++i)
+    worst = std::max(worst, std::abs(got.totals[i] - want.totals[i]) / (1 + std::abs(want.totals[i])));
   CHECK(got.maximum == want.maximum);
   return worst;
 }
@@ -124,6 +126,7 @@ TEST_CASE("the brightest frame does not overflow") {
     const auto frames = ocisac::as_const(ocisac::dense_view(pixels.data(), 1, rows, 20));
     const auto result = ocisac::project(frames, 0, 0, 20, weights);
     for (const double sum : result.sums) CHECK(sum == doctest::Approx(255.0 * rows).epsilon(1e-14));
+    for (const double total : result.totals) CHECK(total == 255.0 * rows);
     for (const double square : result.squares)
       CHECK(square == doctest::Approx(255.0 * 255.0 * rows * row_group).epsilon(1e-14));
   }

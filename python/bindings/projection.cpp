@@ -28,7 +28,7 @@ py::array_t<double> as_array(const std::vector<double>& values, const std::vecto
   return array;
 }
 
-// sums (outputs, columns), squares (columns,) and maximum (columns,) of one frame.
+// sums (outputs, columns), totals, squares and maximum (columns,) of one frame.
 py::tuple project_frame(const py::array& columns, const RowWeights& weights) {
   require(columns.ndim() == 2, "columns", std::to_string(columns.ndim()) + " dimensions", "(rows, columns)");
   require(static_cast<std::size_t>(columns.shape(0)) == weights.rows(), "columns",
@@ -42,7 +42,8 @@ py::tuple project_frame(const py::array& columns, const RowWeights& weights) {
   }
   const py::ssize_t width = columns.shape(1);
   return py::make_tuple(as_array(result.sums, {static_cast<py::ssize_t>(weights.outputs()), width}),
-                        as_array(result.squares, {width}), as_array(result.maximum, {width}));
+                        as_array(result.totals, {width}), as_array(result.squares, {width}),
+                        as_array(result.maximum, {width}));
 }
 
 py::tuple project_once(const py::array& columns, const Weights& weights, int row_group, int limbs) {

@@ -26,26 +26,30 @@ using Vector = hn::Vec<decltype(d64)>;
 
 HWY_INLINE Vector constant(double value) { return hn::Set(d64, value); }
 
-// row·values, values one vector of columns each.
-HWY_INLINE Vector product(const double* HWY_RESTRICT row, const double* HWY_RESTRICT values, std::size_t size,
-                          std::size_t stride) {
-  Vector sum = hn::Zero(d64);
+// start + row·values, values one vector of columns each.
+HWY_INLINE Vector product(Vector start, const double* HWY_RESTRICT row, const double* HWY_RESTRICT values,
+                          std::size_t size, std::size_t stride) {
+  Vector sum = start;
   for (std::size_t j = 0; j < size; ++j)
     sum = hn::Add(sum, hn::Mul(constant(row[j]), hn::LoadU(d64, values + j * stride)));
   return sum;
 }
 
 // One vector of columns.
-HWY_INLINE void solve_columns(const FitSums& fit, const double* HWY_RESTRICT sums, const double* HWY_RESTRICT squares,
-                              std::size_t stride, double* HWY_RESTRICT parameters, double* HWY_RESTRICT noise) {
+HWY_INLINE void solve_columns(const FitSums& fit, const double* HWY_RESTRICT totals, const double* HWY_RESTRICT sums,
+                              const double* HWY_RESTRICT squares, std::size_t stride, double* HWY_RESTRICT parameters,
+                              double* HWY_RESTRICT noise) {
   const std::size_t size = fit.estimates;
-  for (std::size_t i = 0; i < size; ++i)
-    hn::StoreU(product(fit.transform + i * size, sums, size, stride), d64, parameters + i * stride);
+  const Vector total = hn::LoadU(d64, totals);
+  for (std::size_t i = 0; i < size; ++i) {
+    const double* row = fit.transform + i * size;
+    hn::StoreU(product(hn::Mul(constant(*row), total), row + 1, sums, size - 1, stride), d64, parameters + i * stride);
+  }
   const Vector all = hn::LoadU(d64, squares);
   Vector rest = all;
   for (std::size_t i = 0; i < size; ++i)
-    rest = hn::Sub(
-        rest, hn::Mul(hn::LoadU(d64, parameters + i * stride), product(fit.gram + i * size, parameters, size, stride)));
+    rest = hn::Sub(rest, hn::Mul(hn::LoadU(d64, parameters + i * stride),
+                                 product(hn::Zero(d64), fit.gram + i * size, parameters, size, stride)));
   const auto more_than_rounding = hn::Gt(rest, hn::Mul(constant(kRoundingOfSquares), all));
   hn::StoreU(hn::IfThenElseZero(more_than_rounding, hn::Div(rest, constant(fit.freedom))), d64, noise);
 }
@@ -54,18 +58,20 @@ void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_vari
   const std::size_t lanes = hn::Lanes(d64);
   std::size_t c = 0;
   for (; c + lanes <= fit.count; c += lanes)
-    solve_columns(fit, fit.sums + c, fit.squares + c, fit.count, parameters + c, noise_variance + c);
+    solve_columns(fit, fit.totals + c, fit.sums + c, fit.squares + c, fit.count, parameters + c, noise_variance + c);
   if (c == fit.count) return;
   // What is left, in padded copies.
   const std::size_t rest = fit.count - c;
   std::vector<double> padded(2 * (fit.estimates + 1) * lanes);
-  double* sums = padded.data();
+  double* sums = padded.data();  // the totals first
   double* squares = sums + fit.estimates * lanes;
   double* result = squares + lanes;
   double* noise = result + fit.estimates * lanes;
-  for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(fit.sums + i * fit.count + c, rest, sums + i * lanes);
+  std::copy_n(fit.totals + c, rest, sums);
+  for (std::size_t i = 1; i < fit.estimates; ++i)
+    std::copy_n(fit.sums + (i - 1) * fit.count + c, rest, sums + i * lanes);
   std::copy_n(fit.squares + c, rest, squares);
-  solve_columns(fit, sums, squares, lanes, result, noise);
+  solve_columns(fit, sums, sums + lanes, squares, lanes, result, noise);
   for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(result + i * lanes, rest, parameters + i * fit.count + c);
   std::copy_n(noise, rest, noise_variance + c);
 }

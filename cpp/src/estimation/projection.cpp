@@ -67,20 +67,19 @@ bool RowWeights::has_symmetry(std::size_t part, int sign) const {
 }
 
 void RowWeights::fold() {
-  const std::size_t parts = outputs_ * static_cast<std::size_t>(limbs_);
-  places_.resize(parts);
+  places_.resize(parts());
   std::iota(places_.begin(), places_.end(), std::size_t{0});
   if (groups_ % 2 == 1) return;
   std::vector<std::size_t> order;  // of the parts
-  for (std::size_t part = 0; part < parts; ++part)
+  for (std::size_t part = 0; part < parts(); ++part)
     if (has_symmetry(part, 1)) order.push_back(part);
   const std::size_t even = order.size();
-  for (std::size_t part = 0; part < parts; ++part)
+  for (std::size_t part = 0; part < parts(); ++part)
     if (!has_symmetry(part, 1) && has_symmetry(part, -1)) order.push_back(part);
-  if (order.size() < parts) return;
+  if (order.size() < parts()) return;
   even_parts_ = even;
-  folded_pairs_.assign(parts * folded_pair_count(), 0);
-  for (std::size_t place = 0; place < parts; ++place) {
+  folded_pairs_.assign(parts() * folded_pair_count(), 0);
+  for (std::size_t place = 0; place < parts(); ++place) {
     places_[order[place]] = place;
     for (std::size_t g = 0; g < groups_ / 2; ++g)
       put_weight(folded_pairs_[place * folded_pair_count() + g / 2], g, integer_weight(order[place], g));
@@ -121,48 +120,49 @@ void for_each_dense_block(const FramesView<const T>& view, std::size_t frame, st
 }
 
 // Where the kernel adds up: sums of all parts of the weights, in the kernel's order.
-struct ByteSums {
-  std::vector<double> parts, squares;
+struct OwnByteSums {
+  std::vector<double> parts, totals, squares;
   std::vector<std::uint8_t> maximum;
+  OwnByteSums(std::size_t part_count, std::size_t columns)
+      : parts(part_count * columns), totals(columns), squares(columns), maximum(columns) {}
+  kernels::ByteSums view() { return {parts.data(), totals.data(), squares.data(), maximum.data()}; }
 };
 
 void add_folded(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                const RowWeights& weights, ByteSums& sums) {
+                const RowWeights& weights, const kernels::ByteSums& sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   const std::size_t half = weights.groups() / 2;
-  const std::size_t parts = weights.outputs() * static_cast<std::size_t>(weights.limbs());
   const std::size_t most = kernels::kRowsPerChunk / (2 * group);
   for (std::size_t g = 0; g < half; g += most)
     kernels::project_bytes({view.at(frame, g * group, first), view.at(frame, (weights.groups() - 1 - g) * group, first),
                             view.row_stride, std::min(most, half - g), count},
                            {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
-                            parts, weights.even_parts()},
-                           sums.parts.data(), sums.squares.data(), sums.maximum.data());
+                            weights.parts(), weights.even_parts()},
+                           sums);
 }
 
 void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                 const RowWeights& weights, ByteSums& sums) {
+                 const RowWeights& weights, const kernels::ByteSums& sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
-  const std::size_t parts = weights.outputs() * static_cast<std::size_t>(weights.limbs());
   for_each_dense_block(view, frame, first, count, weights.groups() * group, kernels::kRowsPerChunk,
                        [&](const std::uint8_t* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
                          kernels::project_bytes({pixels, nullptr, stride, rows / group, count},
                                                 {weights.row_group(), weights.pairs().data() + row / (2 * group),
-                                                 weights.pair_count(), parts, parts},
-                                                sums.parts.data(), sums.squares.data(), sums.maximum.data());
+                                                 weights.pair_count(), weights.parts(), weights.parts()},
+                                                sums);
                        });
 }
 
 Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first,
                          std::size_t count, const RowWeights& weights) {
-  const std::size_t parts = weights.outputs() * static_cast<std::size_t>(weights.limbs());
-  ByteSums sums{std::vector<double>(parts * count), std::vector<double>(count), std::vector<std::uint8_t>(count)};
+  OwnByteSums sums(weights.parts(), count);
   const bool folded = !weights.folded_pairs().empty() && (view.column_stride == 1 || count == 1);
   if (folded)
-    add_folded(view, frame, first, count, weights, sums);
+    add_folded(view, frame, first, count, weights, sums.view());
   else
-    add_plainly(view, frame, first, count, weights, sums);
+    add_plainly(view, frame, first, count, weights, sums.view());
   Projection result{std::vector<double>(weights.outputs() * count),
+                    std::move(sums.totals),
                     std::move(sums.squares),
                     {sums.maximum.begin(), sums.maximum.end()}};
   // Limbs from the smallest on; the sums are whole numbers and exact.
@@ -176,19 +176,25 @@ Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t
   return result;
 }
 
+Projection empty_projection(std::size_t outputs, std::size_t count) {
+  return {std::vector<double>(outputs * count), std::vector<double>(count), std::vector<double>(count),
+          std::vector<double>(count, -std::numeric_limits<double>::infinity())};
+}
+
 template <class T>
 Projection project_samples(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
                            const RowWeights& weights) {
   const auto group = static_cast<std::size_t>(weights.row_group());
-  Projection result{std::vector<double>(weights.outputs() * count), std::vector<double>(count),
-                    std::vector<double>(count, -std::numeric_limits<double>::infinity())};
-  for_each_dense_block(view, frame, first, count, weights.groups() * group, weights.groups() * group,
-                       [&](const T* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
-                         kernels::project_samples<T>({pixels, stride, rows / group, count}, weights.row_group(),
-                                                     weights.weights().data() + row / group, weights.groups(),
-                                                     weights.outputs(), result.sums.data(), result.squares.data(),
-                                                     result.maximum.data());
-                       });
+  Projection result = empty_projection(weights.outputs(), count);
+  const kernels::SampleSums sums{result.sums.data(),
+                                 {result.totals.data(), result.squares.data(), result.maximum.data()}};
+  for_each_dense_block(
+      view, frame, first, count, weights.groups() * group, weights.groups() * group,
+      [&](const T* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
+        kernels::project_samples<T>(
+            {pixels, stride, rows / group, count},
+            {weights.row_group(), weights.weights().data() + row / group, weights.groups(), weights.outputs()}, sums);
+      });
   return result;
 }
 
@@ -228,8 +234,7 @@ Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::
         const bool bytes = std::is_same_v<T, std::uint8_t>;
         const auto used =
             bytes ? weights.byte_weights() : std::vector<double>(weights.weights().begin(), weights.weights().end());
-        Projection result{std::vector<double>(weights.outputs() * count), std::vector<double>(count),
-                          std::vector<double>(count, -std::numeric_limits<double>::infinity())};
+        Projection result = empty_projection(weights.outputs(), count);
         for (std::size_t c = 0; c < count; ++c)
           for (std::size_t g = 0; g < weights.groups(); ++g) {
             double sum = 0;
@@ -238,6 +243,7 @@ Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::
               result.maximum[c] = std::max(result.maximum[c], v);
               sum += v;
             }
+            result.totals[c] += sum;
             result.squares[c] += sum * sum;
             for (std::size_t o = 0; o < weights.outputs(); ++o)
               result.sums[o * count + c] += used[o * weights.groups() + g] * sum;

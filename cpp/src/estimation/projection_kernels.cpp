@@ -20,18 +20,18 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // Rows that are worked on at a time: few enough streams for the prefetcher, enough to spare the sums' way to L1.
-constexpr std::size_t kRowsPerBlock = 16;
+constexpr std::size_t kRowsPerBlock = 32;
+[[maybe_unused]] constexpr std::size_t kRowsPerSampleBlock = 16;  // wider samples
 
 #if HWY_TARGET == HWY_SCALAR
 
 // Without vectors: the loops as they are meant.
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
-                  std::uint8_t* maximum) {
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to) {
   const auto group = static_cast<std::size_t>(weights.row_group);
   const auto sum_of_group = [&](const std::uint8_t* pixels, std::size_t c) {
     std::int32_t sum = 0;
     for (std::size_t r = 0; r < group; ++r, pixels += block.row_stride) {
-      maximum[c] = std::max(maximum[c], pixels[c]);
+      to.maximum[c] = std::max(to.maximum[c], pixels[c]);
       sum += pixels[c];
     }
     return sum;
@@ -44,9 +44,10 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, double* su
       for (std::size_t o = 0; o < weights.outputs; ++o) {
         const auto pair = static_cast<std::uint32_t>(weights.pairs[o * weights.stride + g / 2]);
         const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
-        sums[o * block.columns + c] += weight * (o < weights.even ? near + far : near - far);
+        to.sums[o * block.columns + c] += weight * (o < weights.even ? near + far : near - far);
       }
-      squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
+      to.totals[c] += near + far;
+      to.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
     }
 }
 
@@ -122,7 +123,37 @@ struct Rows {
   std::ptrdiff_t ahead;  // to the next block; backwards for the mirrored ones
 };
 
-// A strip's sums: kVectors vectors of an output, one output after the other, the squares last.
+// Where a strip is added up. sums: kVectors vectors of an output, one output after the other, then the squares, then
+// the totals. The totals of the last rows are kept in 16 bits, even and odd columns apart, until they might overflow.
+struct Strip {
+  std::int32_t* sums;
+  std::uint16_t* totals;
+  std::uint8_t* maximum;
+};
+
+constexpr std::size_t kOwnSums = 2;         // squares and totals, beside the outputs
+constexpr std::size_t kRowsPerTotal = 256;  // 255·kRowsPerTotal < 2^16
+
+// Strips side by side.
+struct Strips {
+  hwy::AlignedFreeUniquePtr<std::int32_t[]> sums;
+  hwy::AlignedFreeUniquePtr<std::uint16_t[]> totals;
+  std::vector<std::uint8_t> maximum;
+  std::size_t outputs;
+
+  Strips(std::size_t count, std::size_t of_outputs)
+      : sums(hwy::AllocateAligned<std::int32_t>(count * (of_outputs + kOwnSums) * hn::Lanes(d8))),
+        totals(hwy::AllocateAligned<std::uint16_t>(count * hn::Lanes(d8))),
+        maximum(count * hn::Lanes(d8)),
+        outputs(of_outputs) {
+    std::fill_n(sums.get(), count * (outputs + kOwnSums) * hn::Lanes(d8), 0);
+    std::fill_n(totals.get(), maximum.size(), std::uint16_t{0});
+  }
+  [[nodiscard]] Strip at(std::size_t column) {
+    return {sums.get() + column * (outputs + kOwnSums), totals.get() + column, maximum.data() + column};
+  }
+};
+
 HWY_INLINE void load_sums(const std::int32_t* HWY_RESTRICT from, Sum32* HWY_RESTRICT sums) {
   for (std::size_t v = 0; v < kVectors; ++v) sums[v] = hn::Load(d32, from + v * hn::Lanes(d32));
 }
@@ -152,7 +183,7 @@ HWY_INLINE void add_outputs(const Pair16 (&pairs)[kPairs][kVectors], const std::
 // Two groups of rows of a strip side by side: as they are, or the sums with their mirror images and the differences.
 // A lone group has no second.
 template <int kGroup, bool kFold, bool kLone>
-HWY_INLINE void load_pair(const Rows& rows, std::size_t pair, Bytes& top, Pair16* HWY_RESTRICT sums,
+HWY_INLINE void load_pair(const Rows& rows, std::size_t pair, EvenOdd& total, Bytes& top, Pair16* HWY_RESTRICT sums,
                           Pair16* HWY_RESTRICT differences) {
   const std::ptrdiff_t second = kGroup * rows.stride;
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(2 * pair) * second;
@@ -160,11 +191,14 @@ HWY_INLINE void load_pair(const Rows& rows, std::size_t pair, Bytes& top, Pair16
   const EvenOdd a = sum_of_group<kGroup>(rows.near + first, rows.stride, rows.ahead, top);
   const EvenOdd b = kLone ? none : sum_of_group<kGroup>(rows.near + first + second, rows.stride, rows.ahead, top);
   if constexpr (!kFold) {
+    total = total + (a + b);
     interleave(a, b, sums);
   } else {
     const EvenOdd c = sum_of_group<kGroup>(rows.far - first, rows.stride, -rows.ahead, top);
     const EvenOdd d = kLone ? none : sum_of_group<kGroup>(rows.far - first - second, rows.stride, -rows.ahead, top);
-    interleave(a + c, b + d, sums);
+    const EvenOdd ac = a + c, bd = b + d;
+    total = total + (ac + bd);
+    interleave(ac, bd, sums);
     interleave(a - c, b - d, differences);
   }
 }
@@ -181,42 +215,30 @@ HWY_INLINE void add_all_outputs(const Pair16 (&pairs)[kPairs][kVectors], const s
 
 // One block of rows of one strip: the squares (twice, if folded), then all outputs.
 template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
-HWY_INLINE void add_strip(const Rows& rows, const ByteWeights& weights, std::int32_t* HWY_RESTRICT sums,
-                          std::uint8_t* HWY_RESTRICT maximum) {
+HWY_INLINE void add_strip(const Rows& rows, const ByteWeights& weights, const Strip& strip) {
   const std::size_t per_output = kVectors * hn::Lanes(d32);
-  std::int32_t* squares = sums + weights.outputs * per_output;
+  std::int32_t* squares = strip.sums + weights.outputs * per_output;
   Pair16 near[kPairs][kVectors];
   Pair16 differences[kFold ? kPairs : 1][kVectors];
   Sum32 square[kVectors];
   load_sums(squares, square);
-  Bytes top = hn::LoadU(d8, maximum);
+  Bytes top = hn::LoadU(d8, strip.maximum);
+  EvenOdd total{hn::Load(d16, strip.totals), hn::Load(d16, strip.totals + hn::Lanes(d16))};
 #pragma GCC unroll 1
   for (std::size_t p = 0; p < kPairs; ++p) {
-    load_pair<kGroup, kFold, kLone>(rows, p, top, near[p], differences[kFold ? p : 0]);
+    load_pair<kGroup, kFold, kLone>(rows, p, total, top, near[p], differences[kFold ? p : 0]);
     for (std::size_t v = 0; v < kVectors; ++v) square[v] = multiply_pairs(square[v], near[p][v], near[p][v]);
     for (std::size_t v = 0; kFold && v < kVectors; ++v)
       square[v] = multiply_pairs(square[v], differences[p][v], differences[p][v]);
   }
-  hn::StoreU(top, d8, maximum);
+  hn::StoreU(top, d8, strip.maximum);
+  hn::Store(total.even, d16, strip.totals);
+  hn::Store(total.odd, d16, strip.totals + hn::Lanes(d16));
   store_sums(square, squares);
-  add_all_outputs(near, weights.pairs, weights.stride, kFold ? weights.even : weights.outputs, sums);
+  add_all_outputs(near, weights.pairs, weights.stride, kFold ? weights.even : weights.outputs, strip.sums);
   if constexpr (kFold)
     add_all_outputs(differences, weights.pairs + weights.even * weights.stride, weights.stride,
-                    weights.outputs - weights.even, sums + weights.even * per_output);
-}
-
-// The column, within a strip, whose sum ends up in each lane of the vectors of an output.
-std::vector<std::size_t> lane_order() {
-  const std::size_t half = hn::Lanes(d16);
-  std::vector<std::uint16_t> lanes(kVectors * half);
-  const auto even = hn::Add(hn::Iota(d16, 0), hn::Iota(d16, 0));
-  const auto none = hn::Zero(d16);
-  Pair16 pairs[kVectors];
-  interleave({even, hn::Add(even, hn::Set(d16, 1))}, {none, none}, pairs);
-  for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(hn::BitCast(d16, pairs[v]), d16, lanes.data() + v * half);
-  std::vector<std::size_t> order;
-  for (std::size_t lane = 0; lane < lanes.size(); lane += 2) order.push_back(lanes[lane]);
-  return order;
+                    weights.outputs - weights.even, strip.sums + weights.even * per_output);
 }
 
 // Copies `rows` rows of the last, narrower strip, which leaves the rest of a vector 0.
@@ -228,15 +250,14 @@ HWY_INLINE void pad_strip(const std::uint8_t* from, std::ptrdiff_t stride, std::
 
 // Runs add_strip over all strips of a block of rows.
 template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
-void add_block(const ByteBlock& block, bool is_last, const ByteWeights& weights, std::int32_t* sums,
-               std::uint8_t* maximum) {
+void add_block(const ByteBlock& block, bool is_last, const ByteWeights& weights, Strips& strips) {
   constexpr std::size_t kRows = (kLone ? 1 : 2) * kGroup * kPairs;
-  const std::size_t strip = hn::Lanes(d8);
+  const std::size_t width = hn::Lanes(d8);
   const std::ptrdiff_t ahead = is_last ? 0 : static_cast<std::ptrdiff_t>(kRows) * block.row_stride;
   std::size_t c = 0;
-  for (; c + strip <= block.columns; c += strip, sums += (weights.outputs + 1) * strip)
+  for (; c + width <= block.columns; c += width)
     add_strip<kGroup, kPairs, kFold, kLone>(
-        {block.pixels + c, kFold ? block.mirrored + c : nullptr, block.row_stride, ahead}, weights, sums, maximum + c);
+        {block.pixels + c, kFold ? block.mirrored + c : nullptr, block.row_stride, ahead}, weights, strips.at(c));
   if (c == block.columns) return;
   std::array<std::uint8_t, kRows * HWY_MAX_BYTES> near{};
   std::array<std::uint8_t, kFold ? kRows * HWY_MAX_BYTES : 1> far{};
@@ -244,14 +265,40 @@ void add_block(const ByteBlock& block, bool is_last, const ByteWeights& weights,
   pad_strip(block.pixels + c, block.row_stride, kRows, block.columns - c, near.data());
   if (kFold)
     pad_strip(block.mirrored - back * block.row_stride + c, block.row_stride, kRows, block.columns - c, far.data());
-  const auto stride = static_cast<std::ptrdiff_t>(strip);
+  const auto stride = static_cast<std::ptrdiff_t>(width);
   add_strip<kGroup, kPairs, kFold, kLone>({near.data(), far.data() + (kFold ? back * stride : 0), stride, 0}, weights,
-                                          sums, maximum + c);
+                                          strips.at(c));
+}
+
+// Moves the totals from 16 to 32 bits.
+void widen_totals(std::size_t columns, Strips& strips) {
+  for (std::size_t c = 0; c < columns; c += hn::Lanes(d8)) {
+    const Strip strip = strips.at(c);
+    const EvenOdd none{hn::Zero(d16), hn::Zero(d16)};
+    Pair16 wide[kVectors];
+    interleave({hn::Load(d16, strip.totals), hn::Load(d16, strip.totals + hn::Lanes(d16))}, none, wide);
+    std::int32_t* to = strip.sums + (strips.outputs + 1) * kVectors * hn::Lanes(d32);
+    Sum32 sums[kVectors];
+    load_sums(to, sums);
+    for (std::size_t v = 0; v < kVectors; ++v) sums[v] = hn::Add(sums[v], hn::BitCast(d32, wide[v]));
+    store_sums(sums, to);
+    hn::Store(none.even, d16, strip.totals);
+    hn::Store(none.odd, d16, strip.totals + hn::Lanes(d16));
+  }
 }
 
 template <int kGroup, bool kFold>
-void project_groups(ByteBlock rest, ByteWeights weights, std::int32_t* sums, std::uint8_t* maximum) {
-  constexpr std::size_t kPairs = std::max<std::size_t>(kRowsPerBlock / (kFold ? 4 * kGroup : 2 * kGroup), 1);
+void project_groups(ByteBlock rest, ByteWeights weights, Strips& strips) {
+  constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
+  constexpr std::size_t kPairs = std::max<std::size_t>(kRowsPerBlock / kRowsPerPair, 1);
+  std::size_t rows_in_totals = 0;
+  const auto make_room = [&](std::size_t pairs) {
+    if (rows_in_totals + pairs * kRowsPerPair > kRowsPerTotal) {
+      widen_totals(rest.columns, strips);
+      rows_in_totals = 0;
+    }
+    rows_in_totals += pairs * kRowsPerPair;
+  };
   const auto advance = [&](std::size_t pairs) {
     const auto rows = static_cast<std::ptrdiff_t>(2 * kGroup * pairs) * rest.row_stride;
     rest.pixels += rows;
@@ -259,50 +306,73 @@ void project_groups(ByteBlock rest, ByteWeights weights, std::int32_t* sums, std
     rest.groups -= 2 * pairs;
     weights.pairs += pairs;
   };
-  for (; rest.groups >= 2 * kPairs; advance(kPairs))
-    add_block<kGroup, kPairs, kFold, false>(rest, rest.groups < 4 * kPairs, weights, sums, maximum);
-  for (; rest.groups >= 2; advance(1)) add_block<kGroup, 1, kFold, false>(rest, true, weights, sums, maximum);
-  if (rest.groups > 0) add_block<kGroup, 1, kFold, true>(rest, true, weights, sums, maximum);
+  for (; rest.groups >= 2 * kPairs; advance(kPairs)) {
+    make_room(kPairs);
+    add_block<kGroup, kPairs, kFold, false>(rest, rest.groups < 4 * kPairs, weights, strips);
+  }
+  for (; rest.groups >= 2; advance(1)) {
+    make_room(1);
+    add_block<kGroup, 1, kFold, false>(rest, true, weights, strips);
+  }
+  if (rest.groups > 0) {
+    make_room(1);
+    add_block<kGroup, 1, kFold, true>(rest, true, weights, strips);
+  }
+  widen_totals(rest.columns, strips);
 }
 
 template <int kGroup>
-void project_any(const ByteBlock& block, const ByteWeights& weights, std::int32_t* sums, std::uint8_t* maximum) {
+void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   if (block.mirrored)
-    project_groups<kGroup, true>(block, weights, sums, maximum);
+    project_groups<kGroup, true>(block, weights, strips);
   else
-    project_groups<kGroup, false>(block, weights, sums, maximum);
+    project_groups<kGroup, false>(block, weights, strips);
 }
 
-// Adds a strip's sums to those of the chunks before, back in the order of the columns.
-void add_in_order(const std::int32_t* HWY_RESTRICT from, const std::vector<std::size_t>& order, double unit,
-                  double* HWY_RESTRICT to, std::size_t columns) {
-  if (columns == order.size())
-    for (std::size_t lane = 0; lane < order.size(); ++lane) to[order[lane]] += unit * static_cast<double>(from[lane]);
-  else
-    for (std::size_t lane = 0; lane < order.size(); ++lane)
-      if (order[lane] < columns) to[order[lane]] += unit * static_cast<double>(from[lane]);
+// Adds unit·sums of one output of a strip, put back into the order of its columns, to `columns` numbers.
+HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to,
+                             std::size_t columns) {
+  constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes that interleaving keeps together
+  const hn::CappedTag<std::int32_t, kInBlock> d_quad;
+  const hn::CappedTag<double, kInBlock> d_double;
+  const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
+  HWY_ALIGN std::array<std::int32_t, kVectors * hn::MaxLanes(d32)> in_order;
+  for (std::size_t half = 0; half < 2; ++half) {  // of the columns that share a block
+    const Sum32 even = hn::Load(d32, from + half * hn::Lanes(d32));
+    const Sum32 odd = hn::Load(d32, from + (2 + half) * hn::Lanes(d32));
+    HWY_ALIGN std::array<std::int32_t, 2 * hn::MaxLanes(d32)> quads;
+    hn::Store(hn::InterleaveLower(d32, even, odd), d32, quads.data());
+    hn::Store(hn::InterleaveUpper(d32, even, odd), d32, quads.data() + hn::Lanes(d32));
+    for (std::size_t block = 0; block < hn::Lanes(d32) / kInBlock; ++block)
+      for (std::size_t quad = 0; quad < 2; ++quad)
+        hn::Store(hn::Load(d_quad, quads.data() + quad * hn::Lanes(d32) + block * kInBlock), d_quad,
+                  in_order.data() + (4 * block + 2 * half + quad) * kInBlock);
+  }
+  if (columns < in_order.size()) {
+    for (std::size_t c = 0; c < columns; ++c) to[c] += unit * in_order[c];
+    return;
+  }
+  for (std::size_t c = 0; c < columns; c += hn::Lanes(d_double)) {
+    const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, in_order.data() + c));
+    hn::StoreU(hn::Add(hn::LoadU(d_double, to + c), hn::Mul(hn::Set(d_double, unit), sums)), d_double, to + c);
+  }
 }
 
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
-                  std::uint8_t* maximum) {
-  const std::size_t strip = hn::Lanes(d8);
-  const std::size_t padded_columns = (block.columns + strip - 1) / strip * strip;
-  const auto integers = hwy::AllocateAligned<std::int32_t>((weights.outputs + 1) * padded_columns);
-  std::fill_n(integers.get(), (weights.outputs + 1) * padded_columns, 0);
-  std::vector<std::uint8_t> top(padded_columns);
-  if (weights.row_group == 1) project_any<1>(block, weights, integers.get(), top.data());
-  if (weights.row_group == 2) project_any<2>(block, weights, integers.get(), top.data());
-  if (weights.row_group == 4) project_any<4>(block, weights, integers.get(), top.data());
-  if (weights.row_group == 8) project_any<8>(block, weights, integers.get(), top.data());
-  for (std::size_t c = 0; c < block.columns; ++c) maximum[c] = std::max(maximum[c], top[c]);
-  const auto order = lane_order();
-  const std::int32_t* from = integers.get();
-  for (std::size_t c = 0; c < block.columns; c += strip) {
-    const std::size_t here = std::min(strip, block.columns - c);
-    for (std::size_t o = 0; o < weights.outputs; ++o, from += strip)
-      add_in_order(from, order, 1, sums + o * block.columns + c, here);
-    add_in_order(from, order, block.mirrored ? 0.5 : 1, squares + c, here);
-    from += strip;
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to) {
+  const std::size_t width = hn::Lanes(d8);
+  Strips strips((block.columns + width - 1) / width, weights.outputs);
+  if (weights.row_group == 1) project_any<1>(block, weights, strips);
+  if (weights.row_group == 2) project_any<2>(block, weights, strips);
+  if (weights.row_group == 4) project_any<4>(block, weights, strips);
+  if (weights.row_group == 8) project_any<8>(block, weights, strips);
+  for (std::size_t c = 0; c < block.columns; ++c) to.maximum[c] = std::max(to.maximum[c], strips.maximum[c]);
+  for (std::size_t c = 0; c < block.columns; c += width) {
+    const std::size_t here = std::min(width, block.columns - c);
+    const std::int32_t* from = strips.at(c).sums;
+    for (std::size_t o = 0; o < weights.outputs; ++o, from += width)
+      add_in_order(from, 1, to.sums + o * block.columns + c, here);
+    add_in_order(from, block.mirrored ? 0.5 : 1, to.squares + c, here);
+    add_in_order(from + width, 1, to.totals + c, here);
   }
 }
 
@@ -325,88 +395,94 @@ HWY_INLINE Sum64 load_samples(const std::uint16_t* p) {
 template <int kOutputs, class T>
 HWY_INLINE void add_sample_outputs(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, int row_group,
                                    std::size_t groups, const double* HWY_RESTRICT weights, std::size_t weights_stride,
-                                   double* HWY_RESTRICT sums, std::size_t per_output, double* HWY_RESTRICT squares,
-                                   double* HWY_RESTRICT maximum) {
-  Sum64 out[kOutputs];
+                                   double* HWY_RESTRICT sums, std::size_t per_output, const SampleMoments* moments) {
+  Sum64 out[kOutputs > 0 ? kOutputs : 1];
   for (int o = 0; o < kOutputs; ++o) out[o] = hn::LoadU(d64, sums + static_cast<std::size_t>(o) * per_output);
-  Sum64 square = hn::Zero(d64);
-  Sum64 top = hn::Zero(d64);
-  if (squares) square = hn::LoadU(d64, squares);
-  if (squares) top = hn::LoadU(d64, maximum);
+  Sum64 total = hn::Zero(d64), square = total, top = total;
+  if (moments) {
+    total = hn::LoadU(d64, moments->totals);
+    square = hn::LoadU(d64, moments->squares);
+    top = hn::LoadU(d64, moments->maximum);
+  }
   for (std::size_t g = 0; g < groups; ++g) {
     Sum64 v = load_samples(pixels);
-    if (squares) top = hn::Max(top, v);
+    if (moments) top = hn::Max(top, v);
     pixels += stride;
     for (int i = 1; i < row_group; ++i, pixels += stride) {
       const Sum64 next = load_samples(pixels);
-      if (squares) top = hn::Max(top, next);
+      if (moments) top = hn::Max(top, next);
       v = hn::Add(v, next);
     }
     for (int o = 0; o < kOutputs; ++o)
       out[o] = hn::MulAdd(v, hn::Set(d64, weights[static_cast<std::size_t>(o) * weights_stride + g]), out[o]);
-    if (squares) square = hn::MulAdd(v, v, square);
+    if (moments) total = hn::Add(total, v);
+    if (moments) square = hn::MulAdd(v, v, square);
   }
   for (int o = 0; o < kOutputs; ++o) hn::StoreU(out[o], d64, sums + static_cast<std::size_t>(o) * per_output);
-  if (squares) hn::StoreU(square, d64, squares);
-  if (squares) hn::StoreU(top, d64, maximum);
+  if (!moments) return;
+  hn::StoreU(total, d64, moments->totals);
+  hn::StoreU(square, d64, moments->squares);
+  hn::StoreU(top, d64, moments->maximum);
 }
 
 template <class T>
 void add_sample_strip(const T* pixels, std::ptrdiff_t stride, int row_group, std::size_t groups, const double* weights,
                       std::size_t weights_stride, std::size_t outputs, double* sums, std::size_t per_output,
-                      double* squares, double* maximum) {
-  for (std::size_t o = 0; o < outputs; o += 3) {
+                      const SampleMoments& moments) {
+  for (std::size_t o = 0; o == 0 || o < outputs; o += 3) {
     const auto run = [&]<int kOutputs>() {
       add_sample_outputs<kOutputs>(pixels, stride, row_group, groups, weights + o * weights_stride, weights_stride,
-                                   sums + o * per_output, per_output, o == 0 ? squares : nullptr, maximum);
+                                   sums + o * per_output, per_output, o == 0 ? &moments : nullptr);
     };
     if (outputs - o >= 3) run.template operator()<3>();
     if (outputs - o == 2) run.template operator()<2>();
     if (outputs - o == 1) run.template operator()<1>();
+    if (outputs == 0) run.template operator()<0>();
   }
 }
 
 template <class T>
-void ProjectSamples(const SampleBlock<T>& block, int row_group, const double* weights, std::size_t weights_stride,
-                    std::size_t outputs, double* sums, double* squares, double* maximum) {
+void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, const SampleSums& to) {
+  const std::size_t outputs = weights.outputs;
   const std::size_t strip = hn::Lanes(d64);
-  const std::size_t groups_per_block = std::max<std::size_t>(kRowsPerBlock / static_cast<std::size_t>(row_group), 1);
+  const auto row_group = static_cast<std::size_t>(weights.row_group);
+  const std::size_t groups_per_block = std::max<std::size_t>(kRowsPerSampleBlock / row_group, 1);
   const std::size_t whole = block.columns / strip * strip;
   const std::size_t rest = block.columns - whole;
-  std::vector<T> padded(rest ? kRowsPerBlock * strip : 0);
-  std::vector<double> padded_sums((outputs + 2) * strip);
+  std::vector<T> padded(rest ? kRowsPerSampleBlock * strip : 0);
+  std::vector<double> padded_sums((outputs + 3) * strip);
+  double* moments = padded_sums.data() + outputs * strip;
   for (std::size_t g = 0; g < block.groups; g += groups_per_block) {
     const std::size_t groups = std::min(groups_per_block, block.groups - g);
-    const T* pixels = block.pixels + static_cast<std::ptrdiff_t>(g) * row_group * block.row_stride;
+    const T* pixels = block.pixels + static_cast<std::ptrdiff_t>(g * row_group) * block.row_stride;
     for (std::size_t c = 0; c < whole; c += strip)
-      add_sample_strip(pixels + c, block.row_stride, row_group, groups, weights + g, weights_stride, outputs, sums + c,
-                       block.columns, squares + c, maximum + c);
+      add_sample_strip(pixels + c, block.row_stride, weights.row_group, groups, weights.values + g, weights.stride,
+                       outputs, to.sums + c, block.columns,
+                       {to.moments.totals + c, to.moments.squares + c, to.moments.maximum + c});
     if (rest == 0) continue;
-    for (std::size_t r = 0; r < groups * static_cast<std::size_t>(row_group); ++r)
+    for (std::size_t r = 0; r < groups * row_group; ++r)
       std::copy_n(pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride + whole, rest, padded.data() + r * strip);
     std::fill(padded_sums.begin(), padded_sums.end(), 0.0);
     const auto row_of = [&](std::size_t o) {
-      return o < outputs ? sums + o * block.columns + whole : (o == outputs ? squares : maximum) + whole;
+      if (o < outputs) return to.sums + o * block.columns + whole;
+      return std::array{to.moments.totals, to.moments.squares, to.moments.maximum}[o - outputs] + whole;
     };
-    for (std::size_t o = 0; o < outputs + 2; ++o) std::copy_n(row_of(o), rest, padded_sums.data() + o * strip);
-    add_sample_strip(padded.data(), static_cast<std::ptrdiff_t>(strip), row_group, groups, weights + g, weights_stride,
-                     outputs, padded_sums.data(), strip, padded_sums.data() + outputs * strip,
-                     padded_sums.data() + (outputs + 1) * strip);
-    for (std::size_t o = 0; o < outputs + 2; ++o) std::copy_n(padded_sums.data() + o * strip, rest, row_of(o));
+    for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(row_of(o), rest, padded_sums.data() + o * strip);
+    add_sample_strip(padded.data(), static_cast<std::ptrdiff_t>(strip), weights.row_group, groups, weights.values + g,
+                     weights.stride, outputs, padded_sums.data(), strip,
+                     {moments, moments + strip, moments + 2 * strip});
+    for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(padded_sums.data() + o * strip, rest, row_of(o));
   }
 }
 
-void ProjectShorts(const SampleBlock<std::uint16_t>& block, int row_group, const double* weights, std::size_t stride,
-                   std::size_t outputs, double* sums, double* squares, double* maximum) {
-  ProjectSamples(block, row_group, weights, stride, outputs, sums, squares, maximum);
+void ProjectShorts(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const SampleSums& to) {
+  ProjectSamples(block, weights, to);
 }
-void ProjectFloats(const SampleBlock<float>& block, int row_group, const double* weights, std::size_t stride,
-                   std::size_t outputs, double* sums, double* squares, double* maximum) {
-  ProjectSamples(block, row_group, weights, stride, outputs, sums, squares, maximum);
+void ProjectFloats(const SampleBlock<float>& block, const SampleWeights& weights, const SampleSums& to) {
+  ProjectSamples(block, weights, to);
 }
-void ProjectDoubles(const SampleBlock<double>& block, int row_group, const double* weights, std::size_t stride,
-                    std::size_t outputs, double* sums, double* squares, double* maximum) {
-  ProjectSamples(block, row_group, weights, stride, outputs, sums, squares, maximum);
+void ProjectDoubles(const SampleBlock<double>& block, const SampleWeights& weights, const SampleSums& to) {
+  ProjectSamples(block, weights, to);
 }
 
 std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
@@ -445,25 +521,21 @@ HWY_EXPORT(ProjectDoubles);
 HWY_EXPORT(ReadBytes);
 HWY_EXPORT(TargetName);
 
-void project_bytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
-                   std::uint8_t* maximum) {
-  HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, sums, squares, maximum);
+void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, to);
 }
 
 template <>
-void project_samples(const SampleBlock<std::uint16_t>& block, int row_group, const double* weights, std::size_t stride,
-                     std::size_t outputs, double* sums, double* squares, double* maximum) {
-  HWY_DYNAMIC_DISPATCH(ProjectShorts)(block, row_group, weights, stride, outputs, sums, squares, maximum);
+void project_samples(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const SampleSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectShorts)(block, weights, to);
 }
 template <>
-void project_samples(const SampleBlock<float>& block, int row_group, const double* weights, std::size_t stride,
-                     std::size_t outputs, double* sums, double* squares, double* maximum) {
-  HWY_DYNAMIC_DISPATCH(ProjectFloats)(block, row_group, weights, stride, outputs, sums, squares, maximum);
+void project_samples(const SampleBlock<float>& block, const SampleWeights& weights, const SampleSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectFloats)(block, weights, to);
 }
 template <>
-void project_samples(const SampleBlock<double>& block, int row_group, const double* weights, std::size_t stride,
-                     std::size_t outputs, double* sums, double* squares, double* maximum) {
-  HWY_DYNAMIC_DISPATCH(ProjectDoubles)(block, row_group, weights, stride, outputs, sums, squares, maximum);
+void project_samples(const SampleBlock<double>& block, const SampleWeights& weights, const SampleSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectDoubles)(block, weights, to);
 }
 
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size) {

@@ -29,9 +29,13 @@ struct ByteWeights {
 inline constexpr std::size_t kRowsPerChunk = 2048;
 inline constexpr std::int32_t kLargestWeight = 4095;
 
-// sums (outputs × columns), squares and maximum (columns) are added to (maximum: raised).
-void project_bytes(const ByteBlock& block, const ByteWeights& weights, double* sums, double* squares,
-                   std::uint8_t* maximum);
+// What a block is added to (the maximum: raised): sums (outputs × columns), the rest (columns,).
+struct ByteSums {
+  double *sums, *totals, *squares;
+  std::uint8_t* maximum;
+};
+
+void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to);
 
 template <class T>
 struct SampleBlock {
@@ -41,10 +45,26 @@ struct SampleBlock {
   std::size_t columns;
 };
 
-// The same in float64 for other samples; weights of output o begin at weights + o·weights_stride.
+// Weights of output o begin at values + o·stride.
+struct SampleWeights {
+  int row_group;
+  const double* values;
+  std::size_t stride;
+  std::size_t outputs;
+};
+
+struct SampleMoments {
+  double *totals, *squares, *maximum;
+};
+
+struct SampleSums {
+  double* sums;
+  SampleMoments moments;
+};
+
+// The same in float64 for other samples.
 template <class T>
-void project_samples(const SampleBlock<T>& block, int row_group, const double* weights, std::size_t weights_stride,
-                     std::size_t outputs, double* sums, double* squares, double* maximum);
+void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const SampleSums& to);
 
 // Adds up a block of bytes: the time of merely reading a frame.
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);

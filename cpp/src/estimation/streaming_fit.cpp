@@ -119,16 +119,22 @@ void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_r
 }
 
 void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
+  const auto estimates = chosen.weights.rows();
   const auto groups = static_cast<std::size_t>(chosen.design.rows());
   middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
   freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
   covariance_ = dense(chosen.covariance);
   gram_ = dense(chosen.design.transpose() * chosen.design);
-  weights_ = RowWeights(dense(chosen.weights), estimates_, rows, chosen.row_group, limbs);
-  const auto rounded = weights_.byte_weights();
-  const Eigen::Map<const RowMajor> integers(rounded.data(), chosen.weights.rows(), chosen.weights.cols());
-  identity_ = dense(RowMajor::Identity(integers.rows(), integers.rows()));
-  unbias_ = dense((integers * chosen.design).inverse());
+  // The mean's row is not needed: with those of the tones, the plain sum spans the same estimates.
+  const auto tones = chosen.weights.rows() - 1;
+  weights_ = RowWeights(dense(chosen.weights.bottomRows(tones)), estimates_ - 1, rows, chosen.row_group, limbs);
+  const auto transform = [&](std::span<const double> of_tones) {
+    RowMajor all = RowMajor::Ones(estimates, chosen.weights.cols());
+    all.bottomRows(tones) = Eigen::Map<const RowMajor>(of_tones.data(), tones, chosen.weights.cols());
+    return dense((all * chosen.design).inverse());
+  };
+  of_samples_ = transform(weights_.weights());
+  of_bytes_ = transform(weights_.byte_weights());
 }
 
 namespace {
@@ -174,9 +180,10 @@ StreamingFit::Columns StreamingFit::estimate(const AnyFramesView& frames, std::s
   Projection projection = project(frames, frame, first, count, weights_);
   const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
   Columns columns{std::vector<double>(estimates_ * count), std::vector<double>(count), std::move(projection.maximum)};
-  kernels::parameters_of_sums({estimates_, count, projection.sums.data(), projection.squares.data(),
-                               (bytes ? unbias_ : identity_).data(), gram_.data(), freedom_},
-                              columns.parameters.data(), columns.noise_variance.data());
+  kernels::parameters_of_sums(
+      {estimates_, count, projection.totals.data(), projection.sums.data(), projection.squares.data(),
+       (bytes ? of_bytes_ : of_samples_).data(), gram_.data(), freedom_},
+      columns.parameters.data(), columns.noise_variance.data());
   return columns;
 }
 

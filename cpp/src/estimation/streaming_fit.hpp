@@ -55,8 +55,8 @@ class StreamingFit {
   std::vector<Flags> flags_;        // of the tones
   std::vector<double> covariance_;  // (estimates × estimates)
   std::vector<double> gram_;        // (estimates × estimates): AᵀA of the design A of the sums
-  std::vector<double> identity_;    // (estimates × estimates)
-  std::vector<double> unbias_;      // (estimates × estimates): takes back what rounding the weights to integers did
+  // From totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of bytes.
+  std::vector<double> of_samples_, of_bytes_;
   RowWeights weights_;
 };
 

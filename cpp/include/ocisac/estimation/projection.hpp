@@ -27,6 +27,8 @@ class RowWeights {
   [[nodiscard]] std::size_t outputs() const { return outputs_; }
   [[nodiscard]] int row_group() const { return row_group_; }
   [[nodiscard]] int limbs() const { return limbs_; }
+  // Limbs of all outputs.
+  [[nodiscard]] std::size_t parts() const { return outputs_ * static_cast<std::size_t>(limbs_); }
   [[nodiscard]] std::span<const double> weights() const { return weights_; }
   // The weights that bytes are really multiplied with.
   [[nodiscard]] std::vector<double> byte_weights() const;
@@ -63,6 +65,7 @@ class RowWeights {
 // What a pass over columns [first, first + count) of one frame brings, dense.
 struct Projection {
   std::vector<double> sums;     // (outputs × count): Σ_j weight(output, j)·s(j, column), s: sum of a group of rows
+  std::vector<double> totals;   // (count,): Σ_j s(j, column)
   std::vector<double> squares;  // (count,): Σ_j s(j, column)²
   std::vector<double> maximum;  // (count,): largest sample of a column
 };
