@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <array>
 #include <string>
 
 #include "arrays.hpp"
@@ -35,7 +36,7 @@ py::array_t<T> as_array(const std::vector<T>& values, const std::vector<py::ssiz
   return array;
 }
 
-// (tones, frames, columns) arrays: gain, gain_std, phase, mean, snr, flags.
+// (5, tones, frames, columns): gain, gain_std, phase, mean, snr; and flags (tones, frames, columns).
 py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const DoubleArray& frequencies,
                            const std::string& method, const std::string& waveform, double duty,
                            const DoubleArray& background, double efficiency, int threads, bool pooled) {
@@ -47,15 +48,21 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
                                 {background.data(), static_cast<std::size_t>(background.size())},
                                 efficiency,
                                 threads};
-  ToneGain result;
+  const auto [frames, width] = std::visit([](const auto& v) { return std::pair(v.frames, v.columns); }, view);
+  const std::array shape{tones.size(), frames, pooled ? 1 : width};
+  const std::size_t size = shape[0] * shape[1] * shape[2];
+  py::array_t<double> values({std::size_t{5}, shape[0], shape[1], shape[2]});
+  py::array_t<Flags> flags(shape);
+  const auto part = [&, data = values.mutable_data()](std::size_t i) { return std::span(data + i * size, size); };
+  const ToneGainView result{part(0), part(1), part(2), part(3), part(4), {flags.mutable_data(), size}};
   {
     const py::gil_scoped_release unlocked;
-    result = pooled ? pooled_tone_gain(view, camera, tones, options) : tone_gain(view, camera, tones, options);
+    if (pooled)
+      pooled_tone_gain(view, camera, tones, options, result);
+    else
+      tone_gain(view, camera, tones, options, result);
   }
-  const auto size = [](std::size_t n) { return static_cast<py::ssize_t>(n); };
-  const std::vector<py::ssize_t> shape{size(result.tones), size(result.frames), size(result.columns)};
-  return py::make_tuple(as_array(result.gain, shape), as_array(result.gain_std, shape), as_array(result.phase, shape),
-                        as_array(result.mean, shape), as_array(result.snr, shape), as_array(result.flags, shape));
+  return py::make_tuple(values, flags);
 }
 
 // (frames, columns) arrays: gain, gain_std, mean, bias, bias_std, flags.

@@ -93,7 +93,7 @@ def tone_gain(
     tones = np.asarray(frequency, dtype=np.float64)
     if tones.ndim > 1:
         raise ValueError(f"frequency: got shape {tones.shape}, allowed: one value or (tones,)")
-    results = _core.tone_gain(
+    values, flags = _core.tone_gain(
         columns=array,
         camera=camera._handle,
         frequencies=np.atleast_1d(tones),
@@ -106,7 +106,8 @@ def tone_gain(
         pooled=pooled,
     )
     shape = tones.shape + result_shape(array, pooled)
-    return ToneGain(*(values.reshape(shape) for values in results))
+    values = values.reshape((5, *shape))
+    return ToneGain(*(values[i, ...] for i in range(5)), flags.reshape(shape))
 
 
 def result_shape(columns: npt.NDArray[Any], pooled: bool) -> tuple[int, ...]:

@@ -96,8 +96,8 @@ std::size_t index_of(const Context& context, std::size_t tone, std::size_t frame
   return (tone * context.shape.frames + frame) * context.shape.columns;
 }
 
-void mark_unknown(ToneGain& result, std::size_t index) {
-  for (auto* values : {&result.gain, &result.gain_std, &result.phase, &result.snr}) (*values)[index] = kNaN;
+void mark_unknown(const ToneGainView& result, std::size_t index) {
+  for (const auto& values : {result.gain, result.gain_std, result.phase, result.snr}) values[index] = kNaN;
 }
 
 // Takes off what is not the source's.
@@ -120,7 +120,7 @@ bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
 // Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
 // `first` in the result on. saturated: (columns,).
 void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
-                  std::span<const std::uint8_t> saturated, std::size_t first, ToneGain& result) {
+                  std::span<const std::uint8_t> saturated, std::size_t first, const ToneGainView& result) {
   const std::size_t count = estimates.mean.size();
   const Variances& variances = estimates.variances;
   std::vector<double> weak(count);
@@ -326,6 +326,16 @@ ToneGain empty_result(std::size_t tones, std::size_t frames, std::size_t columns
   return {tones, frames, columns, values(), values(), values(), values(), values(), std::vector<Flags>(size)};
 }
 
+ToneGainView view_of(ToneGain& result) {
+  return {result.gain, result.gain_std, result.phase, result.mean, result.snr, result.flags};
+}
+
+void check_room(const ToneGainView& result, std::size_t size) {
+  for (const auto& values : {result.gain, result.gain_std, result.phase, result.mean, result.snr})
+    require(values.size() == size, "result", values.size(), "tones × frames × columns values");
+  require(result.flags.size() == size, "result", result.flags.size(), "tones × frames × columns flags");
+}
+
 // The plan of a pass over the pixels themselves, where that answers as well as the fit of signals of linear light in
 // float64 does; null otherwise. At full efficiency floats are left to the latter, which is exact in its residual too.
 std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
@@ -355,7 +365,8 @@ Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& colu
           {fit.covariance(0, 0), fit.covariance(a, a), fit.covariance(a + 1, a + 1), fit.covariance(0, a)}};
 }
 
-void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context, ToneGain& result) {
+void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
+                  const ToneGainView& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
   // Threads share a frame in halves: one that starts late still finds work. The numbers do not depend on it.
   const std::size_t width = context.options->threads > 1 ? kColumnsPerStream / 2 : kColumnsPerStream;
@@ -443,15 +454,12 @@ double full_depth_ratio(WaveformShape waveform, double duty) {
   return waveform == WaveformShape::tone ? 1.0 : 2 * sinc(duty);
 }
 
-ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-                   const ToneGainOptions& options) {
+void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+               const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
   const auto [frame_count, rows, columns] = context.shape;
-  ToneGain result = empty_result(frequencies.size(), frame_count, columns);
-  if (const auto fit = streaming_fit(frames, context)) {
-    stream_gains(frames, *fit, context, result);
-    return result;
-  }
+  check_room(result, frequencies.size() * frame_count * columns);
+  if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   const auto estimator = make_estimator(context);
   const double level = saturation_level(frames, camera.tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
@@ -469,15 +477,22 @@ ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<
                    result);
     }
   });
+}
+
+ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                   const ToneGainOptions& options) {
+  const Shape shape = shape_of(frames);
+  ToneGain result = empty_result(frequencies.size(), shape.frames, shape.columns);
+  tone_gain(frames, camera, frequencies, options, view_of(result));
   return result;
 }
 
-ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-                          const ToneGainOptions& options) {
+void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                      const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
   context.whole_numbers = false;  // a mean of columns is not
   const auto estimator = make_estimator(context);
-  ToneGain result = empty_result(frequencies.size(), context.shape.frames, 1);
+  check_room(result, frequencies.size() * context.shape.frames);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
     auto estimates = estimator->estimate(pooled.signal);
@@ -487,6 +502,12 @@ ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std
                    k * context.shape.frames + frame, result);
     }
   });
+}
+
+ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                          const ToneGainOptions& options) {
+  ToneGain result = empty_result(frequencies.size(), shape_of(frames).frames, 1);
+  pooled_tone_gain(frames, camera, frequencies, options, view_of(result));
   return result;
 }
 

@@ -41,14 +41,28 @@ struct ToneGain {
   std::vector<Flags> flags;
 };
 
+// The same in memory of the caller's.
+struct ToneGainView {
+  std::span<double> gain, gain_std, phase, mean, snr;
+  std::span<Flags> flags;
+};
+
 // Theory: frequencies in Hz, > 0, any number >= 1. Throws std::invalid_argument for values without meaning.
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                    const ToneGainOptions& options = {});
+
+// Writes into `result`, whose arrays hold tones × frames × columns each.
+void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+               const ToneGainOptions& options, const ToneGainView& result);
 
 // The same for all columns of a frame combined into one, weighted by their brightness above background; saturated
 // columns are left out where others remain. Arrays (tones × frames × 1).
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                           const ToneGainOptions& options = {});
+
+// `result` holds tones × frames.
+void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                      const ToneGainOptions& options, const ToneGainView& result);
 
 // Amplitude of the fundamental over the mean, at full depth and without exposure: 1 for a tone, 2·sinc(duty) for a
 // square wave (4/π at duty 1/2).
