@@ -107,7 +107,8 @@ def tone_gain(
     )
     shape = tones.shape + result_shape(array, pooled)
     values = values.reshape((5, *shape))
-    return ToneGain(*(values[i, ...] for i in range(5)), flags.reshape(shape))
+    gain, gain_std, phase, mean, snr = (values[i, ...] for i in range(5))
+    return ToneGain(gain, gain_std, phase, mean, snr, flags.reshape(shape))
 
 
 def result_shape(columns: npt.NDArray[Any], pooled: bool) -> tuple[int, ...]:
