@@ -3,8 +3,8 @@
 """Gains at the speed of memory: the library's times against reading the frame, its peers, itself with other settings.
 
 Every figure is the median of ratios of two calls taken in turn, each time on other frames of a pool larger than the
-caches, so that drift of the machine cancels and frames come from memory. What is timed is checked first on the same
-frames. Limits are the project's aims for one thread, 1080x1920 bytes, one tone, all columns.
+caches, so that drift of the machine cancels and frames come from memory. Peers are taken in turn in blocks: what one
+leaves in the caches to be written back is not charged to the other. What is timed is checked first on the same frames. Limits are the project's aims for one thread, 1080x1920 bytes, one tone, all columns.
 
 usage: bench/speed.py [--json] [--chart FILE] [--check] [--quick]      peers: pip install -r bench/requirements.txt
 """
@@ -30,7 +30,7 @@ import numpy as np
 from peers import PEERS
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, best_exposure, integrate_exposure, reference, tone_gain
-from ocisac_fast.chart.measuring import POOL_BYTES, in_turn
+from ocisac_fast.chart.measuring import POOL_BYTES, in_blocks, in_turn
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
 CAMERA = Camera(ROW_TIME)
@@ -116,7 +116,7 @@ def against_peers(seconds: float, missing: list[str]) -> Iterator[Figure]:
             title = f"{name} / gain, f·T_r = {cycles / ROWS:.3f}, efficiency {efficiency:g}"
             peer = checked(make(ROWS, COLUMNS, cycles), cycles, name)
             own = checked(gains(cycles, efficiency), cycles, title)
-            timing = in_turn(peer, own, pool(), seconds, (9, 200))
+            timing = in_blocks(peer, own, pool(), seconds)
             yield Figure(title, timing.ratio, "x", limit, at_most=False, milliseconds=1e3 * timing.seconds)
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import time
 
 import numpy as np
 import pytest
 
 from ocisac_fast import _core, chart
-from ocisac_fast.chart.measuring import Point, in_turn
+from ocisac_fast.chart.measuring import Point, in_blocks, in_turn
 from ocisac_fast.chart.panels import Panel
 from ocisac_fast.chart.scenes import SCENES, Scene, odd_harmonics
 from ocisac_fast.cli import main
@@ -103,6 +104,24 @@ def test_times_are_ratios_of_neighbouring_calls():
     timing = in_turn(lambda n: sum(range(40 * n)), lambda n: sum(range(n)), [2000], 0.05)
     assert timing.pairs >= 5
     assert 10 < timing.ratio < 160
+    timing = in_blocks(lambda n: sum(range(40 * n)), lambda n: sum(range(n)), [2000], 0.02, block=4)
+    assert timing.pairs >= 3
+    assert 10 < timing.ratio < 160
+
+
+def test_blocks_leave_out_what_follows_a_change_of_call():
+    calls: list[str] = []
+
+    def yardstick(_: int) -> None:
+        calls.append("yardstick")
+
+    def call(_: int) -> None:
+        slow = calls[-1:] != ["call"]  # the first of a block
+        calls.append("call")
+        time.sleep(0.05 if slow else 0.0)
+
+    assert in_blocks(call, yardstick, [0], 0.0, block=4, fewest=3).seconds < 0.02
+    assert calls == 3 * (4 * ["call"] + 4 * ["yardstick"])
 
 
 def test_front_holds_what_no_other_beats_in_its_problem():

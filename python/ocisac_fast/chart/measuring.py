@@ -28,7 +28,7 @@ class Timing:
     Attributes:
         seconds: of one call.
         ratio: to the yardstick called beside it.
-        pairs: how many.
+        pairs: how many (of calls, or of blocks of calls).
     """
 
     seconds: float
@@ -96,6 +96,32 @@ def in_turn(
     while len(times) < pairs[0] or (time.perf_counter() < end and len(times) < pairs[1]):
         mine = _seconds(call, next(following))
         other = _seconds(yardstick, next(following))
+        times.append(mine)
+        ratios.append(mine / other)
+    return Timing(statistics.median(times), statistics.median(ratios), len(times))
+
+
+def in_blocks(
+    call: Callable[[Any], object],
+    yardstick: Callable[[Any], object],
+    items: Sequence[Any],
+    seconds: float = 0.3,
+    block: int = 16,
+    fewest: int = 3,
+) -> Timing:
+    """Times two calls in blocks of each, taken in turn, each call on the next item.
+
+    Only the second half of a block counts: what the other call left in the caches to be written back is gone by then.
+    """
+    following = itertools.cycle(items)
+    times: list[float] = []
+    ratios: list[float] = []
+    end = time.perf_counter() + seconds
+    while len(times) < fewest or time.perf_counter() < end:
+        mine, other = (
+            statistics.median([_seconds(each, next(following)) for _ in range(block)][block // 2 :])
+            for each in (call, yardstick)
+        )
         times.append(mine)
         ratios.append(mine / other)
     return Timing(statistics.median(times), statistics.median(ratios), len(times))
