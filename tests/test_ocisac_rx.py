@@ -1,8 +1,10 @@
 """The C++ executable, run as a process: raw frames in, JSON lines out."""
 
+import base64
 import json
 import os
 import shutil
+import signal
 import subprocess
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, Flag, SquareWave, _core
 
 ROOT = Path(__file__).resolve().parents[1]
-ROW_TIME, EXPOSURE, ROWS, COLUMNS = 22.2e-6, 400e-6, 720, 40
+ROW_TIME, EXPOSURE, ROWS, COLUMNS = 22.2e-6, 100e-6, 720, 40
 
 
 @pytest.fixture(scope="module")
@@ -27,8 +29,15 @@ def receiver():
 
 
 def run(receiver, frames, *options):
-    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "400us", *options]
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *options]
     return subprocess.run(command, input=frames, capture_output=True, timeout=60, check=False)
+
+
+def lines_of(done):
+    """The objects of the frames, and the totals at the end."""
+    assert done.returncode == 0, done.stderr
+    *frames, last = [json.loads(line) for line in done.stdout.splitlines()]
+    return frames, last["totals"]
 
 
 def recording(waveform, dtype="uint8", frames=3, scale=200):
@@ -46,13 +55,15 @@ def test_gains_are_those_of_the_library(receiver, dtype, name, scale, frequency)
     told = [] if frequency is None else ["--frequency", frequency]
     options = ["--waveform", "square", "--dark-level", str(scale / 10), "--no-bits", "--format", name, *told]
     done = run(receiver, frames.tobytes(), *options)
-    assert done.returncode == 0, done.stderr
-    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    lines, totals = lines_of(done)
     assert [line["frame"] for line in lines] == [0, 1, 2]
+    assert (totals["frames"], totals["torn"]) == (3, 0)
     camera = Camera(ROW_TIME, EXPOSURE, dark_level=scale / 10)
     for line, frame in zip(lines, frames, strict=True):
         assert line["gain"]["frequency_hz"] == pytest.approx(500, rel=1e-3)
-        want = ocisac.tone_gain(frame, camera, line["gain"]["frequency_hz"], waveform="square", pooled=True)
+        x, y, width, height = line["region"]
+        part = frame[y : y + height, x : x + width]
+        want = ocisac.tone_gain(part, camera, line["gain"]["frequency_hz"], waveform="square", pooled=True)
         assert line["gain"]["gain"] == pytest.approx(float(want.gain), rel=1e-9)
         assert line["gain"]["gain_std"] == pytest.approx(float(want.gain_std), rel=1e-6)
         assert line["gain"]["gain"] == pytest.approx(abs(np.sinc(500 * EXPOSURE)), abs=0.02)
@@ -61,7 +72,8 @@ def test_gains_are_those_of_the_library(receiver, dtype, name, scale, frequency)
 def test_bits_are_those_that_were_sent(receiver):
     bits = "".join(np.random.default_rng(4).choice(["0", "1"], 500))
     frames = recording(Chips(bits, 2000.0), frames=1)
-    line = json.loads(run(receiver, frames.tobytes(), "--frequency", "500Hz").stdout)
+    (line,), totals = lines_of(run(receiver, frames.tobytes(), "--frequency", "500Hz"))
+    assert totals["bits"] == len(line["received"]["bits"])
     assert len(line["received"]["bits"]) >= int(ROWS * ROW_TIME * 2000) - 2
     assert line["received"]["bits"] in bits
     assert line["received"]["chip_rate_hz"] == pytest.approx(2000, rel=5e-3)
@@ -70,8 +82,9 @@ def test_bits_are_those_that_were_sent(receiver):
 def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
     frames = recording(SquareWave(500.0)).tobytes()
     done = run(receiver, frames[:-7], "--frequency", "500Hz")
-    assert done.returncode == 0
-    assert len(done.stdout.splitlines()) == 2
+    lines, totals = lines_of(done)
+    assert len(lines) == 2
+    assert (totals["frames"], totals["torn"]) == (2, 1)
     assert done.stderr.decode().strip() == "ocisac-rx: frame 2 is torn: 28793 of 28800 bytes; left out"
 
 
@@ -89,6 +102,13 @@ def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
         (["--format", "rgb"], "--format"),
         (["--nonsense"], "--nonsense"),
         (["/nonexistent"], "input: got /nonexistent"),
+        (["--region", "0,0,41,720"], "--region: got 0,0,41,720, allowed: inside the picture of 40x720"),
+        (["--region", "0,0,0,720"], "--region: got 0,0,0,720, allowed: x,y,w,h"),
+        (["--stride", "39"], "--stride: got 39, allowed: at least the 40 bytes"),
+        (["--tone-curve", "gamma:0"], "--tone-curve: got gamma:0"),
+        (["--line-code", "morse"], "morse"),
+        (["--no-bits", "--no-gain"], "--no-bits: got with --no-gain"),
+        (["--config", "/nonexistent.toml"], "/nonexistent.toml"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(receiver, options, message):
@@ -105,10 +125,165 @@ def test_an_empty_input_is_refused(receiver):
 
 
 def test_a_dark_frame_is_answered_with_flags(receiver):
-    line = json.loads(run(receiver, bytes(ROWS * COLUMNS)).stdout)
+    (line,), _ = lines_of(run(receiver, bytes(ROWS * COLUMNS)))
     assert line["gain"]["gain"] is None
     assert line["received"]["bits"] == ""
     assert line["received"]["flags"]
+
+
+PAYLOAD = bytes(range(40)) + "Größe".encode()
+PACKETS = ("--chip-rate", "11.7kHz", "--frame-rate", "30Hz")
+
+
+@pytest.fixture(scope="module")
+def packets():
+    """(frames, rows, columns) of a light in the middle columns that sends PAYLOAD over and over."""
+    sent = ocisac.transmit(PAYLOAD, line_code="manchester")
+    frames = recording(Chips(sent.chips, 11700.0, repeat=True), frames=40, scale=150)
+    frames[:, :, :8] = frames[:, :, 30:] = 15
+    return frames
+
+
+def to_y4m(frames):
+    head = f"YUV4MPEG2 W{COLUMNS} H{ROWS} F30:1 Cmono\n".encode()
+    return head + b"".join(b"FRAME\n" + frame.tobytes() for frame in frames)
+
+
+def to_pgm(frames):
+    return b"".join(f"P5\n{COLUMNS} {ROWS}\n255\n".encode() + frame.tobytes() for frame in frames)
+
+
+def to_yuyv(frames):
+    return np.stack([frames, np.full_like(frames, 128)], axis=-1).tobytes()
+
+
+def to_nv12(frames):
+    chroma = np.full((len(frames), ROWS * COLUMNS // 2), 77, np.uint8)
+    return np.concatenate([frames.reshape(len(frames), -1), chroma], axis=1).tobytes()
+
+
+def to_gray10p(frames):
+    values = frames.reshape(-1, 4).astype(np.uint16) * 4 + 3
+    low = np.full((len(values), 1), 0xFF, np.uint8)
+    return np.concatenate([(values >> 2).astype(np.uint8), low], axis=1).tobytes()
+
+
+def test_a_payload_is_received_and_told_in_full(receiver, packets):
+    lines, totals = lines_of(run(receiver, packets.tobytes(), *PACKETS, "--no-gain"))
+    told = [line["received"] for line in lines if "payload" in line["received"]]
+    assert base64.b64decode(told[0]["payload_base64"]) == PAYLOAD
+    assert told[0]["payload"] == PAYLOAD.decode(errors="replace")
+    assert totals["payloads"] == len(told)
+    assert totals["payload_bytes"] == len(told) * len(PAYLOAD)
+    assert totals["searches"] == 1
+    assert all(line["exposure"]["exposure_s"] == pytest.approx(1 / 11700, rel=0.01) for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("pack", "options"),
+    [
+        (to_y4m, ()),
+        (to_pgm, ()),
+        (to_yuyv, ("--format", "yuyv")),
+        (to_nv12, ("--format", "nv12")),
+        (to_nv12, ("--format", "yuv420p")),
+        (to_gray10p, ("--format", "gray10p")),
+        (lambda frames: np.flip(frames, 1).tobytes(), ("--scan-axis=-y",)),
+        (lambda frames: frames.tobytes(), ("--region", f"6,0,26,{ROWS}")),
+    ],
+    ids=["y4m", "pgm", "yuyv", "nv12", "yuv420p", "gray10p", "up", "region"],
+)
+def test_payload_alone_of_every_way_in(receiver, packets, pack, options):
+    done = run(receiver, pack(packets), *PACKETS, "--payload", *options)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout[: len(PAYLOAD)] == PAYLOAD
+    assert len(done.stdout) % len(PAYLOAD) == 0
+
+
+def test_no_payload_is_exit_code_3(receiver, packets):
+    done = run(receiver, packets[:1].tobytes(), *PACKETS, "--payload")
+    assert (done.returncode, done.stdout) == (3, b"")
+
+
+def test_options_come_from_a_toml_file(receiver, packets, tmp_path):
+    config = tmp_path / "rx.toml"
+    config.write_text(
+        f'size = "{COLUMNS}x{ROWS}"\nrow-time = "22.2us"\nexposure = "100us"\n'
+        'chip-rate = "11.7kHz"\nframe-rate = 30.0\npayload = true\n'
+    )
+    done = subprocess.run([receiver, "--config", config], input=packets.tobytes(), capture_output=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout[: len(PAYLOAD)] == PAYLOAD
+
+
+def test_stats_tell_latency_and_memory(receiver, packets):
+    done = run(receiver, packets.tobytes(), *PACKETS, "--stats")
+    stats = json.loads(done.stderr)["stats"]
+    latency = stats["latency_s"]
+    assert 0 < latency["p50"] <= latency["p99"] <= latency["max"] < 1
+    assert 0 < stats["peak_memory_bytes"] < 2**30
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_in_order(receiver, packets, number):
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdin.write(packets[:2].tobytes() + b"a frame that has begun")
+        process.stdin.flush()
+        lines = [json.loads(process.stdout.readline()) for _ in range(2)]  # told at once, though the input goes on
+        process.send_signal(number)
+        rest, problems = process.communicate(timeout=30)
+    assert [line["frame"] for line in lines] == [0, 1]
+    assert json.loads(rest)["totals"]["frames"] == 2
+    assert (process.returncode, problems) == (0, b"")
+
+
+def test_a_reader_that_goes_ends_it_in_order(receiver, packets):
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdin.write(packets[:1].tobytes())
+        process.stdin.flush()
+        process.stdout.readline()
+        process.stdout.close()
+        process.stdin.write(packets[1:2].tobytes())
+        process.stdin.flush()
+        assert process.wait(timeout=30) == 0
+        assert process.stderr.read() == b""
+
+
+def test_a_fifo_is_waited_for(receiver, packets, tmp_path):
+    fifo = tmp_path / "frames"
+    os.mkfifo(fifo)
+    command = [receiver, str(fifo), "--row-time", "22.2us", "--exposure", "100us", *PACKETS, "--payload"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        fifo.write_bytes(to_y4m(packets))
+        assert process.communicate(timeout=60)[0][: len(PAYLOAD)] == PAYLOAD
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+@pytest.mark.parametrize("form", [["-f", "yuv4mpegpipe"], ["-f", "rawvideo"], ["-f", "image2pipe", "-c:v", "pgm"]])
+def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, capsys):
+    """What the README shows: transmit, simulate, ffmpeg, ocisac-rx."""
+    pytest.importorskip("av")
+    from ocisac_fast.cli import main
+
+    def command(*arguments):
+        assert main([str(argument) for argument in arguments]) == 0
+        return capsys.readouterr().out
+
+    chips = command("transmit", "--text", "hello from a lamp").strip()
+    video = tmp_path / "lamp.mkv"
+    light = ("--waveform", "chips", "--bits", chips, "--chip-rate", "11.7kHz", "--swing", 150, "--noise", 2)
+    size = ("--rows", ROWS, "--columns", COLUMNS, "--frames", 40, "--frame-rate", 30, "--dark-level", 20)
+    command("simulate", *light, *size, "--row-time", "22.2us", "--exposure", "100us", "-o", video)
+    ffmpeg = ["ffmpeg", "-v", "error", "-i", str(video), "-pix_fmt", "gray", *form, "-"]
+    with subprocess.Popen(ffmpeg, stdout=subprocess.PIPE) as pipe:
+        receiving = [receiver, "--row-time", "22.2us", "--exposure", "100us", *PACKETS, "--payload"]
+        if "rawvideo" in form:
+            receiving += ["--size", f"{COLUMNS}x{ROWS}"]
+        done = subprocess.run(receiving, stdin=pipe.stdout, capture_output=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(b"hello from a lamp")
 
 
 def test_flags_have_the_same_names_in_python_and_cpp():

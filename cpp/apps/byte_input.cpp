@@ -1,0 +1,59 @@
+#include "byte_input.hpp"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <system_error>
+
+#include "ocisac/require.hpp"
+#include "stop_signal.hpp"
+
+namespace ocisac::apps {
+
+namespace {
+
+constexpr int kPipeBytes = 1 << 20;  // fewer turns between the two ends of a pipe
+
+}  // namespace
+
+ByteInput::ByteInput(const std::string& path)
+    : descriptor_(path == "-" ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)),
+      owned_(path != "-") {
+  require(descriptor_ >= 0, "input", path, "a file that can be read, or -");
+#ifdef F_SETPIPE_SZ
+  ::fcntl(descriptor_, F_SETPIPE_SZ, kPipeBytes);  // where it is no pipe, or not allowed, all goes on without
+#endif
+}
+
+ByteInput::~ByteInput() {
+  if (owned_) ::close(descriptor_);
+}
+
+// Until there is something to read, or the end; false where the program was told to stop.
+bool ByteInput::wait() const {
+  for (;;) {
+    std::array<pollfd, 2> waiting{{{descriptor_, POLLIN, 0}, {stop_descriptor(), POLLIN, 0}}};
+    const int ready = ::poll(waiting.data(), waiting.size(), -1);
+    if (stop_requested()) return false;
+    if (ready > 0) return true;
+    if (ready < 0 && errno != EINTR) throw std::system_error(errno, std::generic_category(), "input");
+  }
+}
+
+std::size_t ByteInput::read(std::span<std::uint8_t> bytes) {
+  std::size_t count = 0;
+  while (count < bytes.size() && wait()) {
+    const auto got = ::read(descriptor_, bytes.data() + count, bytes.size() - count);
+    if (got == 0) break;
+    if (got > 0)
+      count += static_cast<std::size_t>(got);
+    else if (errno != EINTR && errno != EAGAIN)
+      throw std::system_error(errno, std::generic_category(), "input");
+  }
+  return count;
+}
+
+}  // namespace ocisac::apps

@@ -1,0 +1,146 @@
+#include "frame_reader.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "ocisac/require.hpp"
+#include "stop_signal.hpp"
+
+namespace ocisac::apps {
+
+namespace {
+
+// Looked through for the beginning of the next frame, where one is lost.
+constexpr std::size_t kSearchStep = 1 << 16;
+// At the end of a frame, that make it look as if the next one began there.
+constexpr std::size_t kFewestMarkerBytes = 3;
+
+std::size_t find(std::string_view text, std::string_view wanted) {
+  const void* at = ::memmem(text.data(), text.size(), wanted.data(), wanted.size());
+  return at == nullptr ? text.npos : static_cast<std::size_t>(static_cast<const char*>(at) - text.data());
+}
+
+}  // namespace
+
+FrameReader::FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::function<void(const std::string&)> told)
+    : read_(std::move(read)), told_(std::move(told)), buffer_(2 * kLongestHeader) {
+  recognise(raw);
+}
+
+// At least `bytes` of what comes next in one piece, fewer only at the end.
+std::string_view FrameReader::ahead(std::size_t bytes) {
+  if (end_ - begin_ < bytes) {
+    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    end_ -= std::exchange(begin_, 0);
+    if (buffer_.size() < bytes) buffer_.resize(bytes);
+    end_ += read_(std::span(buffer_).subspan(end_, bytes - end_));
+  }
+  return {reinterpret_cast<const char*>(buffer_.data() + begin_), std::min(bytes, end_ - begin_)};
+}
+
+void FrameReader::skip(std::size_t bytes) { begin_ += std::min(bytes, end_ - begin_); }
+
+void FrameReader::recognise(const std::optional<FrameLayout>& raw) {
+  const std::string_view first = ahead(kY4mMagic.size());
+  if (first.empty()) return;
+  const auto whole_header = [&](auto parse) {
+    for (std::size_t bytes = 16; bytes <= kLongestHeader; bytes += 16) {
+      const auto text = ahead(bytes);
+      if (auto header = parse(text)) return header;
+      if (text.size() < bytes) break;
+    }
+    refuse("input", "a header that is cut off", "a whole header");
+  };
+  if (first == kY4mMagic) {
+    kind_ = Kind::y4m;
+    header_ = whole_header(y4m_header);
+    skip(header_->bytes);
+  } else if (begins_pgm(first)) {
+    kind_ = Kind::pgm;
+    header_ = whole_header(pgm_header);
+    pgm_header_ = ahead(header_->bytes);
+  } else {
+    require(raw.has_value(), "--size", "nothing", "WIDTHxHEIGHT in pixels: the input tells no size itself");
+    header_ = StreamHeader{*raw, largest_value(raw->format), 0, std::nullopt, 0};
+  }
+  buffer_.resize(std::max(buffer_.size(), header_->layout.bytes + kLongestHeader));
+}
+
+// Bytes of the header of the frame that comes next; 0 where there is none.
+std::size_t FrameReader::frame_header() {
+  if (kind_ == Kind::pgm) {
+    const auto text = ahead(pgm_header_.size());
+    return text == pgm_header_ ? text.size() : 0;
+  }
+  if (!ahead(kY4mFrame.size()).starts_with(kY4mFrame)) return 0;
+  for (std::size_t bytes = kY4mFrame.size() + 1; bytes <= kLongestHeader; ++bytes) {
+    const auto text = ahead(bytes);
+    if (text.size() < bytes) return 0;
+    if (text.back() == '\n') return bytes;
+  }
+  return 0;
+}
+
+void FrameReader::tear(const std::string& what) {
+  ++torn_;
+  told_("frame " + std::to_string(count_++) + " is torn: " + what + "; left out");
+}
+
+// Goes to the beginning of the pixels of the next frame; false at the end. Bytes that are none count as a torn frame.
+bool FrameReader::find_frame() {
+  if (kind_ == Kind::raw) return !ahead(1).empty();
+  const std::string_view marker = kind_ == Kind::y4m ? kY4mFrame : std::string_view(pgm_header_);
+  std::size_t lost = 0;
+  while (!ahead(1).empty()) {
+    if (const auto bytes = frame_header()) {
+      if (lost > 0) tear(std::to_string(lost) + " bytes without the header of a frame");
+      skip(bytes);
+      return true;
+    }
+    skip(1);
+    const auto text = ahead(kSearchStep);
+    const auto at = std::min(find(text, marker), text.size() - std::min(text.size(), marker.size() - 1));
+    skip(at);
+    lost += 1 + at;
+    if (text.size() < marker.size()) lost += text.size(), skip(text.size());
+  }
+  if (lost > 0) tear(std::to_string(lost) + " bytes without the header of a frame");
+  return false;
+}
+
+// Where the header of another frame stands among the `bytes` of this one, which then was cut short. Only where the
+// last few bytes look like its beginning, what follows is waited for.
+std::optional<std::size_t> FrameReader::cut_at(std::size_t bytes) {
+  if (kind_ == Kind::raw) return std::nullopt;
+  const std::string_view marker = kind_ == Kind::y4m ? "FRAME\n" : std::string_view(pgm_header_);
+  const auto frame = ahead(bytes);
+  if (const auto at = find(frame, marker); at != frame.npos) return at;
+  for (std::size_t seen = std::min(marker.size(), frame.size() + 1) - 1; seen >= kFewestMarkerBytes; --seen) {
+    if (!ahead(bytes).ends_with(marker.substr(0, seen))) continue;
+    const std::size_t at = bytes - seen;
+    if (ahead(at + marker.size()).substr(at) == marker) return at;
+  }
+  return std::nullopt;
+}
+
+std::optional<Frame> FrameReader::next() {
+  if (!header_) return std::nullopt;
+  const std::size_t bytes = header_->layout.bytes;
+  while (find_frame()) {
+    const auto cut = cut_at(bytes);
+    const auto frame = ahead(bytes);
+    if (!cut && frame.size() < bytes && stop_requested()) break;
+    if (cut || frame.size() < bytes) {
+      const std::size_t got = cut.value_or(frame.size());
+      tear(std::to_string(got) + " of " + std::to_string(bytes) + " bytes");
+      skip(got);
+      continue;
+    }
+    skip(bytes);
+    return Frame{count_++, {reinterpret_cast<const std::uint8_t*>(frame.data()), bytes}};
+  }
+  return std::nullopt;
+}
+
+}  // namespace ocisac::apps

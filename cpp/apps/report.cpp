@@ -1,0 +1,120 @@
+#include "report.hpp"
+
+#include <sys/resource.h>
+
+#include <cmath>
+
+namespace ocisac::apps {
+
+namespace {
+
+double decibels(double ratio) { return ratio > 0 ? 10 * std::log10(ratio) : std::nan(""); }
+
+void add_flags(JsonLine& line, Flags flags) {
+  line.open_list("flags");
+  if (flags != 0)
+    for (const auto& name : flag_names(flags)) line.item(name);
+  line.close_list();
+}
+
+void add_gain(JsonLine& line, const LiveGain& gain) {
+  line.open("gain");
+  line.member("frequency_hz", gain.frequency);
+  line.member("frequency_std_hz", gain.frequency_std);
+  line.member("gain", gain.gain);
+  line.member("gain_std", gain.gain_std);
+  line.member("snr_db", decibels(gain.snr));
+  add_flags(line, gain.flags);
+  line.close();
+}
+
+std::string_view name_of(FrameOutcome outcome) {
+  switch (outcome) {
+    case FrameOutcome::received: return "received";
+    case FrameOutcome::not_finite: return "not_finite";
+    case FrameOutcome::repeated: return "repeated";
+    case FrameOutcome::other_shape: return "other_shape";
+    case FrameOutcome::no_signal: break;
+  }
+  return "no_signal";
+}
+
+void add_packet(JsonLine& line, const StretchReport& stretch) {
+  line.member("packet_blocks", stretch.blocks);
+  line.member("packet_share", stretch.share);
+  if (!stretch.payload) return;
+  const Payload& payload = *stretch.payload;
+  line.member("packet", payload.number);
+  line.member("payload", std::string_view(reinterpret_cast<const char*>(payload.bytes.data()), payload.bytes.size()));
+  line.base64("payload_base64", payload.bytes);
+}
+
+void add_received(JsonLine& line, const ReceivedFrame& received, const Camera& camera) {
+  line.open("received");
+  line.member("outcome", name_of(received.outcome));
+  line.member("bits", std::string_view(received.bits));
+  line.member("rows_per_chip", received.rows_per_chip);
+  line.member("chip_rate_hz", 1 / (received.rows_per_chip * camera.row_time));
+  line.member("snr_db", decibels(received.snr));
+  line.member("error_rate", received.error_rate);
+  if (received.stretch) add_packet(line, *received.stretch);
+  add_flags(line, received.flags);
+  line.close();
+}
+
+}  // namespace
+
+std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const Region& region, const Camera& camera) {
+  line.begin();
+  line.member("frame", frame.frame);
+  line.open_list("region");
+  for (const std::size_t value : {region.x, region.y, region.width, region.height})
+    line.item(static_cast<std::int64_t>(value));
+  line.close_list();
+  if (frame.gain) add_gain(line, *frame.gain);
+  if (frame.received) add_received(line, *frame.received, camera);
+  if (frame.suggestion) {
+    line.open("exposure");
+    line.member("exposure_s", frame.suggestion->exposure);
+    line.member("objective", frame.suggestion->objective);
+    line.close();
+  }
+  return line.end();
+}
+
+std::string_view totals_line(JsonLine& line, const Totals& totals) {
+  line.begin();
+  line.open("totals");
+  line.member("frames", totals.frames);
+  line.member("torn", totals.torn);
+  line.member("received", totals.with_data);
+  line.member("bits", totals.bits);
+  line.member("payloads", totals.payloads);
+  line.member("payload_bytes", totals.payload_bytes);
+  line.member("searches", totals.searches);
+  line.member("seconds", totals.seconds);
+  line.close();
+  return line.end();
+}
+
+std::string_view stats_line(JsonLine& line, const Latency& computing, double first_frame, double ready) {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  line.begin();
+  line.open("stats");
+  line.member("ready_s", ready);
+  line.member("first_frame_s", first_frame);
+  line.open("latency_s");
+  line.member("mean", computing.mean());
+  line.member("p50", computing.percentile(0.5));
+  line.member("p90", computing.percentile(0.9));
+  line.member("p99", computing.percentile(0.99));
+  line.member("p999", computing.percentile(0.999));
+  line.member("max", computing.largest());
+  line.close();
+  line.member("peak_memory_bytes", usage.ru_maxrss * 1024);
+  line.close();
+  return line.end();
+}
+
+}  // namespace ocisac::apps

@@ -1,0 +1,172 @@
+#include "settings.hpp"
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdio>
+#include <iostream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "ocisac/estimation/projection.hpp"
+#include "ocisac/require.hpp"
+#include "ocisac/version.hpp"
+
+namespace ocisac::apps {
+
+namespace {
+
+const std::map<std::string, double> kTimeUnits{{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
+const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"MHz", 1e6}};
+
+// Options as they are written, before they are looked at together.
+struct Written {
+  std::string size, format = "gray8", region, tone_curve = "linear", line_code = "manchester";
+  std::size_t stride = 0;
+  std::optional<double> frame_rate;
+  bool lengthened = false, no_bits = false, no_gain = false, version = false;
+};
+
+std::pair<std::size_t, std::size_t> parse_size(const std::string& text) {
+  unsigned long width = 0, height = 0;
+  char rest = 0;
+  const bool two_numbers = std::sscanf(text.c_str(), "%5lux%5lu%c", &width, &height, &rest) == 2;
+  require(two_numbers && width > 0 && height > 0, "--size", text, "WIDTHxHEIGHT in pixels, each 1 to 99999");
+  return {width, height};
+}
+
+Region parse_region(const std::string& text) {
+  std::array<unsigned long, 4> n{};
+  char rest = 0;
+  const int found = std::sscanf(text.c_str(), "%5lu,%5lu,%5lu,%5lu%c", &n[0], &n[1], &n[2], &n[3], &rest);
+  require(found == 4 && n[2] > 0 && n[3] > 0, "--region", text, "x,y,w,h in pixels, w and h above 0");
+  return {n[0], n[1], n[2], n[3]};
+}
+
+ToneCurve parse_tone_curve(const std::string& text) {
+  if (text == "linear") return {};
+  if (text == "srgb") return {.kind = ToneCurve::Kind::srgb};
+  if (text == "gamma") return {.kind = ToneCurve::Kind::gamma};
+  double power = 0;
+  char rest = 0;
+  const bool written = std::sscanf(text.c_str(), "gamma:%lf%c", &power, &rest) == 1;
+  require(written && std::isfinite(power) && power > 0, "--tone-curve", text, "linear, srgb, gamma or gamma:POWER");
+  return {.kind = ToneCurve::Kind::gamma, .gamma = power};
+}
+
+template <class Value>
+auto one_of(const std::map<std::string, Value>& values) {
+  return CLI::CheckedTransformer(values);
+}
+
+void add_input_options(CLI::App& app, Settings& settings, Written& written) {
+  app.add_option("input", settings.input, "File or FIFO: raw frames, YUV4MPEG2 or PGM; - is standard input")
+      ->capture_default_str();
+  app.add_option("--size", written.size, "WIDTHxHEIGHT of raw frames, pixels");
+  app.add_option("--format", written.format, "Of raw frames: " + std::string(pixel_format_names()))
+      ->capture_default_str();
+  app.add_option("--stride", written.stride, "Bytes from row to row of raw frames; dense when not given");
+  app.add_option("--frames", settings.frames, "Stop after so many");
+  app.add_option("--region", written.region, "x,y,w,h of the light in stored pixels; searched when not given");
+  app.add_option("--scan-axis", settings.scan_axis, "How rows go in time: y (down), -y (up), x (right) or -x (left)")
+      ->transform(one_of<ScanAxis>(
+          {{"y", ScanAxis::down}, {"-y", ScanAxis::up}, {"x", ScanAxis::right}, {"-x", ScanAxis::left}}));
+}
+
+void add_camera_options(CLI::App& app, Settings& settings, Written& written) {
+  const auto time = CLI::AsNumberWithUnit(kTimeUnits);
+  app.add_option("--row-time", settings.camera.row_time, "Time from row to row, such as 22.2us")->transform(time);
+  app.add_option("--exposure", settings.camera.exposure, "Exposure time, such as 622us")->transform(time);
+  app.add_option("--frame-rate", written.frame_rate, "Joins packets over frames; YUV4MPEG2 tells it itself")
+      ->transform(CLI::AsNumberWithUnit(kFrequencyUnits));
+  app.add_option("--tone-curve", written.tone_curve, "linear, srgb, gamma or gamma:POWER")->capture_default_str();
+  app.add_option("--dark-level", settings.dark_level, "DN of no light");
+  app.add_option("--white-level", settings.white_level, "DN of full light");
+}
+
+void add_light_options(CLI::App& app, LiveOptions& live, Written& written) {
+  const auto frequency = CLI::AsNumberWithUnit(kFrequencyUnits);
+  app.add_option("--frequency", live.frequency, "Of the tone, such as 500Hz; searched when not given")
+      ->transform(frequency);
+  app.add_option("--waveform", live.waveform, "tone or square")
+      ->transform(one_of<WaveformShape>({{"tone", WaveformShape::tone}, {"square", WaveformShape::square}}));
+  app.add_option("--duty", live.duty, "Bright share of a square wave")->capture_default_str();
+  app.add_option("--background", live.background, "Light that is not the source's, DN above dark");
+  app.add_option("--sense", live.sense_frequency, "Of the moving scene, for the suggested exposure")
+      ->transform(frequency);
+  app.add_option("--chip-rate", live.chip_rate, "Chips a second; searched when not given")->transform(frequency);
+  app.add_option("--line-code", written.line_code, "Of packets: none, manchester, 4b6b or 8b10b")
+      ->capture_default_str();
+  app.add_option("--block-bytes", live.format.block_bytes, "Coded bytes of a packet's block")->capture_default_str();
+  app.add_flag("--lengthened", written.lengthened, "Packets with the lengthened preamble");
+}
+
+void add_output_options(CLI::App& app, Settings& settings, Written& written) {
+  app.add_flag("--no-bits", written.no_bits, "Gain only");
+  app.add_flag("--no-gain", written.no_gain, "Bits and payload only");
+  app.add_flag("--payload", settings.payload_alone, "Write the payloads' bytes and nothing else to standard output");
+  app.add_flag("--stats", settings.stats, "Latency and memory at the end, on standard error");
+  app.set_config("--config", "", "File of options, TOML: row-time = \"22.2us\"");
+  app.add_flag("--version", written.version, "Version, commit, SIMD targets, OpenCV");
+}
+
+void print_version() {
+  std::cout << "ocisac-rx " << version() << " (" << commit() << "), SIMD";
+  for (const auto& target : simd_targets()) std::cout << ' ' << target;
+  std::cout << ", OpenCV " << opencv_version() << '\n';
+}
+
+// All that takes more than one option, or a check.
+void complete(Settings& settings, const Written& written) {
+  if (!written.size.empty()) {
+    const auto format = pixel_format(written.format);
+    require(format.has_value(), "--format", written.format, pixel_format_names());
+    const auto [width, height] = parse_size(written.size);
+    settings.raw = raw_layout(*format, width, height, written.stride);
+  }
+  if (!written.region.empty()) settings.region = parse_region(written.region);
+  require_positive("--row-time", settings.camera.row_time);
+  if (written.frame_rate) {
+    require_positive("--frame-rate", *written.frame_rate);
+    settings.camera.frame_time = 1 / *written.frame_rate;
+  }
+  settings.camera.tone_curve = parse_tone_curve(written.tone_curve);
+  check(settings.camera);
+  LiveOptions& live = settings.live;
+  live.format.line_code = LineCode::named(written.line_code);
+  if (written.lengthened) live.format.preamble = Preamble::lengthened;
+  live.data = !written.no_bits;
+  live.gain = !written.no_gain && !settings.payload_alone;
+  require(live.data || live.gain, "--no-bits", "with --no-gain or --payload", "something to do");
+  require(!settings.frames || *settings.frames > 0, "--frames", 0, "1 or above");
+}
+
+}  // namespace
+
+std::optional<Settings> read_settings(int argc, const char* const* argv) {
+  CLI::App app{"Gain, bits and payload of a modulated light in frames of a rolling-shutter camera, as JSON lines."};
+  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  Settings settings;
+  Written written;
+  add_input_options(app, settings, written);
+  add_camera_options(app, settings, written);
+  add_light_options(app, settings.live, written);
+  add_output_options(app, settings, written);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {  // --help
+      app.exit(error);
+      return std::nullopt;
+    }
+    throw std::invalid_argument(error.what());
+  }
+  if (written.version) {
+    print_version();
+    return std::nullopt;
+  }
+  complete(settings, written);
+  return settings;
+}
+
+}  // namespace ocisac::apps
