@@ -4,7 +4,8 @@
 
 Every figure is the median of ratios of two calls taken in turn, each time on other frames of a pool larger than the
 caches, so that drift of the machine cancels and frames come from memory. Peers are taken in turn in blocks: what one
-leaves in the caches to be written back is not charged to the other. What is timed is checked first on the same frames. Limits are the project's aims for one thread, 1080x1920 bytes, one tone, all columns.
+leaves in the caches to be written back is not charged to the other. What is timed is checked first on the same frames.
+Limits are the project's aims for one thread, 1080x1920 bytes, one tone, all columns.
 
 usage: bench/speed.py [--json] [--chart FILE] [--check] [--quick]      peers: pip install -r bench/requirements.txt
 """

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
-import time
 
 import numpy as np
 import pytest
 
 from ocisac_fast import _core, chart
-from ocisac_fast.chart.measuring import Point, in_blocks, in_turn
+from ocisac_fast.chart import measuring
+from ocisac_fast.chart.measuring import Point
 from ocisac_fast.chart.panels import Panel
 from ocisac_fast.chart.scenes import SCENES, Scene, odd_harmonics
 from ocisac_fast.cli import main
@@ -100,28 +100,48 @@ def test_reading_adds_every_byte(size):
         _core.read_bytes(np.zeros(20, np.uint8)[::2])
 
 
-def test_times_are_ratios_of_neighbouring_calls():
-    timing = in_turn(lambda n: sum(range(40 * n)), lambda n: sum(range(n)), [2000], 0.05)
-    assert timing.pairs >= 5
-    assert 10 < timing.ratio < 160
-    timing = in_blocks(lambda n: sum(range(40 * n)), lambda n: sum(range(n)), [2000], 0.02, block=4)
-    assert timing.pairs >= 3
-    assert 10 < timing.ratio < 160
+class Clock:
+    """Stands in for the time module; calls make the time that they take pass."""
+
+    def __init__(self, monkeypatch):
+        self.now = 0.0
+        monkeypatch.setattr(measuring, "time", self)
+
+    def perf_counter(self):
+        return self.now
+
+    def call(self, seconds):
+        def run(item):
+            self.now += seconds * item
+
+        return run
 
 
-def test_blocks_leave_out_what_follows_a_change_of_call():
-    calls: list[str] = []
+def test_times_are_ratios_of_neighbouring_calls(monkeypatch):
+    clock = Clock(monkeypatch)
+    timing = measuring.in_turn(clock.call(0.04), clock.call(0.001), [1.0, 2.0, 1.0], 1.0, (5, 80))
+    assert timing.pairs > 5
+    assert timing.ratio == pytest.approx(40.0)  # the median: one of three neighbours differs
+    assert timing.seconds == pytest.approx(0.04)
 
-    def yardstick(_: int) -> None:
+
+def test_blocks_leave_out_what_follows_a_change_of_call(monkeypatch):
+    clock = Clock(monkeypatch)
+    calls = []
+
+    def call(_):
+        clock.now += 0.002 if calls[-1:] == ["call"] else 5.0  # the first of a block finds the caches full
+        calls.append("call")
+
+    def yardstick(_):
+        clock.now += 0.001
         calls.append("yardstick")
 
-    def call(_: int) -> None:
-        slow = calls[-1:] != ["call"]  # the first of a block
-        calls.append("call")
-        time.sleep(0.05 if slow else 0.0)
-
-    assert in_blocks(call, yardstick, [0], 0.0, block=4, fewest=3).seconds < 0.02
+    timing = measuring.in_blocks(call, yardstick, [0], 0.0, block=4, fewest=3)
     assert calls == 3 * (4 * ["call"] + 4 * ["yardstick"])
+    assert timing.seconds == pytest.approx(0.002)
+    assert timing.ratio == pytest.approx(2.0)
+    assert timing.pairs == 3
 
 
 def test_front_holds_what_no_other_beats_in_its_problem():
