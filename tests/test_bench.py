@@ -66,3 +66,12 @@ def test_detection_reports_every_figure_with_its_limit_reached():
     results = json.loads(printed)["results"]
     assert len(results) == 9
     assert all(r["reached"] and r["chips"] > 100 for r in results)
+
+
+def test_link_reports_frames_goodput_and_speed():
+    command = [sys.executable, str(BENCH / "link.py"), "--starts", "1", "--no-speed", "--json", "--check"]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout
+    links = json.loads(printed)["links"]
+    assert [link["exposure_given"] for link in links] == [True, True, True, False]
+    assert all(84 <= link["frames"] <= 130 and 1800 < link["goodput"] < 2420 for link in links)

@@ -9,6 +9,7 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
 from ocisac_fast.cli import main
+from ocisac_fast.goodput import possible_goodput
 from ocisac_fast.stream_receiver import Receiver
 
 ROW_TIME, FRAME_TIME, CHIP_RATE = 22.2e-6, 1 / 30, 8e3
@@ -158,6 +159,52 @@ def test_never_a_payload_out_of_noise_or_other_light():
     for index in range(20):
         rows = ocisac.integrate_exposure(chips, Light(b"a", 0).camera, 1080, start=index / 30)
         assert receiver.push(rows + 0.02 * random.standard_normal(1080)).payload is None
+
+
+def test_a_stream_that_begins_anew_is_believed_after_eight_frames():
+    """A count from 0 again, and another picture size: neither may leave the receiver deaf."""
+    light = Light(b"anew", seed=9, noise=0.01)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    assert receiver.push(light.frame(0), 1000).outcome == "received"
+    outcomes = [receiver.push(light.frame(1 + index), index) for index in range(9)]
+    assert [result.outcome for result in outcomes] == ["repeated"] * 7 + ["received"] * 2
+    assert outcomes[7].missing == 0
+    light.rows = 900
+    outcomes = [receiver.push(light.frame(10 + index)) for index in range(9)]
+    assert [result.outcome for result in outcomes] == ["other_shape"] * 7 + ["received"] * 2
+    assert [result.frame for result in outcomes] == list(range(9, 18))
+    assert receiver.push(light.frame(22), 21).missing == 3
+
+
+def test_searches_in_vain_become_rare_and_the_light_is_found_again():
+    light = Light(b"later", seed=10, noise=0.01)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    outcomes = [receiver.push(light.random.standard_normal(1080)).outcome for _ in range(40)]
+    assert set(outcomes) == {"no_signal", "unsearched"}
+    assert 5 <= outcomes.count("no_signal") <= 10
+    outcomes = [receiver.push(light.frame(index)).outcome for index in range(10)]
+    assert "received" in outcomes[:8]
+    assert outcomes[8:] == ["received", "received"]
+
+
+def test_what_the_gap_and_the_code_leave():
+    camera = Camera(ROW_TIME, frame_time=FRAME_TIME)
+    possible = possible_goodput(1000, camera, chip_rate=CHIP_RATE, rows=1080)
+    assert possible.sent == 4000
+    assert possible.gap == pytest.approx(4000 * 1080 * 22.2e-6 * 30)
+    assert possible.gap_frames == pytest.approx(83.4, abs=0.05)
+    in_blocks = 16 * 16 / (14 + 18 * 16)  # 12 codewords of 84 bytes hold the payload
+    assert possible.code == pytest.approx(possible.gap * in_blocks * 1000 / (12 * 84))
+    assert possible.code_frames == pytest.approx(8000 / possible.code * 30)
+    for wrong, message in [
+        ({"rows": 0}, "rows: got 0"),
+        ({"rows": 1600}, "rows: got 1600"),
+        ({"chip_rate": 0.0}, "chip_rate: got 0.0"),
+        ({"camera": Camera(ROW_TIME)}, "frame_time: got None"),
+    ]:
+        given = {"payload_bytes": 9, "camera": camera, "chip_rate": CHIP_RATE, "rows": 1080, **wrong}
+        with pytest.raises(ValueError, match=message):
+            possible_goodput(**given)
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ std::string_view name_of(FrameOutcome outcome) {
     case FrameOutcome::not_finite: return "not_finite";
     case FrameOutcome::repeated: return "repeated";
     case FrameOutcome::other_shape: return "other_shape";
+    case FrameOutcome::unsearched: return "unsearched";
     case FrameOutcome::no_signal: break;
   }
   return "no_signal";

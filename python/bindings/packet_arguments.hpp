@@ -53,7 +53,8 @@ inline py::tuple stretch_tuple(const StretchReport& report) {
   py::object payload = py::none();
   if (report.payload)
     payload = py::make_tuple(as_bytes(report.payload->bytes), report.payload->number, report.payload->corrected);
-  return py::make_tuple(name_of(report.outcome), report.blocks, report.bytes, report.violations, report.share, payload);
+  return py::make_tuple(name_of(report.outcome), report.blocks, report.bytes, report.cut, report.doubtful,
+                        report.violations, report.share, payload);
 }
 
 }  // namespace ocisac::bindings

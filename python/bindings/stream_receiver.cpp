@@ -20,6 +20,7 @@ std::string name_of(FrameOutcome outcome) {
     case FrameOutcome::no_signal: return "no_signal";
     case FrameOutcome::not_finite: return "not_finite";
     case FrameOutcome::repeated: return "repeated";
+    case FrameOutcome::unsearched: return "unsearched";
     case FrameOutcome::other_shape: break;
   }
   return "other_shape";
@@ -29,7 +30,7 @@ std::string name_of(FrameOutcome outcome) {
 py::tuple as_tuple(const ReceivedFrame& frame) {
   py::object stretch = py::none();
   if (frame.stretch) stretch = stretch_tuple(*frame.stretch);
-  return py::make_tuple(frame.frame, name_of(frame.outcome), frame.channel, frame.bits, frame.phase,
+  return py::make_tuple(frame.frame, name_of(frame.outcome), frame.missing, frame.channel, frame.bits, frame.phase,
                         frame.rows_per_chip, frame.rows_per_chip_std, frame.exposure, frame.exposure_std, frame.snr,
                         frame.error_rate, as_array(frame.llr), stretch, frame.flags);
 }

@@ -33,6 +33,7 @@ from ocisac_fast.frequency import (
     tone_columns,
 )
 from ocisac_fast.gain import ToneGain, tone_gain
+from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.receiver import Received, receive
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource, detect_sources
@@ -72,6 +73,7 @@ __all__ = [
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "Goodput",
     "LightSource",
     "Pooled",
     "PreambleMatch",
@@ -113,6 +115,7 @@ __all__ = [
     "lost_frequencies",
     "pick_channel",
     "pool_estimates",
+    "possible_goodput",
     "receive",
     "refine_channel",
     "sample_waveform",

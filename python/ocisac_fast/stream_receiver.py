@@ -24,8 +24,10 @@ class ReceivedFrame:
     Attributes:
         frame: its number.
         outcome: "received"; or why there is nothing: "no_signal": no light with chips was found; "not_finite": pixels
-            that are no numbers; "repeated": not after the last frame, left out; "other_shape": not as the first frame,
-            left out.
+            that are no numbers; "repeated": not after the last frame, left out; "other_shape": not as the last frame,
+            left out; "unsearched": the clock is lost and frames just before were searched in vain (searches take
+            long), at most seven in a row are left out.
+        missing: frames between the last one and this, by their numbers.
         channel: index of the colour channel that was read.
         bits: "0" and "1" in time order, 1 = bright; chips that the frame's edges cut are left out.
         phase: row at which the first of them begins, half an exposure after the light's own edge.
@@ -43,6 +45,7 @@ class ReceivedFrame:
 
     frame: int
     outcome: str
+    missing: int
     channel: int
     bits: str
     phase: float
@@ -126,12 +129,13 @@ class Receiver:
                 f"frame: got shape {array.shape}, allowed: (rows,), (rows, columns) or (rows, columns, channels)"
             )
         values = self._handle.push(_channels(array, self._channel), None if number is None else int(number))
-        index, outcome, channel, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
+        index, outcome, missing, channel, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
         snr, error_rate, llr, stretch, flags = rest
         row_time = self._camera.row_time
         return ReceivedFrame(
             frame=index,
             outcome=outcome,
+            missing=missing,
             channel=channel if self._channel is None else self._channel,
             bits=bits,
             phase=phase,

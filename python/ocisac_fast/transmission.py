@@ -74,6 +74,8 @@ class Stretch:
             known; "repeated": begins before the end of an earlier one, left out; "unreadable": nothing seen, left out.
         blocks: preambles with a header.
         bytes: coded bytes seen, of the stretches placed now.
+        cut: coded bytes of which an end of the stretch left a part, of the stretches placed now.
+        doubtful: coded bytes with a bit that is not sure, of the stretches placed now.
         violations: words that are none of the line code, of the stretches placed now.
         share: of the bytes needed that are there, by the scarcest codeword; from 1 on the packet may be decoded.
         payload: where it is whole now.
@@ -82,6 +84,8 @@ class Stretch:
     outcome: str
     blocks: int
     bytes: int
+    cut: int
+    doubtful: int
     violations: int
     share: float
     payload: Payload | None
@@ -89,8 +93,9 @@ class Stretch:
     @classmethod
     def _of(cls, values: tuple[Any, ...]) -> Stretch:
         """From the core's values."""
-        outcome, blocks, seen, violations, share, payload = values
-        return cls(outcome, blocks, seen, violations, share, None if payload is None else Payload(*payload))
+        outcome, blocks, seen, cut, doubtful, violations, share, payload = values
+        whole = None if payload is None else Payload(*payload)
+        return cls(outcome, blocks, seen, cut, doubtful, violations, share, whole)
 
 
 def transmit(

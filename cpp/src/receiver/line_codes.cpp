@@ -57,12 +57,27 @@ std::uint32_t parse_word(const std::string& word, std::size_t chips) {
 }
 
 // Σ of the chips' ratios where the word is bright: its log-likelihood but for a constant of the stretch.
-double score(std::uint32_t word, std::span<const double> llr) {
-  double sum = 0;
-  for (std::size_t chip = 0; chip < llr.size(); ++chip)
-    if (word >> (llr.size() - 1 - chip) & 1U) sum += llr[chip];
-  return sum;
-}
+// Sums of the log-likelihood ratios of a word's bright chips, from tables of its two halves.
+class WordScores {
+ public:
+  explicit WordScores(std::size_t chips)
+      : half_(chips / 2), low_(std::size_t{1} << half_), high_(1U << (chips - half_)) {}
+
+  void read(std::span<const double> llr) {  // the first chip is the word's highest bit
+    const auto sums = [](std::span<const double> chips, std::vector<double>& table) {
+      for (std::size_t word = 1; word < table.size(); ++word)
+        table[word] =
+            table[word & (word - 1)] + chips[chips.size() - 1 - static_cast<std::size_t>(std::countr_zero(word))];
+    };
+    sums(llr.first(llr.size() - half_), high_);
+    sums(llr.last(half_), low_);
+  }
+  [[nodiscard]] double of(std::uint32_t word) const { return high_[word >> half_] + low_[word & (low_.size() - 1)]; }
+
+ private:
+  std::size_t half_;
+  std::vector<double> low_, high_;
+};
 
 }  // namespace
 
@@ -123,12 +138,15 @@ LineDecoding LineCode::decode(std::span<const double> llr) const {
   require(llr.size() % chips_per_word_ == 0, "llr", std::to_string(llr.size()) + " chips",
           "whole words of " + std::to_string(chips_per_word_) + " chips");
   LineDecoding decoded;
+  decoded.llr.reserve(llr.size() / chips_per_word_ * bits_per_word_);
   std::vector<std::array<double, 2>> best(bits_per_word_);
+  WordScores scores(chips_per_word_);
   for (std::size_t first = 0; first < llr.size(); first += chips_per_word_) {
     const auto chips = llr.subspan(first, chips_per_word_);
+    scores.read(chips);
     best.assign(bits_per_word_, {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()});
     for (std::size_t value = 0; value < at_minus_.size(); ++value) {
-      const double likelihood = std::max(score(at_minus_[value], chips), score(at_plus_[value], chips));
+      const double likelihood = std::max(scores.of(at_minus_[value]), scores.of(at_plus_[value]));
       for (std::size_t bit = 0; bit < bits_per_word_; ++bit) {
         double& of_value = best[bit][value >> (bits_per_word_ - 1 - bit) & 1U];
         of_value = std::max(of_value, likelihood);

@@ -230,7 +230,9 @@ bool PacketAssembler::Vote::change(unsigned seen) {
 }
 
 PacketAssembler::PacketAssembler(PacketFormat format)
-    : format_(std::move(format)), block_chips_(block_chips(format_)) {}
+    : format_(std::move(format)),
+      block_chips_(block_chips(format_)),
+      whitening_(whitening(kMostBlocks * format_.block_bytes)) {}
 
 void PacketAssembler::lose_clock() {
   ++epoch_;
@@ -300,18 +302,18 @@ bool PacketAssembler::follow(const Stretch& stretch) {
 void PacketAssembler::place_block(std::span<const double> chips, std::size_t block, StretchReport& report) {
   const std::size_t byte_chips = format_.line_code.chips_per_byte();
   const auto body = chips.subspan(preamble_chips(format_.preamble).size() + kHeaderBytes * byte_chips);
-  const auto white = whitening((block + 1) * format_.block_bytes);
   for (std::size_t byte = 0; byte < format_.block_bytes; ++byte) {
     const auto of_byte = body.subspan(byte * byte_chips, byte_chips);
-    if (std::ranges::all_of(of_byte, [](double llr) { return llr == 0; })) continue;
+    const auto unseen = static_cast<std::size_t>(std::ranges::count(of_byte, 0.0));
+    if (unseen == byte_chips) continue;
     const LineDecoding decoded = format_.line_code.decode(of_byte);
     report.violations += static_cast<std::size_t>(std::ranges::count(decoded.violations, 1));
-    if (least(decoded.llr) >= kSureBit) ++report.bytes;
+    ++(least(decoded.llr) >= kSureBit ? report.bytes : unseen > 0 ? report.cut : report.doubtful);
     const std::size_t position = block * format_.block_bytes + byte;
     const Place place = place_of(position, *layout_);
     float* const soft = &soft_bits_[8 * (place.codeword * ReedSolomon::kLength + place.symbol)];
     for (std::size_t bit = 0; bit < 8; ++bit) {
-      const bool inverted = (white[position] >> (7 - bit) & 1U) != 0;
+      const bool inverted = (whitening_[position] >> (7 - bit) & 1U) != 0;
       const double llr = std::clamp(decoded.llr[bit], -kMostSoftBit, kMostSoftBit);
       soft[bit] += static_cast<float>(inverted ? -llr : llr);
     }

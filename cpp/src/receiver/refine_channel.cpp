@@ -28,7 +28,10 @@ constexpr double kLeastNoise = 1e-4;   // of the swing, for the detector
 constexpr double kSearchChips = 36;    // in the part of the frame searched, beside the exposure
 constexpr double kSearchSlack = 0.15;  // chips by which the grid of starts may miss
 constexpr int kSearchRounds = 4;
-constexpr std::size_t kSearchParts = 3;  // parts of the frame that are tried
+constexpr std::size_t kSearchParts = 3;                   // parts of the frame that are tried
+constexpr std::size_t kGuessesTried = 6;                  // of an exposure
+constexpr std::size_t kStartsRefined = 10;                // the best of all parts and exposures
+constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, from a part to the whole frame
 
 // The channel's levels, held a little beyond the rows that told them.
 struct Levels {
@@ -338,6 +341,46 @@ std::optional<Start> try_start(std::span<const double> signal, RowRange part, co
   return best;
 }
 
+// A start with the chips detected there, by what the levels that suit them leave; without a fit of the clock.
+struct Guess {
+  ChipClock clock;
+  RowRange part;
+  double score;
+};
+
+std::optional<Guess> guess(std::span<const double> signal, RowRange part, const ChipClock& clock,
+                           const DetectChips& detect) {
+  const auto [dark, swing] =
+      first_levels(signal.subspan(part.begin, part.size()), clock.exposure / clock.rows_per_chip);
+  if (!(swing > 0)) return std::nullopt;
+  const ChannelEstimate channel{clock, {}, {dark}, {swing}, 0.05 * swing, part, false};
+  const auto chips = detect_rows(signal, channel, part, detect, {});
+  if (!chips) return std::nullopt;
+  const auto left = level_squares(signal, without_edges(*chips).known(), clock, {1, 0, true});
+  if (!left) return std::nullopt;
+  return Guess{clock, part, std::sqrt(left->squares / static_cast<double>(left->rows)) / swing};
+}
+
+// Over parts of the frame, rates and phases, the best first.
+std::vector<Guess> guesses(std::span<const double> signal, const ChannelSearch& search, double exposure,
+                           const DetectChips& detect) {
+  const double chips = kSearchChips + exposure / search.rows_per_chip;
+  const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
+  const double phases = std::ceil(0.5 / kSearchSlack);
+  std::vector<Guess> found;
+  for (const RowRange& part : search_parts(signal, chips * search.rows_per_chip))
+    for (double i = 0; i < rates; ++i)
+      for (double j = 0; j < phases; ++j) {
+        const double period = search.rows_per_chip * (1 + search.tolerance * ((2 * i + 1) / rates - 1));
+        const double middle = 0.5 * static_cast<double>(part.begin + part.end);
+        const ChipClock clock{period, middle + (j / phases - std::floor(0.5 * chips)) * period,
+                              std::max(exposure, kShortestExposure)};
+        if (const auto made = guess(signal, part, clock, detect)) found.push_back(*made);
+      }
+  std::ranges::stable_sort(found, {}, &Guess::score);
+  return found;
+}
+
 std::vector<double> exposures(const ChannelSearch& search) {
   if (search.exposure) return {*search.exposure};
   std::vector<double> result;
@@ -356,34 +399,28 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   for (double value : signal) require_finite("signal", value);
   RefineOptions fixed = options;
   fixed.exposure_known = options.exposure_known || search.exposure.has_value();
+  std::vector<Start> starts;
+  for (double exposure : exposures(search)) {
+    const auto guessed = guesses(signal, search, exposure, detect);
+    for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), kGuessesTried)))
+      if (auto start = try_start(signal, made.part, made.clock, detect, fixed)) starts.push_back(std::move(*start));
+  }
+  std::ranges::stable_sort(starts, {}, &Start::score);
   std::optional<RefinedChannel> best;
   double least = std::numeric_limits<double>::infinity();
-  for (double exposure : exposures(search)) {
-    const double chips = kSearchChips + exposure / search.rows_per_chip;
-    const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
-    const double phases = std::ceil(0.5 / kSearchSlack);
-    for (const RowRange& part : search_parts(signal, chips * search.rows_per_chip)) {
-      Start start;
-      for (double i = 0; i < rates; ++i)
-        for (double j = 0; j < phases; ++j) {
-          const double period = search.rows_per_chip * (1 + search.tolerance * ((2 * i + 1) / rates - 1));
-          const double middle = 0.5 * static_cast<double>(part.begin + part.end);
-          const ChipClock clock{period, middle + (j / phases - std::floor(0.5 * chips)) * period,
-                                std::max(exposure, kShortestExposure)};
-          const auto tried = try_start(signal, part, clock, detect, fixed);
-          if (tried && tried->score < start.score) start = *tried;
-        }
-      if (!std::isfinite(start.score)) continue;
-      auto refined = refine_channel(signal, start.channel, detect, fixed);
-      if (refined && !options.exposure_known && fixed.exposure_known)
-        refined = refine_channel(signal, refined->channel, detect, options);
-      if (!refined) continue;
-      const double score = refined->channel.noise / refined->channel.swing[0];
-      if (score < least) {
-        least = score;
-        best = std::move(refined);
-      }
+  for (std::size_t k = 0; k < std::min(starts.size(), kStartsRefined); ++k) {
+    auto refined = refine_channel(signal, starts[k].channel, detect, fixed);
+    if (refined && !options.exposure_known && fixed.exposure_known)
+      refined = refine_channel(signal, refined->channel, detect, options);
+    if (!refined) continue;
+    const double score = refined->channel.noise / refined->channel.swing[0];
+    const double growth = refined->even ? kEvenGrowth : kUnevenGrowth;
+    const bool sure = refined->settled && score < growth * starts[k].score;
+    if (score < least) {
+      least = score;
+      best = std::move(refined);
     }
+    if (sure) break;
   }
   return best;
 }

@@ -82,6 +82,8 @@ struct StretchReport {
   StretchOutcome outcome = StretchOutcome::placed;
   std::size_t blocks = 0;          // preambles with headers
   std::size_t bytes = 0;           // coded bytes seen, of the stretches placed now
+  std::size_t cut = 0;             // coded bytes of which an end of the stretch left a part, of those placed now
+  std::size_t doubtful = 0;        // coded bytes with a bit that is not sure, of the stretches placed now
   std::size_t violations = 0;      // words that are none of the line code, of the stretches placed now
   double share = 0;                // of the bytes needed that are there, by the scarcest codeword; 1: may be decoded
   std::optional<Payload> payload;  // whole, its CRC-32 right
@@ -128,6 +130,7 @@ class PacketAssembler {
 
   PacketFormat format_;
   std::size_t block_chips_;
+  std::vector<std::uint8_t> whitening_;  // (bytes of the longest cycle)
   Vote parity_;
   std::array<Vote, 4> digits_;
   std::optional<PacketLayout> layout_;

@@ -11,8 +11,9 @@
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/estimation/flags.hpp"
 #include "ocisac/receiver/clock_tracker.hpp"
+#include "ocisac/receiver/frame_order.hpp"
+#include "ocisac/receiver/frame_reading.hpp"
 #include "ocisac/receiver/packets.hpp"
-#include "ocisac/receiver/refine_channel.hpp"
 #include "ocisac/views.hpp"
 
 namespace ocisac {
@@ -23,17 +24,10 @@ struct ReceiverOptions {
   PacketFormat format{};
 };
 
-enum class FrameOutcome {
-  received,     // chips were detected
-  no_signal,    // no light with chips was found
-  not_finite,   // pixels that are no numbers
-  repeated,     // not after the last frame: left out
-  other_shape,  // rows, columns or channels differ from the first frame's: left out
-};
-
 struct ReceivedFrame {
   std::int64_t frame = 0;
   FrameOutcome outcome = FrameOutcome::received;
+  std::int64_t missing = 0;  // frames between the last one and this, by their numbers
   std::size_t channel = 0;   // colour channel that was read
   std::string bits;          // '0' and '1', 1 = bright; chips cut by the frame's edges left out
   double phase = 0;          // row at which the first of them begins, half an exposure after the light's own edge
@@ -56,25 +50,31 @@ class Receiver {
   explicit Receiver(const Camera& camera, ReceiverOptions options = {});
 
   // `channels`: one frame, one view a colour channel. `frame`: its number, ascending; absent: one after the last.
-  ReceivedFrame push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame = {});
+  // `first_row`: where the views are a part of the picture, the row of the picture at which they begin.
+  ReceivedFrame push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame = {},
+                     std::size_t first_row = 0);
 
  private:
   std::optional<double> nominal_rows_per_chip(std::span<const AnyFramesView> channels);
-  std::optional<RefinedChannel> find(std::span<const double> signal, std::int64_t frame, double rows_per_chip);
-  [[nodiscard]] std::optional<RefinedChannel> follow(std::span<const double> signal, std::int64_t frame) const;
-  [[nodiscard]] std::optional<RefinedChannel> search(std::span<const double> signal, double rows_per_chip) const;
-  std::ptrdiff_t chip_number(const RefinedChannel& found, std::int64_t frame);
-  void read(std::span<const double> signal, const RefinedChannel& found, ReceivedFrame& result);
+  [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, std::int64_t frame) const;
+  std::optional<FrameReading> search(std::span<const AnyFramesView> channels, std::span<const double> signal);
+  std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
+  void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);
+  void lose(ReceivedFrame& result, bool searched);
+  void forget();
 
   Camera camera_;
   ReceiverOptions options_;
   PacketAssembler assembler_;
   std::vector<double> preamble_;
-  std::optional<ClockTracker> tracker_;     // where the frame time is known
-  std::optional<double> rows_per_chip_;     // by the frames before
+  FrameOrder order_;
+  std::optional<ClockTracker> tracker_;     // where the frame time is known; phases in rows of the picture
+  std::optional<double> rows_per_chip_;     // nominal, or by the frames before
   std::optional<ChannelEstimate> channel_;  // of the last frame that was received
-  std::optional<std::int64_t> last_;        // frame
-  std::array<std::size_t, 3> shape_{};      // channels, rows, columns
+  double relative_noise_ = 0;               // of that frame
+  std::size_t first_row_ = 0;               // of the frame that is read
+  std::size_t lost_ = 0;                    // frames in a row in which nothing was found
+  std::size_t fruitless_ = 0, wait_ = 0;    // searches in a row; frames until the next
 };
 
 }  // namespace ocisac

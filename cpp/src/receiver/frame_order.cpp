@@ -1,0 +1,68 @@
+#include "ocisac/receiver/frame_order.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/require.hpp"
+
+namespace ocisac {
+
+FrameOrder::Verdict FrameOrder::admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths) {
+  Verdict verdict;
+  if (last_ && frame <= *last_) {
+    behind_count_ = behind_ && frame > *behind_ ? behind_count_ + 1 : 1;
+    behind_ = frame;
+    if (behind_count_ < kBelieved) return {FrameOutcome::repeated};
+    verdict.anew = true;
+  }
+  if (last_ && lengths != lengths_) {
+    others_count_ = lengths == others_ ? others_count_ + 1 : 1;
+    others_ = lengths;
+    seen_ = std::max(seen_.value_or(frame), frame);
+    if (others_count_ < kBelieved && !verdict.anew) return {FrameOutcome::other_shape};
+    verdict.anew = true;
+  }
+  if (last_ && !verdict.anew) verdict.missing = frame - *last_ - 1;
+  last_ = seen_ = frame;
+  lengths_ = lengths;
+  behind_.reset();
+  behind_count_ = others_count_ = 0;
+  return verdict;
+}
+
+// The colour channel in which the light stands out most.
+std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> channels, const ToneCurve& curve) {
+  std::pair<CombinedColumn, std::size_t> best;
+  for (std::size_t channel = 0; channel < channels.size(); ++channel) {
+    auto column = combine_columns(channels[channel], 0, curve);
+    if (channel == 0 || column.quality > best.first.quality) best = {std::move(column), channel};
+  }
+  return best;
+}
+
+// Shapes are looked at before: what `check` is left to refuse are pixels that are no numbers.
+bool are_numbers(std::span<const AnyFramesView> channels) try {
+  for (const auto& channel : channels) check(channel);
+  return true;
+} catch (const std::invalid_argument&) {
+  return false;
+}
+
+std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> channels) {
+  require(!channels.empty(), "frame", "no channels", "at least one channel");
+  const Shape shape = shape_of(channels.front());
+  require(shape.frames == 1 && shape.rows > 0 && shape.columns > 0, "frame",
+          std::to_string(shape.frames) + " frames of " + std::to_string(shape.rows) + " rows and " +
+              std::to_string(shape.columns) + " columns",
+          "one frame that is not empty");
+  for (const auto& channel : channels) {
+    const Shape other = shape_of(channel);
+    require(other.frames == 1 && other.rows == shape.rows && other.columns == shape.columns, "frame",
+            "channels of different shapes", "one shape");
+  }
+  return {channels.size(), shape.rows, shape.columns};
+}
+
+}  // namespace ocisac

@@ -1,0 +1,175 @@
+#include "ocisac/receiver/frame_reading.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "ocisac/receiver/preamble.hpp"
+#include "ocisac/receiver/refine_channel.hpp"
+#include "ocisac/receiver/sequence_detector.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kLeastNoise = 1e-4;     // of the swing, for the detector
+constexpr int kMostRounds = 3;           // of detection
+constexpr double kClockStays = 0.02;     // chips, at either end of the frame
+constexpr double kExposureStays = 0.01;  // a share
+constexpr double kLevelsStay = 0.03;     // of the swing
+constexpr double kMostRelativeNoise = 1.0 / 3;
+constexpr double kMostErrors = 2e-3;  // expected share of wrong chips
+constexpr double kMostErrorsIfEven = 0.08;
+constexpr std::size_t kPreamblesTried = 3;
+constexpr double kLongestPreambleExposure = 14;  // chips
+
+double middle_swing(const ChannelEstimate& channel, std::size_t rows) {
+  return channel.swing_at(0.5 * static_cast<double>(rows), rows);
+}
+
+bool detectable(const ChipClock& clock) {
+  return clock.rows_per_chip > 0 && clock.exposure <= kLongestDetectedExposure * clock.rows_per_chip;
+}
+
+// The chips that all rows see, asked of a detector.
+struct Question {
+  std::vector<double> rows;
+  ChipQuestion asked{};
+
+  Question(std::span<const double> signal, const ChannelEstimate& channel) : rows(signal.size()) {
+    const ChipClock& clock = channel.clock;
+    for (std::size_t n = 0; n < rows.size(); ++n) {
+      const auto row = static_cast<double>(n);
+      rows[n] = (signal[n] - channel.dark_at(row, rows.size())) / channel.swing_at(row, rows.size());
+    }
+    const auto chip_at = [&](double row) {
+      return static_cast<std::ptrdiff_t>(std::floor((row - clock.phase) / clock.rows_per_chip));
+    };
+    const double half = 0.5 * clock.exposure;
+    const std::ptrdiff_t first = chip_at(-half), last = chip_at(static_cast<double>(rows.size()) - 1 + half);
+    asked = {rows, clock, std::max(channel.noise / middle_swing(channel, rows.size()), kLeastNoise), first,
+             static_cast<std::size_t>(last - first + 1)};
+  }
+  Question(const Question&) = delete;
+  Question& operator=(const Question&) = delete;
+
+  [[nodiscard]] bool allowed() const {
+    return std::isfinite(asked.noise) && detectable(asked.clock) &&
+           std::ranges::all_of(rows, [](double row) { return std::isfinite(row); });
+  }
+};
+
+// No chips, so no channel, where the exposure is estimated too long for the trellis.
+std::vector<double> detect(const ChipQuestion& question) {
+  if (!detectable(question.clock)) return std::vector<double>(question.count);
+  return detect_sequence_levels(question);
+}
+
+double error_rate_within(const FrameReading& reading) {
+  const ChipClock& clock = reading.channel.clock;
+  const auto edge = static_cast<std::size_t>(std::ceil(clock.exposure / clock.rows_per_chip)) + 1;
+  if (reading.llr.size() <= 3 * edge) return 1;
+  double sum = 0;
+  for (std::size_t k = edge; k < reading.llr.size() - edge; ++k) sum += 1 / (1 + std::exp(std::abs(reading.llr[k])));
+  return sum / static_cast<double>(reading.llr.size() - 2 * edge);
+}
+
+// Whether detection with one channel may stand for that with the other.
+bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t rows) {
+  const auto last = static_cast<double>(rows);
+  const auto chips_off = [&](double row) {
+    const auto chip_of = [row](const ChipClock& clock) { return (row - clock.phase) / clock.rows_per_chip; };
+    return std::abs(chip_of(a.clock) - chip_of(b.clock));
+  };
+  const double swing = middle_swing(b, rows);
+  const auto levels_off = [&](double row) {
+    const double dark = std::abs(a.dark_at(row, rows) - b.dark_at(row, rows));
+    return std::max(dark, std::abs(a.swing_at(row, rows) - b.swing_at(row, rows))) / swing;
+  };
+  const double middle = 0.5 * last;
+  return chips_off(0) < kClockStays && chips_off(last) < kClockStays &&
+         std::abs(a.clock.exposure - b.clock.exposure) <= kExposureStays * b.clock.exposure &&
+         std::max({levels_off(0), levels_off(middle), levels_off(last)}) < kLevelsStay;
+}
+
+}  // namespace
+
+std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
+                                       bool exposure_known) {
+  const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known};
+  ChannelEstimate channel = start;
+  FrameReading reading;
+  for (int round = 0; round < kMostRounds; ++round) {
+    const Question question(signal, channel);
+    if (!question.allowed()) return std::nullopt;
+    reading.llr = detect_sequence(question.asked).log_likelihood_ratios;
+    reading.first = question.asked.first;
+    std::vector<double> chips(reading.llr.size());
+    std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+    auto fitted = fit_channel(signal, {chips, reading.first}, channel.clock, model);
+    if (!fitted) return std::nullopt;
+    const bool stays = is_same(channel, *fitted, signal.size());
+    channel = std::move(*fitted);
+    reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
+    // Likelihoods were weighed by the noise that was expected.
+    const double weight = std::pow(question.asked.noise / std::max(reading.relative_noise, kLeastNoise), 2);
+    for (double& llr : reading.llr) llr *= weight;
+    if (stays) break;
+  }
+  reading.channel = std::move(channel);
+  reading.error_rate = error_rate_within(reading);
+  return reading;
+}
+
+bool is_sound(const FrameReading& reading) {
+  return reading.relative_noise < kMostRelativeNoise &&
+         reading.error_rate < (reading.even ? kMostErrorsIfEven : kMostErrors);
+}
+
+namespace {
+
+// What refine_channel found, with soft chips.
+std::optional<FrameReading> reading_of(std::span<const double> signal, const std::optional<RefinedChannel>& found,
+                                       bool exposure_known) {
+  if (!found) return std::nullopt;
+  auto reading = read_frame(signal, found->channel, exposure_known);
+  if (reading) reading->even = found->even;
+  return reading;
+}
+
+}  // namespace
+
+std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
+                                           bool exposure_known) {
+  return reading_of(signal, refine_channel(signal, start, detect, {.exposure_known = exposure_known}), exposure_known);
+}
+
+std::optional<FrameReading> search_frame(std::span<const double> signal, const FrameSearch& search) {
+  const double longest_allowed = kLongestDetectedExposure * (1 - search.tolerance) * search.rows_per_chip;
+  if (search.exposure && *search.exposure > longest_allowed) return std::nullopt;
+  const bool exposure_known = search.exposure.has_value();
+  const double chips = static_cast<double>(search.preamble.size());
+  const double seen = chips - search.exposure.value_or(0.0) / search.rows_per_chip;
+  if (seen >= kFewestChipsSeen) {
+    const auto matches =
+        find_preamble(signal, search.preamble,
+                      {.rows_per_chip = search.rows_per_chip,
+                       .tolerance = search.tolerance,
+                       .exposure = search.exposure,
+                       .longest_exposure = std::min(kLongestPreambleExposure, chips - kFewestChipsSeen),
+                       .most = kPreamblesTried});
+    for (const auto& match : matches) {
+      auto reading = extend_reading(signal, match.channel, exposure_known);
+      if (reading && is_sound(*reading)) return reading;
+    }
+  }
+  const ChannelSearch blind{
+      .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure = search.exposure};
+  auto reading =
+      reading_of(signal, find_channel(signal, blind, detect, {.exposure_known = exposure_known}), exposure_known);
+  if (reading && is_sound(*reading)) return reading;
+  return std::nullopt;
+}
+
+}  // namespace ocisac
