@@ -45,6 +45,10 @@ class Flag(IntFlag):
     QUANTISED = 1 << 25
     """The rows have less noise than half a step of the stored values: rounding is no noise then and may pull the gain
     by more than the standard error."""
+    AMBIGUOUS_MOTION = 1 << 26
+    """``sense``: motions of several speeds show the same rows; the slowest that fits is given, or NaN."""
+    AMBIGUOUS_KIND = 1 << 27
+    """``sense``: a modulated light, a moving texture or a still one would look alike here."""
 
     def names(self) -> list[str]:
         """The bits that are set, in lower case."""

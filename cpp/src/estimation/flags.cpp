@@ -7,7 +7,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array<std::pair<Flags, const char*>, 17> kNames{{{flag::saturated, "saturated"},
+constexpr std::array<std::pair<Flags, const char*>, 19> kNames{{{flag::saturated, "saturated"},
                                                                 {flag::near_null, "near_null"},
                                                                 {flag::weak, "weak"},
                                                                 {flag::few_cycles, "few_cycles"},
@@ -23,7 +23,9 @@ constexpr std::array<std::pair<Flags, const char*>, 17> kNames{{{flag::saturated
                                                                 {flag::too_few_edges, "too_few_edges"},
                                                                 {flag::long_exposure, "long_exposure"},
                                                                 {flag::model_misfit, "model_misfit"},
-                                                                {flag::quantised, "quantised"}}};
+                                                                {flag::quantised, "quantised"},
+                                                                {flag::ambiguous_motion, "ambiguous_motion"},
+                                                                {flag::ambiguous_kind, "ambiguous_kind"}}};
 
 }  // namespace
 

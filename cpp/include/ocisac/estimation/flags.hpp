@@ -27,6 +27,8 @@ inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
 inline constexpr Flags model_misfit = 1U << 24;   // light or tone vary along the column: tone_gain is biased
 inline constexpr Flags quantised = 1U << 25;      // less noise than half a step: rounding may exceed the standard error
+inline constexpr Flags ambiguous_motion = 1U << 26;  // sense: several motions show the same rows
+inline constexpr Flags ambiguous_kind = 1U << 27;    // sense: a light, a moving or a still texture would look alike
 }  // namespace flag
 
 // The bits that are set, by name.

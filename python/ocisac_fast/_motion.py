@@ -1,0 +1,155 @@
+"""From what a column and its frames show of a moving texture to the motion: which answers there are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ocisac_fast.flags import Flag
+
+_MOST_CANDIDATES = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Phases of a texture: 2 pi (per_row n + per_frame j), and the camera's times.
+
+    Attributes:
+        per_row, per_row_std: cycles, above 0.
+        per_frame, per_frame_std: cycles, in (-1/2, 1/2]; NaN for a single frame.
+        row_time, frame_time: s; NaN where the frame time is not known.
+    """
+
+    per_row: float
+    per_row_std: float
+    per_frame: float
+    per_frame_std: float
+    row_time: float
+    frame_time: float
+
+    @property
+    def frames_known(self) -> bool:
+        """Whether the advance from frame to frame can be used."""
+        return math.isfinite(self.per_frame) and math.isfinite(self.frame_time)
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What the caller knows; None where unknown.
+
+    Attributes:
+        direction: +1 with the read-out, -1 against it, 0 unknown.
+        pitch: of the rows in the scene, m.
+        spatial_frequency: 1/m, along the motion.
+        speed: m/s.
+        bounds: of the motion-induced frequency, Hz.
+    """
+
+    direction: int
+    pitch: float | None
+    spatial_frequency: float | None
+    speed: float | None
+    bounds: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """An answer, signed: phases 2 pi (still n + frequency t), t = n T_r + j T_f.
+
+    Attributes:
+        frequency, std: Hz; NaN where there is no telling.
+        still: cycles per row of the texture at rest, signed.
+        candidates: all frequencies (magnitudes, Hz, rising) that fit, at most 16.
+        flags: AMBIGUOUS_MOTION, MODEL_MISFIT.
+    """
+
+    frequency: float
+    std: float
+    still: float
+    candidates: tuple[float, ...]
+    flags: Flag
+
+    @property
+    def direction(self) -> int:
+        """+1 with the read-out, -1 against it, 0 unknown."""
+        product = self.frequency * self.still
+        return 0 if not product else -1 if product > 0 else 1
+
+
+def across_rows(seen: Seen) -> Motion:
+    """Motion across the rows: nothing of the still texture is in a column."""
+    frequency, std = seen.per_row / seen.row_time, seen.per_row_std / seen.row_time
+    return Motion(frequency, std, 0.0, (frequency,), Flag(0))
+
+
+def along_rows(seen: Seen, told: Told) -> Motion:
+    """Motion along the rows: per_row = still + frequency T_r, where the row pitch makes the still part."""
+    solutions = _from_one_frame(seen, told)
+    if solutions is None:
+        solutions = _from_frames_alone(seen, told) if seen.frames_known else []
+        fits = True
+    elif seen.frames_known:
+        solutions, fits = _checked_by_frames(seen, solutions)
+    else:
+        fits = True
+    kept = [one for one in solutions if _allowed(seen, told, one[0])]
+    kept.sort(key=lambda one: (abs(one[0]), one[0]))
+    if not kept:
+        contradicted = Flag.MODEL_MISFIT if solutions else Flag.AMBIGUOUS_MOTION
+        return Motion(math.nan, math.nan, math.nan, (), contradicted)
+    frequency, std = kept[0]
+    flags = Flag(0) if fits else Flag.MODEL_MISFIT
+    if len(kept) > 1:
+        flags |= Flag.AMBIGUOUS_MOTION
+    magnitudes = tuple(abs(one[0]) for one in kept[:_MOST_CANDIDATES])
+    return Motion(frequency, std, seen.per_row - frequency * seen.row_time, magnitudes, flags)
+
+
+def _allowed(seen: Seen, told: Told, frequency: float) -> bool:
+    still = seen.per_row - frequency * seen.row_time
+    moves = -1 if frequency * still > 0 else 1
+    low, high = told.bounds
+    return low <= abs(frequency) <= high and told.direction in (0, moves)
+
+
+def _from_one_frame(seen: Seen, told: Told) -> list[tuple[float, float]] | None:
+    """Signed frequencies and standard errors that a column alone allows; None where pitch and texture are unknown."""
+    if told.pitch is None or (told.spatial_frequency is None and told.speed is None):
+        return None
+    if told.spatial_frequency is not None:
+        still = told.spatial_frequency * told.pitch
+        std = seen.per_row_std / seen.row_time
+        return [((seen.per_row - side * still) / seen.row_time, std) for side in (1, -1)]
+    assert told.speed is not None
+    per_row_time = told.pitch / told.speed  # the texture's way from one row to the next takes so long
+    spans = [seen.row_time + side * per_row_time for side in (1, -1)]
+    return [(seen.per_row / span, seen.per_row_std / abs(span)) for span in spans if span]
+
+
+def _checked_by_frames(seen: Seen, solutions: list[tuple[float, float]]) -> tuple[list[tuple[float, float]], bool]:
+    """Solutions moved to the nearest frequency that also advances the phase from frame to frame as seen."""
+    fine = seen.per_frame_std / seen.frame_time
+    kept, nearest = [], []
+    for frequency, std in solutions:
+        turns = round(frequency * seen.frame_time - seen.per_frame)
+        snapped = (seen.per_frame + turns) / seen.frame_time
+        allowance = 4.0 * math.hypot(std, fine) + 1e-3 * abs(frequency)
+        nearest.append((abs(snapped - frequency) / allowance if allowance else 0.0, snapped))
+        reach = min(int(allowance * seen.frame_time), _MOST_CANDIDATES)
+        near = ((seen.per_frame + turns + k) / seen.frame_time for k in range(-reach - 1, reach + 2))
+        kept += [(one, fine) for one in near if abs(one - frequency) <= allowance]
+    if kept:
+        return sorted(set(kept)), True
+    return [(min(nearest)[1], fine)], False
+
+
+def _from_frames_alone(seen: Seen, told: Told) -> list[tuple[float, float]]:
+    """Every frequency that advances the phase as seen, slow ones first."""
+    std = seen.per_frame_std / seen.frame_time
+    turns = sorted(range(-_MOST_TURNS, _MOST_TURNS + 1), key=abs)
+    frequencies = ((seen.per_frame + k) / seen.frame_time for k in turns)
+    low, high = told.bounds
+    return [(f, std) for f in frequencies if low <= abs(f) <= high]
+
+
+_MOST_TURNS = 2000  # between two frames

@@ -1,0 +1,251 @@
+"""The fit behind :mod:`ocisac_fast.sensing`: one frequency for all columns of a region, amplitudes and phases free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.reference.light import linear_light
+
+Float64s = npt.NDArray[np.float64]
+Complexes = npt.NDArray[np.complex128]
+
+_SEARCHED = 8  # blocks of 64 columns that a search looks at
+_STEPS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Slow light, a tone with harmonics, and other tones, over the rows of a column.
+
+    Attributes:
+        cycles: of the tone per row.
+        harmonics: of the tone, 1 first.
+        design: (rows, parameters): Legendre polynomials, then cosine and sine of each harmonic, then of each other
+            tone, phases from the middle row.
+        weights: its pseudo-inverse.
+        slope: derivative of ``design`` by ``cycles``.
+        first: index of the fundamental's cosine.
+    """
+
+    cycles: float
+    harmonics: tuple[int, ...]
+    design: Float64s
+    weights: Float64s
+    slope: Float64s
+    first: int
+
+    @property
+    def covariance(self) -> Float64s:
+        """Of the parameters, for noise of variance 1."""
+        return self.weights @ self.weights.T
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """What the columns of a region hold.
+
+    Attributes:
+        parameters: (frames, parameters, columns).
+        noise: (frames, columns), variance of a row.
+        cycles_std: standard error of ``model.cycles``; 0 where it was given.
+    """
+
+    model: Model
+    parameters: Float64s
+    noise: Float64s
+    cycles_std: float
+
+    @property
+    def mean(self) -> Float64s:
+        """(frames, columns)."""
+        return np.asarray(self.parameters[:, 0])
+
+    @property
+    def tone(self) -> Complexes:
+        """(frames, columns), z of Re(z exp(2 pi j cycles n)), n = 0 the middle row."""
+        return np.asarray(self.parameters[:, self.model.first] - 1j * self.parameters[:, self.model.first + 1])
+
+
+def trend_degree(cycles: float) -> int:
+    """A constant below 2 cycles in the frame, a line below 4, else a parabola, as ``find_frequency`` has it."""
+    return 0 if cycles < 2 else 1 if cycles < 4 else 2
+
+
+def harmonics_of(waveform: str, duty: float, cycles: float, rows: int) -> tuple[int, ...]:
+    """Of a square wave those below half the row rate that it has, as many as half the rows can tell."""
+    if waveform == "tone":
+        return (1,)
+    below = range(2, int(0.5 / max(cycles, 0.25 / rows)) + 1)  # none where the tone itself is above
+    kept = [h for h in below if h * cycles < 0.5 - 1.0 / rows and abs(np.sinc(h * duty)) > 1e-9]
+    return (1, *kept[: max(0, rows // 4 - 4)])
+
+
+def make_model(
+    rows: int, cycles: float, harmonics: Sequence[int], others: Sequence[float], degree: int | None = None
+) -> Model:
+    """``others``: cycles per row of other tones; ``degree`` of the slow light: by the cycles, unless it is given."""
+    from_middle = np.arange(rows) - 0.5 * (rows - 1)
+    degree = trend_degree(cycles * rows) if degree is None else degree
+    trend = np.polynomial.legendre.legvander(2.0 * from_middle / rows, degree)
+    parts, slopes = [trend], [np.zeros_like(trend)]
+    for factor, frequency in [*((h, cycles) for h in harmonics), *((0, f) for f in others)]:
+        turns = (factor or 1) * frequency * from_middle
+        angle = 2.0 * np.pi * (turns - np.rint(turns))
+        wave = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        parts.append(wave)
+        slopes.append((2.0 * np.pi * factor * from_middle)[:, None] * np.stack([-wave[:, 1], wave[:, 0]], axis=1))
+    design = np.hstack(parts)
+    return Model(cycles, tuple(harmonics), design, pseudo_inverse(design), np.hstack(slopes), trend.shape[1])
+
+
+def pseudo_inverse(design: Float64s) -> Float64s:
+    """By QR, or by singular values where the parts of the model are all but alike."""
+    q, r = np.linalg.qr(design)
+    scale = np.abs(np.diagonal(r))
+    if design.shape[0] < design.shape[1] or scale.min() < 1e-9 * scale.max():
+        return np.linalg.pinv(design)
+    return np.linalg.solve(r, q.T)
+
+
+def light_of(frames: npt.NDArray[Any], camera: Camera, index: int) -> Float64s:
+    """Frame ``index`` of (frames, rows, columns) in linear light, float64."""
+    return linear_light(frames[index], camera)
+
+
+def project(frames: npt.NDArray[Any], camera: Camera, weights: Float64s) -> tuple[Float64s, Float64s]:
+    """(frames, outputs, columns) weighted sums over the rows, and (frames, columns) sums of squares."""
+    sums, squares = [], []
+    for index in range(len(frames)):
+        light = light_of(frames, camera, index)
+        sums.append(weights @ light)
+        squares.append(np.einsum("nk,nk->k", light, light))
+    return np.stack(sums), np.stack(squares)
+
+
+def fit(frames: npt.NDArray[Any], camera: Camera, model: Model, cycles_std: float = 0.0) -> Fitted:
+    """Amplitudes and noise of every column at the model's frequency."""
+    parameters, squares = project(frames, camera, model.weights)
+    gram = model.design.T @ model.design
+    explained = np.einsum("jpk,pq,jqk->jk", parameters, gram, parameters)
+    spare = frames.shape[1] - model.design.shape[1]
+    noise = np.maximum(squares - explained, 0.0) / spare if spare > 0 else np.full_like(squares, np.nan)
+    return Fitted(model, parameters, noise, cycles_std)
+
+
+def refine(frames: npt.NDArray[Any], camera: Camera, model: Model, others: Sequence[float]) -> Model:
+    """The frequency of least squares over all columns and frames, by Gauss-Newton from a start within its basin.
+
+    With the amplitudes of each column projected out (variable projection), a step needs the products of a few row
+    weights with the columns, and nothing else.
+    """
+    rows, best = frames.shape[1], model
+    reach = 0.25 / (rows * model.harmonics[-1])
+    for _ in range(_STEPS):
+        away = best.slope - best.design @ (best.weights @ best.slope)  # what amplitudes cannot make up for
+        products, _ = project(frames, camera, np.vstack([best.weights, away.T]))
+        parameters, forces = np.split(products, 2, axis=1)
+        stiffness = float(np.einsum("jpk,pq,jqk->", parameters, away.T @ away, parameters))
+        step = float((parameters * forces).sum()) / stiffness if stiffness > 0 else 0.0
+        step = min(max(step, -reach), reach)
+        best = make_model(rows, best.cycles + step, best.harmonics, others, best.first - 1)
+        if abs(step) * rows < 1e-10:
+            break
+    return best
+
+
+def frequency_std(frames: npt.NDArray[Any], camera: Camera, fitted: Fitted) -> float:
+    """Standard error of the cycles per row: that of white noise, or from the residual row by row where that is more, as
+    columns may share their noise."""
+    model = fitted.model
+    away = model.slope - model.design @ (model.weights @ model.slope)
+    spread = stiffness = energy = 0.0
+    for index, parameters in enumerate(fitted.parameters):
+        residual = light_of(frames, camera, index) - model.design @ parameters
+        force = away @ parameters
+        spread += float((np.einsum("nk,nk->n", force, residual) ** 2).sum())
+        stiffness += float((force**2).sum())
+        energy += float((residual**2).sum())
+    rows, unknowns = model.design.shape
+    if not (stiffness > 0.0 and rows > unknowns):
+        return float("nan")
+    white = energy / (fitted.noise.size * (rows - unknowns)) * stiffness
+    return float(np.sqrt(max(spread * rows / (rows - unknowns), white)) / stiffness)
+
+
+def searched(frames: npt.NDArray[Any], camera: Camera, others: Sequence[float]) -> npt.NDArray[Any]:
+    """Frames for a search: up to eight blocks of 64 columns, none summed (a moving texture would cancel), others gone."""
+    count = min(len(frames), _SEARCHED)
+    columns = frames.shape[2]
+    blocks = max(1, min(columns // 64, _SEARCHED // count))
+    places = np.linspace(0, columns - 1, min(columns, 64 * blocks)).round().astype(int)
+    chosen = frames[np.linspace(0, len(frames) - 1, count).round().astype(int)][:, :, places]
+    if others:
+        light = linear_light(chosen, camera)
+        model = make_model(chosen.shape[1], 0.0, (), others, degree=2)
+        waves = model.design[:, model.first :]
+        chosen = light - waves @ (model.weights[model.first :] @ light)
+    if blocks == 1:
+        return np.asarray(chosen)
+    split = chosen.reshape(count, chosen.shape[1], blocks, 64)
+    return np.ascontiguousarray(split.swapaxes(1, 2)).reshape(count * blocks, chosen.shape[1], 64)
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """How the tone's phase advances from one series to the next (columns or frames).
+
+    Attributes:
+        cycles: per step, in (-1/2, 1/2]; NaN where there is one series only.
+        std: its standard error.
+    """
+
+    cycles: float
+    std: float
+
+
+def steady_turn(tones: Complexes, component_variance: float) -> Turn:
+    """The advance per step that maximises sum_i |sum_k z_ki exp(-2 pi j cycles k)|^2, z of shape (steps, series)."""
+    steps = len(tones)
+    if steps < 2 or not np.abs(tones).any():
+        return Turn(float("nan"), float("nan"))
+    length = 4 * (1 << (steps - 1).bit_length())
+    power = (np.abs(np.fft.fft(tones, length, axis=0)) ** 2).sum(axis=1)
+    cycles = float(np.fft.fftfreq(length)[int(power.argmax())])
+    place = np.arange(steps) - 0.5 * (steps - 1)
+    for _ in range(8):
+        still = tones * np.exp(-2j * np.pi * cycles * place)[:, None]
+        total, moment, second = still.sum(axis=0), place @ still, place**2 @ still
+        pull = float((np.conj(total) * moment).imag.sum())
+        curve = float((np.conj(total) * second).real.sum() - (np.abs(moment) ** 2).sum())
+        if curve <= 0.0:
+            break
+        cycles += pull / (2.0 * np.pi * curve)
+    mean = still.mean(axis=0)
+    stiffness = float((place**2).sum() * (np.abs(mean) ** 2).sum())
+    freedom = tones.size - tones.shape[1] - 1
+    across = (still * np.exp(-1j * np.angle(mean))).imag
+    variance = max(component_variance, float((across**2).sum()) / freedom if freedom > 0 else 0.0)
+    std = float(np.sqrt(variance / stiffness)) / (2.0 * np.pi) if stiffness > 0 else float("nan")
+    return Turn(0.5 - (0.5 - cycles) % 1.0, std)
+
+
+def phase_spread(tones: Complexes, component_variance: float) -> tuple[float, bool]:
+    """Phases of (frames, columns) about that common to a frame's columns: RMS in rad beyond the noise, and whether it
+    exceeds the noise by four standard errors."""
+    frames, columns = tones.shape
+    freedom = frames * (columns - 1)
+    if freedom < 1:
+        return 0.0, False
+    common = np.exp(-1j * np.angle(tones.sum(axis=1, keepdims=True)))
+    turned = tones * common
+    power = float((np.abs(tones) ** 2).mean())
+    beyond = float((turned.imag**2).sum()) / freedom - component_variance
+    significant = beyond > 4.0 * component_variance * np.sqrt(2.0 / freedom)
+    facing_away = float((turned.real < 0).mean())
+    return float(np.sqrt(max(beyond, 0.0) / power)) + facing_away, bool(significant)

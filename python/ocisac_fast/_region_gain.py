@@ -1,0 +1,118 @@
+"""Gains of a region: amplitudes over means of many columns or pixels, pooled without the bias that noise brings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast._region_fit import Fitted, fit, make_model
+from ocisac_fast.camera import Camera
+from ocisac_fast.reference.light import linear_light
+
+Float64s = npt.NDArray[np.float64]
+
+_CHUNK = 1 << 22  # samples
+_MOST_DRAWN = 64  # columns
+
+
+@dataclass(frozen=True, slots=True)
+class Ambient:
+    """Light that is not the source's: (frames, columns) or one value, its standard error, and whether all columns share
+    one measurement."""
+
+    mean: Float64s
+    std: Float64s
+    shared: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PooledGain:
+    """Amplitude over mean, its standard error, the mean light and the tone's power over a row's noise variance."""
+
+    gain: float
+    std: float
+    mean: float
+    snr: float
+
+
+def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
+    """sqrt(sum |z|^2 / sum m^2) over columns and frames, with the noise's share taken out of both sums.
+
+    This weighs each column by its light, as least squares of one gain would, and stays unbiased where single columns
+    drown in noise. The standard error comes from the residual of each column and holds for noise that columns do not
+    share.
+    """
+    covariance = fitted.model.covariance
+    first = fitted.model.first
+    c = covariance[np.ix_([0, first, first + 1], [0, first, first + 1])]
+    m, z, noise = fitted.mean - ambient.mean, fitted.tone, fitted.noise
+    light = float((m**2 - noise * c[0, 0] - ambient.std**2).sum())
+    power = float((np.abs(z) ** 2 - noise * (c[1, 1] + c[2, 2])).sum())
+    if not (m.mean() > 0.0 and light > 0.0):
+        return PooledGain(np.nan, np.nan, float(m.mean()), np.nan)
+    gain = float(np.sqrt(max(power, 0.0) / light))
+    by = np.stack([-gain * gain * m, z.real, -z.imag]) / light  # half the derivatives of gain^2
+    variance = float((noise * np.einsum("ajk,ab,bjk->jk", by, c, by)).sum())
+    variance += _ambient_variance(by[0], ambient) + (_by_cycles(fitted, by) * fitted.cycles_std) ** 2
+    chance = float((noise**2).sum()) * (c[1, 1] ** 2 + c[2, 2] ** 2 + 2 * c[1, 2] ** 2) / 2.0 / light**2
+    both = variance + chance  # variance of gain^2 / 4
+    std = np.sqrt(both) / gain if gain**4 > 4.0 * both else (4.0 * both) ** 0.25
+    mean_noise = float(noise.mean())
+    snr = max(power, 0.0) / m.size / mean_noise if mean_noise > 0.0 else np.inf
+    return PooledGain(gain, float(std), float(m.mean()), float(snr))
+
+
+def _by_cycles(fitted: Fitted, by: Float64s) -> float:
+    """Half the derivative of gain^2 by the frequency, whose error is independent of those at a given frequency."""
+    model = fitted.model
+    follow = (-model.weights @ model.slope)[[0, model.first, model.first + 1]]
+    return float(np.einsum("ajk,ap,jpk->", by, follow, fitted.parameters))
+
+
+def _ambient_variance(by_mean: Float64s, ambient: Ambient) -> float:
+    std = np.broadcast_to(ambient.std, by_mean.shape)
+    if ambient.shared:
+        return float((by_mean * std).sum() ** 2)
+    return float(((by_mean * std).sum(axis=0) ** 2).sum())  # a column's measurement serves all frames
+
+
+def contrast_range(fitted: Fitted) -> float:
+    """(max - min)/(max + min) of the fitted rows without noise, median of up to 64 columns of the first frame."""
+    parameters = fitted.parameters[0]
+    columns = np.linspace(0, parameters.shape[1] - 1, min(parameters.shape[1], _MOST_DRAWN)).round().astype(int)
+    model = fitted.model
+    chosen = parameters[:, columns]
+    waves = slice(model.first, model.first + 2 * len(model.harmonics))
+    rows = model.design[:, waves] @ chosen[waves] + chosen[0]
+    top, bottom = rows.max(axis=0), rows.min(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.median((top - bottom) / (top + bottom)))
+
+
+def over_frames(region: npt.NDArray[Any], camera: Camera, advance: float, fitted: Fitted) -> Fitted | None:
+    """The fit of every pixel's course over the frames, at ``advance`` cycles a frame; None where that is no tone there:
+    fewer than 6 frames, less than a cycle, or less than half of one from half the frame rate.
+
+    Harmonics and other tones fold there to anywhere; they are taken off as the columns show them.
+    """
+    count, rows, columns = region.shape
+    at = abs(advance)
+    if not (count >= 6 and at * count >= 1.0 and (0.5 - at) * count >= 0.5):
+        return None
+    model = make_model(count, at, (1,), (), degree=0)
+    step = max(1, _CHUNK // (count * columns))
+    parts = [
+        fit(_course(region, camera, fitted, slice(top, top + step)), Camera(1.0), model) for top in range(0, rows, step)
+    ]
+    parameters = np.concatenate([part.parameters for part in parts], axis=2)
+    return Fitted(model, parameters, np.concatenate([part.noise for part in parts], axis=1), 0.0)
+
+
+def _course(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, rows: slice) -> Float64s:
+    """(1, frames, pixels) linear light of some rows, without harmonics and other tones."""
+    beside = fitted.model.first + 2
+    light = linear_light(region[:, rows], camera) - fitted.model.design[rows, beside:] @ fitted.parameters[:, beside:]
+    return light.reshape(1, len(region), -1)

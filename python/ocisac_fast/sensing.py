@@ -1,0 +1,513 @@
+"""The sensing side: what a moving texture and a modulated light show in a region of a picture."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast._arrays import as_columns
+from ocisac_fast._motion import Motion, Seen, Told, across_rows, along_rows
+from ocisac_fast._region_fit import (
+    Fitted,
+    Turn,
+    fit,
+    frequency_std,
+    harmonics_of,
+    make_model,
+    phase_spread,
+    refine,
+    searched,
+    steady_turn,
+)
+from ocisac_fast.camera import Camera
+from ocisac_fast.flags import Flag
+from ocisac_fast.frequency import find_frequency
+from ocisac_fast._region_gain import Ambient, contrast_range, over_frames, pooled_gain
+from ocisac_fast.gain import tone_gain
+from ocisac_fast.varying_tone import varying_tone_gain
+
+Float64s = npt.NDArray[np.float64]
+Kind = Literal["light", "moving", "still", "unknown"]
+
+_COMMON_PHASE = 0.1  # rad RMS over the columns that a light's picture may have of its own
+_NEAR_MISS = 10.0  # timing tolerances within which a light is not ruled out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BackgroundLight:
+    """Light that is not a source's, measured without it.
+
+    Attributes:
+        mean: DN above dark; one value, or (columns,).
+        std: its standard error, of the same shape.
+    """
+
+    mean: Float64s
+    std: Float64s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensedRegion:
+    """What a region of a picture shows, pooled over its columns and frames. NaN: not known, or not of this kind.
+
+    Attributes:
+        kind: ``"light"``: modulated in time, one phase in all columns; ``"moving"``: a texture whose phase follows its
+            motion; ``"still"``: a texture that does not change from frame to frame; ``"unknown"``: nothing periodic.
+        x, y, width, height: of the region: first column and row (rows in time order), columns and rows.
+        frames: that were used.
+        frequency, frequency_std: of what a column shows, Hz: cycles per row over the row time. The standard error is 0
+            where the frequency was given.
+        motion_frequency, motion_frequency_std: f_x v, Hz, of a moving texture: that of the light in a pixel. Across the
+            rows it is ``frequency``; along them the row pitch adds to it. 0 for a still texture.
+        motion_candidates: all that fit, Hz, rising; more than one with the flag AMBIGUOUS_MOTION (at most 16 are
+            listed).
+        direction: of the motion: +1 with the read-out (across the rows: to higher columns), -1 against it, 0 unknown.
+        cycles_per_column, cycles_per_column_std: of the texture in a row, signed; 0 within its error for a light.
+        cycles_per_frame, cycles_per_frame_std: advance from frame to frame, in (-1/2, 1/2].
+        gain, gain_std: contrast gain, eq. 16: amplitude of the fundamental along the columns over the mean light, over
+            the waveform's ratio and ``depth``.
+        frames_gain, frames_gain_std: the same from each pixel's course over the frames; NaN below 6 frames, one cycle of
+            the advance over all of them, or half a cycle from half the frame rate.
+        theory: |sinc(f T_e)|, f that of the light in a pixel.
+        contrast: amplitude of the fundamental over the mean: gain times ratio times depth.
+        contrast_range: (max - min)/(max + min) of the fitted rows, for display.
+        mean: mean light, DN above dark and background.
+        snr: G^2 mean^2 / (noise variance of a row), a plain ratio (eqs. 13-14).
+        speed, speed_std: m/s, of the motion at right angles to the stripes.
+        spatial_frequency, spatial_frequency_std: of the texture along the motion, 1/m; std 0 where it was given.
+        background_given: the background was told; without it, a light's gain is its share of the light times |sinc|.
+        flags: of :class:`ocisac_fast.Flag`.
+    """
+
+    kind: Kind
+    x: int
+    y: int
+    width: int
+    height: int
+    frames: int
+    frequency: float = math.nan
+    frequency_std: float = math.nan
+    motion_frequency: float = math.nan
+    motion_frequency_std: float = math.nan
+    motion_candidates: tuple[float, ...] = ()
+    direction: int = 0
+    cycles_per_column: float = math.nan
+    cycles_per_column_std: float = math.nan
+    cycles_per_frame: float = math.nan
+    cycles_per_frame_std: float = math.nan
+    gain: float = math.nan
+    gain_std: float = math.nan
+    frames_gain: float = math.nan
+    frames_gain_std: float = math.nan
+    theory: float = math.nan
+    contrast: float = math.nan
+    contrast_range: float = math.nan
+    mean: float = math.nan
+    snr: float = math.nan
+    speed: float = math.nan
+    speed_std: float = math.nan
+    spatial_frequency: float = math.nan
+    spatial_frequency_std: float = math.nan
+    background_given: bool = False
+    flags: Flag = Flag(0)  # noqa: RUF009, a constant
+
+
+def sense_region(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    frequency: float | None = None,
+    *,
+    waveform: Literal["tone", "square"] = "tone",
+    duty: float = 0.5,
+    depth: float = 1.0,
+    background: npt.ArrayLike | BackgroundLight | None = None,
+    others: npt.ArrayLike = (),
+    motion: Literal["across", "along"] | None = None,
+    direction: Literal[-1, 0, 1] = 0,
+    pitch: float | None = None,
+    spatial_frequency: float | None = None,
+    speed: float | None = None,
+    bounds: tuple[float, float] | None = None,
+    motion_bounds: tuple[float, float] | None = None,
+    timing_tolerance: float = 1e-4,
+) -> SensedRegion:
+    """Contrast gain, motion and kind of the one periodic thing in a region of a picture.
+
+    All columns and frames share one frequency, found by least squares of slow light (a polynomial of degree 0 to 2),
+    tone and harmonics with amplitudes and phases free in each column; in white noise its standard error is at the
+    Cramer-Rao bound of that model. The phases tell the rest:
+
+        2 pi (c n + s k + d j),   row n, column k, frame j
+
+    A light has s = 0 and d = c T_f/T_r; a texture with the spatial frequencies f_x along the columns' axis, f_y along
+    the rows and the motion-induced frequency f_x v has s = f_x pitch, d = f_x v T_f and c = f_x v T_r + f_y pitch. d is
+    known but for whole cycles. So a moving texture is told from a light by s, or by d where its stripes lie along the
+    rows, and motion along the rows needs the pitch and either the texture or the speed, or frames and bounds that leave
+    one answer; with less it is flagged AMBIGUOUS_MOTION. See docs/sense.md.
+
+    Args:
+        frames: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, successive frames.
+        camera: row time; frame time to compare frames; exposure for ``theory``.
+        frequency: that a column shows, Hz, where it is known, as for a light: then held fixed. Above half the row
+            rate it is seen at its alias.
+        waveform: ``"tone"``, or ``"square"`` with the harmonics below half the row rate.
+        duty: bright share of the square wave, inside (0, 1).
+        depth: contrast of the texture or the light itself, above 0: amplitude over that of full depth.
+        background: light that is not this thing's: DN above dark, one value or (columns,) or (frames, columns), or
+            what :func:`background_light` measured.
+        others: frequencies of other tones in the same pixels, Hz, fitted beside it.
+        motion: of the texture: ``"across"`` the rows or ``"along"`` them (or oblique), where known.
+        direction: of motion along the rows: 1 with the read-out, -1 against it, 0 unknown.
+        pitch: distance of neighbouring pixels in the scene, m, above 0.
+        spatial_frequency: of the texture along the motion, 1/m, above 0.
+        speed: of the texture, m/s, above 0.
+        bounds: lowest and highest frequency to search in the columns, Hz, as for ``find_frequency``.
+        motion_bounds: lowest and highest f_x v of motion along the rows, Hz; by default 0 to half the row rate.
+        timing_tolerance: relative error of the frame time over the row time, inside (0, 0.01]. What keeps time within
+            it is a light, or moves across the rows; up to ten times of it that is flagged; beyond, it moves along them.
+
+    Returns:
+        :class:`SensedRegion`.
+
+    Raises:
+        ValueError: an argument outside its range or of the wrong shape; the message names it.
+    """
+    array = as_columns(frames, "frames")
+    region = array.reshape((1, -1, 1)) if array.ndim == 1 else array.reshape((-1, *array.shape[-2:]))
+    tones = [float(f) * camera.row_time for f in np.atleast_1d(np.asarray(others, dtype=np.float64))]
+    if not 0.0 < timing_tolerance <= 0.01:
+        raise ValueError(f"timing_tolerance: got {timing_tolerance}, allowed: above 0 up to 0.01")
+    told = _told(camera, direction, pitch, spatial_frequency, speed, motion_bounds)
+    _check(waveform, duty, depth, motion, frequency, tones)
+    ambient = _ambient(background, region)
+    blank = SensedRegion("unknown", 0, 0, region.shape[2], region.shape[1], len(region))
+    blank = dataclasses.replace(blank, background_given=background is not None)
+
+    fitted, flags = _fitted(region, camera, frequency, waveform, duty, tones, bounds)
+    if fitted is None:
+        return dataclasses.replace(blank, flags=flags)
+    columns_turn, frames_turn = _turns(fitted)
+    common, doubt = _common_phase(fitted, columns_turn)
+    seen = _seen(fitted, frames_turn, camera)
+    kind, axis, kind_flags = _kind(seen, common, doubt, motion, timing_tolerance)
+    facts = _motion_facts(kind, axis, seen, told, columns_turn)
+    flags |= kind_flags | facts.pop("flags")
+    ratio = (1.0 if waveform == "tone" else 2.0 * float(np.sinc(duty))) * depth
+    gains = _gains(region, camera, fitted, frames_turn, ambient, ratio)
+    light_frequency = {"light": fitted.model.cycles / camera.row_time, "still": 0.0}.get(
+        kind, abs(facts.get("motion_frequency", math.nan))
+    )
+    theory, theory_flags = _theory(light_frequency, camera)
+    flags |= gains.pop("flags") | theory_flags | _column_flags(region, camera, fitted, tones)
+    return dataclasses.replace(
+        blank,
+        kind=kind,
+        frequency=fitted.model.cycles / camera.row_time,
+        frequency_std=fitted.cycles_std / camera.row_time,
+        cycles_per_column=columns_turn.cycles,
+        cycles_per_column_std=columns_turn.std,
+        cycles_per_frame=frames_turn.cycles,
+        cycles_per_frame_std=frames_turn.std,
+        theory=theory,
+        flags=flags,
+        **facts,
+        **gains,
+    )
+
+
+def background_light(
+    frames: npt.ArrayLike, camera: Camera, tones: npt.ArrayLike = (), *, pooled: bool = False
+) -> BackgroundLight:
+    """Mean light of pixels without the source: the same pixels in an unlit frame, or others beside it.
+
+    Args:
+        frames: (rows,), (rows, columns) or (frames, rows, columns), rows in time order.
+        camera: row time and response.
+        tones: frequencies in the columns, Hz, such as that of a moving texture: fitted, so that parts of cycles do not
+            pull the mean.
+        pooled: one value for all columns, for light measured beside the source; its standard error is from the columns.
+
+    Raises:
+        ValueError: wrong shapes or types, or frequencies that are not finite and above 0.
+    """
+    array = as_columns(frames, "frames")
+    region = array.reshape((1, -1, 1)) if array.ndim == 1 else array.reshape((-1, *array.shape[-2:]))
+    cycles = [float(f) * camera.row_time for f in np.atleast_1d(np.asarray(tones, dtype=np.float64))]
+    _check_frequencies("tones", cycles)
+    model = make_model(region.shape[1], 0.0, (), cycles)
+    fitted = fit(region, camera, model)
+    columns = fitted.mean.mean(axis=0)
+    std = np.sqrt(fitted.noise.mean(axis=0) * model.covariance[0, 0] / len(region))
+    if not pooled:
+        return BackgroundLight(columns, std)
+    spread = columns.std(ddof=1) / np.sqrt(columns.size) if columns.size > 1 else std[0]
+    return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
+
+
+def _told(
+    camera: Camera,
+    direction: int,
+    pitch: float | None,
+    spatial_frequency: float | None,
+    speed: float | None,
+    motion_bounds: tuple[float, float] | None,
+) -> Told:
+    for name, value in (("pitch", pitch), ("spatial_frequency", spatial_frequency), ("speed", speed)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
+    if direction not in (-1, 0, 1):
+        raise ValueError(f"direction: got {direction}, allowed: -1, 0 or 1")
+    low, high = motion_bounds or (0.0, 0.5 / camera.row_time)
+    if not (0.0 <= low < high < math.inf):
+        raise ValueError(f"motion_bounds: got {motion_bounds}, allowed: (low, high), 0 <= low < high, finite")
+    return Told(direction, pitch, spatial_frequency, speed, (low, high))
+
+
+def _check_frequencies(name: str, cycles: list[float]) -> None:
+    if not all(math.isfinite(c) and c > 0.0 for c in cycles):
+        raise ValueError(f"{name}: got {cycles} cycles a row, allowed: finite frequencies above 0")
+
+
+def _check(
+    waveform: str, duty: float, depth: float, motion: str | None, frequency: float | None, tones: list[float]
+) -> None:
+    if waveform not in ("tone", "square"):
+        raise ValueError(f"waveform: got {waveform!r}, allowed: 'tone' or 'square'")
+    if not 0.0 < duty < 1.0:
+        raise ValueError(f"duty: got {duty}, allowed: above 0 and below 1")
+    if not (math.isfinite(depth) and depth > 0.0):
+        raise ValueError(f"depth: got {depth}, allowed: a finite number above 0")
+    if motion not in (None, "across", "along"):
+        raise ValueError(f"motion: got {motion!r}, allowed: 'across', 'along' or None")
+    if frequency is not None and not (math.isfinite(frequency) and frequency > 0.0):
+        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0")
+    _check_frequencies("others", tones)
+
+
+def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDArray[Any]) -> Ambient:
+    measured = isinstance(background, BackgroundLight)
+    mean = np.asarray(background.mean if measured else 0.0 if background is None else background, dtype=np.float64)
+    std = np.asarray(background.std if measured else 0.0, dtype=np.float64)
+    shape = (len(region), region.shape[2])
+    try:
+        if mean.size > 1:
+            np.broadcast_to(mean, shape)
+    except ValueError:
+        raise ValueError(f"background: got shape {mean.shape}, allowed: one value, {shape[1:]} or {shape}") from None
+    if not np.isfinite(mean).all():
+        raise ValueError(f"background: got {mean}, allowed: finite values")
+    return Ambient(mean, std, mean.ndim == 0)
+
+
+def _fitted(
+    region: npt.NDArray[Any],
+    camera: Camera,
+    frequency: float | None,
+    waveform: str,
+    duty: float,
+    tones: list[float],
+    bounds: tuple[float, float] | None,
+) -> tuple[Fitted | None, Flag]:
+    """The fit at the frequency given or found; None and why where there is none."""
+    rows = region.shape[1]
+    flags = Flag(0)
+    if frequency is None:
+        search = "square" if waveform == "square" else "auto"
+        found = find_frequency(searched(region, camera, tones), camera, bounds=bounds, waveform=search, select=False)
+        flags = found.flags & ~Flag.SATURATED
+        if found.flags & Flag.NO_TONE:
+            return None, flags
+        cycles = found.cycles_per_row
+    else:
+        cycles = frequency * camera.row_time
+        flags = Flag.FEW_CYCLES if cycles * rows < 1.0 else Flag(0)
+    folded = abs((cycles + 0.5) % 1.0 - 0.5)
+    model = make_model(rows, cycles, harmonics_of(waveform, duty, cycles, rows), tones)
+    if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < 1e-12:
+        return None, flags | Flag.UNRESOLVABLE
+    if frequency is not None:
+        return fit(region, camera, model), flags
+    model = refine(region, camera, model, tones)
+    fitted = fit(region, camera, model)
+    return dataclasses.replace(fitted, cycles_std=frequency_std(region, camera, fitted)), flags
+
+
+def _component_variance(fitted: Fitted) -> float:
+    """Of the real and imaginary part of a column's tone, mean over the columns."""
+    first = fitted.model.first
+    c = fitted.model.covariance
+    return float(np.nan_to_num(fitted.noise).mean() * 0.5 * (c[first, first] + c[first + 1, first + 1]))
+
+
+def _turns(fitted: Fitted) -> tuple[Turn, Turn]:
+    """From column to column and from frame to frame."""
+    variance = _component_variance(fitted)
+    return steady_turn(fitted.tone.T, variance), steady_turn(fitted.tone, variance)
+
+
+def _common_phase(fitted: Fitted, turn: Turn) -> tuple[bool, bool]:
+    """Whether all columns have one phase, and whether that is in doubt."""
+    spread, significant = phase_spread(fitted.tone, _component_variance(fitted))
+    common = not (significant and spread > _COMMON_PHASE)
+    unsure = not (4.0 * turn.std * fitted.tone.shape[1] < 0.25)
+    creeping = common and abs(turn.cycles) > 5.0 * turn.std and spread > 0.2 * _COMMON_PHASE
+    return common, common and (unsure or creeping)
+
+
+def _seen(fitted: Fitted, turn: Turn, camera: Camera) -> Seen:
+    frame_time = math.nan if camera.frame_time is None else camera.frame_time
+    return Seen(fitted.model.cycles, fitted.cycles_std, turn.cycles, turn.std, camera.row_time, frame_time)
+
+
+def _kind(
+    seen: Seen, common: bool, doubt: bool, motion: str | None, tolerance: float
+) -> tuple[Kind, str | None, Flag]:
+    """Light, moving or still, the axis of the motion where it is known, and what is not sure."""
+    flags = Flag.AMBIGUOUS_KIND if doubt else Flag(0)
+    if seen.frames_known:
+        expected = seen.per_row * seen.frame_time / seen.row_time
+        drift = seen.per_row_std * seen.frame_time / seen.row_time
+        allowance = 4.0 * math.hypot(seen.per_frame_std, drift) + tolerance * expected + 1e-6
+        miss = abs((seen.per_frame - expected + 0.5) % 1.0 - 0.5)
+        near = miss <= max(allowance, _NEAR_MISS * tolerance * expected)
+        still = abs(seen.per_frame) <= 4.0 * seen.per_frame_std + 1e-6
+        if allowance < 0.25 and seen.per_frame_std < 0.06 and not (miss <= allowance and still):
+            if still:
+                return "still", None, Flag(0)
+            if not near:
+                return "moving", "along", Flag.MODEL_MISFIT if motion == "across" else Flag(0)
+            if common:
+                return "light", None, flags if miss <= allowance else Flag.AMBIGUOUS_KIND
+            sure = miss <= allowance or motion == "across"
+            return "moving", "across", Flag(0) if sure else Flag.AMBIGUOUS_MOTION
+    if not common:
+        return "moving", motion, Flag(0) if motion else Flag.AMBIGUOUS_KIND
+    if motion == "along" or (motion == "across" and doubt):
+        return "moving", motion, flags
+    return "light", None, Flag.AMBIGUOUS_KIND
+
+
+def _motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Turn) -> dict[str, Any]:
+    if kind == "still":
+        std = seen.per_frame_std / seen.frame_time
+        return {"motion_frequency": 0.0, "motion_frequency_std": std, "speed": 0.0, "flags": Flag(0)}
+    if kind != "moving":
+        return {"flags": Flag(0)}
+    if axis == "along":
+        motion = along_rows(seen, told)
+        per_pixel, pixel_std = motion.still, math.hypot(seen.per_row_std, motion.std * seen.row_time)
+        direction = motion.direction
+    else:
+        motion = across_rows(seen)
+        per_pixel, pixel_std = turn.cycles, turn.std
+        direction = -int(math.copysign(1, turn.cycles)) if abs(turn.cycles) > 4.0 * turn.std else 0
+    flags = motion.flags | (Flag.AMBIGUOUS_MOTION if axis is None else Flag(0))
+    return {
+        "motion_frequency": abs(motion.frequency),
+        "motion_frequency_std": motion.std,
+        "motion_candidates": motion.candidates,
+        "direction": direction,
+        "flags": flags,
+        **_speed(motion, told, abs(per_pixel), pixel_std),
+    }
+
+
+def _speed(motion: Motion, told: Told, per_pixel: float, pixel_std: float) -> dict[str, float]:
+    """Speed and spatial frequency: one told and the other from f_x v; or the texture's cycles over the pitch."""
+    frequency = abs(motion.frequency)
+    if told.spatial_frequency is not None:
+        texture, texture_std = told.spatial_frequency, 0.0
+    elif told.speed is not None:
+        return {
+            "speed": told.speed,
+            "speed_std": 0.0,
+            "spatial_frequency": frequency / told.speed,
+            "spatial_frequency_std": motion.std / told.speed,
+        }
+    elif told.pitch is not None:
+        texture, texture_std = per_pixel / told.pitch, pixel_std / told.pitch
+    else:
+        return {}
+    speed = frequency / texture if texture > 0.0 else math.nan
+    relative = math.hypot(motion.std / frequency, texture_std / texture) if frequency * texture > 0.0 else math.nan
+    return {
+        "speed": speed,
+        "speed_std": speed * relative,
+        "spatial_frequency": texture,
+        "spatial_frequency_std": texture_std,
+    }
+
+
+def _theory(frequency: float, camera: Camera) -> tuple[float, Flag]:
+    if camera.exposure is None or not math.isfinite(frequency):
+        return math.nan, Flag(0)
+    theory = abs(float(np.sinc(frequency * camera.exposure)))
+    return theory, Flag.NEAR_NULL if theory < 0.05 else Flag(0)
+
+
+def _gains(
+    region: npt.NDArray[Any],
+    camera: Camera,
+    fitted: Fitted,
+    turn: Turn,
+    ambient: Ambient,
+    ratio: float,
+) -> dict[str, Any]:
+    """Gains along the columns and over the frames, contrasts, mean and flags."""
+    pooled = pooled_gain(fitted, ambient)
+    facts: dict[str, Any] = {
+        "gain": pooled.gain / ratio,
+        "gain_std": pooled.std / ratio,
+        "contrast": pooled.gain,
+        "contrast_range": contrast_range(fitted),
+        "mean": pooled.mean,
+        "snr": pooled.snr / ratio**2,
+        "flags": Flag(0),
+    }
+    if not pooled.mean > 0.0 or math.isnan(pooled.gain):
+        facts["flags"] |= Flag.NO_LIGHT
+    elif pooled.gain < 3.0 * pooled.std:
+        facts["flags"] |= Flag.WEAK
+    series = None if math.isnan(turn.cycles) else over_frames(region, camera, turn.cycles, fitted)
+    if series is not None:
+        every = Ambient(_per_pixel(ambient.mean, region), _per_pixel(ambient.std, region), ambient.shared)
+        course = pooled_gain(series, every)
+        facts |= {"frames_gain": course.gain / ratio, "frames_gain_std": course.std / ratio}
+    return facts
+
+
+def _per_pixel(values: Float64s, region: npt.NDArray[Any]) -> Float64s:
+    """Values of columns as those of the pixels of a frame: the mean over the frames."""
+    if values.ndim == 0:
+        return values
+    per_column = np.broadcast_to(values, (len(region), region.shape[2])).mean(axis=0)
+    return np.tile(per_column, region.shape[1])
+
+
+def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tones: list[float]) -> Flag:
+    """What ``tone_gain`` and ``varying_tone_gain`` flag in at least half of the columns of the first frame; saturation
+    in a tenth."""
+    timing = dataclasses.replace(camera, exposure=None)  # the light's own frequency may be another
+    step = max(1, region.shape[2] // _JUDGED)
+    columns = region[0][:, ::step]
+    frequency = fitted.model.cycles / camera.row_time
+    every = [frequency, *(f / camera.row_time for f in tones)]
+    waveform: Any = "square" if len(fitted.model.harmonics) > 1 and not tones else "tone"
+    masks = tone_gain(columns, timing, every, waveform=waveform).flags[0]
+    if not tones:
+        masks = masks | varying_tone_gain(columns, timing, frequency, waveform=waveform).flags
+    flags = Flag(0)
+    for bit in Flag:
+        share = np.count_nonzero(masks & bit) / masks.size
+        if bit not in _POOLED_FLAGS and share >= (0.1 if bit == Flag.SATURATED else 0.5):
+            flags |= bit
+    return flags
+
+
+_JUDGED = 64
+_POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES
