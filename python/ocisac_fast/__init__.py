@@ -35,6 +35,7 @@ from ocisac_fast.frequency import (
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.receiver import Received, receive
+from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource, detect_sources
 from ocisac_fast.stream_receiver import ReceivedFrame, Receiver
@@ -62,6 +63,7 @@ from ocisac_fast.waveforms import (
 __version__ = _version()
 
 __all__ = [
+    "BackgroundLight",
     "BestExposure",
     "Calibration",
     "Camera",
@@ -83,6 +85,7 @@ __all__ = [
     "Receiver",
     "RefinedChannel",
     "Samples",
+    "SensedRegion",
     "SourceTracker",
     "SquareWave",
     "Sum",
@@ -94,6 +97,7 @@ __all__ = [
     "Transmission",
     "VaryingToneGain",
     "Waveform",
+    "background_light",
     "best_exposure",
     "calibrate",
     "chip_likelihoods",
@@ -119,6 +123,7 @@ __all__ = [
     "receive",
     "refine_channel",
     "sample_waveform",
+    "sense_region",
     "tone_columns",
     "tone_gain",
     "transmit",

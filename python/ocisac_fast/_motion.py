@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ocisac_fast.flags import Flag
 
 _MOST_CANDIDATES = 16
+_MOST_TURNS = 2000  # between two frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,7 @@ class Told:
         spatial_frequency: 1/m, along the motion.
         speed: m/s.
         bounds: of the motion-induced frequency, Hz.
+        tolerance: relative, of the frame time over the row time.
     """
 
     direction: int
@@ -50,6 +52,7 @@ class Told:
     spatial_frequency: float | None
     speed: float | None
     bounds: tuple[float, float]
+    tolerance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +92,7 @@ def along_rows(seen: Seen, told: Told) -> Motion:
         solutions = _from_frames_alone(seen, told) if seen.frames_known else []
         fits = True
     elif seen.frames_known:
-        solutions, fits = _checked_by_frames(seen, solutions)
+        solutions, fits = _checked_by_frames(seen, told, solutions)
     else:
         fits = True
     kept = [one for one in solutions if _allowed(seen, told, one[0])]
@@ -126,14 +129,16 @@ def _from_one_frame(seen: Seen, told: Told) -> list[tuple[float, float]] | None:
     return [(seen.per_row / span, seen.per_row_std / abs(span)) for span in spans if span]
 
 
-def _checked_by_frames(seen: Seen, solutions: list[tuple[float, float]]) -> tuple[list[tuple[float, float]], bool]:
+def _checked_by_frames(
+    seen: Seen, told: Told, solutions: list[tuple[float, float]]
+) -> tuple[list[tuple[float, float]], bool]:
     """Solutions moved to the nearest frequency that also advances the phase from frame to frame as seen."""
     fine = seen.per_frame_std / seen.frame_time
     kept, nearest = [], []
     for frequency, std in solutions:
         turns = round(frequency * seen.frame_time - seen.per_frame)
         snapped = (seen.per_frame + turns) / seen.frame_time
-        allowance = 4.0 * math.hypot(std, fine) + 1e-3 * abs(frequency)
+        allowance = 4.0 * math.hypot(std, fine) + told.tolerance * abs(frequency)
         nearest.append((abs(snapped - frequency) / allowance if allowance else 0.0, snapped))
         reach = min(int(allowance * seen.frame_time), _MOST_CANDIDATES)
         near = ((seen.per_frame + turns + k) / seen.frame_time for k in range(-reach - 1, reach + 2))
@@ -150,6 +155,3 @@ def _from_frames_alone(seen: Seen, told: Told) -> list[tuple[float, float]]:
     frequencies = ((seen.per_frame + k) / seen.frame_time for k in turns)
     low, high = told.bounds
     return [(f, std) for f in frequencies if low <= abs(f) <= high]
-
-
-_MOST_TURNS = 2000  # between two frames

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast._light import linear_light
 from ocisac_fast.camera import Camera
-from ocisac_fast.reference.light import linear_light
 
 Float64s = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
@@ -29,7 +29,8 @@ class Model:
         design: (rows, parameters): Legendre polynomials, then cosine and sine of each harmonic, then of each other
             tone, phases from the middle row.
         weights: its pseudo-inverse.
-        slope: derivative of ``design`` by ``cycles``.
+        steering: harmonics that the frequency is found by; those that noise hides would feign information.
+        slope: derivative of ``design`` by ``cycles``, of those.
         first: index of the fundamental's cosine.
     """
 
@@ -37,8 +38,14 @@ class Model:
     harmonics: tuple[int, ...]
     design: Float64s
     weights: Float64s
+    steering: tuple[int, ...]
     slope: Float64s
     first: int
+
+    @property
+    def stiffening(self) -> Float64s:
+        """(rows, parameters): ``slope`` without what amplitudes can make up for."""
+        return self.slope - self.design @ (self.weights @ self.slope)
 
     @property
     def covariance(self) -> Float64s:
@@ -87,21 +94,44 @@ def harmonics_of(waveform: str, duty: float, cycles: float, rows: int) -> tuple[
 
 
 def make_model(
-    rows: int, cycles: float, harmonics: Sequence[int], others: Sequence[float], degree: int | None = None
+    rows: int,
+    cycles: float,
+    harmonics: Sequence[int],
+    others: Sequence[float],
+    degree: int | None = None,
+    steering: Sequence[int] | None = None,
 ) -> Model:
-    """``others``: cycles per row of other tones; ``degree`` of the slow light: by the cycles, unless it is given."""
-    from_middle = np.arange(rows) - 0.5 * (rows - 1)
+    """``others``: cycles per row of other tones; ``degree`` of the slow light: by the cycles, unless it is given;
+    ``steering``: all harmonics, unless given."""
     degree = trend_degree(cycles * rows) if degree is None else degree
-    trend = np.polynomial.legendre.legvander(2.0 * from_middle / rows, degree)
+    steering = tuple(harmonics) if steering is None else tuple(steering)
+    from_middle = np.arange(rows) - 0.5 * (rows - 1)
+    trend = np.polynomial.legendre.legvander(2.0 * from_middle / rows, degree).astype(np.float64)
     parts, slopes = [trend], [np.zeros_like(trend)]
     for factor, frequency in [*((h, cycles) for h in harmonics), *((0, f) for f in others)]:
         turns = (factor or 1) * frequency * from_middle
         angle = 2.0 * np.pi * (turns - np.rint(turns))
         wave = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        lever = 2.0 * np.pi * factor * from_middle if factor in steering else np.zeros(rows)
         parts.append(wave)
-        slopes.append((2.0 * np.pi * factor * from_middle)[:, None] * np.stack([-wave[:, 1], wave[:, 0]], axis=1))
-    design = np.hstack(parts)
-    return Model(cycles, tuple(harmonics), design, pseudo_inverse(design), np.hstack(slopes), trend.shape[1])
+        slopes.append(lever[:, None] * np.stack([-wave[:, 1], wave[:, 0]], axis=1))
+    design = np.asarray(np.hstack(parts), dtype=np.float64)
+    slope = np.asarray(np.hstack(slopes), dtype=np.float64)
+    return Model(cycles, tuple(harmonics), design, pseudo_inverse(design), steering, slope, trend.shape[1])
+
+
+def steered(fitted: Fitted, others: Sequence[float]) -> Model:
+    """The model, its frequency found by the harmonics that stand out of the noise."""
+    model = fitted.model
+    spread = np.diagonal(model.covariance)
+    chance = 1.0 + max(1.0, 4.0 / np.sqrt(fitted.noise.size))
+    steering = [1]
+    for place, harmonic in enumerate(model.harmonics[1:], 1):
+        part = slice(model.first + 2 * place, model.first + 2 * place + 2)
+        noise = float(fitted.noise.sum() * spread[part].sum())
+        if float((fitted.parameters[:, part] ** 2).sum()) > chance * noise:
+            steering.append(harmonic)
+    return make_model(len(model.design), model.cycles, model.harmonics, others, model.first - 1, steering)
 
 
 def pseudo_inverse(design: Float64s) -> Float64s:
@@ -109,8 +139,8 @@ def pseudo_inverse(design: Float64s) -> Float64s:
     q, r = np.linalg.qr(design)
     scale = np.abs(np.diagonal(r))
     if design.shape[0] < design.shape[1] or scale.min() < 1e-9 * scale.max():
-        return np.linalg.pinv(design)
-    return np.linalg.solve(r, q.T)
+        return np.asarray(np.linalg.pinv(design))
+    return np.asarray(np.linalg.solve(r, q.T))
 
 
 def light_of(frames: npt.NDArray[Any], camera: Camera, index: int) -> Float64s:
@@ -145,15 +175,15 @@ def refine(frames: npt.NDArray[Any], camera: Camera, model: Model, others: Seque
     weights with the columns, and nothing else.
     """
     rows, best = frames.shape[1], model
-    reach = 0.25 / (rows * model.harmonics[-1])
+    reach = 0.25 / (rows * model.steering[-1])
     for _ in range(_STEPS):
-        away = best.slope - best.design @ (best.weights @ best.slope)  # what amplitudes cannot make up for
+        away = best.stiffening
         products, _ = project(frames, camera, np.vstack([best.weights, away.T]))
         parameters, forces = np.split(products, 2, axis=1)
         stiffness = float(np.einsum("jpk,pq,jqk->", parameters, away.T @ away, parameters))
         step = float((parameters * forces).sum()) / stiffness if stiffness > 0 else 0.0
         step = min(max(step, -reach), reach)
-        best = make_model(rows, best.cycles + step, best.harmonics, others, best.first - 1)
+        best = make_model(rows, best.cycles + step, best.harmonics, others, best.first - 1, best.steering)
         if abs(step) * rows < 1e-10:
             break
     return best
@@ -163,8 +193,9 @@ def frequency_std(frames: npt.NDArray[Any], camera: Camera, fitted: Fitted) -> f
     """Standard error of the cycles per row: that of white noise, or from the residual row by row where that is more, as
     columns may share their noise."""
     model = fitted.model
-    away = model.slope - model.design @ (model.weights @ model.slope)
-    spread = stiffness = energy = 0.0
+    away = model.stiffening
+    spread = energy = 0.0
+    stiffness = -float(fitted.noise.sum() * np.einsum("np,nq,pq->", away, away, model.covariance))  # what noise feigns
     for index, parameters in enumerate(fitted.parameters):
         residual = light_of(frames, camera, index) - model.design @ parameters
         force = away @ parameters
@@ -179,7 +210,8 @@ def frequency_std(frames: npt.NDArray[Any], camera: Camera, fitted: Fitted) -> f
 
 
 def searched(frames: npt.NDArray[Any], camera: Camera, others: Sequence[float]) -> npt.NDArray[Any]:
-    """Frames for a search: up to eight blocks of 64 columns, none summed (a moving texture would cancel), others gone."""
+    """Frames for a search, up to eight blocks of 64 columns without the other tones. Columns are not summed, as
+    ``find_frequency`` does with more than 64: a moving texture would cancel."""
     count = min(len(frames), _SEARCHED)
     columns = frames.shape[2]
     blocks = max(1, min(columns // 64, _SEARCHED // count))

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast._arrays import as_columns
-from ocisac_fast._motion import Motion, Seen, Told, across_rows, along_rows
+from ocisac_fast._motion import Told
 from ocisac_fast._region_fit import (
     Fitted,
     Turn,
@@ -23,19 +23,19 @@ from ocisac_fast._region_fit import (
     refine,
     searched,
     steady_turn,
+    steered,
 )
+from ocisac_fast._region_gain import Ambient, contrast_range, over_frames, pooled_gain
+from ocisac_fast._region_kind import Kind, kind_of, motion_facts, seen_by
 from ocisac_fast.camera import Camera
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import find_frequency
-from ocisac_fast._region_gain import Ambient, contrast_range, over_frames, pooled_gain
 from ocisac_fast.gain import tone_gain
 from ocisac_fast.varying_tone import varying_tone_gain
 
 Float64s = npt.NDArray[np.float64]
-Kind = Literal["light", "moving", "still", "unknown"]
 
 _COMMON_PHASE = 0.1  # rad RMS over the columns that a light's picture may have of its own
-_NEAR_MISS = 10.0  # timing tolerances within which a light is not ruled out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,8 +71,8 @@ class SensedRegion:
         cycles_per_frame, cycles_per_frame_std: advance from frame to frame, in (-1/2, 1/2].
         gain, gain_std: contrast gain, eq. 16: amplitude of the fundamental along the columns over the mean light, over
             the waveform's ratio and ``depth``.
-        frames_gain, frames_gain_std: the same from each pixel's course over the frames; NaN below 6 frames, one cycle of
-            the advance over all of them, or half a cycle from half the frame rate.
+        frames_gain, frames_gain_std: the same from each pixel's course over the frames; NaN below 6 frames, below one
+            cycle of the advance over all of them, or less than half a cycle from half the frame rate.
         theory: |sinc(f T_e)|, f that of the light in a pixel.
         contrast: amplitude of the fundamental over the mean: gain times ratio times depth.
         contrast_range: (max - min)/(max + min) of the fitted rows, for display.
@@ -180,9 +180,7 @@ def sense_region(
     array = as_columns(frames, "frames")
     region = array.reshape((1, -1, 1)) if array.ndim == 1 else array.reshape((-1, *array.shape[-2:]))
     tones = [float(f) * camera.row_time for f in np.atleast_1d(np.asarray(others, dtype=np.float64))]
-    if not 0.0 < timing_tolerance <= 0.01:
-        raise ValueError(f"timing_tolerance: got {timing_tolerance}, allowed: above 0 up to 0.01")
-    told = _told(camera, direction, pitch, spatial_frequency, speed, motion_bounds)
+    told = _told(camera, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance)
     _check(waveform, duty, depth, motion, frequency, tones)
     ambient = _ambient(background, region)
     blank = SensedRegion("unknown", 0, 0, region.shape[2], region.shape[1], len(region))
@@ -193,9 +191,9 @@ def sense_region(
         return dataclasses.replace(blank, flags=flags)
     columns_turn, frames_turn = _turns(fitted)
     common, doubt = _common_phase(fitted, columns_turn)
-    seen = _seen(fitted, frames_turn, camera)
-    kind, axis, kind_flags = _kind(seen, common, doubt, motion, timing_tolerance)
-    facts = _motion_facts(kind, axis, seen, told, columns_turn)
+    seen = seen_by(fitted, frames_turn, camera)
+    kind, axis, kind_flags = kind_of(seen, common, doubt, motion, timing_tolerance)
+    facts = motion_facts(kind, axis, seen, told, columns_turn)
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if waveform == "tone" else 2.0 * float(np.sinc(duty))) * depth
     gains = _gains(region, camera, fitted, frames_turn, ambient, ratio)
@@ -256,16 +254,19 @@ def _told(
     spatial_frequency: float | None,
     speed: float | None,
     motion_bounds: tuple[float, float] | None,
+    tolerance: float,
 ) -> Told:
     for name, value in (("pitch", pitch), ("spatial_frequency", spatial_frequency), ("speed", speed)):
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
     if direction not in (-1, 0, 1):
         raise ValueError(f"direction: got {direction}, allowed: -1, 0 or 1")
+    if not 0.0 < tolerance <= 0.01:
+        raise ValueError(f"timing_tolerance: got {tolerance}, allowed: above 0 up to 0.01")
     low, high = motion_bounds or (0.0, 0.5 / camera.row_time)
     if not (0.0 <= low < high < math.inf):
         raise ValueError(f"motion_bounds: got {motion_bounds}, allowed: (low, high), 0 <= low < high, finite")
-    return Told(direction, pitch, spatial_frequency, speed, (low, high))
+    return Told(direction, pitch, spatial_frequency, speed, (low, high), tolerance)
 
 
 def _check_frequencies(name: str, cycles: list[float]) -> None:
@@ -290,9 +291,10 @@ def _check(
 
 
 def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDArray[Any]) -> Ambient:
-    measured = isinstance(background, BackgroundLight)
-    mean = np.asarray(background.mean if measured else 0.0 if background is None else background, dtype=np.float64)
-    std = np.asarray(background.std if measured else 0.0, dtype=np.float64)
+    std = np.zeros(())
+    if isinstance(background, BackgroundLight):
+        background, std = background.mean, np.asarray(background.std, dtype=np.float64)
+    mean = np.asarray(0.0 if background is None else background, dtype=np.float64)
     shape = (len(region), region.shape[2])
     try:
         if mean.size > 1:
@@ -332,7 +334,7 @@ def _fitted(
         return None, flags | Flag.UNRESOLVABLE
     if frequency is not None:
         return fit(region, camera, model), flags
-    model = refine(region, camera, model, tones)
+    model = refine(region, camera, steered(fit(region, camera, model), tones), tones)
     fitted = fit(region, camera, model)
     return dataclasses.replace(fitted, cycles_std=frequency_std(region, camera, fitted)), flags
 
@@ -357,90 +359,6 @@ def _common_phase(fitted: Fitted, turn: Turn) -> tuple[bool, bool]:
     unsure = not (4.0 * turn.std * fitted.tone.shape[1] < 0.25)
     creeping = common and abs(turn.cycles) > 5.0 * turn.std and spread > 0.2 * _COMMON_PHASE
     return common, common and (unsure or creeping)
-
-
-def _seen(fitted: Fitted, turn: Turn, camera: Camera) -> Seen:
-    frame_time = math.nan if camera.frame_time is None else camera.frame_time
-    return Seen(fitted.model.cycles, fitted.cycles_std, turn.cycles, turn.std, camera.row_time, frame_time)
-
-
-def _kind(
-    seen: Seen, common: bool, doubt: bool, motion: str | None, tolerance: float
-) -> tuple[Kind, str | None, Flag]:
-    """Light, moving or still, the axis of the motion where it is known, and what is not sure."""
-    flags = Flag.AMBIGUOUS_KIND if doubt else Flag(0)
-    if seen.frames_known:
-        expected = seen.per_row * seen.frame_time / seen.row_time
-        drift = seen.per_row_std * seen.frame_time / seen.row_time
-        allowance = 4.0 * math.hypot(seen.per_frame_std, drift) + tolerance * expected + 1e-6
-        miss = abs((seen.per_frame - expected + 0.5) % 1.0 - 0.5)
-        near = miss <= max(allowance, _NEAR_MISS * tolerance * expected)
-        still = abs(seen.per_frame) <= 4.0 * seen.per_frame_std + 1e-6
-        if allowance < 0.25 and seen.per_frame_std < 0.06 and not (miss <= allowance and still):
-            if still:
-                return "still", None, Flag(0)
-            if not near:
-                return "moving", "along", Flag.MODEL_MISFIT if motion == "across" else Flag(0)
-            if common:
-                return "light", None, flags if miss <= allowance else Flag.AMBIGUOUS_KIND
-            sure = miss <= allowance or motion == "across"
-            return "moving", "across", Flag(0) if sure else Flag.AMBIGUOUS_MOTION
-    if not common:
-        return "moving", motion, Flag(0) if motion else Flag.AMBIGUOUS_KIND
-    if motion == "along" or (motion == "across" and doubt):
-        return "moving", motion, flags
-    return "light", None, Flag.AMBIGUOUS_KIND
-
-
-def _motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Turn) -> dict[str, Any]:
-    if kind == "still":
-        std = seen.per_frame_std / seen.frame_time
-        return {"motion_frequency": 0.0, "motion_frequency_std": std, "speed": 0.0, "flags": Flag(0)}
-    if kind != "moving":
-        return {"flags": Flag(0)}
-    if axis == "along":
-        motion = along_rows(seen, told)
-        per_pixel, pixel_std = motion.still, math.hypot(seen.per_row_std, motion.std * seen.row_time)
-        direction = motion.direction
-    else:
-        motion = across_rows(seen)
-        per_pixel, pixel_std = turn.cycles, turn.std
-        direction = -int(math.copysign(1, turn.cycles)) if abs(turn.cycles) > 4.0 * turn.std else 0
-    flags = motion.flags | (Flag.AMBIGUOUS_MOTION if axis is None else Flag(0))
-    return {
-        "motion_frequency": abs(motion.frequency),
-        "motion_frequency_std": motion.std,
-        "motion_candidates": motion.candidates,
-        "direction": direction,
-        "flags": flags,
-        **_speed(motion, told, abs(per_pixel), pixel_std),
-    }
-
-
-def _speed(motion: Motion, told: Told, per_pixel: float, pixel_std: float) -> dict[str, float]:
-    """Speed and spatial frequency: one told and the other from f_x v; or the texture's cycles over the pitch."""
-    frequency = abs(motion.frequency)
-    if told.spatial_frequency is not None:
-        texture, texture_std = told.spatial_frequency, 0.0
-    elif told.speed is not None:
-        return {
-            "speed": told.speed,
-            "speed_std": 0.0,
-            "spatial_frequency": frequency / told.speed,
-            "spatial_frequency_std": motion.std / told.speed,
-        }
-    elif told.pitch is not None:
-        texture, texture_std = per_pixel / told.pitch, pixel_std / told.pitch
-    else:
-        return {}
-    speed = frequency / texture if texture > 0.0 else math.nan
-    relative = math.hypot(motion.std / frequency, texture_std / texture) if frequency * texture > 0.0 else math.nan
-    return {
-        "speed": speed,
-        "speed_std": speed * relative,
-        "spatial_frequency": texture,
-        "spatial_frequency_std": texture_std,
-    }
 
 
 def _theory(frequency: float, camera: Camera) -> tuple[float, Flag]:

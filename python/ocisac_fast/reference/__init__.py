@@ -31,11 +31,13 @@ from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
+from ocisac_fast.reference.sensing import background_light, sense_region
 from ocisac_fast.reference.sequence_detection import chip_likelihoods, closest_pair_distance
 from ocisac_fast.reference.sources import detect_sources
 from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
 from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.sensing import BackgroundLight, SensedRegion
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource
 from ocisac_fast.stream_receiver import ReceivedFrame, Receiver
@@ -44,6 +46,7 @@ from ocisac_fast.varying_tone import VaryingToneGain
 from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 
 __all__ = [
+    "BackgroundLight",
     "BestExposure",
     "Calibration",
     "Camera",
@@ -64,6 +67,7 @@ __all__ = [
     "Receiver",
     "RefinedChannel",
     "Samples",
+    "SensedRegion",
     "SourceTracker",
     "SquareWave",
     "Sum",
@@ -75,6 +79,7 @@ __all__ = [
     "Transmission",
     "VaryingToneGain",
     "Waveform",
+    "background_light",
     "best_exposure",
     "calibrate",
     "chip_likelihoods",
@@ -99,6 +104,7 @@ __all__ = [
     "receive",
     "refine_channel",
     "sample_waveform",
+    "sense_region",
     "tone_columns",
     "tone_gain",
     "transmit",

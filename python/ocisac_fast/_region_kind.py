@@ -1,0 +1,101 @@
+"""What a region shows, told from its phases: a light, a moving texture or a still one, and its motion."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+from ocisac_fast._motion import Motion, Seen, Told, across_rows, along_rows
+from ocisac_fast._region_fit import Fitted, Turn
+from ocisac_fast.camera import Camera
+from ocisac_fast.flags import Flag
+
+Kind = Literal["light", "moving", "still", "unknown"]
+
+_NEAR_MISS = 10.0  # timing tolerances within which a light is not ruled out
+
+
+def seen_by(fitted: Fitted, turn: Turn, camera: Camera) -> Seen:
+    """What the motion is worked out from."""
+    frame_time = math.nan if camera.frame_time is None else camera.frame_time
+    return Seen(fitted.model.cycles, fitted.cycles_std, turn.cycles, turn.std, camera.row_time, frame_time)
+
+
+def kind_of(
+    seen: Seen, common: bool, doubt: bool, motion: str | None, tolerance: float
+) -> tuple[Kind, str | None, Flag]:
+    """Light, moving or still, the axis of the motion where it is known, and what is not sure."""
+    flags = Flag.AMBIGUOUS_KIND if doubt else Flag(0)
+    if seen.frames_known:
+        expected = seen.per_row * seen.frame_time / seen.row_time
+        drift = seen.per_row_std * seen.frame_time / seen.row_time
+        allowance = 4.0 * math.hypot(seen.per_frame_std, drift) + tolerance * expected + 1e-6
+        miss = abs((seen.per_frame - expected + 0.5) % 1.0 - 0.5)
+        near = miss <= max(allowance, _NEAR_MISS * tolerance * expected)
+        still = abs(seen.per_frame) <= 4.0 * seen.per_frame_std + 1e-6
+        if allowance < 0.25 and seen.per_frame_std < 0.06 and not (miss <= allowance and still):
+            if still:
+                return "still", None, Flag(0)
+            if not near:
+                return "moving", "along", Flag.MODEL_MISFIT if motion == "across" else Flag(0)
+            if common:
+                return "light", None, flags if miss <= allowance else Flag.AMBIGUOUS_KIND
+            sure = miss <= allowance or motion == "across"
+            return "moving", "across", Flag(0) if sure else Flag.AMBIGUOUS_MOTION
+    if not common:
+        return "moving", motion, Flag(0) if motion else Flag.AMBIGUOUS_KIND
+    if motion == "along" or (motion == "across" and doubt):
+        return "moving", motion, flags
+    return "light", None, Flag.AMBIGUOUS_KIND
+
+
+def motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Turn) -> dict[str, Any]:
+    """Fields of ``SensedRegion`` that tell of the motion, and flags."""
+    if kind == "still":
+        std = seen.per_frame_std / seen.frame_time
+        return {"motion_frequency": 0.0, "motion_frequency_std": std, "speed": 0.0, "flags": Flag(0)}
+    if kind != "moving":
+        return {"flags": Flag(0)}
+    if axis == "along":
+        motion = along_rows(seen, told)
+        per_pixel, pixel_std = motion.still, math.hypot(seen.per_row_std, motion.std * seen.row_time)
+        direction = motion.direction
+    else:
+        motion = across_rows(seen)
+        per_pixel, pixel_std = turn.cycles, turn.std
+        direction = -int(math.copysign(1, turn.cycles)) if abs(turn.cycles) > 4.0 * turn.std else 0
+    flags = motion.flags | (Flag.AMBIGUOUS_MOTION if axis is None else Flag(0))
+    return {
+        "motion_frequency": abs(motion.frequency),
+        "motion_frequency_std": motion.std,
+        "motion_candidates": motion.candidates,
+        "direction": direction,
+        "flags": flags,
+        **_speed(motion, told, abs(per_pixel), pixel_std),
+    }
+
+
+def _speed(motion: Motion, told: Told, per_pixel: float, pixel_std: float) -> dict[str, float]:
+    """Speed and spatial frequency: one told and the other from f_x v; or the texture's cycles over the pitch."""
+    frequency = abs(motion.frequency)
+    if told.spatial_frequency is not None:
+        texture, texture_std = told.spatial_frequency, 0.0
+    elif told.speed is not None:
+        return {
+            "speed": told.speed,
+            "speed_std": 0.0,
+            "spatial_frequency": frequency / told.speed,
+            "spatial_frequency_std": motion.std / told.speed,
+        }
+    elif told.pitch is not None:
+        texture, texture_std = per_pixel / told.pitch, pixel_std / told.pitch
+    else:
+        return {}
+    speed = frequency / texture if texture > 0.0 else math.nan
+    relative = math.hypot(motion.std / frequency, texture_std / texture) if frequency * texture > 0.0 else math.nan
+    return {
+        "speed": speed,
+        "speed_std": speed * relative,
+        "spatial_frequency": texture,
+        "spatial_frequency_std": texture_std,
+    }
