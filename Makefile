@@ -23,13 +23,14 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test chart limits nightly lint format clean build cpp-build cpp-test packages
+.PHONY: help demo test chart limits reproduce nightly lint format clean build cpp-build cpp-test packages
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
 	@echo 'make test      all tests: C++, then Python (installs what is missing)'
 	@echo 'make chart     speed against accuracy of every method: docs/chart.png, docs/chart.csv, docs/accuracy.md'
 	@echo 'make limits    where methods fail, and what the library does there: docs/limits.png, docs/limits.md'
+	@echo 'make reproduce the paper'\''s figures and table: docs/paper/*.png, docs/paper.md'
 	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
 	@echo 'make lint      ruff, mypy, stubtest, clang-format, clang-tidy'
 	@echo 'make format    formats C++ and Python'
@@ -49,6 +50,9 @@ chart: build $(VENV)/.requirements-chart
 
 limits: build $(VENV)/.requirements-chart
 	@$(bin)/ocisac limits --directory docs --text docs/limits.md
+
+reproduce: build
+	@$(bin)/ocisac reproduce -o docs/paper --text docs/paper.md
 
 nightly: cpp-test $(VENV)/.requirements-test
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'

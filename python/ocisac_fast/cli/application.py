@@ -22,6 +22,7 @@ _COMMANDS = {
     "demo": "The paper's testbed from recording to result, with a picture.",
     "chart": "Speed against accuracy of every method.",
     "limits": "Where methods fail, and what the library does there.",
+    "reproduce": "The paper's testbed, figures and table, made again.",
 }
 
 

@@ -1,0 +1,64 @@
+"""Exposure times by search, by the paper's closed form and exactly (figures 12 and 13)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.exposure_choice import best_exposure
+
+FloatArray = npt.NDArray[np.float64]
+
+PRINTED_MEAN, PRINTED_LARGEST = 0.0571, 0.3662  # the paper's deviations of its closed form
+SLOWEST = 100.0  # Hz, f_min of figure 13
+
+
+def objective(exposure: npt.ArrayLike, *frequencies: float) -> FloatArray:
+    """Y(T) = sum of |sin(pi f T)| / (pi f), s (eq. 18, with magnitudes)."""
+    time = np.asarray(exposure, dtype=np.float64)
+    return np.asarray(sum(np.abs(np.sin(np.pi * f * time)) / (np.pi * f) for f in frequencies))
+
+
+def signed_objective(exposure: npt.ArrayLike, *frequencies: float) -> FloatArray:
+    """Eq. 18 as it is printed, without magnitudes."""
+    time = np.asarray(exposure, dtype=np.float64)
+    return np.asarray(sum(np.sin(np.pi * f * time) / (np.pi * f) for f in frequencies))
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Relative loss of the closed form against the exact optimum, over 100 ratios of frequencies.
+
+    Attributes:
+        inverse_ratio: (100,) 1/epsilon = f_min/f_max, 0.01 ... 1.
+        exact, closed_form: (100,) objective, s.
+        exact_exposure, closed_form_exposure: (100,) s.
+    """
+
+    inverse_ratio: FloatArray
+    exact: FloatArray
+    closed_form: FloatArray
+    exact_exposure: FloatArray
+    closed_form_exposure: FloatArray
+
+    @property
+    def loss(self) -> FloatArray:
+        """(100,) share of the objective that the closed form leaves."""
+        return 1.0 - self.closed_form / self.exact
+
+
+def deviations() -> Deviations:
+    """Figure 13: f_min = 100 Hz, T in (0, 1/f_min]."""
+    inverse_ratio = np.arange(1, 101) / 100.0
+    fast = SLOWEST / inverse_ratio
+    exact = best_exposure(fast, SLOWEST)
+    closed = best_exposure(fast, SLOWEST, "closed-form")
+    return Deviations(
+        inverse_ratio,
+        np.asarray(exact.objective),
+        np.asarray(closed.objective),
+        np.asarray(exact.exposure),
+        np.asarray(closed.exposure),
+    )
