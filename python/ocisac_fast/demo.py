@@ -17,15 +17,24 @@ from ocisac_fast.camera import Camera, exposure_response
 from ocisac_fast.files import read_frames, write_frames
 from ocisac_fast.gain import tone_gain
 from ocisac_fast.receiver import Received, receive
+from ocisac_fast.reproduction.testbed import (
+    COLUMNS,
+    COMMUNICATION,
+    DARK_LEVEL,
+    EXPOSURES,
+    FRAMES_PER_SECOND,
+    GRATINGS,
+    NOISE,
+    ROW_TIME,
+    ROWS,
+    SWING,
+    motion_frequency,
+)
 from ocisac_fast.simulation import simulate_frames
 from ocisac_fast.waveforms import Chips, SquareWave, Waveform, integrate_exposure
 
-ROWS, COLUMNS, FRAME_TIME = 720, 1080, 1 / 30
-ROW_TIME = 22.2e-6
-EXPOSURES = (622e-6, 1202e-6, 2404e-6, 4981e-6)
-COMMUNICATION = (200.0, 500.0, 700.0)
-SENSING = (175.0, 350.0, 876.0)  # f_x v of gratings of 100, 200 and 500 periods a metre at 1.751 m/s
-SWING, NOISE, DARK_LEVEL = 200.0, 2.0, 16.0  # DN; dark rows that would be clipped at 0 bias the gain
+FRAME_TIME = 1.0 / FRAMES_PER_SECOND
+SENSING = tuple(motion_frequency(grating) for grating in GRATINGS)
 
 MESSAGE = "OC-ISAC!"
 CHIP_RATE = 10e3

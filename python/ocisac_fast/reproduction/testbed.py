@@ -43,6 +43,11 @@ def true_grating(grating: float) -> float:
     return periods_on_ring(grating) / (math.pi * RING_DIAMETER)
 
 
+def motion_frequency(grating: float) -> float:
+    """f_x v of the ring that closes, Hz."""
+    return periods_on_ring(grating) * TURNS_PER_SECOND
+
+
 @dataclass(frozen=True)
 class Setting:
     """One light or grating at one exposure.
@@ -60,7 +65,7 @@ class Setting:
     @property
     def frequency(self) -> float:
         """Of the flicker, Hz: f_c, or f_x v of the ring that closes."""
-        return self.nominal if self.kind == "communication" else periods_on_ring(self.nominal) * TURNS_PER_SECOND
+        return self.nominal if self.kind == "communication" else motion_frequency(self.nominal)
 
     @property
     def camera(self) -> Camera:
