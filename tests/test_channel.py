@@ -516,3 +516,17 @@ def test_likelihoods_refuse(change, message):
     question = {"rows_per_chip": 4.0, "phase": 0.0, "exposure": 8.0, "noise": 0.1, "first": 0, "count": 3}
     with pytest.raises(ValueError, match=message):
         ocisac.chip_likelihoods(np.zeros(4), **{**question, **change})
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 5, 7, 8, 12])
+@pytest.mark.parametrize("exposure", [None, 3.0, 30.0])
+def test_frames_of_a_few_rows_tell_no_channel(rows, exposure):
+    for seed in range(5):
+        column = np.random.default_rng(seed).random(rows)
+        found = ocisac.find_channel(column, rows_per_chip=4.0, exposure=exposure)
+        assert found is None or 0 < found.channel.rows_per_chip < rows
+        assert ocisac.find_preamble(column, standard_preamble(), rows_per_chip=4.0, exposure=exposure) == []
+
+
+def standard_preamble():
+    return np.array([0] + [1] * 6 + [0] * 6 + [1], float)

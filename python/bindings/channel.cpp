@@ -2,11 +2,13 @@
 #include <pybind11/stl.h>
 
 #include <array>
-#include <utility>
+#include <string>
 #include <vector>
 
+#include "channel_arguments.hpp"
 #include "ocisac/receiver/channel_estimate.hpp"
 #include "ocisac/receiver/clock_tracker.hpp"
+#include "ocisac/receiver/detect_chips.hpp"
 #include "ocisac/receiver/preamble.hpp"
 #include "ocisac/receiver/refine_channel.hpp"
 #include "ocisac/receiver/sequence_detector.hpp"
@@ -93,10 +95,10 @@ py::tuple pool_values(const Vector& values, const Vector& errors) {
   return py::make_tuple(pooled.value, pooled.std, pooled.count);
 }
 
-// None: maximum likelihood. A Python function: detect(rows, rows_per_chip, phase, exposure, noise, first, count) ->
+// None: the automatic choice. A Python function: detect(rows, rows_per_chip, phase, exposure, noise, first, count) ->
 // (count,) levels.
 DetectChips detector_of(const std::optional<py::function>& detect) {
-  if (!detect) return detect_sequence_levels;
+  if (!detect) return level_detector();
   return [function = &*detect](const ChipQuestion& question) {
     const py::gil_scoped_acquire locked;
     const Vector rows(static_cast<py::ssize_t>(question.rows.size()), question.rows.data());
@@ -110,12 +112,13 @@ DetectChips detector_of(const std::optional<py::function>& detect) {
 }
 
 Vector likelihoods(const Vector& rows, double rows_per_chip, double phase, double exposure, double noise,
-                   std::ptrdiff_t first, std::size_t count) {
+                   std::ptrdiff_t first, std::size_t count, const std::string& method) {
   const ChipQuestion question{view(rows), {rows_per_chip, phase, exposure}, noise, first, count};
+  const DetectorMethod detector = detector_method(method);
   std::vector<double> ratios;
   {
     const py::gil_scoped_release unlocked;
-    ratios = detect_sequence(question).log_likelihood_ratios;
+    ratios = detect_chips(question, detector).log_likelihood_ratios;
   }
   return Vector(static_cast<py::ssize_t>(ratios.size()), ratios.data());
 }
@@ -124,17 +127,6 @@ py::object as_object(const std::optional<RefinedChannel>& found) {
   if (!found) return py::none();
   const Vector chips(static_cast<py::ssize_t>(found->chips.size()), found->chips.data());
   return py::make_tuple(as_tuple(found->channel), chips, found->first, found->settled, found->even);
-}
-
-ChannelEstimate channel_of(const py::tuple& values) {
-  const auto errors = values[3].cast<std::pair<std::ptrdiff_t, std::array<double, 9>>>();
-  return {{values[0].cast<double>(), values[1].cast<double>(), values[2].cast<double>()},
-          {errors.first, errors.second},
-          values[4].cast<std::vector<double>>(),
-          values[5].cast<std::vector<double>>(),
-          values[6].cast<double>(),
-          {values[7].cast<std::size_t>(), values[8].cast<std::size_t>()},
-          values[9].cast<bool>()};
 }
 
 py::object refine(const Vector& signal, const py::tuple& start, const std::optional<py::function>& detect,
@@ -190,7 +182,7 @@ void register_channel(py::module_& module) {
   module.def("find_preamble", &find, arg("signal"), arg("preamble"), arg("rows_per_chip"), arg("tolerance"),
              arg("exposure"), arg("longest_exposure"), arg("most"));
   module.def("chip_likelihoods", &likelihoods, arg("rows"), arg("rows_per_chip"), arg("phase"), arg("exposure"),
-             arg("noise"), arg("first"), arg("count"));
+             arg("noise"), arg("first"), arg("count"), arg("method"));
   module.def("closest_pair_distance", &closest_pair_distance, arg("rows_per_chip"), arg("exposure"));
   module.def("refine_channel", &refine, arg("signal"), arg("start"), arg("detect"), arg("exposure_known"),
              arg("highest_degree"), arg("known"), arg("known_first"));

@@ -12,6 +12,7 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_frequency(module);
   ocisac::bindings::register_receiver(module);
   ocisac::bindings::register_channel(module);
+  ocisac::bindings::register_detection(module);
   ocisac::bindings::register_projection(module);
   ocisac::bindings::register_packets(module);
   ocisac::bindings::register_sources(module);

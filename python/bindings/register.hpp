@@ -13,6 +13,7 @@ void register_equalize(pybind11::module_& module);
 void register_frequency(pybind11::module_& module);
 void register_receiver(pybind11::module_& module);
 void register_channel(pybind11::module_& module);
+void register_detection(pybind11::module_& module);
 void register_projection(pybind11::module_& module);
 void register_packets(pybind11::module_& module);
 void register_sources(pybind11::module_& module);

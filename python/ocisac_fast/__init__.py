@@ -20,6 +20,7 @@ from ocisac_fast.channel import (
     pool_estimates,
     refine_channel,
 )
+from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
 from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
 from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
 from ocisac_fast.flags import Flag
@@ -72,6 +73,8 @@ __all__ = [
     "ClockErrors",
     "ClockTracker",
     "Constant",
+    "DetectedChips",
+    "DetectorErrorRates",
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
@@ -104,7 +107,9 @@ __all__ = [
     "clock_bounds",
     "closest_pair_distance",
     "decode_line_code",
+    "detect_chips",
     "detect_sources",
+    "detector_error_rates",
     "encode_line_code",
     "equalize",
     "expose_chips",

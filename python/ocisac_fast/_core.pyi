@@ -145,7 +145,14 @@ def chip_likelihoods(
     noise: float,
     first: int,
     count: int,
+    method: str,
 ) -> npt.NDArray[np.float64]: ...
+def detect_chips(
+    columns: npt.NDArray[Any], camera: Camera, channel: tuple[Any, ...], method: str
+) -> tuple[npt.NDArray[np.float64], int, str]: ...
+def detector_error_rates(
+    rows_per_chip: float, exposure: float, noise: float
+) -> tuple[float, float, float, float, float]: ...
 def closest_pair_distance(rows_per_chip: float, exposure: float) -> float: ...
 def refine_channel(
     signal: npt.NDArray[np.float64],

@@ -25,6 +25,7 @@ constexpr double kWindowChips = 30;              // length of such a part, besid
 constexpr int kMostRounds = 40;
 constexpr int kSettlingRounds = 4;     // once all rows are in
 constexpr double kLeastNoise = 1e-4;   // of the swing, for the detector
+constexpr double kMostChips = 1e6;     // in a frame
 constexpr double kSearchChips = 36;    // in the part of the frame searched, beside the exposure
 constexpr double kSearchSlack = 0.15;  // chips by which the grid of starts may miss
 constexpr int kSearchRounds = 4;
@@ -84,6 +85,7 @@ std::optional<Chips> detect_rows(std::span<const double> signal, const ChannelEs
   ChipClock clock = channel.clock;
   clock.phase -= static_cast<double>(range.begin);
   const double half = 0.5 * clock.exposure, last_row = static_cast<double>(range.size()) - 1;
+  if (!(clock.exposure + last_row < kMostChips * clock.rows_per_chip)) return std::nullopt;
   const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
   const double middle = levels.swing((range.begin + range.end) / 2);
   Chips chips{detect({rows, clock, std::max(channel.noise / middle, kLeastNoise), first,
@@ -188,7 +190,9 @@ std::optional<Turn> take_best_turn(std::span<const double> signal, const Channel
   if (!(error > kCertainPhase)) return best;
   for (const double share : {-1.0, 1.0}) {
     const double move = share * std::min(kMovedErrors * error, kMostMoved);
-    auto other = take_turn(signal, with_rate_moved(channel, range, move), range, detect, options);
+    const ChannelEstimate moved = with_rate_moved(channel, range, move);
+    if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // of a frame of a few rows
+    auto other = take_turn(signal, moved, range, detect, options);
     if (other && other->channel.swing[0] > 0 && (!best || other->channel.noise < best->channel.noise))
       best = std::move(other);
   }

@@ -8,6 +8,7 @@
 #include <limits>
 #include <span>
 
+#include "ocisac/receiver/chip_equations.hpp"
 #include "ocisac/require.hpp"
 
 namespace ocisac {
@@ -158,20 +159,10 @@ class Trellis {
   std::vector<float> forward_;
 };
 
-void check(const ChipQuestion& question) {
-  require_positive("rows_per_chip", question.clock.rows_per_chip);
-  require_finite("phase", question.clock.phase);
-  require(question.clock.exposure >= 0 &&
-              question.clock.exposure <= kLongestDetectedExposure * question.clock.rows_per_chip,
-          "exposure", question.clock.exposure, "0 to 15 chips, in rows");
-  require_positive("noise", question.noise);
-  for (const double row : question.rows) require_finite("rows", row);
-}
-
 }  // namespace
 
 SequenceDetection detect_sequence(const ChipQuestion& question) {
-  check(question);
+  check(question, kLongestDetectedExposure);
   if (question.count == 0) return {};
   return Trellis(question).detect();
 }

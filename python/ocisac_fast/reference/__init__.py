@@ -9,6 +9,7 @@ from ocisac_fast.channel import (
     RefinedChannel,
     TrackedClock,
 )
+from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.flags import Flag
@@ -25,6 +26,7 @@ from ocisac_fast.reference.channel import (
     pool_estimates,
     refine_channel,
 )
+from ocisac_fast.reference.detection import detect_chips, detector_error_rates
 from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
 from ocisac_fast.reference.exposure_response import exposure_response
@@ -55,6 +57,8 @@ __all__ = [
     "ClockErrors",
     "ClockTracker",
     "Constant",
+    "DetectedChips",
+    "DetectorErrorRates",
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
@@ -86,7 +90,9 @@ __all__ = [
     "clock_bounds",
     "closest_pair_distance",
     "decode_line_code",
+    "detect_chips",
     "detect_sources",
+    "detector_error_rates",
     "encode_line_code",
     "equalize",
     "expose_chips",
