@@ -524,7 +524,7 @@ def test_frames_of_a_few_rows_tell_no_channel(rows, exposure):
     for seed in range(5):
         column = np.random.default_rng(seed).random(rows)
         found = ocisac.find_channel(column, rows_per_chip=4.0, exposure=exposure)
-        assert found is None or 0 < found.channel.rows_per_chip < rows
+        assert found is None or abs(found.channel.rows_per_chip / 4 - 1) < 0.03
         assert ocisac.find_preamble(column, standard_preamble(), rows_per_chip=4.0, exposure=exposure) == []
 
 

@@ -29,6 +29,7 @@ constexpr double kMostChips = 1e6;     // in a frame
 constexpr double kSearchChips = 36;    // in the part of the frame searched, beside the exposure
 constexpr double kSearchSlack = 0.15;  // chips by which the grid of starts may miss
 constexpr int kSearchRounds = 4;
+constexpr double kRateErrors = 3, kMostRateError = 0.01;  // standard errors, share
 constexpr std::size_t kSearchParts = 3;                   // parts of the frame that are tried
 constexpr std::size_t kGuessesTried = 6;                  // of an exposure
 constexpr std::size_t kStartsRefined = 10;                // the best of all parts and exposures
@@ -385,6 +386,14 @@ std::vector<Guess> guesses(std::span<const double> signal, const ChannelSearch& 
   return found;
 }
 
+// Beyond the tolerance by more than its error: chips of a frame of a few rows, say, that were explained by another
+// rate.
+bool is_other_rate(const ChannelEstimate& channel, const ChannelSearch& search) {
+  const double off = std::abs(channel.clock.rows_per_chip / search.rows_per_chip - 1);
+  const double error = channel.errors.rows_per_chip_std() / search.rows_per_chip;
+  return !(off <= search.tolerance + std::min(kRateErrors * error, kMostRateError));
+}
+
 std::vector<double> exposures(const ChannelSearch& search) {
   if (search.exposure) return {*search.exposure};
   std::vector<double> result;
@@ -416,7 +425,7 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
     auto refined = refine_channel(signal, starts[k].channel, detect, fixed);
     if (refined && !options.exposure_known && fixed.exposure_known)
       refined = refine_channel(signal, refined->channel, detect, options);
-    if (!refined) continue;
+    if (!refined || is_other_rate(refined->channel, search)) continue;
     const double score = refined->channel.noise / refined->channel.swing[0];
     const double growth = refined->even ? kEvenGrowth : kUnevenGrowth;
     const bool sure = refined->settled && score < growth * starts[k].score;
