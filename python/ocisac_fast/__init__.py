@@ -20,6 +20,7 @@ from ocisac_fast.channel import (
     pool_estimates,
     refine_channel,
 )
+from ocisac_fast.contrast import RestoredContrast, restore_contrast
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
 from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
 from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
@@ -35,6 +36,7 @@ from ocisac_fast.frequency import (
 )
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.goodput import Goodput, possible_goodput
+from ocisac_fast.picture_sensing import sense
 from ocisac_fast.receiver import Received, receive
 from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
 from ocisac_fast.source_tracker import SourceTracker, Track
@@ -87,6 +89,7 @@ __all__ = [
     "ReceivedFrame",
     "Receiver",
     "RefinedChannel",
+    "RestoredContrast",
     "Samples",
     "SensedRegion",
     "SourceTracker",
@@ -127,7 +130,9 @@ __all__ = [
     "possible_goodput",
     "receive",
     "refine_channel",
+    "restore_contrast",
     "sample_waveform",
+    "sense",
     "sense_region",
     "tone_columns",
     "tone_gain",

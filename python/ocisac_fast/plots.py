@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera import Camera, exposure_response
 from ocisac_fast.files import FileError, atomic_path
+from ocisac_fast.flags import Flag
 from ocisac_fast.reference.light import linear_light
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ocisac_fast.receiver import Received
+    from ocisac_fast.sensing import SensedRegion
     from ocisac_fast.sources import LightSource
 
 BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = (
@@ -271,3 +273,53 @@ def plot_sources(path: str | os.PathLike[str], frame: npt.NDArray[Any], sources:
             axes.annotate(text, corner, (0, 3), textcoords="offset points", color=colour, fontsize=8)
         axes.set_xlabel("column")
         axes.set_ylabel("row, in time order")
+
+
+def plot_regions(path: str | os.PathLike[str], frame: npt.NDArray[Any], regions: Sequence[SensedRegion]) -> None:
+    """A frame with the box of every region, what it is, and an arrow where its motion is known.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        frame: (rows, columns), stored values.
+        regions: what ``sense`` found in it.
+    """
+    rows, columns = frame.shape
+    step = max(1, max(rows, columns) // 2000)
+    with picture(path, 9.0, float(np.clip(9.0 * rows / columns, 3.0, 12.0))) as figure:
+        axes = figure.subplots()
+        extent = (0, columns, rows, 0)
+        axes.imshow(frame[::step, ::step], cmap="gray", extent=extent, aspect="equal", interpolation="nearest")
+        for index, region in enumerate(regions):
+            _draw_region(axes, index, region)
+        axes.grid(False)
+        axes.set_xlabel("column")
+        axes.set_ylabel("row, in time order")
+
+
+def _draw_region(axes: Axes, index: int, region: SensedRegion) -> None:
+    from matplotlib.patches import Rectangle
+
+    colour = {"light": ORANGE, "moving": SKY, "still": GREEN}.get(region.kind, PURPLE)
+    style = "--" if region.flags & (Flag.AMBIGUOUS_KIND | Flag.AMBIGUOUS_MOTION) else "-"
+    corner = (region.x, region.y)
+    axes.add_patch(Rectangle(corner, region.width, region.height, fill=False, ec=colour, ls=style, lw=1.6))
+    frequency = region.frequency if region.kind == "light" else region.motion_frequency
+    lines = [f"{index}: {region.kind}, {frequency:.5g} Hz", f"gain {region.gain:.4f} ± {region.gain_std:.1g}"]
+    if np.isfinite(region.speed) and region.kind == "moving":
+        lines.append(f"{region.speed:.4g} m/s")
+    box = {"boxstyle": "square,pad=0.2", "fc": "black", "ec": "none", "alpha": 0.6}
+    at = (region.x + 0.02 * region.width, region.y + 0.02 * region.height)
+    axes.annotate(
+        "\n".join(lines), at, (3, -3), textcoords="offset points", color=colour, fontsize=8, va="top", bbox=box
+    )
+    if region.kind == "moving" and region.direction:
+        x, y = region.x + 0.5 * region.width, region.y + 0.6 * region.height
+        along = abs(region.cycles_per_column) <= 4.0 * region.cycles_per_column_std
+        across, down = (0.0, 0.25 * region.height) if along else (0.25 * region.width, 0.0)
+        across, down = across * region.direction, down * region.direction
+        axes.annotate(
+            "",
+            (x + across, y + down),
+            (x - across, y - down),
+            arrowprops={"arrowstyle": "->", "color": colour, "lw": 2.0},
+        )

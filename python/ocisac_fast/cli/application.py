@@ -17,6 +17,7 @@ _COMMANDS = {
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",
     "detect": "Modulated lights in a recording.",
+    "sense": "Moving textures and lights in a recording: gain, motion, speed.",
     "simulate": "Make a recording of a modulated light.",
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",

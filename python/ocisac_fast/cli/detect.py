@@ -58,7 +58,7 @@ def _detected(
     with open_pictures(file, picture) as pictures:
         count = pictures.frame_count
         for index, frame in enumerate(progress(pictures.frames, "detecting", count)):
-            grey = _grey(frame)
+            grey = grey_of(frame)
             found = detect_sources(grey, pictures.camera, **options)
             sources = [_facts(source, grey.shape, picture) for source in found]
             if plot is not None and index == 0:
@@ -68,7 +68,7 @@ def _detected(
             yield {"frame": index, "frames": count, "sources": sources}
 
 
-def _grey(frame: Frame) -> Frame:
+def grey_of(frame: Frame) -> Frame:
     """The mean of the channels, of red, green and blue with green twice, as whole stored values."""
     if frame.ndim == 2:
         return frame
@@ -80,7 +80,7 @@ def _grey(frame: Frame) -> Frame:
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 
-def _stored_box(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, int]:
+def stored_box(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, int]:
     """From rows in time order to the picture as stored."""
     x, y, width, height = source.x, source.y, source.width, source.height
     if picture.scan_axis.startswith("-"):
@@ -93,7 +93,7 @@ def _stored_box(source: Any, shape: tuple[int, ...], picture: PictureOptions) ->
 
 def _facts(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, Any]:
     return {
-        **_stored_box(source, shape, picture),
+        **stored_box(source, shape, picture),
         "frequency_hz": source.frequency,
         "frequency_std_hz": source.frequency_std,
         "gain": source.gain,

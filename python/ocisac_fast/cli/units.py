@@ -50,7 +50,7 @@ def _scaled(value: float, factor: float) -> float:
 
 
 class QuantityType(ParameterType):
-    """A time or a frequency; ``"auto"`` as well where ``automatic``."""
+    """A time, a length or a frequency; ``"auto"`` as well where ``automatic``."""
 
     def __init__(self, unit: str, example: str, automatic: bool = False) -> None:
         self.name = unit
@@ -69,5 +69,6 @@ class QuantityType(ParameterType):
 
 
 TIME = QuantityType("s", "9.2us")
+LENGTH = QuantityType("m", "0.3mm")
 FREQUENCY = QuantityType("Hz", "4.95kHz")
 FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)

@@ -9,12 +9,14 @@ from ocisac_fast.channel import (
     RefinedChannel,
     TrackedClock,
 )
+from ocisac_fast.contrast import RestoredContrast
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
 from ocisac_fast.gain import ToneGain
+from ocisac_fast.picture_sensing import sense
 from ocisac_fast.receiver import Received
 from ocisac_fast.reference.channel import (
     ClockTracker,
@@ -33,7 +35,7 @@ from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
-from ocisac_fast.reference.sensing import background_light, sense_region
+from ocisac_fast.reference.sensing import background_light, restore_contrast, sense_region
 from ocisac_fast.reference.sequence_detection import chip_likelihoods, closest_pair_distance
 from ocisac_fast.reference.sources import detect_sources
 from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
@@ -70,6 +72,7 @@ __all__ = [
     "ReceivedFrame",
     "Receiver",
     "RefinedChannel",
+    "RestoredContrast",
     "Samples",
     "SensedRegion",
     "SourceTracker",
@@ -109,7 +112,9 @@ __all__ = [
     "pool_estimates",
     "receive",
     "refine_channel",
+    "restore_contrast",
     "sample_waveform",
+    "sense",
     "sense_region",
     "tone_columns",
     "tone_gain",

@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera import Camera
+from ocisac_fast.contrast import RestoredContrast
 from ocisac_fast.flags import Flag
+from ocisac_fast.reference.equalization import equalize
 from ocisac_fast.reference.frequency import find_frequency
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.light import linear_light
@@ -488,3 +490,49 @@ def _flags(frame: npt.NDArray[Any], camera: Camera, fit: _Fit, tones: list[float
         if np.mean((masks & bit) != 0) >= least:
             flags |= bit
     return flags & ~(Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES)
+
+
+def restore_contrast(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    frequency: float,
+    method: Literal["inverse", "wiener"] = "inverse",
+    noise: npt.ArrayLike | None = None,
+    *,
+    max_boost: float = 10.0,
+    depth: float = 1.0,
+) -> RestoredContrast:
+    """As :func:`ocisac_fast.restore_contrast`, of the reference's equaliser and gains; ``snr_after`` of ``"wiener"`` is
+    NaN here."""
+    stored = np.asarray(columns)
+    exposure = camera.exposure or math.nan
+    plain = Camera(camera.row_time, camera.exposure)
+    rows = stored.shape[0] if stored.ndim == 1 else stored.shape[-2]
+    ends = min(math.ceil(2 * exposure / camera.row_time), rows // 4)
+
+    def middle(light: Float64s) -> Float64s:
+        return light[ends : rows - ends] if light.ndim == 1 else light[..., ends : rows - ends, :]
+
+    before = sense_region(stored, camera, frequency, depth=depth)
+    restored = equalize(stored, camera, method, noise, max_boost=max_boost)
+    after = sense_region(middle(restored), plain, frequency, depth=depth)
+    h2 = float(np.sinc(frequency * exposure)) ** 2
+    theory = expected = noise_gain = math.nan
+    if method == "inverse":
+        h = np.sinc(np.linspace(0, 0.5 / camera.row_time, 1 << 16) * exposure)
+        noise_gain = math.sqrt(np.mean((h / np.maximum(h**2, max_boost**-2)) ** 2))
+        theory = h2 / max(h2, max_boost**-2)
+        n = np.arange(rows)[:, None] * camera.row_time - exposure / 2
+        texture = 1 + np.sinc(frequency * exposure) * np.cos(2 * np.pi * (frequency * n + np.arange(16) / 16))
+        expected = sense_region(middle(equalize(texture, plain, max_boost=max_boost)), plain, frequency).gain
+    power = before.snr * depth**2  # amplitude^2 / noise^2
+    row_noise = before.contrast * before.mean / math.sqrt(power) if power > 0 else linear_light(stored, camera).std()
+    loudness = noise_gain * (0.0 if math.isinf(power) else row_noise)
+    relative = min(before.gain_std / before.gain, 1.0) if before.gain > 0 else 1.0
+    std = max(after.gain_std, after.gain * relative * math.sqrt(rows / (rows - 2 * ends)))
+    flags = before.flags & (Flag.NEAR_NULL | Flag.SATURATED | Flag.NO_LIGHT | Flag.FEW_CYCLES | Flag.UNRESOLVABLE)
+    flags |= Flag(0) if after.gain > 3 * std else Flag.WEAK
+    snr = math.inf if loudness == 0 else 0.5 * (after.contrast * after.mean / loudness) ** 2
+    return RestoredContrast(
+        before.gain, before.gain_std, after.gain, std, theory, expected, 0.5 * power, snr, restored, flags
+    )

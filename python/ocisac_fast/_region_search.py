@@ -1,0 +1,142 @@
+"""Where a picture is periodic along its columns: boxes for :func:`ocisac_fast.sense`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Float64s = npt.NDArray[np.float64]
+
+_STRIP = 16  # columns
+_LEAST_ROWS = 64
+_LEAST_CYCLES = {False: 2.5, True: 5.0}  # in a tile; where still things are in the picture
+_LEAST_SHARE = {False: 0.6, True: 0.8}  # of a tile's energy, slow light taken off
+_LOBE = 4  # half the width of a Hann window's main lobe, in half bins
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Part of a picture, and the cycles per row that its columns show."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    cycles: float
+
+    def overlap(self, x: int, y: int, width: int, height: int) -> float:
+        """Share of a rectangle that lies in the box."""
+        across = min(self.x + self.width, x + width) - max(self.x, x)
+        down = min(self.y + self.height, y + height) - max(self.y, y)
+        return max(across, 0) * max(down, 0) / (width * height)
+
+
+def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
+    """Boxes of (rows, columns) whose columns are periodic with one frequency and phases of their own.
+
+    ``still``: the picture holds what does not change from frame to frame too, much of which passes for periodic.
+
+    Tiles of 16 columns and of all rows, a half and a quarter of them are judged by the share of their energy that lies
+    in one line of the spectrum, summed over the columns' powers; neighbours of like frequency are joined, and
+    trimmed to where the line is above half of its height. What shows the same again is dropped.
+    """
+    rows = light.shape[0]
+    found: list[Box] = []
+    for part in (1, 2, 4):
+        height = rows // part
+        if height < _LEAST_ROWS:
+            break
+        tiles = []
+        for top in range(0, rows - height + 1, max(height // 2, 1)):
+            tiles += _tiles(light[top : top + height], top, still)
+        fresh = [t for t in tiles if not any(box.overlap(t.x, t.y, t.width, t.height) > 0.5 for box in found)]
+        joined = [_trimmed(light, box) for box in _joined(fresh)]
+        found += [box for box in joined if box.height * box.cycles >= 2.0 and box.width > 0]
+    return without_repeats(found)
+
+
+def without_repeats(boxes: list[Box]) -> list[Box]:
+    """Largest boxes first, less those that show the same as one of them once more."""
+    kept: list[Box] = []
+    for box in sorted(boxes, key=lambda one: -one.width * one.height):
+        if not any(_again(box, larger) for larger in kept):
+            kept.append(box)
+    return kept
+
+
+def _again(box: Box, larger: Box) -> bool:
+    """The same once more, or a small piece at its edge."""
+    small = 4 * box.width * box.height < larger.width * larger.height
+    inside = larger.overlap(box.x, box.y, box.width, box.height) > 0.5
+    return (small or inside) and _alike(box, larger, 1.0)
+
+
+def _tiles(light: Float64s, top: int, still: bool) -> list[Box]:
+    """The strips of some rows that are periodic."""
+    height, columns = light.shape
+    place = np.linspace(-1.0, 1.0, height)[:, None]
+    level = light - light.mean(axis=0)
+    level -= place * ((place * level).sum(axis=0) / (place**2).sum())
+    window = np.hanning(height + 2)[1:-1, None]
+    power = np.abs(np.fft.rfft(level * window, 2 * height, axis=0)) ** 2
+    starts = np.arange(0, columns, _STRIP)
+    strips = np.add.reduceat(power, starts, axis=1)  # (bins, strips), bins of half a cycle
+    total = strips.sum(axis=0)
+    lines = strips.copy()
+    lines[: int(2 * _LEAST_CYCLES[still])] = 0.0
+    peaks = lines.argmax(axis=0)
+    found = []
+    for strip, (peak, start) in enumerate(zip(peaks, starts, strict=True)):
+        near = slice(max(peak - _LOBE, 0), peak + _LOBE + 1)
+        if total[strip] > 0.0 and strips[near, strip].sum() > _LEAST_SHARE[still] * total[strip]:
+            weights = strips[near, strip]
+            centre = float((np.arange(near.start, near.start + len(weights)) * weights).sum() / weights.sum())
+            width = min(_STRIP, columns - int(start))
+            found.append(Box(int(start), top, width, height, 0.5 * centre / height))
+    return found
+
+
+def _joined(tiles: list[Box]) -> list[Box]:
+    """Bounding boxes of tiles that touch and show like frequencies."""
+    groups: list[list[Box]] = []
+    for tile in tiles:
+        touching = [group for group in groups if any(_alike(tile, other) for other in group)]
+        groups = [group for group in groups if group not in touching]
+        groups.append([tile, *(other for group in touching for other in group)])
+    return [_around(group) for group in groups]
+
+
+def _alike(a: Box, b: Box, cycles: float = 0.5) -> bool:
+    beside = a.x <= b.x + b.width and b.x <= a.x + a.width
+    above = a.y <= b.y + b.height and b.y <= a.y + a.height
+    return beside and above and abs(a.cycles - b.cycles) * min(a.height, b.height) < cycles
+
+
+def _around(group: list[Box]) -> Box:
+    x, y = min(box.x for box in group), min(box.y for box in group)
+    right = max(box.x + box.width for box in group)
+    bottom = max(box.y + box.height for box in group)
+    return Box(x, y, right - x, bottom - y, float(np.median([box.cycles for box in group])))
+
+
+def _trimmed(light: Float64s, box: Box) -> Box:
+    """The box less ends where the line is below half of its median: columns first, then rows, a cycle at a time."""
+    part = light[box.y : box.y + box.height, box.x : box.x + box.width]
+    turned = (part - part.mean(axis=0)) * np.exp(-2j * np.pi * box.cycles * np.arange(box.height))[:, None]
+    first, last = _inside(np.abs(turned.mean(axis=0)))
+    span = max(1, min(round(1.0 / box.cycles), box.height))
+    sums = np.cumsum(np.vstack([np.zeros((1, last - first)), turned[:, first:last]]), axis=0)
+    envelope = np.abs(sums[span:] - sums[:-span]).mean(axis=1)
+    top, bottom = _inside(envelope)
+    start = 0 if top == 0 else top + span // 2
+    end = box.height if bottom == len(envelope) else bottom + span // 2
+    return Box(box.x + first, box.y + start, last - first, end - start, box.cycles)
+
+
+def _inside(height: npt.NDArray[Any]) -> tuple[int, int]:
+    """From the first to behind the last place above half of what a tenth of all exceed."""
+    above = np.flatnonzero(height >= 0.5 * np.quantile(height, 0.9))
+    return int(above[0]), int(above[-1]) + 1

@@ -1,0 +1,147 @@
+"""``ocisac sense``."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.cli.detect import grey_of, stored_box
+from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, quantity, with_spread
+from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
+from ocisac_fast.files.recording import Frame
+
+if TYPE_CHECKING:
+    from ocisac_fast import SensedRegion
+
+_BOX = ("x", "y", "width", "height")
+_HEADER = ("region", "kind", *_BOX, "frequency", "f_x v", "gain", "theory", "speed", "SNR", "flags")
+_DIRECTIONS = {"with": 1, "against": -1}
+
+
+@click.command(short_help="Moving textures and lights in a recording: gain, motion, speed.")
+@click.argument("file")
+@click.option("--frames", type=click.IntRange(1), default=8, show_default=True, help="Successive frames to look at.")
+@click.option("--frame-rate", type=FREQUENCY, help="Of the recording; else what the file says.")
+@click.option("--frequency", type=FREQUENCY, help="That the columns of --region show; else found.")
+@click.option("--motion", type=click.Choice(["across", "along"]), help="Of the texture: across or along the rows.")
+@click.option("--direction", type=click.Choice(list(_DIRECTIONS)), help="Of motion along the rows: with the read-out.")
+@click.option("--pitch", type=LENGTH, help="Distance of neighbouring pixels in the scene.")
+@click.option("--spatial-frequency", type=float, help="Of the texture, cycles per metre.")
+@click.option("--speed", type=float, help="Of the texture, m/s.")
+@click.option("--depth", type=float, default=1.0, show_default=True, help="Contrast of the texture itself.")
+@click.option("--background", type=float, help="Of the light in --region, in stored values above dark.")
+@click.option("--unlit", type=click.Path(dir_okay=False), help="Recording of the same view without the lights.")
+@click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
+@picture_options
+@plot_option("the first frame with its regions")
+@json_option
+def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, frames: int, **told: Any) -> None:
+    """Measure moving textures and modulated lights in FILE (a picture, a video, a .npy array, or -).
+
+    For each region: the frequency that its columns show, the motion-induced frequency f_x v, contrast gain (eq. 16),
+    speed. With --region that part is measured as one; else lights and moving textures are looked for. Several
+    successive frames tell textures from lights, and motion along the rows from motion across them.
+    """
+    if picture.row_time is None:
+        for name in ("frame_rate", "speed"):
+            if told[name] is not None:
+                raise click.UsageError(f"--{name.replace('_', '-')}: needs --row-time")
+    view, camera = _read(file, picture, frames, told.pop("frame_rate"))
+    regions = _regions(view, camera, picture, told)
+    if plot is not None:
+        from ocisac_fast.plots import plot_regions
+
+        plot_regions(plot, view[0], regions)
+    facts = [_facts(region, view.shape[1:], picture) for region in regions]
+    if as_json:
+        emit_json({"frames": len(view), "rows": view.shape[1], "columns": view.shape[2], "regions": facts})
+        return
+    rows = [_row(k, one, picture.row_time is not None) for k, one in enumerate(facts)]
+    emit_table("", _HEADER, rows, left=("kind", "flags"))
+
+
+def _read(file: str, picture: PictureOptions, most: int, frame_rate: Quantity | None) -> tuple[Frame, Camera]:
+    """The first frames in grey, (frames, rows, columns), and their camera."""
+    with open_pictures(file, picture) as pictures:
+        view = np.stack([grey_of(frame) for frame in itertools.islice(pictures.frames, most)])
+        camera = pictures.camera
+    if frame_rate is not None:
+        if not (math.isfinite(frame_rate) and frame_rate > 0.0):
+            raise ValueError(f"--frame-rate: got {frame_rate}, allowed: a finite number above 0")
+        camera = dataclasses.replace(camera, frame_time=1.0 / float(frame_rate))
+    return view, camera
+
+
+def _regions(view: Frame, camera: Camera, picture: PictureOptions, told: dict[str, Any]) -> list[SensedRegion]:
+    from ocisac_fast import background_light, sense_region
+    from ocisac_fast import sense as sense_picture
+
+    frequency = picture.check_frequency("--frequency", told.pop("frequency"))
+    background, unlit, beside = told.pop("background"), told.pop("unlit"), told.pop("beside")
+    told = {**told, "waveform": picture.waveform, "duty": picture.duty}
+    told["direction"] = _DIRECTIONS.get(told["direction"], 0)
+    dark = None if unlit is None else _read(unlit, picture, len(view), None)[0]
+    if picture.region is None:
+        for name, value in (("frequency", frequency), ("background", background)):
+            if value is not None:
+                raise click.UsageError(f"--{name}: needs --region")
+        return sense_picture(view, camera, unlit=dark, beside=beside, **told)
+    if beside:
+        raise click.UsageError("--beside: not with --region")
+    if dark is not None and background is not None:
+        raise click.UsageError("--background: not with --unlit")
+    measured = background if dark is None else background_light(dark, camera)
+    return [sense_region(view, camera, frequency, background=measured, **told)]
+
+
+def _facts(region: SensedRegion, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, Any]:
+    return {
+        **stored_box(region, shape, picture),
+        "kind": region.kind,
+        "frequency_hz": region.frequency,
+        "frequency_std_hz": region.frequency_std,
+        "motion_frequency_hz": region.motion_frequency,
+        "motion_frequency_std_hz": region.motion_frequency_std,
+        "motion_candidates_hz": region.motion_candidates,
+        "direction": region.direction,
+        "gain": region.gain,
+        "gain_std": region.gain_std,
+        "frames_gain": region.frames_gain,
+        "frames_gain_std": region.frames_gain_std,
+        "theory": region.theory,
+        "contrast": region.contrast,
+        "contrast_range": region.contrast_range,
+        "mean": region.mean,
+        "background_given": region.background_given,
+        "speed_m_s": region.speed,
+        "speed_std_m_s": region.speed_std,
+        "spatial_frequency_per_m": region.spatial_frequency,
+        "spatial_frequency_std_per_m": region.spatial_frequency_std,
+        "cycles_per_column": region.cycles_per_column,
+        "cycles_per_frame": region.cycles_per_frame,
+        "snr_db": 10.0 * math.log10(region.snr) if region.snr > 0.0 else math.nan,
+        "flags": flag_names(region.flags),
+    }
+
+
+def _row(index: int, region: dict[str, Any], in_hertz: bool) -> list[str]:
+    unit = "Hz" if in_hertz else ""
+    return [
+        str(index),
+        region["kind"],
+        *(str(region[name]) for name in _BOX),
+        with_spread(region["frequency_hz"], region["frequency_std_hz"], unit, 6),
+        with_spread(region["motion_frequency_hz"], region["motion_frequency_std_hz"], unit, 6),
+        with_spread(region["gain"], region["gain_std"], "", 4),
+        quantity(region["theory"], "", 4),
+        number(region["speed_m_s"], "m/s", 5),
+        number(region["snr_db"], "dB", 3),
+        ", ".join(region["flags"]),
+    ]

@@ -1,0 +1,142 @@
+"""The sensing side of whole pictures: every light and every texture that is periodic along the rows."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast._arrays import as_columns
+from ocisac_fast._light import linear_light
+from ocisac_fast._region_search import Box, periodic_boxes, without_repeats
+from ocisac_fast.camera import Camera
+from ocisac_fast.flags import Flag
+from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
+from ocisac_fast.sources import detect_sources
+
+_LEAST_BESIDE = 4  # columns
+_COMPARED = 8  # frames
+
+
+def sense(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    *,
+    waveform: Literal["tone", "square"] = "tone",
+    duty: float = 0.5,
+    depth: float = 1.0,
+    unlit: npt.ArrayLike | None = None,
+    beside: bool = False,
+    motion: Literal["across", "along"] | None = None,
+    direction: Literal[-1, 0, 1] = 0,
+    pitch: float | None = None,
+    spatial_frequency: float | None = None,
+    speed: float | None = None,
+    motion_bounds: tuple[float, float] | None = None,
+    timing_tolerance: float = 1e-4,
+) -> list[SensedRegion]:
+    """Find every modulated light and every moving periodic texture in a picture, and measure them.
+
+    Lights are those of :func:`detect_sources`. Beside them, boxes are looked for whose columns are periodic in the
+    first frame less the mean of up to 8, with one frequency and phases of their own: at least 64 rows, 2.5 cycles,
+    about 16 columns, and 0.6 of the energy in the fundamental. What stands still cancels; in a single frame it does
+    not, and 5 cycles and 0.8 are asked for. Each box is measured by :func:`sense_region`, which tells what it is; boxes
+    where nothing is found are left out.
+
+    Args:
+        frames: (rows, columns) or (frames, rows, columns), rows in time order, successive frames.
+        camera: row time; frame time to compare frames; exposure for ``theory``.
+        waveform, duty, depth: of textures and lights, as for ``sense_region``.
+        unlit: (rows, columns) or (frames, rows, columns) of the same view without the lights, by which their background
+            is measured.
+        beside: measure the background of lights in the columns left and right of their boxes instead.
+        motion, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance: of textures, as for
+            ``sense_region``.
+
+    Returns:
+        Regions, the strongest (by ``snr``) first.
+
+    Raises:
+        ValueError: frames or ``unlit`` of wrong shape or type, or as for ``sense_region``.
+    """
+    array = as_columns(frames, "frames")
+    if array.ndim == 1:
+        raise ValueError("frames: got 1 dimension, allowed: (rows, columns) or (frames, rows, columns)")
+    pictures = array.reshape((-1, *array.shape[-2:]))
+    dark = None if unlit is None else _same_view(unlit, pictures)
+    options: dict[str, Any] = {"waveform": waveform, "duty": duty, "depth": depth, "motion": motion}
+    options |= {"direction": direction, "pitch": pitch, "spatial_frequency": spatial_frequency, "speed": speed}
+    options |= {"motion_bounds": motion_bounds, "timing_tolerance": timing_tolerance}
+    sense_region(np.zeros((1, 1)), camera, 0.25 / camera.row_time, **options)  # refuses bad options if nothing is found
+
+    lights = [
+        Box(one.x, one.y, one.width, one.height, one.frequency * camera.row_time)
+        for one in detect_sources(pictures[0], camera)
+        if one.reflection_of is None
+    ]
+    every = without_repeats([*lights, *periodic_boxes(_changing(pictures, camera), still=len(pictures) == 1)])
+    found = []
+    for box in every:
+        bounds = (0.8 * box.cycles / camera.row_time, min(1.25 * box.cycles, 0.499) / camera.row_time)
+        region = _measured(pictures, camera, box, dark, beside, every, {**options, "bounds": bounds})
+        if region.kind != "unknown" and not region.flags & Flag.WEAK:
+            found.append(region)
+    return sorted(found, key=lambda region: -np.nan_to_num(region.snr))
+
+
+def _changing(pictures: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:
+    """The first frame less the mean of up to 8 frames; all of it where there is only one."""
+    first = linear_light(pictures[0], camera)
+    if len(pictures) == 1:
+        return first
+    return np.asarray(first - np.mean([linear_light(one, camera) for one in pictures[:_COMPARED]], axis=0))
+
+
+def _same_view(unlit: npt.ArrayLike, pictures: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    dark = as_columns(unlit, "unlit")
+    if dark.ndim == 1 or dark.shape[-2:] != pictures.shape[-2:]:
+        raise ValueError(f"unlit: got shape {dark.shape}, allowed: (..., {pictures.shape[1]}, {pictures.shape[2]})")
+    return dark.reshape((-1, *dark.shape[-2:]))
+
+
+def _cut(pictures: npt.NDArray[Any], box: Box) -> npt.NDArray[Any]:
+    return pictures[:, box.y : box.y + box.height, box.x : box.x + box.width]
+
+
+def _measured(
+    pictures: npt.NDArray[Any],
+    camera: Camera,
+    box: Box,
+    dark: npt.NDArray[Any] | None,
+    beside: bool,
+    every: list[Box],
+    options: dict[str, Any],
+) -> SensedRegion:
+    """The region, and where it is a light with its background."""
+    region = sense_region(_cut(pictures, box), camera, **options)
+    background: BackgroundLight | None = None
+    if region.kind == "light" and dark is not None:
+        background = background_light(_cut(dark, box), camera)
+    elif region.kind == "light" and beside:
+        background = _beside(pictures, camera, box, every)
+    if background is not None:
+        region = sense_region(_cut(pictures, box), camera, **options, background=background)
+    return dataclasses.replace(region, x=box.x, y=box.y)
+
+
+def _beside(pictures: npt.NDArray[Any], camera: Camera, box: Box, every: list[Box]) -> BackgroundLight | None:
+    """Light left and right of a box, a few columns off, where no other box is; None without four such columns."""
+    gap = max(2, box.width // 4)
+    reach = gap + max(box.width // 2, _LEAST_BESIDE)
+    left = range(box.x - reach, box.x - gap)
+    right = range(box.x + box.width + gap, box.x + box.width + reach)
+    free = [
+        column
+        for column in [*left, *right]
+        if 0 <= column < pictures.shape[2] and not any(o.overlap(column, box.y, 1, box.height) > 0.0 for o in every)
+    ]
+    if len(free) < _LEAST_BESIDE:
+        return None
+    return background_light(pictures[:, box.y : box.y + box.height][..., free], camera, pooled=True)
