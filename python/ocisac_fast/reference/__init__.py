@@ -16,6 +16,7 @@ from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
 from ocisac_fast.gain import ToneGain
+from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.picture_sensing import sense
 from ocisac_fast.receiver import Received
 from ocisac_fast.reference.channel import (
@@ -64,6 +65,7 @@ __all__ = [
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "Goodput",
     "LightSource",
     "Pooled",
     "PreambleMatch",
@@ -110,6 +112,7 @@ __all__ = [
     "lost_frequencies",
     "pick_channel",
     "pool_estimates",
+    "possible_goodput",
     "receive",
     "refine_channel",
     "restore_contrast",
