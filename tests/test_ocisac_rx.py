@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -258,6 +259,80 @@ def test_a_fifo_is_waited_for(receiver, packets, tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
         fifo.write_bytes(to_y4m(packets))
         assert process.communicate(timeout=60)[0][: len(PAYLOAD)] == PAYLOAD
+
+
+@pytest.fixture(scope="module")
+def counter(tmp_path_factory):
+    """A library to preload that counts calls of the C library's heap."""
+    compiler = shutil.which("cc")
+    if compiler is None or not sys.platform.startswith("linux"):
+        pytest.skip("needs a C compiler on Linux")
+    library = tmp_path_factory.mktemp("counter") / "count_allocations.so"
+    source = ROOT / "tests" / "count_allocations.c"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True)
+    return library
+
+
+def heap_use(receiver, counter, frames, *options):
+    """Calls of the heap in a whole run, and the memory of the pool."""
+    told = counter.with_name("calls")
+    command = [
+        receiver,
+        "--size",
+        f"{COLUMNS}x{ROWS}",
+        "--row-time",
+        "22.2us",
+        "--exposure",
+        "100us",
+        "--stats",
+        *options,
+    ]
+    environment = {**os.environ, "LD_PRELOAD": str(counter), "COUNT_ALLOCATIONS": str(told)}
+    done = subprocess.run(command, input=frames, capture_output=True, timeout=120, env=environment, check=True)
+    return int(told.read_text()), json.loads(done.stderr)["stats"]["pool_bytes"]
+
+
+@pytest.mark.parametrize(
+    "options", [PACKETS, ("--no-bits", "--frequency", "500Hz", "--region", "8,0,22,720"), (*PACKETS, "--no-gain")]
+)
+def test_no_frame_asks_the_heap_for_memory_once_it_runs(receiver, counter, packets, options):
+    turn = packets.tobytes()
+    warm, warm_pool = heap_use(receiver, counter, turn, *options)
+    long, long_pool = heap_use(receiver, counter, 6 * turn, *options)
+    assert warm > 0
+    assert long == warm
+    assert long_pool == warm_pool
+
+
+@pytest.mark.nightly
+def test_a_hundred_thousand_frames_leave_memory_flat_and_lose_none(receiver, packets):
+    command = [
+        receiver,
+        "--size",
+        f"{COLUMNS}x{ROWS}",
+        "--row-time",
+        "22.2us",
+        "--exposure",
+        "100us",
+        "--stats",
+        *PACKETS,
+    ]
+    turn, turns = packets.tobytes(), 100_000 // len(packets)
+    memory = []
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        lines = iter(process.stdout)
+        for index in range(turns):
+            process.stdin.write(turn)
+            process.stdin.flush()
+            for frame in range(len(packets)):
+                assert json.loads(next(lines))["frame"] == index * len(packets) + frame
+            memory.append(int(Path(f"/proc/{process.pid}/statm").read_text().split()[1]))
+        process.stdin.close()
+        totals = json.loads(next(lines))["totals"]
+        assert process.wait(timeout=60) == 0
+    assert totals["frames"] == turns * len(packets)
+    assert totals["payloads"] > turns / 20
+    assert memory[-1] <= memory[10]
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")

@@ -98,21 +98,22 @@ std::string_view totals_line(JsonLine& line, const Totals& totals) {
   return line.end();
 }
 
-std::string_view stats_line(JsonLine& line, const Latency& computing, double first_frame, double ready) {
+std::string_view stats_line(JsonLine& line, const Stats& stats) {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   line.begin();
   line.open("stats");
-  line.member("ready_s", ready);
-  line.member("first_frame_s", first_frame);
+  line.member("ready_s", stats.ready);
+  line.member("first_frame_s", stats.first_frame);
   line.open("latency_s");
-  line.member("mean", computing.mean());
-  line.member("p50", computing.percentile(0.5));
-  line.member("p90", computing.percentile(0.9));
-  line.member("p99", computing.percentile(0.99));
-  line.member("p999", computing.percentile(0.999));
-  line.member("max", computing.largest());
+  line.member("mean", stats.computing.mean());
+  line.member("p50", stats.computing.percentile(0.5));
+  line.member("p90", stats.computing.percentile(0.9));
+  line.member("p99", stats.computing.percentile(0.99));
+  line.member("p999", stats.computing.percentile(0.999));
+  line.member("max", stats.computing.largest());
   line.close();
+  line.member("pool_bytes", stats.pool_bytes);
   line.member("peak_memory_bytes", usage.ru_maxrss * 1024);
   line.close();
   return line.end();

@@ -25,7 +25,13 @@ struct Totals {
 // The line of a frame; `region`: in stored pixels.
 std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const Region& region, const Camera& camera);
 std::string_view totals_line(JsonLine& line, const Totals& totals);
-// `waiting`: for input, `computing`: from a frame's last byte to its line.
-std::string_view stats_line(JsonLine& line, const Latency& computing, double first_frame, double ready);
+// Times in s. `computing`: from a frame's last byte to the end of its line; `first_frame`: the same of the first, with
+// the search for the light; `ready`: from the start of the program until it waits for frames.
+struct Stats {
+  Latency computing;
+  double first_frame = 0, ready = 0;
+  std::size_t pool_bytes = 0;  // memory kept for frames; 0 where there is no pool
+};
+std::string_view stats_line(JsonLine& line, const Stats& stats);
 
 }  // namespace ocisac::apps

@@ -75,17 +75,19 @@ class Session {
     const bool read = settings_.payload_alone ? write_payload(result) : write_line(result);
     const double taken = seconds_now() - began;
     if (totals_.frames == 1)
-      first_frame_ = taken;
+      stats_.first_frame = taken;
     else
-      latency_.add(taken);
+      stats_.computing.add(taken);
     return read;
   }
 
-  void finish(std::size_t torn, double ready) {
+  void finish(std::size_t torn, double ready, std::size_t pool_bytes) {
+    stats_.ready = ready;
+    stats_.pool_bytes = pool_bytes;
     totals_.torn = torn;
     totals_.seconds = totals_.frames == 0 ? 0 : seconds_now() - first_;
     if (!settings_.payload_alone) write_all(STDOUT_FILENO, totals_line(line_, totals_));
-    if (settings_.stats) write_all(STDERR_FILENO, stats_line(line_, latency_, first_frame_, ready));
+    if (settings_.stats) write_all(STDERR_FILENO, stats_line(line_, stats_));
   }
 
   [[nodiscard]] const Totals& totals() const { return totals_; }
@@ -109,9 +111,9 @@ class Session {
   GrayPicture picture_;
   LiveReceiver receiver_;
   JsonLine line_;
-  Latency latency_;
+  Stats stats_;
   Totals totals_;
-  double first_ = 0, first_frame_ = 0;
+  double first_ = 0;
 };
 
 }  // namespace
@@ -120,7 +122,7 @@ double seconds_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-ExitCode run(const Settings& settings, double began) {
+ExitCode run(const Settings& settings, double began, std::size_t (*pool_bytes)()) {
   catch_stop_signals();
   ByteInput input(settings.input);
   const double ready = seconds_now() - began;
@@ -136,7 +138,7 @@ ExitCode run(const Settings& settings, double began) {
     if (!session.take(*frame) || stop_requested()) break;
     if (settings.frames && session.totals().frames >= *settings.frames) break;
   }
-  session.finish(frames.torn(), ready);
+  session.finish(frames.torn(), ready, pool_bytes());
   if (session.totals().frames == 0 && !stop_requested()) return kRefused;
   return settings.payload_alone && session.totals().payloads == 0 && !stop_requested() ? kNoPayload : kDone;
 }

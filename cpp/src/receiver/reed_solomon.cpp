@@ -1,40 +1,157 @@
+// After R. E. Blahut, Algebraic Codes for Data Transmission (2003), chapter 7: Berlekamp and Massey's algorithm begun
+// with the locator of the erasures, Chien's search, Forney's magnitudes.
 #include "ocisac/receiver/reed_solomon.hpp"
 
 #include <algorithm>
-#include <new>
+#include <string>
 
 #include "ocisac/require.hpp"
 
-extern "C" {
-#include <fec.h>
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kOrder = ReedSolomon::kLength;  // of the field's multiplicative group
+constexpr unsigned kFieldPolynomial = 0x11d;
+
+struct Field {
+  std::array<std::uint8_t, 2 * kOrder> power{};      // of α
+  std::array<std::uint8_t, kOrder + 1> logarithm{};  // of what is not 0
+  constexpr Field() {
+    unsigned value = 1;
+    for (std::size_t k = 0; k < kOrder; ++k) {
+      power[k] = power[k + kOrder] = static_cast<std::uint8_t>(value);
+      logarithm[value] = static_cast<std::uint8_t>(k);
+      value <<= 1;
+      if (value > kOrder) value ^= kFieldPolynomial;
+    }
+  }
+};
+constexpr Field kField;
+
+using Symbol = std::uint8_t;
+using Polynomial = std::array<Symbol, kOrder + 1>;  // coefficient of x^k at k
+
+Symbol power_of_alpha(std::size_t exponent) { return kField.power[exponent % kOrder]; }
+
+Symbol product(Symbol a, Symbol b) {
+  return a == 0 || b == 0 ? Symbol{0} : kField.power[std::size_t{kField.logarithm[a]} + kField.logarithm[b]];
 }
 
-namespace ocisac {
+// b is not 0.
+Symbol quotient(Symbol a, Symbol b) {
+  return a == 0 ? Symbol{0} : kField.power[kOrder + kField.logarithm[a] - kField.logarithm[b]];
+}
+
+Symbol value_at(const Polynomial& polynomial, std::size_t degree, Symbol x) {
+  Symbol sum = 0;
+  for (std::size_t k = degree + 1; k-- > 0;) sum = static_cast<Symbol>(product(sum, x) ^ polynomial[k]);
+  return sum;
+}
+
+std::size_t degree_of(const Polynomial& polynomial) {
+  std::size_t degree = kOrder;
+  while (degree > 0 && polynomial[degree] == 0) --degree;
+  return degree;
+}
+
+void times_x(Polynomial& polynomial) {
+  std::shift_right(polynomial.begin(), polynomial.end(), 1);
+  polynomial[0] = 0;
+}
+
+// The word's value at the code's roots; true where it is 0 at all of them.
+bool syndromes(const ReedSolomon::Word& word, std::size_t roots, Polynomial& values) {
+  bool is_word = true;
+  for (std::size_t root = 0; root < roots; ++root) {
+    const Symbol x = power_of_alpha(root);
+    Symbol sum = 0;
+    for (const Symbol symbol : word) sum = static_cast<Symbol>(product(sum, x) ^ symbol);
+    values[root] = sum;
+    is_word = is_word && sum == 0;
+  }
+  return is_word;
+}
+
+// The locator of erasures and errors: 0 at the inverse of α^k for each power k of x at which the word is wrong.
+Polynomial find_locator(const Polynomial& syndrome, std::size_t roots, std::span<const int> erased) {
+  Polynomial locator{1};
+  for (const int place : erased) {
+    const Symbol at = power_of_alpha(kOrder - 1 - static_cast<std::size_t>(place));
+    for (std::size_t k = kOrder; k > 0; --k) locator[k] = static_cast<Symbol>(locator[k] ^ product(at, locator[k - 1]));
+  }
+  Polynomial before = locator;
+  std::size_t length = erased.size();
+  for (std::size_t step = erased.size(); step < roots; ++step) {
+    Symbol discrepancy = 0;
+    for (std::size_t k = 0; k <= step; ++k)
+      discrepancy = static_cast<Symbol>(discrepancy ^ product(locator[k], syndrome[step - k]));
+    times_x(before);
+    if (discrepancy == 0) continue;
+    Polynomial next = locator;
+    for (std::size_t k = 0; k <= kOrder; ++k) next[k] = static_cast<Symbol>(next[k] ^ product(discrepancy, before[k]));
+    if (2 * length <= step + erased.size()) {
+      length = step + 1 + erased.size() - length;
+      for (std::size_t k = 0; k <= kOrder; ++k) before[k] = quotient(locator[k], discrepancy);
+    }
+    locator = next;
+  }
+  return locator;
+}
+
+}  // namespace
 
 ReedSolomon::ReedSolomon(std::size_t data) : data_(data) {
   require(data >= 1 && data < kLength, "data", data, "1 to 254 symbols");
-  codec_ = {init_rs_char(8, 0x11d, 0, 1, static_cast<int>(kLength - data), 0), [](void* codec) {
-              if (codec != nullptr) free_rs_char(codec);
-            }};
-  if (!codec_) throw std::bad_alloc();
+  const std::size_t roots = kLength - data;
+  Polynomial generator{1};
+  for (std::size_t root = 0; root < roots; ++root)
+    for (std::size_t k = root + 2; k-- > 0;)
+      generator[k] = static_cast<Symbol>(product(generator[k], power_of_alpha(root)) ^ (k > 0 ? generator[k - 1] : 0));
+  for (std::size_t k = 0; k < roots; ++k) generator_[k] = generator[roots - 1 - k];
 }
 
 ReedSolomon::Word ReedSolomon::encode(std::span<const std::uint8_t> data) const {
   require(data.size() == data_, "data", data.size(), std::to_string(data_) + " symbols");
   Word word{};
   std::ranges::copy(data, word.begin());
-  encode_rs_char(codec_.get(), word.data(), word.data() + data_);
+  const std::span<Symbol> parity(word.begin() + static_cast<std::ptrdiff_t>(data_), word.end());
+  for (const Symbol symbol : data) {  // the remainder of a division by the generator
+    const auto factor = static_cast<Symbol>(symbol ^ parity[0]);
+    for (std::size_t k = 0; k + 1 < parity.size(); ++k)
+      parity[k] = static_cast<Symbol>(parity[k + 1] ^ product(factor, generator_[k]));
+    parity.back() = product(factor, generator_[parity.size() - 1]);
+  }
   return word;
 }
 
 bool ReedSolomon::decode(Word& word, std::span<const int> erased) const {
-  if (erased.size() > kLength - data_) return false;
+  const std::size_t roots = kLength - data_;
+  if (erased.size() > roots) return false;
+  Polynomial syndrome{};
+  if (syndromes(word, roots, syndrome)) return true;
+  const Polynomial locator = find_locator(syndrome, roots, erased);
+  const std::size_t degree = degree_of(locator);
+  if (degree == 0 || 2 * degree > roots + erased.size()) return false;
+
+  Polynomial evaluator{}, derivative{};
+  for (std::size_t k = 0; k < roots; ++k)
+    for (std::size_t j = 0; j <= std::min(k, degree); ++j)
+      evaluator[k] = static_cast<Symbol>(evaluator[k] ^ product(locator[j], syndrome[k - j]));
+  for (std::size_t k = 1; k <= degree; k += 2) derivative[k - 1] = locator[k];
+
   Word corrected = word;
-  std::array<int, kLength> places{};  // the codec writes the places of errors here
-  std::ranges::copy(erased, places.begin());
-  const int corrections =
-      decode_rs_char(codec_.get(), corrected.data(), places.data(), static_cast<int>(erased.size()));
-  if (corrections < 0) return false;
+  std::size_t found = 0;
+  for (std::size_t power = 0; power < kOrder; ++power) {
+    const Symbol inverse = power_of_alpha(kOrder - power);
+    if (value_at(locator, degree, inverse) != 0) continue;
+    const Symbol slope = value_at(derivative, degree, inverse);
+    if (slope == 0) return false;
+    ++found;
+    const Symbol error = product(power_of_alpha(power), quotient(value_at(evaluator, roots - 1, inverse), slope));
+    corrected[kOrder - 1 - power] ^= error;
+  }
+  if (found != degree || !syndromes(corrected, roots, syndrome)) return false;
   word = corrected;
   return true;
 }

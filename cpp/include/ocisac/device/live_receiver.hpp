@@ -76,6 +76,7 @@ class LiveReceiver {
   Flags frequency_flags_ = 0;
   double suggested_for_ = 0;  // Hz of the light, 0: none yet
   std::size_t unseen_ = 0;    // frames since the light was seen or searched
+  std::size_t lost_ = 0;      // frames without chips
   std::size_t patience_;      // frames unseen before it is searched again
   LiveFrame result_;
 };

@@ -4,9 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
-#include <vector>
 
 namespace ocisac {
 
@@ -30,7 +28,7 @@ class ReedSolomon {
 
  private:
   std::size_t data_;
-  std::shared_ptr<void> codec_;
+  Word generator_{};  // without its leading 1, the highest power first; 255 − data of them
 };
 
 }  // namespace ocisac
