@@ -10,6 +10,7 @@
 #include <cstring>
 #include <new>
 
+// NOLINTBEGIN(bugprone-reserved-identifier)
 // The linker's --wrap gives the C library's own under these names, and its callers in this program to the ones below.
 extern "C" {
 void* __real_malloc(std::size_t bytes);
@@ -174,4 +175,4 @@ void operator delete(void* block) noexcept { ocisac::apps::pool_give(block); }
 void operator delete[](void* block) noexcept { ocisac::apps::pool_give(block); }
 void operator delete(void* block, std::size_t) noexcept { ocisac::apps::pool_give(block); }
 void operator delete[](void* block, std::size_t) noexcept { ocisac::apps::pool_give(block); }
-// NOLINTEND
+// NOLINTEND(bugprone-reserved-identifier)
