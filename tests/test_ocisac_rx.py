@@ -261,6 +261,19 @@ def test_a_fifo_is_waited_for(receiver, packets, tmp_path):
         assert process.communicate(timeout=60)[0][: len(PAYLOAD)] == PAYLOAD
 
 
+def test_the_example_in_c_receives_the_payload(receiver, packets):
+    example = Path(receiver).parents[1] / "tests" / "ocisac_receive_example"
+    if not example.exists():
+        pytest.skip("the example in C is not built beside ocisac-rx")
+    command = [example, str(COLUMNS), str(ROWS), "22.2e-6", "11700", "30"]
+    done = subprocess.run(command, input=packets.tobytes(), capture_output=True, timeout=60, check=True)
+    assert done.stdout[: len(PAYLOAD)] == PAYLOAD
+    assert len(done.stderr.splitlines()) == len(packets)
+    refused = subprocess.run([*command[:3], "0", *command[4:]], input=b"", capture_output=True, timeout=60)
+    assert (refused.returncode, refused.stdout) == (2, b"")
+    assert b"row_time: got 0" in refused.stderr
+
+
 @pytest.fixture(scope="module")
 def counter(tmp_path_factory):
     """A library to preload that counts calls of the C library's heap."""

@@ -19,7 +19,6 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kFirstPatience = 8, kLongestPatience = 256;  // frames
 constexpr std::size_t kSearchedColumns = 640;  // at most so many, evenly spread, are searched for lights
-constexpr std::size_t kLostFrames = 8;         // without chips, before only one of so many is looked at
 constexpr std::size_t kChunks = 32;            // of the rows
 constexpr double kSwingShare = 0.3;            // of a light's swing, that its other rows have too
 constexpr std::size_t kLeastMargin = 8;        // columns beside a light that are looked at too
@@ -92,19 +91,6 @@ std::optional<PictureBox> find_light(const AnyFramesView& frame, const Camera& c
   return std::nullopt;
 }
 
-// To look for chips from nothing takes a hundred times as long as to follow them: where there were none in some frames,
-// the next ones are left out but for a few.
-ReceivedFrame not_read(std::int64_t frame) {
-  ReceivedFrame result;
-  result.frame = frame;
-  result.outcome = FrameOutcome::no_signal;
-  result.flags = flag::no_signal;
-  for (double* value : {&result.phase, &result.rows_per_chip, &result.rows_per_chip_std, &result.exposure,
-                        &result.exposure_std, &result.snr, &result.error_rate})
-    *value = kNaN;
-  return result;
-}
-
 double first_of(const std::vector<double>& values) { return values.empty() ? kNaN : values.front(); }
 
 }  // namespace
@@ -170,14 +156,7 @@ void LiveReceiver::measure_gain(const AnyFramesView& part) {
 void LiveReceiver::read_data(const AnyFramesView& rows) {
   const auto signal = follower_.combine(rows, !options_.region);
   const AnyFramesView column = dense_view(signal.data(), 1, signal.size(), 1);
-  ++lost_;
-  if (lost_ > kLostFrames && lost_ % kLostFrames != 0) {
-    result_.received.emplace(not_read(result_.frame));
-  } else {
-    result_.received.emplace(receiver_->push({&column, 1}, result_.frame));
-    if (result_.received->outcome == FrameOutcome::received) lost_ = 0;
-  }
-  ReceivedFrame& received = *result_.received;
+  ReceivedFrame& received = result_.received.emplace(receiver_->push({&column, 1}, result_.frame, region_.y));
   if (follower_.saturated()) received.flags |= flag::saturated;
   region_.x = follower_.first();
 }
@@ -204,6 +183,11 @@ bool LiveReceiver::seen() const {
 
 const LiveFrame& LiveReceiver::push(const AnyFramesView& frame, std::int64_t number) {
   const Shape shape = shape_of(frame);
+  const std::array<std::size_t, 3> kind{shape.rows, shape.columns, frame.index()};
+  require(shape.frames == 1 && shape.rows > 0 && shape.columns > 0 && (region_.width == 0 || kind == kind_), "frame",
+          std::to_string(shape.columns) + "x" + std::to_string(shape.rows),
+          "one picture as large as the first, of its type");
+  kind_ = kind;
   if (options_.region) {
     const PictureBox& box = *options_.region;
     require(box.width >= 1 && box.height >= 1 && box.x + box.width <= shape.columns && box.y + box.height <= shape.rows,

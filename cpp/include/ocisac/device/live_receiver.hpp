@@ -1,6 +1,7 @@
 // What a device beside a camera runs: a light found once and followed, its gain and its data frame by frame.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -70,13 +71,13 @@ class LiveReceiver {
   LiveOptions options_;
   ColumnFollower follower_;
   std::optional<Receiver> receiver_;
+  std::array<std::size_t, 3> kind_{};  // rows, columns and type of the first frame
   PictureBox region_;
   bool found_ = false;  // region_ is a light's; else the whole picture is read meanwhile
   double frequency_, frequency_std_;
   Flags frequency_flags_ = 0;
   double suggested_for_ = 0;  // Hz of the light, 0: none yet
   std::size_t unseen_ = 0;    // frames since the light was seen or searched
-  std::size_t lost_ = 0;      // frames without chips
   std::size_t patience_;      // frames unseen before it is searched again
   LiveFrame result_;
 };

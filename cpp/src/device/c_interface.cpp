@@ -1,0 +1,220 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <new>
+#include <stdexcept>
+#include <string>
+
+#include "ocisac/device/live_receiver.hpp"
+#include "ocisac/ocisac.h"
+#include "ocisac/require.hpp"
+#include "ocisac/version.hpp"
+
+struct ocisac_receiver {
+  ocisac::LiveReceiver receiver;
+  double row_time;
+  const ocisac::LiveFrame* latest = nullptr;  // not polled yet
+};
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+thread_local std::array<char, 256> last_error{};
+
+void remember(const char* message) {
+  const std::size_t length = std::min(std::strlen(message), last_error.size() - 1);
+  std::copy_n(message, length, last_error.begin());
+  last_error[length] = '\0';
+}
+
+// Runs the body; exceptions become codes.
+template <class Body>
+int guarded(Body body) noexcept {
+  try {
+    return body();
+  } catch (const std::invalid_argument& problem) {
+    remember(problem.what());
+    return OCISAC_BAD_ARGUMENT;
+  } catch (const std::bad_alloc&) {
+    remember("out of memory");
+    return OCISAC_NO_MEMORY;
+  } catch (const std::exception& problem) {
+    remember(problem.what());
+    return OCISAC_FAILED;
+  }
+}
+
+// What the program knows of a struct, over the defaults of what it does not.
+template <class Struct>
+Struct completed(const Struct* given, Struct defaults, const char* name) {
+  ocisac::require(given != nullptr, name, "NULL", "a struct");
+  ocisac::require(given->size >= sizeof(std::size_t) && given->size <= 4096, name, given->size,
+                  "the size that its _init function fills in");
+  std::memcpy(&defaults, given, std::min(given->size, sizeof(Struct)));
+  return defaults;
+}
+
+std::optional<double> known(double value) { return std::isnan(value) ? std::nullopt : std::optional(value); }
+
+ocisac::Camera camera_of(const ocisac_options& options) {
+  ocisac::Camera camera{options.row_time, known(options.exposure), known(options.frame_time), {}};
+  camera.tone_curve.dark_level = options.dark_level;
+  camera.tone_curve.white_level = options.white_level;
+  return camera;
+}
+
+const char* line_code_name(std::int32_t code) {
+  constexpr std::array<const char*, 4> names{"none", "manchester", "4b6b", "8b10b"};
+  ocisac::require(code >= 0 && code < static_cast<std::int32_t>(names.size()), "line_code", code, "0 to 3");
+  return names[static_cast<std::size_t>(code)];
+}
+
+ocisac::LiveOptions live_options(const ocisac_options& options) {
+  ocisac::LiveOptions live;
+  live.gain = options.want_gain != 0;
+  live.data = options.want_data != 0;
+  live.frequency = known(options.frequency);
+  live.chip_rate = known(options.chip_rate);
+  live.sense_frequency = known(options.sense_frequency);
+  live.background = options.background;
+  live.duty = options.duty;
+  ocisac::require(options.waveform == OCISAC_TONE || options.waveform == OCISAC_SQUARE, "waveform", options.waveform,
+                  "OCISAC_TONE or OCISAC_SQUARE");
+  live.waveform = options.waveform == OCISAC_SQUARE ? ocisac::WaveformShape::square : ocisac::WaveformShape::tone;
+  live.format.line_code = ocisac::LineCode::named(line_code_name(options.line_code));
+  live.format.block_bytes = options.block_bytes;
+  if (options.lengthened != 0) live.format.preamble = ocisac::Preamble::lengthened;
+  const ocisac_region& region = options.region;
+  if (region.width > 0) live.region = ocisac::PictureBox{region.x, region.y, region.width, region.height};
+  return live;
+}
+
+template <class T>
+ocisac::AnyFramesView view_of(const ocisac_frame& frame) {
+  constexpr auto bytes = static_cast<std::ptrdiff_t>(sizeof(T));
+  ocisac::require(
+      frame.stride % bytes == 0 && std::abs(frame.stride) >= bytes * static_cast<std::ptrdiff_t>(frame.width), "stride",
+      frame.stride, "whole pixels, at least a row of them");
+  return ocisac::FramesView<const T>{
+      static_cast<const T*>(frame.pixels), 1, frame.height, frame.width, 0, frame.stride / bytes, 1};
+}
+
+ocisac::AnyFramesView any_view_of(const ocisac_frame& frame) {
+  ocisac::require(frame.pixels != nullptr && frame.width > 0 && frame.height > 0, "frame", "no pixels",
+                  "at least one pixel");
+  ocisac::require(frame.format == OCISAC_GRAY8 || frame.format == OCISAC_GRAY16, "format", frame.format,
+                  "OCISAC_GRAY8 or OCISAC_GRAY16");
+  return frame.format == OCISAC_GRAY8 ? view_of<std::uint8_t>(frame) : view_of<std::uint16_t>(frame);
+}
+
+ocisac_result empty_result() {
+  ocisac_result result{};
+  result.size = sizeof result;
+  for (double* value : {&result.frequency, &result.gain, &result.gain_std, &result.gain_snr, &result.chip_rate,
+                        &result.data_snr, &result.error_rate, &result.suggested_exposure})
+    *value = kNaN;
+  result.bits = "";
+  return result;
+}
+
+ocisac_result result_of(const ocisac::LiveFrame& frame, double row_time) {
+  ocisac_result result = empty_result();
+  result.frame = frame.frame;
+  const auto narrow = [](std::size_t value) { return static_cast<std::uint32_t>(value); };
+  result.region = {narrow(frame.region.x), narrow(frame.region.y), narrow(frame.region.width),
+                   narrow(frame.region.height)};
+  result.searched = frame.searched ? 1 : 0;
+  if (frame.gain) {
+    result.gain_flags = frame.gain->flags;
+    result.frequency = frame.gain->frequency;
+    result.gain = frame.gain->gain;
+    result.gain_std = frame.gain->gain_std;
+    result.gain_snr = frame.gain->snr;
+  }
+  if (frame.received) {
+    result.data_flags = frame.received->flags;
+    result.chip_rate = 1 / (frame.received->rows_per_chip * row_time);
+    result.data_snr = frame.received->snr;
+    result.error_rate = frame.received->error_rate;
+    result.bits = frame.received->bits.c_str();
+    result.bit_count = frame.received->bits.size();
+    if (frame.received->stretch && frame.received->stretch->payload) {
+      const ocisac::Payload& payload = *frame.received->stretch->payload;
+      result.payload = payload.bytes.data();
+      result.payload_bytes = payload.bytes.size();
+      result.packet = payload.number;
+    }
+  }
+  if (frame.suggestion) result.suggested_exposure = frame.suggestion->exposure;
+  return result;
+}
+
+ocisac_options default_options() {
+  ocisac_options options{};
+  options.size = sizeof options;
+  for (double* value :
+       {&options.exposure, &options.frame_time, &options.frequency, &options.chip_rate, &options.sense_frequency})
+    *value = kNaN;
+  options.duty = 0.5;
+  options.line_code = OCISAC_MANCHESTER;
+  options.block_bytes = 16;
+  options.want_gain = options.want_data = 1;
+  return options;
+}
+
+}  // namespace
+
+extern "C" {
+
+void ocisac_options_init(ocisac_options* options) {
+  if (options != nullptr) *options = default_options();
+}
+
+void ocisac_result_init(ocisac_result* result) {
+  if (result != nullptr) *result = empty_result();
+}
+
+int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
+  return guarded([&] {
+    ocisac::require(receiver != nullptr, "receiver", "NULL", "a place for it");
+    *receiver = nullptr;
+    const ocisac_options all = completed(options, default_options(), "options");
+    *receiver = new ocisac_receiver{ocisac::LiveReceiver(camera_of(all), live_options(all)), all.row_time};
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame) {
+  return guarded([&] {
+    ocisac::require(receiver != nullptr && frame != nullptr, "receiver or frame", "NULL", "both");
+    receiver->latest = nullptr;
+    receiver->latest = &receiver->receiver.push(any_view_of(*frame), frame->number);
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_poll(ocisac_receiver* receiver, ocisac_result* result) {
+  return guarded([&] {
+    ocisac::require(receiver != nullptr && result != nullptr, "receiver or result", "NULL", "both");
+    ocisac::require(result->size >= sizeof(std::size_t) && result->size <= 4096, "result", result->size,
+                    "the size that ocisac_result_init fills in");
+    if (receiver->latest == nullptr) return static_cast<int>(OCISAC_NOTHING);
+    const std::size_t size = std::min(result->size, sizeof(ocisac_result));
+    ocisac_result full = result_of(*receiver->latest, receiver->row_time);
+    full.size = result->size;
+    std::memcpy(result, &full, size);
+    receiver->latest = nullptr;
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+void ocisac_destroy(ocisac_receiver* receiver) { delete receiver; }
+
+const char* ocisac_last_error(void) { return last_error.data(); }
+
+const char* ocisac_version(void) { return ocisac::version(); }
+
+}  // extern "C"
