@@ -74,6 +74,10 @@ CASES = {
         {"motion": "along", "pitch": 1e-4, "spatial_frequency": 230.0},
     ),
     "still": (texture(3, 240, 8, 230, 0.0, per_row=0.023, per_column=0.1), {}),
+    "by whole cycles a frame": (
+        texture(3, 240, 8, 230, 3.0, per_row=0.023, per_column=0.0),
+        {"pitch": 1e-4, "spatial_frequency": 230.0},
+    ),
     "light": (lamp(8, 240, 9, 517.0) + 30, {"background": ocisac.BackgroundLight(np.full(9, 30.0), np.full(9, 0.3))}),
     "light, known": (
         lamp(8, 240, 9, 517.0) + 30,
@@ -94,7 +98,7 @@ def test_agrees_with_the_reference(case):
     assert_agree(got, want)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=10)
 @given(
     dtype=st.sampled_from(["uint8", "uint16", "float32", "float64"]),
     step=st.sampled_from([-2, -1, 1, 3]),
@@ -141,7 +145,7 @@ def test_gains_and_frequencies_of_the_testbed_pass_a_chi_square_test(shape):
 def test_the_frequency_reaches_the_cramer_rao_bound():
     amplitude, rows, columns = 100 * np.sinc(350.2 * 1202e-6), 720, 10
     bound = np.sqrt(24 * 2.0**2 / (amplitude**2 * columns * rows * (rows**2 - 1))) / (2 * np.pi * ROW_TIME)
-    found = [ocisac.sense_region(texture(1, rows, columns, 200, SPEED, seed=s), camera()) for s in range(60)]
+    found = [ocisac.sense_region(texture(1, rows, columns, 200, SPEED, seed=s), camera()) for s in range(40)]
     told = np.mean([one.motion_frequency_std for one in found])
     errors = [one.motion_frequency - 200 * SPEED for one in found]
     assert bound < told < 1.1 * bound
@@ -151,17 +155,17 @@ def test_the_frequency_reaches_the_cramer_rao_bound():
 def test_faint_and_noisy_harmonics_feign_no_precision():
     found = [
         ocisac.sense_region(grating(1, 720, 6, 100, SPEED, noise=6.0, seed=s), camera(), waveform="square")
-        for s in range(9)
+        for s in range(6, 16)
     ]
     scores = [(one.frequency - 175.1) / one.frequency_std for one in found]
-    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.5
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
 
 
 def test_columns_share_their_noise_and_the_standard_error_knows():
     random = np.random.default_rng(5)
     errors, told = [], []
-    for seed in range(30):
-        frames = texture(1, 360, 30, 400, SPEED, per_column=0.01, noise=1.0, seed=seed) + 8 * random.standard_normal(
+    for seed in range(20):
+        frames = texture(1, 360, 20, 400, SPEED, per_column=0.01, noise=1.0, seed=seed) + 8 * random.standard_normal(
             (360, 1)
         )
         found = ocisac.sense_region(frames, camera(), motion="across")
@@ -258,10 +262,26 @@ def test_what_is_told_against_the_pictures_is_flagged():
 @pytest.mark.parametrize("per_column", [0.0, 0.003, -0.2])
 def test_a_texture_at_rest_is_still(per_column):
     frames = texture(3, 720, 30, 230, 0.0, per_row=0.02, per_column=per_column)
-    found = ocisac.sense_region(frames, camera(), pitch=PITCH)
+    found = ocisac.sense_region(frames, camera(), motion_bounds=(0.0, 29.0))
     assert found.kind == "still"
     assert found.motion_frequency == 0
+    assert not found.flags
     assert found.gain == pytest.approx(1.0, abs=4 * found.gain_std)
+
+
+def test_a_texture_that_moves_by_whole_cycles_a_frame_may_be_at_rest():
+    frames = along(2, 230, 3.0)  # 23 cycles a frame
+    found = ocisac.sense_region(frames, camera())
+    assert found.kind == "still"
+    assert found.flags & Flag.AMBIGUOUS_MOTION
+    assert found.motion_candidates[1] == pytest.approx(30, abs=0.1)
+    for told in ({"spatial_frequency": 230.0}, {"speed": 3.0}):
+        known = ocisac.sense_region(frames, camera(), pitch=PITCH, **told)
+        assert known.kind == "moving"
+        assert known.motion_frequency == pytest.approx(690, abs=4 * known.motion_frequency_std)
+    rest = ocisac.sense_region(along(2, 230, 0.0), camera(), pitch=PITCH, spatial_frequency=230.0, direction=1)
+    assert rest.kind == "still"
+    assert not rest.flags
 
 
 @pytest.mark.parametrize("frequency", [200.0, 517.0, 1731.0, 7919.0])

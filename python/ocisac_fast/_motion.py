@@ -95,7 +95,7 @@ def along_rows(seen: Seen, told: Told) -> Motion:
         solutions, fits = _checked_by_frames(seen, told, solutions)
     else:
         fits = True
-    kept = [one for one in solutions if _allowed(seen, told, one[0])]
+    kept = [one for one in solutions if _allowed(seen, told, *one)]
     kept.sort(key=lambda one: (abs(one[0]), one[0]))
     if not kept:
         contradicted = Flag.MODEL_MISFIT if solutions else Flag.AMBIGUOUS_MOTION
@@ -108,11 +108,11 @@ def along_rows(seen: Seen, told: Told) -> Motion:
     return Motion(frequency, std, seen.per_row - frequency * seen.row_time, magnitudes, flags)
 
 
-def _allowed(seen: Seen, told: Told, frequency: float) -> bool:
+def _allowed(seen: Seen, told: Told, frequency: float, std: float) -> bool:
     still = seen.per_row - frequency * seen.row_time
     moves = -1 if frequency * still > 0 else 1
     low, high = told.bounds
-    return low <= abs(frequency) <= high and told.direction in (0, moves)
+    return low <= abs(frequency) <= high and (told.direction in (0, moves) or abs(frequency) <= 4.0 * std)
 
 
 def _from_one_frame(seen: Seen, told: Told) -> list[tuple[float, float]] | None:

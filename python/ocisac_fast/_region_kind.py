@@ -35,7 +35,7 @@ def kind_of(
         still = abs(seen.per_frame) <= 4.0 * seen.per_frame_std + 1e-6
         if allowance < 0.25 and seen.per_frame_std < 0.06 and not (miss <= allowance and still):
             if still:
-                return "still", None, Flag(0)
+                return "still", "along", Flag(0)
             if not near:
                 return "moving", "along", Flag.MODEL_MISFIT if motion == "across" else Flag(0)
             if common:
@@ -52,10 +52,14 @@ def kind_of(
 def motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Turn) -> dict[str, Any]:
     """Fields of ``SensedRegion`` that tell of the motion, and flags."""
     if kind == "still":
-        std = seen.per_frame_std / seen.frame_time
-        return {"motion_frequency": 0.0, "motion_frequency_std": std, "speed": 0.0, "flags": Flag(0)}
+        motion = along_rows(seen, told)
+        if not abs(motion.frequency) > 4.0 * motion.std + 1e-6 / seen.frame_time:
+            std = seen.per_frame_std / seen.frame_time
+            rest = {"motion_frequency": 0.0, "motion_frequency_std": std, "motion_candidates": motion.candidates}
+            return {"kind": kind, "speed": 0.0, "flags": motion.flags, **rest}
+        kind = "moving"  # by whole cycles a frame
     if kind != "moving":
-        return {"flags": Flag(0)}
+        return {"kind": kind, "flags": Flag(0)}
     if axis == "along":
         motion = along_rows(seen, told)
         per_pixel, pixel_std = motion.still, math.hypot(seen.per_row_std, motion.std * seen.row_time)
@@ -66,6 +70,7 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Tur
         direction = -int(math.copysign(1, turn.cycles)) if abs(turn.cycles) > 4.0 * turn.std else 0
     flags = motion.flags | (Flag.AMBIGUOUS_MOTION if axis is None else Flag(0))
     return {
+        "kind": kind,
         "motion_frequency": abs(motion.frequency),
         "motion_frequency_std": motion.std,
         "motion_candidates": motion.candidates,

@@ -57,7 +57,8 @@ class SensedRegion:
 
     Attributes:
         kind: ``"light"``: modulated in time, one phase in all columns; ``"moving"``: a texture whose phase follows its
-            motion; ``"still"``: a texture that does not change from frame to frame; ``"unknown"``: nothing periodic.
+            motion; ``"still"``: a texture that is the same in all frames (or moves by whole cycles a frame:
+            AMBIGUOUS_MOTION); ``"unknown"``: nothing periodic.
         x, y, width, height: of the region: first column and row (rows in time order), columns and rows.
         frames: that were used.
         frequency, frequency_std: of what a column shows, Hz: cycles per row over the row time. The standard error is 0
@@ -193,7 +194,8 @@ def sense_region(
     common, doubt = _common_phase(fitted, columns_turn)
     seen = seen_by(fitted, frames_turn, camera)
     kind, axis, kind_flags = kind_of(seen, common, doubt, motion, timing_tolerance)
-    facts = motion_facts(kind, axis, seen, told, columns_turn)
+    facts: dict[str, Any] = motion_facts(kind, axis, seen, told, columns_turn)
+    kind = facts["kind"]
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if waveform == "tone" else 2.0 * float(np.sinc(duty))) * depth
     gains = _gains(region, camera, fitted, frames_turn, ambient, ratio)
@@ -204,7 +206,6 @@ def sense_region(
     flags |= gains.pop("flags") | theory_flags | _column_flags(region, camera, fitted, tones)
     return dataclasses.replace(
         blank,
-        kind=kind,
         frequency=fitted.model.cycles / camera.row_time,
         frequency_std=fitted.cycles_std / camera.row_time,
         cycles_per_column=columns_turn.cycles,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 # Each module enters its limits: this is the order of the catalogue.
 # isort: off
-from ocisac_fast.limits import sampling, arithmetic, pixels, restoring  # noqa: F401
+from ocisac_fast.limits import sampling, arithmetic, pixels, restoring, sensing  # noqa: F401
 
 # isort: on
 from ocisac_fast.limits.catalogue import LIMITS, Limit, Point, limit

@@ -80,6 +80,7 @@ def sense_region(
     gain, gain_std, mean, snr = _gain(fit, background, c_std)
     series = _over_frames(fit, onward[0])
     course = _gain(series, _repeated(background, rows, count, columns), 0.0) if series else (math.nan, math.nan)
+    kind = facts["kind"]
     at = {"light": fit.c / camera.row_time, "still": 0.0}.get(kind, facts.get("motion_frequency", math.nan))
     theory = math.nan if camera.exposure is None else abs(float(np.sinc(at * camera.exposure)))
     flags |= kind_flags | facts.pop("flags") | _flags(stored[0], camera, fit, tones)
@@ -87,7 +88,6 @@ def sense_region(
     flags |= Flag.NO_LIGHT if math.isnan(gain) else Flag.WEAK if gain < 3 * gain_std else Flag(0)
     return dataclasses.replace(
         blank,
-        kind=kind,
         frequency=fit.c / camera.row_time,
         frequency_std=c_std / camera.row_time,
         cycles_per_column=across[0],
@@ -285,7 +285,7 @@ def _kind(
         still = abs(onward[0]) <= 4 * onward[1] + 1e-6
         if error < 0.25 and onward[1] < 0.06 and not (still and miss <= error):
             if still:
-                return "still", None, Flag(0)
+                return "still", "along", Flag(0)
             if miss > max(error, 10 * tolerance * fit.c * rate):
                 return "moving", "along", Flag.MODEL_MISFIT if motion == "across" else Flag(0)
             if common:
@@ -313,10 +313,14 @@ def _motion(
     pitch, texture, speed, *_ = told
     time = camera.row_time
     if kind == "still":
-        std = onward[1] / (camera.frame_time or math.nan)
-        return {"motion_frequency": 0.0, "motion_frequency_std": std, "speed": 0.0, "flags": Flag(0)}
+        assert camera.frame_time is not None
+        f, std, every, flags = _along(c, c_std, onward, camera, told)
+        if math.isnan(f) or abs(f) <= 4 * std + 1e-6 / camera.frame_time:
+            facts = {"kind": kind, "motion_frequency": 0.0, "motion_frequency_std": onward[1] / camera.frame_time}
+            return facts | {"motion_candidates": every, "speed": 0.0, "flags": flags}
+        kind = "moving"
     if kind != "moving":
-        return {"flags": Flag(0)}
+        return {"kind": kind, "flags": Flag(0)}
     if axis == "along":
         f, std, every, flags = _along(c, c_std, onward, camera, told)
         still = c - f * time
@@ -329,7 +333,7 @@ def _motion(
         if cycles > 4 * cycles_std:
             heading = -1 if across[0] > 0 else 1
     f = abs(f)
-    facts: dict[str, Any] = {"motion_frequency": f, "motion_frequency_std": std, "motion_candidates": every}
+    facts = {"kind": kind, "motion_frequency": f, "motion_frequency_std": std, "motion_candidates": every}
     facts |= {"direction": heading, "flags": flags}
     if texture is None and speed is not None:
         names = ("speed", "speed_std", "spatial_frequency", "spatial_frequency_std")
@@ -376,7 +380,8 @@ def _along(
     def heads(f: float) -> int:
         return -1 if f * (c - f * time) > 0 else 1
 
-    allowed = [one for one in found if low <= abs(one[0]) <= high and direction in (0, heads(one[0]))]
+    inside = [one for one in found if low <= abs(one[0]) <= high]
+    allowed = [one for one in inside if direction in (0, heads(one[0])) or abs(one[0]) <= 4 * one[1]]
     allowed.sort(key=lambda one: (abs(one[0]), one[0]))
     if not allowed:
         return math.nan, math.nan, (), Flag.MODEL_MISFIT if found else Flag.AMBIGUOUS_MOTION
