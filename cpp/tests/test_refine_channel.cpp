@@ -135,3 +135,25 @@ TEST_CASE("steady light has no channel") {
   CHECK_FALSE(ocisac::find_channel(steady, {.rows_per_chip = 4.0, .exposure = 8.0}, plain_mlse));
   CHECK_FALSE(ocisac::find_channel(std::span(steady).first(1), {.rows_per_chip = 4.0, .exposure = 8.0}, plain_mlse));
 }
+
+TEST_CASE("noise that follows the light leaves the frame even, a clock lost in a part does not") {
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    Column column(seed, 4.0, 3.0, 0.0);
+    std::mt19937 random(seed);
+    std::normal_distribution<double> noise(0, 1);
+    for (std::size_t n = 0; n < kRows; ++n)
+      column.rows[n] += (0.5 + 2.5 * static_cast<double>(n) / static_cast<double>(kRows)) * noise(random);
+    const auto matches = ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = 4.0, .exposure = {}});
+    REQUIRE(!matches.empty());
+    const auto found = ocisac::refine_channel(column.rows, matches.front().channel, plain_mlse);
+    REQUIRE(found);
+    CHECK(column.errors(*found, column.start) == 0);
+    CHECK(found->even);
+
+    // The last third from another light of the same kind.
+    const Column other(seed + 100, 4.0, 3.0, 0.01);
+    std::copy(other.rows.begin() + 720, other.rows.end(), column.rows.begin() + 720);
+    const auto lost = ocisac::refine_channel(column.rows, matches.front().channel, plain_mlse);
+    CHECK((!lost || !lost->even));
+  }
+}

@@ -21,7 +21,8 @@ constexpr double kMostGrowth = 2;
 constexpr std::array kGrowths{1.3, 1.2,
                               1.12};  // least growth of the rows from one round to the next, in up to three tries
 constexpr double kEven = 1.15, kEvenErrors = 6;  // of the residuals of two parts of the frame; standard errors
-constexpr double kWindowChips = 30;              // length of such a part, beside the exposure
+constexpr double kSmoothRows = 4;
+constexpr double kWindowChips = 30;  // length of such a part, beside the exposure
 constexpr int kMostRounds = 40;
 constexpr int kSettlingRounds = 4;     // once all rows are in
 constexpr double kLeastNoise = 1e-4;   // of the swing, for the detector
@@ -224,38 +225,48 @@ std::optional<RefinedChannel> grow(std::span<const double> signal, const Channel
   return RefinedChannel{std::move(channel), std::move(last.levels), last.first, settled};
 }
 
-// Root mean square of what the channel leaves of the rows it used, over windows of `length` rows, half overlapping.
+// Root mean square of what the channel leaves of the rows it used, over windows of `length` rows, half overlapping; and
+// of what of that changes from row to row as noise does.
 struct Window {
   RowRange rows;
-  double left;
+  double left, as_noise;
 };
 
 std::vector<Window> residual_windows(std::span<const double> signal, const RefinedChannel& found, std::size_t length) {
   const ChannelEstimate& channel = found.channel;
-  std::vector<double> squares(signal.size());
-  expose_chips({found.chips, found.first}, channel.clock, squares);
-  for (std::size_t n = 0; n < squares.size(); ++n) {
+  std::vector<double> left(signal.size());
+  expose_chips({found.chips, found.first}, channel.clock, left);
+  for (std::size_t n = 0; n < left.size(); ++n) {
     const auto row = static_cast<double>(n);
-    const double model = channel.dark_at(row, signal.size()) + channel.swing_at(row, signal.size()) * squares[n];
-    squares[n] = (signal[n] - model) * (signal[n] - model);
+    left[n] = signal[n] - channel.dark_at(row, signal.size()) - channel.swing_at(row, signal.size()) * left[n];
   }
   std::vector<Window> windows;
   const std::size_t size = std::min(length, channel.rows.size());
   for (std::size_t begin = channel.rows.begin; begin + size <= channel.rows.end;
        begin += std::max<std::size_t>(size / 2, 1)) {
-    double sum = 0;
-    for (std::size_t n = begin; n < begin + size; ++n) sum += squares[n];
-    windows.push_back({{begin, begin + size}, std::sqrt(sum / static_cast<double>(size))});
+    double squares = 0, changes = 0;
+    for (std::size_t n = begin; n < begin + size; ++n) {
+      squares += left[n] * left[n];
+      if (n > begin) changes += 0.5 * (left[n] - left[n - 1]) * (left[n] - left[n - 1]);
+    }
+    const auto count = static_cast<double>(size);
+    windows.push_back(
+        {{begin, begin + size}, std::sqrt(squares / count), std::sqrt(changes / std::max(count - 1, 1.0))});
   }
   return windows;
 }
 
-// The clock lost in a part of the frame leaves more there than elsewhere.
-bool is_even(std::span<const Window> windows) {
+// The clock lost in a part of the frame leaves more there than elsewhere. So does more noise (of more light, say);
+// where chips or exposures are several rows long, wrong chips leave what hardly changes from row to row, and noise
+// does.
+bool is_even(std::span<const Window> windows, const ChipClock& clock) {
   if (windows.empty()) return true;
-  const auto [least, most] = std::ranges::minmax_element(windows, {}, &Window::left);
-  const double by_chance = kEvenErrors / std::sqrt(2 * static_cast<double>(least->rows.size()));
-  return most->left <= (kEven + by_chance) * least->left;
+  const double least = std::ranges::min_element(windows, {}, &Window::left)->left;
+  const bool tells_noise = std::max(clock.exposure, clock.rows_per_chip) >= kSmoothRows;
+  return std::ranges::all_of(windows, [&](const Window& window) {
+    const double by_chance = kEvenErrors / std::sqrt(2 * static_cast<double>(window.rows.size()));
+    return window.left <= (kEven + by_chance) * std::max(least, tells_noise ? window.as_noise : 0.0);
+  });
 }
 
 // The channel of the part of the frame that is explained best, to begin from again.
@@ -286,7 +297,7 @@ std::optional<RefinedChannel> refine_channel(std::span<const double> signal, con
     const ChipClock& clock = best->channel.clock;
     const double length = kWindowChips * clock.rows_per_chip + clock.exposure;
     const auto windows = residual_windows(signal, *best, static_cast<std::size_t>(length));
-    best->even = is_even(windows);
+    best->even = is_even(windows, clock);
     if (best->settled && best->even) break;
     from = channel_of_best_part(signal, *best, windows, options);
   }
