@@ -1,10 +1,14 @@
 #!/usr/bin/env python3
-"""Chip errors of detection with the channel known, beside what the closest pair of sequences allows, and its speed.
+"""Chip errors of detection beside what the closest pair of sequences allows, and its speed.
 
 Random chips through an exposure, with a rate and a phase drawn for every frame of 1080 rows; chips cut by the frame's
 ends are left out. The limits are those of the project's aims; a limit is reached when the errors counted stay below it.
+The channel is known; with --estimated the grid of exposures, rows per chip and noise is measured as bench/timing.py
+does, from nothing but a preamble and a nominal rate, beside the likeliest sequence with everything known. --picture
+draws every detector's share of wrong chips over the exposure, what is foretold, and the bound of the closest pair.
 
-usage: bench/detection.py [--frames N] [--json] [--check] [--grid]
+usage: bench/detection.py [--frames N] [--method NAME] [--grid | --estimated [--quick]] [--json] [--check]
+       bench/detection.py --picture FILE [--frames N]
 """
 
 from __future__ import annotations
@@ -17,8 +21,10 @@ import sys
 import time
 
 import numpy as np
+import timing
 
 import ocisac_fast as ocisac
+from ocisac_fast.chart.detectors import Setting, make_frame
 
 ROWS = 1080
 
@@ -47,6 +53,9 @@ GRID = tuple(
 )
 
 
+QUICK_EXPOSURES = (0.5, 3.0, 7.0)
+
+
 @dataclasses.dataclass(frozen=True)
 class Result:
     """Of one case. bound: errors a chip that the closest pair alone makes, Q(distance / (2 noise))."""
@@ -68,30 +77,76 @@ class Result:
         return None if self.case.limit is None else self.rate < self.case.limit
 
 
-def measure(case: Case, frames: int, seed: int = 1) -> Result:
+def bound_of(exposure: float, rows_per_chip: float, noise: float) -> float:
+    """Wrong chips that the closest pair of sequences alone makes, in any receiver."""
+    distance = ocisac.closest_pair_distance(rows_per_chip, max(exposure, 1e-3) * rows_per_chip)
+    return math.erfc(distance / (2 * noise) / math.sqrt(2)) / 2
+
+
+def measure(case: Case, frames: int, method: str, seed: int = 1) -> Result:
     """Errors over so many frames, and the least time of one detection."""
     random = np.random.default_rng(seed)
+    setting = Setting(case.exposure, case.rows_per_chip, case.noise)
     wrong = total = 0
     least = math.inf
     for _ in range(frames):
-        rows_per_chip = case.rows_per_chip * (1 + random.uniform(-0.01, 0.01))
-        exposure = case.exposure * rows_per_chip
-        first = -math.ceil(case.exposure) - 2
-        count = math.ceil(ROWS / rows_per_chip) - 2 * first
-        chips = random.integers(0, 2, count).astype(float)
-        clock = {"rows_per_chip": rows_per_chip, "phase": random.uniform(0, rows_per_chip), "exposure": exposure}
-        light = ocisac.expose_chips(chips, ROWS, **clock, first=first)
-        light += case.noise * random.standard_normal(ROWS)
+        frame = make_frame(setting, random, ROWS)
         begin = time.perf_counter()
-        found = ocisac.chip_likelihoods(light, **clock, noise=case.noise, first=first, count=count)
+        found = frame.detect(method)
         least = min(least, time.perf_counter() - begin)
-        starts = clock["phase"] + (first + np.arange(count)) * rows_per_chip  # in the middle of the edges' ramps
-        whole = (starts - exposure / 2 > 0) & (starts + rows_per_chip + exposure / 2 < ROWS - 1)
-        wrong += int(np.sum((found > 0)[whole] != chips[whole]))
+        whole = frame.whole
+        wrong += int(np.sum((found > 0)[whole] != frame.chips[whole]))
         total += int(np.sum(whole))
-    distance = ocisac.closest_pair_distance(case.rows_per_chip, max(case.exposure, 1e-3) * case.rows_per_chip)
-    bound = math.erfc(distance / (2 * case.noise) / math.sqrt(2)) / 2
-    return Result(case, total, wrong, bound, 1e3 * least)
+    return Result(case, total, wrong, bound_of(case.exposure, case.rows_per_chip, case.noise), 1e3 * least)
+
+
+def measure_estimated(frames: int, quick: bool, as_json: bool) -> bool:
+    """The grid with everything estimated, a line a setting; whether no setting makes too many errors."""
+    exposures = QUICK_EXPOSURES if quick else timing.EXPOSURES
+    good = True
+    if not as_json:
+        timing.print_heading()
+    for exposure in exposures:
+        for rows_per_chip in timing.ROWS_PER_CHIP:
+            for noise in timing.NOISES:
+                got = timing.measure(rows_per_chip, exposure, noise, frames, False)
+                good = good and timing.is_good(got)
+                print(json.dumps(got) if as_json else timing.line(got), flush=True)
+    return good
+
+
+def draw(path: str, frames: int) -> None:
+    """Wrong chips of every detector over the exposure: counted (points), foretold (lines), the closest pair (grey)."""
+    from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, RED, SKY, picture
+
+    looks = {"slicer": ("s", RED), "inverse": ("v", ORANGE), "wiener": ("^", GREEN), "dfe": ("D", SKY)}
+    looks |= {"reduced": ("o", BLUE), "mlse": ("+", BLACK)}
+    exposures = np.geomspace(0.5, 14.0, 60)
+    counted_at = (0.7, 1.0, 1.4, 2.0, 2.6, 3.4, 4.5, 5.6, 7.3, 9.4, 12.3, 14.0)
+    rows_per_chip = 4.1
+    with picture(path, 10.4, 4.4) as figure:
+        for axes, noise in zip(figure.subplots(1, 2, sharey=True), (0.02, 0.05), strict=True):
+            told = [ocisac.detector_error_rates(rows_per_chip, x * rows_per_chip, noise) for x in exposures]
+            for method, (marker, colour) in looks.items():
+                longest = 10.0 if method == "mlse" else 14.0
+                if method != "reduced":
+                    axes.plot(exposures, [getattr(rates, method) for rates in told], color=colour, lw=1)
+                points = []
+                for x in counted_at:
+                    if x <= longest:
+                        result = measure(Case(x, rows_per_chip, noise), frames, method)
+                        points.append((x, result.rate))
+                seen = np.array([point for point in points if point[1] > 0])
+                label = method + {"dfe": " (line: first errors)", "mlse": " (line: union bound)"}.get(method, "")
+                axes.plot(*(seen.T if seen.size else ([], [])), marker, color=colour, ms=5, label=label, mfc="none")
+            bounds = [bound_of(x, rows_per_chip, noise) for x in exposures]
+            axes.plot(exposures, bounds, color=BLACK, lw=4, alpha=0.2, label="closest pair, 01 and 10")
+            axes.set(xscale="log", yscale="log", ylim=(1e-6, 1), xlabel="exposure / chips")
+            axes.set_xticks([0.5, 1, 2, 4, 7, 14], ["0.5", "1", "2", "4", "7", "14"])
+            axes.minorticks_off()
+            axes.set_title(f"{rows_per_chip:g} rows per chip, noise {100 * noise:g} % of the swing")
+        figure.axes[0].set_ylabel("wrong chips")
+        figure.axes[1].legend(loc="lower right")
 
 
 def print_table(results: list[Result]) -> None:
@@ -113,17 +168,27 @@ def main() -> int:
     parser.add_argument("--grid", action="store_true", help="the grid of cases without limits as well")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--check", action="store_true", help="exit code 1 where a limit is not reached")
+    parser.add_argument("--method", default="auto", help="the detector (default auto)")
+    parser.add_argument("--estimated", action="store_true", help="the grid with nothing known but a preamble")
+    parser.add_argument("--quick", action="store_true", help="with --estimated: three exposures only")
+    parser.add_argument("--picture", help="draw every detector's errors over the exposure to a .png, .svg or .pdf")
     arguments = parser.parse_args()
+    if arguments.picture:
+        draw(arguments.picture, arguments.frames or 40)
+        return 0
+    if arguments.estimated:
+        good = measure_estimated(arguments.frames or (2 if arguments.quick else 20), arguments.quick, arguments.json)
+        return 1 if arguments.check and not good else 0
     results = []
     for case in (*AIMS, *(GRID if arguments.grid else ())):
         # Three times as many chips as one error at the limit would take.
         enough = (
             20 if case.limit is None else math.ceil(3 / case.limit / (ROWS / case.rows_per_chip - case.exposure - 2))
         )
-        results.append(measure(case, arguments.frames or max(enough, 20)))
+        results.append(measure(case, arguments.frames or max(enough, 20), arguments.method))
     if arguments.json:
         records = [{**dataclasses.asdict(r), "rate": r.rate, "reached": r.reached} for r in results]
-        print(json.dumps({"rows": ROWS, "results": records}))
+        print(json.dumps({"rows": ROWS, "method": arguments.method, "results": records}))
     else:
         print_table(results)
     return 1 if arguments.check and any(r.reached is False for r in results) else 0

@@ -12,10 +12,12 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFollowed = 0.25;      // of the rows that told levels: so far beyond them a slope is believed
-constexpr double kLeastSwing = 0.1;     // of that in the middle of those rows
-constexpr double kSurePhase = 0.08;     // chips; standard error up to which rows are detected
-constexpr double kCertainPhase = 0.04;  // chips; with a larger standard error other rates are tried
+constexpr double kFollowed = 0.25;         // of the rows that told levels: so far beyond them a slope is believed
+constexpr double kLeastSwing = 0.1;        // of that in the middle of those rows
+constexpr double kSurePhase = 0.08;        // chips; standard error up to which rows are detected
+constexpr double kCertainPhase = 0.04;     // chips; with a larger standard error other rates are tried
+constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
+constexpr double kMostExposureMoved = 0.8;
 constexpr double kMovedErrors = 1.5, kMostMoved = 0.4;  // standard errors, chips
 constexpr double kMostGrowth = 2;
 constexpr std::array kGrowths{1.3, 1.2,
@@ -183,20 +185,34 @@ ChannelEstimate with_rate_moved(ChannelEstimate channel, RowRange range, double 
   return channel;
 }
 
-// A turn; where the clock is not sure at the ends of the rows, also from a higher and a lower rate: the one that leaves
-// least.
+// The clock with a longer or shorter exposure.
+ChannelEstimate with_exposure_moved(ChannelEstimate channel, double chips) {
+  channel.clock.exposure = std::max(channel.clock.exposure + chips * channel.clock.rows_per_chip, kShortestExposure);
+  return channel;
+}
+
+// A turn; where the clock is not sure at the ends of the rows, also from a higher and a lower rate, and where the
+// exposure is not sure either, from a longer and a shorter one: the one that leaves least.
 std::optional<Turn> take_best_turn(std::span<const double> signal, const ChannelEstimate& channel, RowRange range,
                                    const DetectChips& detect, const RefineOptions& options) {
   auto best = take_turn(signal, channel, range, detect, options);
   const double error = end_error(channel, range);
   if (!(error > kCertainPhase)) return best;
-  for (const double share : {-1.0, 1.0}) {
-    const double move = share * std::min(kMovedErrors * error, kMostMoved);
-    const ChannelEstimate moved = with_rate_moved(channel, range, move);
-    if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // of a frame of a few rows
-    auto other = take_turn(signal, moved, range, detect, options);
-    if (other && other->channel.swing[0] > 0 && (!best || other->channel.noise < best->channel.noise))
-      best = std::move(other);
+  const double exposure_error = channel.errors.exposure_std() / channel.clock.rows_per_chip;
+  const double rate_move = std::min(kMovedErrors * error, kMostMoved);
+  const double exposure_move =
+      exposure_error > kCertainExposure ? std::min(4 * exposure_error, kMostExposureMoved) : 0.0;
+  for (const double longer : {0.0, 1.0, -1.0}) {
+    if (longer != 0 && (options.exposure_known || exposure_move == 0)) continue;
+    for (const double faster : {0.0, -1.0, 1.0}) {
+      if (longer == 0 && faster == 0) continue;  // taken
+      const ChannelEstimate moved =
+          with_exposure_moved(with_rate_moved(channel, range, faster * rate_move), longer * exposure_move);
+      if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // of a frame of a few rows
+      auto other = take_turn(signal, moved, range, detect, options);
+      if (other && other->channel.swing[0] > 0 && (!best || other->channel.noise < best->channel.noise))
+        best = std::move(other);
+    }
   }
   return best;
 }
