@@ -146,7 +146,7 @@ def draw(path: str, frames: int) -> None:
             axes.minorticks_off()
             axes.set_title(f"{rows_per_chip:g} rows per chip, noise {100 * noise:g} % of the swing")
         figure.axes[0].set_ylabel("wrong chips")
-        figure.axes[1].legend(loc="lower right")
+        figure.axes[1].legend(loc="lower left")
 
 
 def print_table(results: list[Result]) -> None:

@@ -60,7 +60,7 @@ def test_timing_reports_every_figure():
 
 
 def test_detection_reports_every_figure_with_its_limit_reached():
-    command = [sys.executable, str(BENCH / "detection.py"), "--frames", "2", "--json", "--check"]
+    command = [sys.executable, str(BENCH / "detection.py"), "--frames", "4", "--json", "--check"]
     paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     printed = subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout
     results = json.loads(printed)["results"]

@@ -140,6 +140,13 @@ TEST_CASE("detectors make the errors that are foretold") {
   }
 }
 
+TEST_CASE("the slicer is not taken where chips slide past the rows") {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    const double rows_per_chip = 1 + 0.002 * (seed - 3.5);
+    CHECK(Frame(rows_per_chip, 1, 0.02, 1080, seed).errors(DetectorMethod::automatic, 1).wrong == 0);
+  }
+}
+
 TEST_CASE("a value with more others than can be tried has the error rate of all their signs") {
   const std::vector<double> others{0.3, -0.2, 0.15, 0.1, -0.08, 0.07, 0.05, 0.04, 0.03, 0.02, 0.01};
   double sum = 0;

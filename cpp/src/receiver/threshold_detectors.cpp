@@ -14,7 +14,8 @@ namespace {
 
 constexpr double kMiddle = 0.4;      // of what the ramps leave of a chip, to either side of its middle
 constexpr double kLeastReach = 0.5;  // rows
-constexpr int kPlaces = 4;           // of chips to the rows, over which an error rate is a mean
+// Chips that an error rate is the mean of, so far apart that they lie everywhere to the rows that a frame's chips do.
+constexpr int kChips = 16, kApart = 67;
 
 // Weights of neighbouring rows, sum 1: each by the share of its place (half a row to either side) in the reach around
 // the centre. None where that is beyond the rows.
@@ -189,8 +190,8 @@ double slicer_error_rate(const ChipClock& clock, double noise) {
   used.phase -= used.rows_per_chip * std::floor(used.phase / used.rows_per_chip);
   const double first = std::ceil((used.exposure + 4) / used.rows_per_chip) + 2;
   double sum = 0;
-  for (int k = 0; k < kPlaces; ++k) {
-    const double chip = first + k;
+  for (int k = 0; k < kChips; ++k) {
+    const double chip = first + k * kApart;
     const double rows = middle_of(used, 2 * chip) + used.exposure + 4;
     Weights weights;
     weights.set_around(middle_of(used, chip), slicer_reach(used), static_cast<std::size_t>(rows));
@@ -204,7 +205,7 @@ double slicer_error_rate(const ChipClock& clock, double noise) {
     });
     sum += sliced_error_rate(gain, others, noise * std::sqrt(weights.squares()));
   }
-  return sum / kPlaces;
+  return sum / kChips;
 }
 
 double inverse_error_rate(const ChipClock& clock, double noise) {
