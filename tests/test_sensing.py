@@ -83,6 +83,7 @@ CASES = {
         lamp(8, 240, 9, 517.0) + 30,
         {"frequency": 517.0, "background": 30, "others": [300]},
     ),
+    "light, measured": (lamp(3, 240, 9, 517.0), {"frequency": 517.1, "frequency_std": 0.2}),
     "weak": (lamp(2, 240, 5, 517.0, noise=150.0), {"frequency": 517.0}),
     "nothing": (lamp(3, 240, 9, 517.0, mean=0.0) + 100, {}),
     "one column": (lamp(1, 240, 1, 517.0)[0, :, 0], {}),
@@ -121,13 +122,12 @@ def test_takes_any_array_as_the_reference_does(dtype, step, rows, columns, count
     )
 
 
-@pytest.mark.parametrize("shape", ["cosine", "grating"])
-def test_gains_and_frequencies_of_the_testbed_pass_a_chi_square_test(shape):
-    """Eq. 16 at the sensing settings of table 2, from the same frames: gain and f_x v within their standard errors."""
+def testbed_scores(shape, first_seed):
+    """Eq. 16 at the sensing settings of table 2: errors of gain and f_x v, from the same frames, in standard errors."""
     scores = []
     for fx in (100, 200, 500):
         for exposure in EXPOSURES if shape == "cosine" else (1202e-6,):
-            seed = int(fx + exposure * 1e6)
+            seed = first_seed + int(fx + exposure * 1e6)
             if shape == "cosine":
                 frames, told = texture(1, 720, 40, fx, SPEED, exposure=exposure, seed=seed), {}
             else:
@@ -137,8 +137,21 @@ def test_gains_and_frequencies_of_the_testbed_pass_a_chi_square_test(shape):
             theory = abs(np.sinc(fx * SPEED * exposure))
             scores += [(found.gain - theory) / found.gain_std]
             scores += [(found.motion_frequency - fx * SPEED) / found.motion_frequency_std]
-    quantile = {24: 42.98, 6: 16.81}[len(scores)]  # of chi-square at 99 %
-    assert np.sum(np.square(scores)) < quantile
+    return np.array(scores)
+
+
+@pytest.mark.parametrize("shape", ["cosine", "grating"])
+def test_gains_and_frequencies_of_the_testbed_pass_a_chi_square_test(shape):
+    scores = testbed_scores(shape, 0)
+    assert (scores**2).sum() < {24: 42.98, 6: 16.81}[len(scores)]  # quantiles of chi-square at 99 %
+    assert np.abs(scores).max() < 4
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("shape", ["cosine", "grating"])
+def test_gains_and_frequencies_of_the_testbed_at_ten_other_seeds(shape):
+    scores = np.concatenate([testbed_scores(shape, 10000 * seed) for seed in range(1, 11)])
+    assert (scores**2).sum() < {240: 293.89, 60: 88.38}[len(scores)]
     assert np.abs(scores).max() < 4
 
 
@@ -389,6 +402,7 @@ def test_limits_are_flagged():
     [
         ({"frequency": 0.0}, "frequency: got 0.0, allowed: a finite number above 0"),
         ({"frequency": math.nan}, "frequency: got nan"),
+        ({"frequency_std": -1.0}, "frequency_std: got -1.0, allowed: a finite number, 0 or above"),
         ({"waveform": "saw"}, "waveform: got 'saw', allowed: 'tone' or 'square'"),
         ({"duty": 1.0}, "duty: got 1.0, allowed: above 0 and below 1"),
         ({"depth": 0.0}, "depth: got 0.0, allowed: a finite number above 0"),

@@ -272,12 +272,12 @@ def phase_spread(tones: Complexes, component_variance: float) -> tuple[float, bo
     exceeds the noise by four standard errors."""
     frames, columns = tones.shape
     freedom = frames * (columns - 1)
-    if freedom < 1:
+    if freedom < 1 or not np.abs(tones).any():
         return 0.0, False
     common = np.exp(-1j * np.angle(tones.sum(axis=1, keepdims=True)))
     turned = tones * common
-    power = float((np.abs(tones) ** 2).mean())
+    power = np.abs(tones) ** 2
     beyond = float((turned.imag**2).sum()) / freedom - component_variance
     significant = beyond > 4.0 * component_variance * np.sqrt(2.0 / freedom)
-    facing_away = float((turned.real < 0).mean())
-    return float(np.sqrt(max(beyond, 0.0) / power)) + facing_away, bool(significant)
+    facing_away = float(power[turned.real < 0.0].sum() / power.sum())
+    return float(np.sqrt(max(beyond, 0.0) / power.mean())) + facing_away, bool(significant)

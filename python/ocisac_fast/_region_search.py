@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,8 @@ import numpy.typing as npt
 Float64s = npt.NDArray[np.float64]
 
 _STRIP = 16  # columns
+_MOST_SKIPPED = 4
+_ENOUGH = 1 << 21  # pixels to look at in a picture
 _LEAST_ROWS = 64
 _LEAST_CYCLES = {False: 2.5, True: 5.0}  # in a tile; where still things are in the picture
 _LEAST_SHARE = {False: 0.6, True: 0.8}  # of a tile's energy, slow light taken off
@@ -19,13 +22,14 @@ _LOBE = 4  # half the width of a Hann window's main lobe, in half bins
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Part of a picture, and the cycles per row that its columns show."""
+    """Part of a picture, and the cycles per row that its columns show; their standard error where it is known."""
 
     x: int
     y: int
     width: int
     height: int
     cycles: float
+    cycles_std: float = math.nan
 
     def overlap(self, x: int, y: int, width: int, height: int) -> float:
         """Share of a rectangle that lies in the box."""
@@ -44,6 +48,7 @@ def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
     trimmed to where the line is above half of its height. What shows the same again is dropped.
     """
     rows = light.shape[0]
+    step = min(_MOST_SKIPPED, max(1, light.size // _ENOUGH))
     found: list[Box] = []
     for part in (1, 2, 4):
         height = rows // part
@@ -51,7 +56,7 @@ def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
             break
         tiles = []
         for top in range(0, rows - height + 1, max(height // 2, 1)):
-            tiles += _tiles(light[top : top + height], top, still)
+            tiles += _tiles(light[top : top + height, ::step], top, still, step)
         fresh = [t for t in tiles if not any(box.overlap(t.x, t.y, t.width, t.height) > 0.5 for box in found)]
         joined = [_trimmed(light, box) for box in _joined(fresh)]
         found += [box for box in joined if box.height * box.cycles >= 2.0 and box.width > 0]
@@ -74,15 +79,16 @@ def _again(box: Box, larger: Box) -> bool:
     return (small or inside) and _alike(box, larger, 1.0)
 
 
-def _tiles(light: Float64s, top: int, still: bool) -> list[Box]:
-    """The strips of some rows that are periodic."""
+def _tiles(light: Float64s, top: int, still: bool, step: int) -> list[Box]:
+    """The strips of some rows that are periodic, from every ``step``-th column."""
     height, columns = light.shape
     place = np.linspace(-1.0, 1.0, height)[:, None]
     level = light - light.mean(axis=0)
     level -= place * ((place * level).sum(axis=0) / (place**2).sum())
     window = np.hanning(height + 2)[1:-1, None]
     power = np.abs(np.fft.rfft(level * window, 2 * height, axis=0)) ** 2
-    starts = np.arange(0, columns, _STRIP)
+    strip_columns = _STRIP // step
+    starts = np.arange(0, columns, strip_columns)
     strips = np.add.reduceat(power, starts, axis=1)  # (bins, strips), bins of half a cycle
     total = strips.sum(axis=0)
     lines = strips.copy()
@@ -94,8 +100,8 @@ def _tiles(light: Float64s, top: int, still: bool) -> list[Box]:
         if total[strip] > 0.0 and strips[near, strip].sum() > _LEAST_SHARE[still] * total[strip]:
             weights = strips[near, strip]
             centre = float((np.arange(near.start, near.start + len(weights)) * weights).sum() / weights.sum())
-            width = min(_STRIP, columns - int(start))
-            found.append(Box(int(start), top, width, height, 0.5 * centre / height))
+            width = min(strip_columns, columns - int(start))
+            found.append(Box(step * int(start), top, step * width, height, 0.5 * centre / height))
     return found
 
 

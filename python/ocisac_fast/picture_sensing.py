@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from ocisac_fast._region_search import Box, periodic_boxes, without_repeats
 from ocisac_fast.camera import Camera
 from ocisac_fast.flags import Flag
 from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
-from ocisac_fast.sources import detect_sources
+from ocisac_fast.sources import LightSource, detect_sources
 
 _LEAST_BESIDE = 4  # columns
 _COMPARED = 8  # frames
@@ -72,7 +73,7 @@ def sense(
     sense_region(np.zeros((1, 1)), camera, 0.25 / camera.row_time, **options)  # refuses bad options if nothing is found
 
     lights = [
-        Box(one.x, one.y, one.width, one.height, one.frequency * camera.row_time)
+        Box(one.x, one.y, one.width, one.height, *_per_row(one, camera))
         for one in detect_sources(pictures[0], camera)
         if one.reflection_of is None
     ]
@@ -84,6 +85,10 @@ def sense(
         if region.kind != "unknown" and not region.flags & Flag.WEAK:
             found.append(region)
     return sorted(found, key=lambda region: -np.nan_to_num(region.snr))
+
+
+def _per_row(light: LightSource, camera: Camera) -> tuple[float, float]:
+    return light.frequency * camera.row_time, light.frequency_std * camera.row_time
 
 
 def _changing(pictures: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:
@@ -114,8 +119,12 @@ def _measured(
     every: list[Box],
     options: dict[str, Any],
 ) -> SensedRegion:
-    """The region, and where it is a light with its background."""
+    """The region, at the frequency of ``detect_sources`` where that is the better one (it knows of envelopes), and
+    where it is a light with its background."""
     region = sense_region(_cut(pictures, box), camera, **options)
+    if not (math.isnan(box.cycles_std) or region.frequency_std <= box.cycles_std / camera.row_time):
+        options |= {"frequency": box.cycles / camera.row_time, "frequency_std": box.cycles_std / camera.row_time}
+        region = sense_region(_cut(pictures, box), camera, **options)
     background: BackgroundLight | None = None
     if region.kind == "light" and dark is not None:
         background = background_light(_cut(dark, box), camera)

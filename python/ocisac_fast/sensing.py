@@ -61,8 +61,8 @@ class SensedRegion:
             AMBIGUOUS_MOTION); ``"unknown"``: nothing periodic.
         x, y, width, height: of the region: first column and row (rows in time order), columns and rows.
         frames: that were used.
-        frequency, frequency_std: of what a column shows, Hz: cycles per row over the row time. The standard error is 0
-            where the frequency was given.
+        frequency, frequency_std: of what a column shows, Hz: cycles per row over the row time. The standard error is
+            that given with it, where the frequency was given.
         motion_frequency, motion_frequency_std: f_x v, Hz, of a moving texture: that of the light in a pixel. Across the
             rows it is ``frequency``; along them the row pitch adds to it. 0 for a still texture.
         motion_candidates: all that fit, Hz, rising; more than one with the flag AMBIGUOUS_MOTION (at most 16 are
@@ -123,6 +123,7 @@ def sense_region(
     camera: Camera,
     frequency: float | None = None,
     *,
+    frequency_std: float = 0.0,
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     depth: float = 1.0,
@@ -156,6 +157,7 @@ def sense_region(
         camera: row time; frame time to compare frames; exposure for ``theory``.
         frequency: that a column shows, Hz, where it is known, as for a light: then held fixed. Above half the row
             rate it is seen at its alias.
+        frequency_std: standard error of a frequency that was measured elsewhere, Hz, 0 or above.
         waveform: ``"tone"``, or ``"square"`` with the harmonics below half the row rate.
         duty: bright share of the square wave, inside (0, 1).
         depth: contrast of the texture or the light itself, above 0: amplitude over that of full depth.
@@ -182,7 +184,7 @@ def sense_region(
     region = array.reshape((1, -1, 1)) if array.ndim == 1 else array.reshape((-1, *array.shape[-2:]))
     tones = [float(f) * camera.row_time for f in np.atleast_1d(np.asarray(others, dtype=np.float64))]
     told = _told(camera, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance)
-    _check(waveform, duty, depth, motion, frequency, tones)
+    _check(waveform, duty, depth, motion, frequency, frequency_std, tones)
     ambient = _ambient(background, region)
     blank = SensedRegion("unknown", 0, 0, region.shape[2], region.shape[1], len(region))
     blank = dataclasses.replace(blank, background_given=background is not None)
@@ -190,6 +192,8 @@ def sense_region(
     fitted, flags = _fitted(region, camera, frequency, waveform, duty, tones, bounds)
     if fitted is None:
         return dataclasses.replace(blank, flags=flags)
+    if frequency is not None:
+        fitted = dataclasses.replace(fitted, cycles_std=frequency_std * camera.row_time)
     columns_turn, frames_turn = _turns(fitted)
     common, doubt = _common_phase(fitted, columns_turn)
     seen = seen_by(fitted, frames_turn, camera)
@@ -276,7 +280,13 @@ def _check_frequencies(name: str, cycles: list[float]) -> None:
 
 
 def _check(
-    waveform: str, duty: float, depth: float, motion: str | None, frequency: float | None, tones: list[float]
+    waveform: str,
+    duty: float,
+    depth: float,
+    motion: str | None,
+    frequency: float | None,
+    frequency_std: float,
+    tones: list[float],
 ) -> None:
     if waveform not in ("tone", "square"):
         raise ValueError(f"waveform: got {waveform!r}, allowed: 'tone' or 'square'")
@@ -288,6 +298,8 @@ def _check(
         raise ValueError(f"motion: got {motion!r}, allowed: 'across', 'along' or None")
     if frequency is not None and not (math.isfinite(frequency) and frequency > 0.0):
         raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0")
+    if not (math.isfinite(frequency_std) and frequency_std >= 0.0):
+        raise ValueError(f"frequency_std: got {frequency_std}, allowed: a finite number, 0 or above")
     _check_frequencies("others", tones)
 
 

@@ -29,6 +29,7 @@ def sense_region(
     camera: Camera,
     frequency: float | None = None,
     *,
+    frequency_std: float = 0.0,
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     depth: float = 1.0,
@@ -70,7 +71,7 @@ def sense_region(
     if frequency is None:
         fit.search()
     fit.solve(fit.c)
-    c_std = 0.0 if frequency is not None else fit.c_std()
+    c_std = frequency_std * camera.row_time if frequency is not None else fit.c_std()
 
     across, onward = _turn(fit.z.T, fit.variance()), _turn(fit.z, fit.variance())
     kind, axis, kind_flags = _kind(fit, c_std, across, onward, camera, motion, timing_tolerance)
@@ -270,11 +271,12 @@ def _kind(
     frames, columns = fit.z.shape
     spread, significant = 0.0, False
     freedom = frames * (columns - 1)
-    if freedom:
+    if freedom and fit.z.any():
         aligned = fit.z * np.exp(-1j * np.angle(fit.z.sum(axis=1)))[:, None]
         beyond = (aligned.imag**2).sum() / freedom - fit.variance()
         significant = beyond > 4 * fit.variance() * math.sqrt(2 / freedom)
-        spread = math.sqrt(max(beyond, 0) / (np.abs(fit.z) ** 2).mean()) + (aligned.real < 0).mean()
+        power = np.abs(fit.z) ** 2
+        spread = math.sqrt(max(beyond, 0) / power.mean()) + (power * (aligned.real < 0)).sum() / power.sum()
     common = not (significant and spread > 0.1)
     unsure = not across[1] * columns < 1 / 16
     doubt = common and (unsure or (abs(across[0]) > 5 * across[1] and spread > 0.02))
