@@ -122,7 +122,7 @@ def test_takes_any_array_as_the_reference_does(dtype, step, rows, columns, count
     )
 
 
-def testbed_scores(shape, first_seed):
+def scores_of_the_testbed(shape, first_seed):
     """Eq. 16 at the sensing settings of table 2: errors of gain and f_x v, from the same frames, in standard errors."""
     scores = []
     for fx in (100, 200, 500):
@@ -142,7 +142,7 @@ def testbed_scores(shape, first_seed):
 
 @pytest.mark.parametrize("shape", ["cosine", "grating"])
 def test_gains_and_frequencies_of_the_testbed_pass_a_chi_square_test(shape):
-    scores = testbed_scores(shape, 0)
+    scores = scores_of_the_testbed(shape, 0)
     assert (scores**2).sum() < {24: 42.98, 6: 16.81}[len(scores)]  # quantiles of chi-square at 99 %
     assert np.abs(scores).max() < 4
 
@@ -150,7 +150,7 @@ def test_gains_and_frequencies_of_the_testbed_pass_a_chi_square_test(shape):
 @pytest.mark.nightly
 @pytest.mark.parametrize("shape", ["cosine", "grating"])
 def test_gains_and_frequencies_of_the_testbed_at_ten_other_seeds(shape):
-    scores = np.concatenate([testbed_scores(shape, 10000 * seed) for seed in range(1, 11)])
+    scores = np.concatenate([scores_of_the_testbed(shape, 10000 * seed) for seed in range(1, 11)])
     assert (scores**2).sum() < {240: 293.89, 60: 88.38}[len(scores)]
     assert np.abs(scores).max() < 4
 
