@@ -75,3 +75,12 @@ def test_link_reports_frames_goodput_and_speed():
     links = json.loads(printed)["links"]
     assert [link["exposure_given"] for link in links] == [True, True, True, False]
     assert all(84 <= link["frames"] <= 130 and 1800 < link["goodput"] < 2420 for link in links)
+
+
+def test_motion_reports_both_tables():
+    command = [sys.executable, str(BENCH / "motion.py"), "--frames", "2", "--json"]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout
+    rows = [json.loads(line) for line in printed.splitlines()]
+    assert all(0.9 < row["told_over_bound"] < 1.2 for row in rows[:3])
+    assert all(abs(row["after"] - row["expected"]) < 5 * row["after_std"] for row in rows[3:])
