@@ -68,6 +68,27 @@ def test_detection_reports_every_figure_with_its_limit_reached():
     assert all(r["reached"] and r["chips"] > 100 for r in results)
 
 
+def test_detection_with_everything_estimated_is_that_with_everything_known(tmp_path):
+    command = [
+        sys.executable,
+        str(BENCH / "detection.py"),
+        "--estimated",
+        "--quick",
+        "--frames",
+        "1",
+        "--json",
+        "--check",
+    ]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout
+    settings = [json.loads(line) for line in printed.splitlines()]
+    assert len(settings) == 27
+    assert sum(s["frames_lost"] + s["frames_clock_off"] for s in settings) == 0
+    picture = tmp_path / "detectors.png"
+    subprocess.run([*command[:2], "--picture", str(picture), "--frames", "1"], check=True, env=paths)
+    assert picture.stat().st_size > 10_000
+
+
 def test_link_reports_frames_goodput_and_speed():
     command = [sys.executable, str(BENCH / "link.py"), "--starts", "1", "--no-speed", "--json", "--check"]
     paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
