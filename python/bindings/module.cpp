@@ -17,4 +17,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_packets(module);
   ocisac::bindings::register_sources(module);
   ocisac::bindings::register_stream_receiver(module);
+  ocisac::bindings::register_scene(module);
 }

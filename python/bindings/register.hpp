@@ -18,5 +18,6 @@ void register_projection(pybind11::module_& module);
 void register_packets(pybind11::module_& module);
 void register_sources(pybind11::module_& module);
 void register_stream_receiver(pybind11::module_& module);
+void register_scene(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

@@ -1,5 +1,7 @@
 """Receiver for optical camera communication and sensing (OC-ISAC)."""
 
+from typing import TYPE_CHECKING, Any
+
 from ocisac_fast._core import version as _version
 from ocisac_fast.camera import Camera, exposure_response
 from ocisac_fast.channel import (
@@ -63,7 +65,20 @@ from ocisac_fast.waveforms import (
     sample_waveform,
 )
 
+if TYPE_CHECKING:
+    from ocisac_fast.scene import Scene
+
 __version__ = _version()
+
+
+def __getattr__(name: str) -> Any:
+    """Scenes are imported when they are asked for: receivers start without them."""
+    if name != "Scene":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from ocisac_fast.scene import Scene
+
+    return Scene
+
 
 __all__ = [
     "BackgroundLight",
@@ -91,6 +106,7 @@ __all__ = [
     "RefinedChannel",
     "RestoredContrast",
     "Samples",
+    "Scene",
     "SensedRegion",
     "SourceTracker",
     "SquareWave",

@@ -222,3 +222,30 @@ class Receiver:
         preamble: str,
     ) -> None: ...
     def push(self, channels: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
+
+class ScenePart:
+    def __init__(
+        self,
+        *,
+        rows: int,
+        columns: int,
+        top: int,
+        left: int,
+        height: int,
+        width: int,
+        phases: int,
+        gain: float,
+        gains: npt.NDArray[np.float32] | None,
+        phase: npt.NDArray[np.uint16] | None,
+        spans: npt.NDArray[np.uint32] | None,
+    ) -> None: ...
+
+def render_parts(
+    parts: Sequence[ScenePart],
+    tables: Sequence[npt.NDArray[np.float32]],
+    level: float,
+    image: npt.NDArray[np.float32] | None,
+    white: float,
+    threads: int,
+    out: npt.NDArray[Any],
+) -> None: ...

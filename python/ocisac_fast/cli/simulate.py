@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from ocisac_fast.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
@@ -20,7 +21,8 @@ _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both co
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 
 
-@click.command(short_help="Make a recording of a modulated light.")
+@click.command(short_help="Make a recording of a modulated light, or of a scene.")
+@click.argument("scene", required=False, type=click.Path(exists=True, dir_okay=False))
 @click.option("--waveform", type=click.Choice(["tone", "square", "chips"]), default="tone", show_default=True)
 @click.option("--frequency", type=FREQUENCY, help="Of a tone or a square wave.")
 @click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
@@ -30,8 +32,8 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--repeat/--once", default=True, show_default=True, help="Send the bits over and over.")
 @click.option("--rows", type=int, default=720, show_default=True)
 @click.option("--columns", type=int, default=1080, show_default=True)
-@click.option("--row-time", type=TIME, required=True)
-@click.option("--exposure", type=TIME, required=True)
+@click.option("--row-time", type=TIME)
+@click.option("--exposure", type=TIME)
 @click.option("--start", type=TIME, default="0", show_default=True, help="End of the exposure of the first row.")
 @click.option("--swing", type=float, default=200.0, show_default=True, help="Stored values from dark to full light.")
 @click.option("--dark-level", type=float, default=0.0, show_default=True, help="Stored value of no light.")
@@ -40,14 +42,35 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--frames", type=int, default=1, show_default=True)
 @click.option("--frame-rate", type=FREQUENCY, default="30", show_default=True)
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the noise: the same seed, the same file.")
+@click.option("--tolerance", type=float, default=0.5, show_default=True, help="Of a scene: largest error in DN.")
+@click.option("--noise-off", is_flag=True, help="Of a scene: leave out its sensor's noise.")
 @click.option("-o", "--output", required=True, help="FILE.png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy.")
 @json_option
-def simulate(as_json: bool, output: str, **options: Any) -> None:
-    """Make a recording of a light that fills the picture: a picture, a video or an array.
+def simulate(
+    scene: str | None,
+    as_json: bool,
+    output: str,
+    tolerance: float,
+    noise_off: bool,
+    **options: Any,
+) -> None:
+    """Make a recording of a light that fills the picture, or of a SCENE (a TOML file): a picture, a video or an array.
 
     Stored values are dark level + swing × mean light over the exposure + noise, rounded and clipped to the bit depth
-    (float: as they are).
+    (float: as they are). A SCENE has all that in its file: only --frames, --start, --seed, --tolerance and --noise-off
+    go with it.
     """
+    context = click.get_current_context()
+    given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+    if scene is not None:
+        others = sorted(set(given) - {"frames", "start", "seed"})
+        if others:
+            raise click.UsageError(f"--{others[0].replace('_', '-')}: SCENE says this in its file")
+        _simulate_scene(scene, as_json, output, tolerance, noise_off, options)
+        return
+    for name in ("row_time", "exposure"):
+        if options[name] is None:
+            raise click.UsageError(f"Missing option '--{name.replace('_', '-')}'.")
     row_time, exposure, frame_rate = (float(options[name]) for name in ("row_time", "exposure", "frame_rate"))
     if not 0 < frame_rate < float("inf"):
         raise ValueError(f"--frame-rate: got {frame_rate}, allowed: above 0")
@@ -69,6 +92,33 @@ def simulate(as_json: bool, output: str, **options: Any) -> None:
     if as_json:
         emit_json({"file": output, **facts, "dtype": dtype, "row_time_s": row_time, "exposure_s": exposure})
         return
+    _emit(output, facts, dtype, row_time, exposure)
+
+
+def _simulate_scene(
+    path: str, as_json: bool, output: str, tolerance: float, noise_off: bool, options: dict[str, Any]
+) -> None:
+    from ocisac_fast.scene import load_scene, render
+
+    scene = load_scene(path)
+    plan = scene.plan(tolerance, frames=options["frames"], start=float(options["start"]))
+    frames = render(plan, noise=scene.sensor.noisy and not noise_off, seed=options["seed"])
+    shown = progress(frames, "rendering", options["frames"])
+    one_array = output.lower().endswith(".npy") and options["frames"] == 1
+    rate = 1 / scene.camera.frame_time if scene.camera.frame_time else 30.0
+    write_frames(output, np.asarray(next(shown)) if one_array else shown, rate)
+    facts = {"frames": options["frames"], "rows": scene.lens.rows, "columns": scene.lens.columns}
+    bits = scene.sensor.bit_depth
+    dtype = "float32" if bits is None else "uint8" if bits <= 8 else "uint16"
+    times = {"row_time_s": scene.camera.row_time, "exposure_s": scene.exposure}
+    if as_json:
+        emit_json({"file": output, **facts, "dtype": dtype, **times, "error_bound_dn": plan.bound})
+        return
+    _emit(output, facts, dtype, scene.camera.row_time, scene.exposure)
+    click.echo(str(plan))
+
+
+def _emit(output: str, facts: dict[str, Any], dtype: str, row_time: float, exposure: float) -> None:
     size = " × ".join(map(str, facts.values()))
     times = {"row time": quantity(row_time, "s"), "exposure": quantity(exposure, "s")}
     emit_facts("", {"file": output, "frames × rows × columns": f"{size} {dtype}", **times})

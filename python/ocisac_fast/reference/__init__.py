@@ -36,12 +36,14 @@ from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
+from ocisac_fast.reference.scene import exact_scene, render_scene
 from ocisac_fast.reference.sensing import background_light, restore_contrast, sense_region
 from ocisac_fast.reference.sequence_detection import chip_likelihoods, closest_pair_distance
 from ocisac_fast.reference.sources import detect_sources
 from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
 from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
+from ocisac_fast.scene import Scene
 from ocisac_fast.sensing import BackgroundLight, SensedRegion
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource
@@ -76,6 +78,7 @@ __all__ = [
     "RefinedChannel",
     "RestoredContrast",
     "Samples",
+    "Scene",
     "SensedRegion",
     "SourceTracker",
     "SquareWave",
@@ -100,6 +103,7 @@ __all__ = [
     "detector_error_rates",
     "encode_line_code",
     "equalize",
+    "exact_scene",
     "expose_chips",
     "exposure_objective",
     "exposure_response",
@@ -115,6 +119,7 @@ __all__ = [
     "possible_goodput",
     "receive",
     "refine_channel",
+    "render_scene",
     "restore_contrast",
     "sample_waveform",
     "sense",

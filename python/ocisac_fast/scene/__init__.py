@@ -1,0 +1,34 @@
+"""Scenes: what a rolling-shutter camera sees of lights and moving surfaces, computed no further than needed."""
+
+from ocisac_fast.scene.description import Ambient, Scene, Sensor, Voxels
+from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
+from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
+from ocisac_fast.scene.plan import Part, Plan
+from ocisac_fast.scene.rendering import render
+from ocisac_fast.scene.toml import SceneFileError, load_scene, save_scene
+
+__all__ = [
+    "Ambient",
+    "Cosine",
+    "Disc",
+    "Grating",
+    "Mask",
+    "Part",
+    "PathLoss",
+    "Picture",
+    "Pinhole",
+    "Plain",
+    "Plan",
+    "Pose",
+    "Rectangle",
+    "Ring",
+    "Scene",
+    "SceneFileError",
+    "Sensor",
+    "Source",
+    "Surface",
+    "Voxels",
+    "load_scene",
+    "render",
+    "save_scene",
+]

@@ -1,0 +1,55 @@
+"""Values of a scene, checked by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+
+def number(
+    name: str,
+    value: float,
+    low: float = -math.inf,
+    high: float = math.inf,
+    *,
+    open_low: bool = False,
+) -> float:
+    """A finite number in [low, high], or above ``low`` where that end is open."""
+    good = isinstance(value, (int, float)) or hasattr(value, "__float__")
+    held = float(value) if good and not isinstance(value, (str, bool)) else math.nan
+    if not math.isfinite(held) or held > high or held < low or (open_low and held == low):
+        ends = [f"above {low:g}" if open_low else f"{low:g} or above"] if low > -math.inf else []
+        ends += [f"up to {high:g}"] if high < math.inf else []
+        raise ValueError(f"{name}: got {value!r}, allowed: a finite number{''.join(f', {end}' for end in ends)}")
+    return held
+
+
+def whole(name: str, value: int, low: int, high: int) -> int:
+    """A whole number in [low, high]."""
+    if isinstance(value, bool) or not hasattr(value, "__index__") or not low <= value <= high:
+        raise ValueError(f"{name}: got {value!r}, allowed: a whole number from {low} to {high}")
+    return int(value)
+
+
+def numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    """As many finite numbers as ``count``."""
+    try:
+        held = tuple(values)
+    except TypeError:
+        held = ()
+    if isinstance(values, str) or len(held) != count:
+        raise ValueError(f"{name}: got {values!r}, allowed: {count} finite numbers")
+    return tuple(number(name, value) for value in held)
+
+
+def instance(name: str, value: object, kinds: type | tuple[type, ...]) -> None:
+    """One of the given types."""
+    if not isinstance(value, kinds):
+        names = kinds.__name__ if isinstance(kinds, type) else ", ".join(kind.__name__ for kind in kinds)
+        raise ValueError(f"{name}: got {value!r}, allowed: {names}")
+
+
+def hold(target: object, **values: object) -> None:
+    """Sets attributes of a frozen object while it is made."""
+    for name, value in values.items():
+        object.__setattr__(target, name, value)

@@ -1,0 +1,201 @@
+"""`Scene`: the description of what a camera sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.scene.checks import hold, instance, number, whole
+from ocisac_fast.scene.course import check_light
+from ocisac_fast.scene.geometry import Array, Pinhole
+from ocisac_fast.scene.objects import Mask, Source, Surface
+from ocisac_fast.waveforms import Constant, Waveform
+
+if TYPE_CHECKING:
+    from ocisac_fast.scene.plan import Plan
+
+_Item = TypeVar("_Item", Source, Surface, Mask)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What becomes of light in the pixels: v = gain * T_e * p (DN above dark), eq. 4.
+
+    Args:
+        gain: A, DN of linear light per unit of light and second; above 0.
+        bit_depth: 1 to 16 bits: values are rounded and clipped; None: floating point.
+        full_well: electrons at the white level, above 0, where pixels saturate; None: no saturation before the bit
+            depth's, and no shot noise.
+        read_noise: electrons, standard deviation; 0 or above. Needs ``full_well``.
+        shot_noise: whether electrons arrive at random (Poisson). Needs ``full_well``.
+    """
+
+    gain: float
+    bit_depth: int | None = None
+    full_well: float | None = None
+    read_noise: float = 0.0
+    shot_noise: bool = False
+
+    def __post_init__(self) -> None:
+        hold(
+            self, gain=number("gain", self.gain, 0, open_low=True), read_noise=number("read_noise", self.read_noise, 0)
+        )
+        if self.bit_depth is not None:
+            hold(self, bit_depth=whole("bit_depth", self.bit_depth, 1, 16))
+        if self.full_well is not None:
+            hold(self, full_well=number("full_well", self.full_well, 0, open_low=True))
+        instance("shot_noise", self.shot_noise, bool)
+        if self.full_well is None and (self.read_noise or self.shot_noise):
+            raise ValueError("full_well: got None, allowed: electrons at the white level, needed for noise")
+
+    @property
+    def noisy(self) -> bool:
+        return bool(self.read_noise or self.shot_noise)
+
+
+@dataclass(frozen=True)
+class Ambient:
+    """Light I_e that falls on all surfaces alike, steady or not.
+
+    Args:
+        intensity: I_e, 0 or above.
+        waveform: its course, such as mains flicker.
+    """
+
+    intensity: float = 0.0
+    waveform: Waveform = field(default_factory=lambda: Constant(1.0))
+
+    def __post_init__(self) -> None:
+        hold(self, intensity=number("intensity", self.intensity, 0))
+        check_light(self.waveform)
+
+
+@dataclass(frozen=True)
+class Voxels:
+    """What pixels see.
+
+    Attributes:
+        index: (...) of the voxel's object in ``scene.sources + scene.surfaces``; -1: nothing.
+        points: (..., 3) in the world, m; NaN where nothing is.
+        distance: (...) from the camera, m; infinite where nothing is.
+    """
+
+    index: npt.NDArray[np.int64]
+    points: Array
+    distance: Array
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A camera and what it sees; a pixel takes the nearest source or surface on the ray through its centre.
+
+    Args:
+        lens: geometry of the camera.
+        camera: its timing and tone response; the exposure must be above 0.
+        sensor: gain, bit depth and noise.
+        sources, surfaces, masks: what is there. Light passes masks before what it comes from.
+        ambient: light on all surfaces.
+
+    Raises:
+        ValueError: an object whose middle is not before the camera, or no exposure; the message names it.
+    """
+
+    lens: Pinhole
+    camera: Camera
+    sensor: Sensor
+    sources: tuple[Source, ...] = ()
+    surfaces: tuple[Surface, ...] = ()
+    masks: tuple[Mask, ...] = ()
+    ambient: Ambient = Ambient()
+
+    def __post_init__(self) -> None:
+        instance("lens", self.lens, Pinhole)
+        instance("camera", self.camera, Camera)
+        instance("sensor", self.sensor, Sensor)
+        instance("ambient", self.ambient, Ambient)
+        if self.camera.exposure is None or self.camera.exposure <= 0:
+            raise ValueError(f"exposure: got {self.camera.exposure}, allowed: above 0")
+        self._take("sources", self.sources, Source)
+        self._take("surfaces", self.surfaces, Surface)
+        self._take("masks", self.masks, Mask)
+
+    def _take(self, name: str, items: Iterable[_Item], kind: type[_Item]) -> None:
+        held = tuple(items)
+        for index, item in enumerate(held):
+            instance(f"{name}[{index}]", item, kind)
+            depth = self.lens.pose.to_object(item.pose.position)[2]
+            if not depth > 0:
+                place = item.pose.position
+                raise ValueError(
+                    f"{name}[{index}].position: got {place}, allowed: before the camera (depth {depth:g} m)"
+                )
+        hold(self, **{name: held})
+
+    @property
+    def exposure(self) -> float:
+        """T_e in seconds."""
+        assert self.camera.exposure is not None
+        return self.camera.exposure
+
+    @property
+    def white_level(self) -> float:
+        """DN of full light: the camera's, or the largest value of the bit depth (of 8 bits where there is none)."""
+        return self.camera.white_level or float(2 ** (self.sensor.bit_depth or 8) - 1)
+
+    @property
+    def scale(self) -> float:
+        """A * T_e: DN above dark per unit of light."""
+        return self.sensor.gain * self.exposure
+
+    def voxels(self, pixels: npt.ArrayLike) -> Voxels:
+        """What pixels see at frame 0: the inverse of ``lens.pixels_of``.
+
+        Args:
+            pixels: (..., 2) pixel coordinates (x, y).
+        """
+        rays = self.lens.rays_of(pixels)
+        origin = np.array(self.lens.pose.position)
+        distance = np.full(rays.shape[:-1], np.inf)
+        index = np.full(rays.shape[:-1], -1, np.int64)
+        items: list[Source | Surface] = [*self.sources, *self.surfaces]
+        for number_, item in enumerate(items):
+            far, x, y = crossing(item, origin, rays)
+            nearer = (far < distance) & item.shape.contains(x, y)
+            distance, index = np.where(nearer, far, distance), np.where(nearer, number_, index)
+        with np.errstate(invalid="ignore"):
+            points = origin + np.where(index < 0, np.nan, distance)[..., np.newaxis] * rays
+        return Voxels(index, points, distance)
+
+    def plan(
+        self, tolerance: float = 0.5, unit: Literal["DN", "noise"] = "DN", frames: int = 1, start: float = 0.0
+    ) -> Plan:
+        """What has to be computed, so that every pixel is within ``tolerance`` of the full model.
+
+        Args:
+            tolerance: largest error of linear light v, before saturation, tone curve and rounding; above 0.
+            unit: of the tolerance: ``"DN"``, or shares of the noise in the dark, ``"noise"``.
+            frames: how many the plan is for.
+            start: end of the exposure of row 0 of frame 0, s.
+        """
+        from ocisac_fast.scene.plan import make_plan
+
+        return make_plan(self, tolerance, unit, frames, start)
+
+
+def crossing(item: Source | Surface | Mask, origin: Array, rays: Array) -> tuple[Array, Array, Array]:
+    """Where rays from ``origin`` (3,) along ``rays`` (..., 3) meet an object's plane: distance and its x, y.
+
+    The distance is infinite where they do not.
+    """
+    start = item.pose.to_object(origin)
+    along = rays @ item.pose.matrix
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = -start[2] / along[..., 2]
+        distance = np.where(np.isfinite(distance) & (distance > 0), distance, np.inf)
+        near = np.where(np.isfinite(distance), distance, 0.0)
+    return distance, start[0] + near * along[..., 0], start[1] + near * along[..., 1]

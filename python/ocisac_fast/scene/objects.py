@@ -1,0 +1,239 @@
+"""What a scene is made of: sources, surfaces, masks, and the patterns on them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.scene.checks import hold, instance, number
+from ocisac_fast.scene.course import check_light
+from ocisac_fast.scene.geometry import Array, Disc, Pose, Rectangle, Ring, Shape
+from ocisac_fast.waveforms import Waveform
+
+
+@dataclass(frozen=True)
+class PathLoss:
+    """Path loss beta(d) = (reference / d)^exponent * exp(-attenuation * d), d the distance to the camera.
+
+    The light on a pixel that an extended source fills does not depend on its distance: exponent 0, the default. A
+    source smaller than a pixel has exponent 2.
+
+    Args:
+        exponent: 0 or above.
+        reference: distance of path loss 1 without attenuation, m, above 0.
+        attenuation: 1/m, 0 or above: 0.05 to 0.4 in water.
+    """
+
+    exponent: float = 0.0
+    reference: float = 1.0
+    attenuation: float = 0.0
+
+    def __post_init__(self) -> None:
+        hold(
+            self,
+            exponent=number("exponent", self.exponent, 0),
+            reference=number("reference", self.reference, 0, open_low=True),
+            attenuation=number("attenuation", self.attenuation, 0),
+        )
+
+    def at(self, distance: Array) -> Array:
+        spread = (self.reference / distance) ** self.exponent if self.exponent else 1.0
+        return np.asarray(spread * np.exp(-self.attenuation * distance))
+
+
+def _check_levels(low: float, high: float) -> dict[str, float]:
+    return {"low": number("low", low, 0, 1), "high": number("high", high, 0, 1)}
+
+
+@dataclass(frozen=True)
+class Plain:
+    """The same reflectance (or transmittance of a mask) everywhere, 0 to 1."""
+
+    level: float = 1.0
+
+    def __post_init__(self) -> None:
+        hold(self, level=number("level", self.level, 0, 1))
+
+
+@dataclass(frozen=True)
+class Cosine:
+    """Stripes, eq. 7: low + (high - low) * (1/2 + 1/2 * cos(2 pi frequency * (x - speed * t) - phase)).
+
+    Args:
+        frequency: spatial frequency f_x in periods a metre, above 0. A ring takes the nearest whole number of periods.
+        low, high: reflectance in the dark and the bright stripes, 0 to 1.
+        phase: rad.
+    """
+
+    frequency: float
+    low: float = 0.0
+    high: float = 1.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        hold(self, **_check_levels(self.low, self.high), phase=number("phase", self.phase))
+        hold(self, frequency=number("frequency", self.frequency, 0, open_low=True))
+
+
+@dataclass(frozen=True)
+class Grating:
+    """Bars: ``high`` for a share ``duty`` of each period, centred where `Cosine` is brightest, else ``low``.
+
+    Args:
+        frequency: periods a metre, above 0; a slot and a bar make a period. A ring takes the nearest whole number.
+        duty: above 0 and below 1.
+        low, high: reflectance (or transmittance) of bar and slot, 0 to 1.
+        phase: rad.
+    """
+
+    frequency: float
+    duty: float = 0.5
+    low: float = 0.0
+    high: float = 1.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        hold(self, **_check_levels(self.low, self.high), phase=number("phase", self.phase))
+        hold(self, frequency=number("frequency", self.frequency, 0, open_low=True))
+        hold(self, duty=number("duty", self.duty, 0, 1, open_low=True))
+        if self.duty == 1:
+            raise ValueError(f"duty: got {self.duty!r}, allowed: above 0 and below 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture that repeats along x (round a ring) and y.
+
+    Args:
+        levels: (rows, columns) reflectances, 0 to 1; kept as a read-only float64 copy.
+        width, height: of one repetition, m, above 0. A ring takes the nearest whole number of repetitions.
+    """
+
+    levels: npt.NDArray[np.float64]
+    width: float
+    height: float
+
+    def __post_init__(self) -> None:
+        levels = np.array(self.levels, dtype=np.float64)
+        if levels.ndim != 2 or levels.size == 0:
+            raise ValueError(f"levels: got shape {levels.shape}, allowed: (rows, columns)")
+        if not (levels.min() >= 0 and levels.max() <= 1):
+            raise ValueError(f"levels: got {levels.min():g} to {levels.max():g}, allowed: 0 to 1")
+        levels.flags.writeable = False
+        hold(self, levels=levels, width=number("width", self.width, 0, open_low=True))
+        hold(self, height=number("height", self.height, 0, open_low=True))
+
+    @property
+    def frequency(self) -> float:
+        """Repetitions a metre."""
+        return 1 / self.width
+
+
+Pattern = Plain | Cosine | Grating | Picture
+
+
+@dataclass(frozen=True)
+class Source:
+    """A light, eq. 5: every voxel of its shape emits intensity * waveform.
+
+    Args:
+        shape: its outline.
+        pose: of its middle.
+        waveform: the luminous factor eta(t), 0 to 1 for eq. 5.
+        intensity: I_c, 0 or above.
+        path_loss: beta(d) on the way to the camera.
+        directivity: light towards a surface at an angle a from its axis (its own z, either way) is cos(a)^directivity;
+            0: alike in all directions; 1: a Lambert radiator.
+    """
+
+    shape: Shape
+    pose: Pose
+    waveform: Waveform
+    intensity: float = 1.0
+    path_loss: PathLoss = PathLoss()
+    directivity: float = 1.0
+
+    def __post_init__(self) -> None:
+        instance("shape", self.shape, (Rectangle, Disc, Ring))
+        instance("pose", self.pose, Pose)
+        check_light(self.waveform)
+        instance("path_loss", self.path_loss, PathLoss)
+        hold(self, intensity=number("intensity", self.intensity, 0))
+        hold(self, directivity=number("directivity", self.directivity, 0))
+
+
+@dataclass(frozen=True)
+class _Patterned:
+    shape: Shape
+    pose: Pose
+    pattern: Pattern = Plain()
+    speed: float = 0.0
+
+    def __post_init__(self) -> None:
+        instance("shape", self.shape, (Rectangle, Disc, Ring))
+        instance("pose", self.pose, Pose)
+        instance("pattern", self.pattern, (Plain, Cosine, Grating, Picture))
+        hold(self, speed=number("speed", self.speed))
+
+    @property
+    def spatial_frequency(self) -> float:
+        """True f_x of the pattern in periods a metre: on a ring a whole number of periods goes round; 0: plain."""
+        if isinstance(self.pattern, Plain):
+            return 0.0
+        if not isinstance(self.shape, Ring):
+            return self.pattern.frequency
+        round_length = math.pi * self.shape.diameter
+        return max(1, round(self.pattern.frequency * round_length)) / round_length
+
+    @property
+    def rate(self) -> float:
+        """Periods of the pattern that pass a place in a second, f_x * speed in Hz, signed."""
+        return self.spatial_frequency * self.speed
+
+    def across(self, x: Array, y: Array) -> Array:
+        """The other coordinate of a picture on it: y, or the way out from a ring's middle circle."""
+        return np.asarray(np.hypot(x, y) - self.shape.diameter / 2) if isinstance(self.shape, Ring) else y
+
+    def periods(self, x: Array, y: Array) -> Array:
+        """Periods of the pattern from its phase 0 to the places (x, y) of the object, at time 0."""
+        along = np.arctan2(y, x) * (self.shape.diameter / 2) if isinstance(self.shape, Ring) else x
+        phase = self.pattern.phase if isinstance(self.pattern, (Cosine, Grating)) else 0.0
+        return np.asarray(self.spatial_frequency * along - phase / (2 * math.pi))
+
+
+@dataclass(frozen=True)
+class Surface(_Patterned):
+    """A diffuse reflector, eq. 7, opaque, lit by the ambient light and by the sources (one bounce).
+
+    Args:
+        shape: a plate, or a ring.
+        pose: of its middle; its plane is its own x and y.
+        pattern: its reflectance.
+        speed: of the pattern along x (round a ring), m/s; the outline stays.
+        path_loss: beta(d) on the way to the camera.
+        lit_by_sources: whether sources that are not behind it light it (non-line-of-sight): a source of intensity I
+            and area S at distance d adds I * S * cos(a)^directivity * cos(b) / (pi * d^2) to the ambient light.
+    """
+
+    path_loss: PathLoss = PathLoss()
+    lit_by_sources: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        instance("path_loss", self.path_loss, PathLoss)
+        instance("lit_by_sources", self.lit_by_sources, bool)
+
+
+@dataclass(frozen=True)
+class Mask(_Patterned):
+    """A plate that lets light through, as a turning grating before a light: transmittance ``pattern``, else dark.
+
+    Args:
+        shape: its outline.
+        pose: of its middle.
+        pattern: its transmittance.
+        speed: of the pattern along x (round a ring), m/s.
+    """

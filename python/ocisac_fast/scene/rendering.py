@@ -1,0 +1,115 @@
+"""Frames of a planned scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.scene.description import Scene
+from ocisac_fast.scene.plan import Plan, plan_at
+
+Frame = npt.NDArray[Any]
+
+
+def render(
+    plan: Plan,
+    frames: int | None = None,
+    *,
+    noise: bool = False,
+    seed: int = 0,
+    threads: int = 1,
+) -> Iterator[Frame]:
+    """Frames of a scene: dark level + v, v = A * T_e * p (eq. 4) within the plan's tolerance.
+
+    Then, where the sensor has them: noise (only on demand), saturation, tone curve, rounding.
+
+    Args:
+        plan: of `Scene.plan`.
+        frames: how many, up to those of the plan; None: all of them.
+        noise: draw the sensor's shot and read noise.
+        seed: of the noise, 0 or above; the same seed gives the same frames.
+        threads: 1 or more; the frames do not depend on them.
+
+    Yields:
+        (rows, columns): uint8 up to 8 bits, uint16 above, float32 where the sensor has no bit depth.
+
+    Raises:
+        ValueError: more frames than planned, or noise of a sensor that has none, at the call.
+    """
+    count = plan.frames if frames is None else frames
+    if not 1 <= count <= plan.frames:
+        raise ValueError(f"frames: got {count}, allowed: from 1 to {plan.frames}, those of the plan")
+    if noise and not plan.scene.sensor.noisy:
+        raise ValueError("noise: got True, allowed: False for a sensor without noise")
+    if threads < 1:
+        raise ValueError(f"threads: got {threads}, allowed: 1 or more")
+    if seed < 0:
+        raise ValueError(f"seed: got {seed}, allowed: 0 or above")
+    return (_frame(plan, number, noise, seed, threads) for number in range(count))
+
+
+def _frame(plan: Plan, number: int, noise: bool, seed: int, threads: int) -> Frame:
+    if number and any(plan.scene.lens.velocity):
+        plan = plan_at(plan.scene, plan.tolerance, plan.frames, plan.start, number)
+    scene, sensor = plan.scene, plan.scene.sensor
+    random = np.random.default_rng([seed, number]) if noise else None
+    shape = (scene.lens.rows, scene.lens.columns)
+    dark = scene.camera.dark_level
+    direct = random is None and scene.camera.tone_curve == "linear"
+    if direct and sensor.bit_depth is not None:
+        frame = np.empty(shape, np.uint8 if sensor.bit_depth <= 8 else np.uint16)
+        _fill(plan, number, dark, min(scene.white_level, 2**sensor.bit_depth - 1), threads, frame)
+        return frame
+    light = np.empty(shape, np.float32)
+    _fill(plan, number, 0.0, scene.white_level, threads, light)
+    return respond(scene, light, random)
+
+
+def _fill(plan: Plan, number: int, dark: float, white: float, threads: int, out: Frame) -> None:
+    camera = plan.scene.camera
+    image = plan._base if plan._base is None or not dark else plan._base + np.float32(dark)
+    if plan._by_pixel:
+        image = np.full(out.shape, dark, np.float32) if image is None else image.copy()
+        for pixels in plan._by_pixel:
+            image[pixels.rows, pixels.columns] += pixels.light(camera, plan.start, number)
+    parts = [part for part, _ in plan._kept]
+    tables = [signal.table(camera, plan.start, number) for _, signal in plan._kept]
+    _core.render_parts(parts, tables, dark, image, white, threads, out)
+
+
+def respond(scene: Scene, light: npt.NDArray[np.float32], random: np.random.Generator | None) -> Frame:
+    """What the sensor makes of linear light (DN above dark)."""
+    sensor, dark = scene.sensor, scene.camera.dark_level
+    span = scene.white_level - dark
+    if random is not None and sensor.full_well is not None:
+        electrons = light * (sensor.full_well / span)
+        if sensor.shot_noise:
+            electrons = random.poisson(np.maximum(electrons, 0)).astype(np.float32)
+        if sensor.read_noise:
+            electrons += np.float32(sensor.read_noise) * random.standard_normal(light.shape, np.float32)
+        light = (electrons * (span / sensor.full_well)).astype(np.float32)
+    if sensor.full_well is not None or sensor.bit_depth is not None:
+        light = np.minimum(light, np.float32(span))
+    values = dark + span * _encoded(scene, light / np.float32(span))
+    if sensor.bit_depth is None:
+        return values.astype(np.float32)
+    top = 2**sensor.bit_depth - 1
+    stored: Frame = np.clip(np.rint(values), 0, top).astype(np.uint8 if sensor.bit_depth <= 8 else np.uint16)
+    return stored
+
+
+def _encoded(scene: Scene, light: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Stored share of full scale for a share of full light: the tone curve's inverse, odd below dark."""
+    curve = scene.camera.tone_curve
+    if curve == "linear":
+        return light
+    size = np.abs(light)
+    if curve == "gamma":
+        stored = size ** (1 / scene.camera.gamma)
+    else:  # IEC 61966-2-1
+        stored = np.where(size <= 0.0031308, 12.92 * size, 1.055 * size ** (1 / 2.4) - 0.055)
+    return np.asarray(np.copysign(stored, light), np.float32)

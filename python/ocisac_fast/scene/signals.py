@@ -1,0 +1,127 @@
+"""What changes from frame to frame: the row integrals of a part, as tables for the core or as light on its pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.scene.geometry import Array
+from ocisac_fast.scene.profile import Light, Profile, cycles, expose_profile
+from ocisac_fast.scene.terms import Moving
+from ocisac_fast.waveforms import Product, Tone, Waveform, integrate_exposure
+
+Table = npt.NDArray[np.float32]
+
+
+class Signal(Protocol):
+    """Rows of a part in one frame."""
+
+    def table(self, camera: Camera, start: float, frame: int) -> Table:
+        """(height, phases) mean light over each row's exposure."""
+
+
+def _integrate(waveform: Waveform, camera: Camera, rows: npt.NDArray[np.int64], start: float, frame: int) -> Array:
+    frames = [frame] if frame else None
+    return np.ravel(integrate_exposure(waveform, camera, rows, start, frames))
+
+
+@dataclass(frozen=True)
+class RowSignal:
+    """One row integral for all pixels of a row: a source, or light on a steady surface."""
+
+    waveform: Waveform
+    top: int
+    height: int
+
+    def table(self, camera: Camera, start: float, frame: int) -> Table:
+        rows = np.arange(self.top, self.top + self.height)
+        return _integrate(self.waveform, camera, rows, start, frame).astype(np.float32)[:, np.newaxis]
+
+
+@dataclass(frozen=True)
+class LineSignal:
+    """Mean of waveform * cos(2 pi rate t), or of its sine: what a moving cosine adds to `RowSignal`."""
+
+    waveform: Waveform
+    rate: float
+    sine: bool
+    top: int
+    height: int
+
+    def table(self, camera: Camera, start: float, frame: int) -> Table:
+        rows = np.arange(self.top, self.top + self.height)
+        tone = Tone(abs(self.rate), phase=-np.pi / 2 if self.sine else 0.0)
+        # cos = 2 * (1/2 + cos/2) - 1
+        light = 2 * _integrate(Product([self.waveform, tone]), camera, rows, start, frame)
+        light -= _integrate(self.waveform, camera, rows, start, frame)
+        return ((-light if self.sine and self.rate < 0 else light).astype(np.float32))[:, np.newaxis]
+
+
+@dataclass(frozen=True)
+class ProfileTable:
+    """A moving pattern with edges at ``phases`` phases of each of its lines."""
+
+    waveform: Waveform
+    profile: Profile
+    rate: float
+    phases: int
+    steps: int
+    top: int
+    height: int
+
+    def table(self, camera: Camera, start: float, frame: int) -> Table:
+        lines = len(self.profile.levels)
+        phase = np.tile((np.arange(self.phases) + 0.5) / self.phases, lines)
+        line = np.repeat(np.arange(lines), self.phases)
+        rows = np.arange(self.top, self.top + self.height)[:, np.newaxis]
+        return _expose(self, camera, start, frame, rows, line, phase).astype(np.float32)
+
+    def index(self, moving: Moving) -> npt.NDArray[np.uint16]:
+        """Column of the table for each pixel."""
+        phase = moving.periods - np.floor(moving.periods)
+        column = np.minimum((phase * self.phases).astype(np.int64), self.phases - 1)
+        return (moving.line * self.phases + column).astype(np.uint16)
+
+
+@dataclass(frozen=True)
+class PixelProfile:
+    """A moving pattern with edges, pixel by pixel.
+
+    Attributes:
+        rows, columns: (pixels,) which they are.
+        gains, phase, line: (pixels,) of each.
+    """
+
+    waveform: Waveform
+    profile: Profile
+    rate: float
+    steps: int
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+    gains: Array
+    phase: Array
+    line: npt.NDArray[np.int64]
+
+    def light(self, camera: Camera, start: float, frame: int) -> Table:
+        """(pixels,) light over the exposure of each."""
+        return (self.gains * _expose(self, camera, start, frame, self.rows, self.line, self.phase)).astype(np.float32)
+
+
+def _expose(
+    part: ProfileTable | PixelProfile,
+    camera: Camera,
+    start: float,
+    frame: int,
+    rows: npt.NDArray[np.int64],
+    line: npt.NDArray[np.int64],
+    phase: Array,
+) -> Array:
+    assert camera.exposure is not None
+    shift = cycles(part.rate, camera.frame_time or 0.0, frame, start)
+    light = Light(part.waveform, camera, int(rows.max()) + 1, part.steps, start, frame)
+    ends = np.multiply(rows, camera.row_time, dtype=np.float64)
+    return expose_profile(part.profile, line, phase, shift, part.rate, ends, camera.exposure, light)
