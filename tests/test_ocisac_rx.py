@@ -348,6 +348,30 @@ def test_a_hundred_thousand_frames_leave_memory_flat_and_lose_none(receiver, pac
     assert memory[-1] <= memory[10]
 
 
+@pytest.mark.nightly
+def test_64_bit_arm_gives_the_same_payload_and_numbers(receiver, packets):
+    """Cross-built by `make arm64`, run under qemu-user."""
+    sysroot, arm = ROOT / "build/arm64/sysroot", ROOT / "build/aarch64/cpp/apps/ocisac-rx"
+    if not arm.exists() or shutil.which("qemu-aarch64") is None:
+        pytest.skip("make arm64 has not been run")
+    libraries = sysroot / "usr/lib/aarch64-linux-gnu"
+    path = ":".join(str(folder) for folder in (libraries, libraries / "blas", libraries / "lapack"))
+    emulated = ["qemu-aarch64", "-L", str(sysroot), "-E", f"LD_LIBRARY_PATH={path}", str(arm)]
+    options = ["--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
+    outputs = [
+        lines_of(subprocess.run([*command, *options], input=packets.tobytes(), capture_output=True, timeout=300))
+        for command in ([receiver], emulated)
+    ]
+    (here, here_totals), (there, there_totals) = outputs
+    assert len(here) == len(there)
+    for ours, theirs in zip(here, there, strict=True):
+        assert ours["received"]["bits"] == theirs["received"]["bits"]
+        assert ours["received"].get("payload_base64") == theirs["received"].get("payload_base64")
+        for name in ("rows_per_chip", "snr_db"):
+            assert theirs["received"][name] == pytest.approx(ours["received"][name], rel=1e-9)
+    assert here_totals["payloads"] == there_totals["payloads"] > 0
+
+
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
 @pytest.mark.parametrize("form", [["-f", "yuv4mpegpipe"], ["-f", "rawvideo"], ["-f", "image2pipe", "-c:v", "pgm"]])
 def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, capsys):

@@ -52,11 +52,15 @@ if(OpenCVCore_FOUND AND NOT TARGET OpenCVCore::opencv_core)
   if(OpenCVCore_link MATCHES "\\.a$")
     find_package(Threads REQUIRED)
     file(GLOB OpenCVCore_bundled "${OpenCVCore_library_dir}/opencv*/3rdparty/*.a")
-    find_library(OpenCVCore_ZLIB z)
-    mark_as_advanced(OpenCVCore_ZLIB)
+    set(OpenCVCore_zlib "")
+    if(NOT OpenCVCore_bundled MATCHES "zlib")
+      find_library(OpenCVCore_ZLIB z)
+      mark_as_advanced(OpenCVCore_ZLIB)
+      set(OpenCVCore_zlib ${OpenCVCore_ZLIB})
+    endif()
     target_link_libraries(
       OpenCVCore::opencv_core
-      INTERFACE ${OpenCVCore_DEPENDENCIES} ${OpenCVCore_bundled} $<$<BOOL:${OpenCVCore_ZLIB}>:${OpenCVCore_ZLIB}>
+      INTERFACE ${OpenCVCore_DEPENDENCIES} ${OpenCVCore_bundled} $<$<BOOL:${OpenCVCore_zlib}>:${OpenCVCore_zlib}>
                 Threads::Threads ${CMAKE_DL_LIBS})
   endif()
 endif()
