@@ -66,8 +66,7 @@ def _response_and_lines(canvas: Canvas, workshop: Workshop) -> None:
     exposure, light, grating = 622e-6, 700.0, testbed.true_grating(100.0)
     sensing = Setting("sensing", 100.0, exposure)
     communication = Setting("communication", light, exposure)
-    frames = range(24)
-    both = [testbed.record(each, frames, workshop.seed)[:, :, 0].astype(float) for each in (communication, sensing)]
+    both = [testbed.record(each, 24, workshop.seed)[:, :, 0].astype(float) for each in (communication, sensing)]
     pixel = (both[0] + both[1]) / 2.0  # half of the light from each
     tones = np.array([light, sensing.frequency])
     mean_of_one = testbed.SWING / 4.0
@@ -126,14 +125,14 @@ def _pictures(canvas: Canvas, workshop: Workshop) -> None:
     rows = canvas.subplots(4, 3, height_ratios=(1.3, 1.0, 1.3, 1.0))
     for k, (kind, chosen) in enumerate((("a", communication), ("b", sensing))):
         for column, setting in enumerate(chosen):
-            frame = testbed.record(setting, range(1), workshop.seed, columns=180)[0]
+            frame = testbed.record(setting, 1, workshop.seed, testbed.COLUMNS)[0]
             top, below = rows[2 * k, column], rows[2 * k + 1, column]
             top.imshow(frame, cmap="gray", vmin=0, vmax=255, aspect="auto", interpolation="nearest")
             top.grid(False)
             top.set(xticks=[], ylabel="row" if column == 0 else "")
             name = f"{setting.frequency:.1f} Hz, {1e6 * setting.exposure:.0f} µs"
             top.set_title(f"Figure 9{kind} ({'ABC'[column]}): {name}")
-            below.plot(frame[:, 90], ".", color=_EXPOSURE_COLOURS[setting.exposure], ms=2.0)
+            below.plot(frame[:, testbed.COLUMNS // 2], ".", color=_EXPOSURE_COLOURS[setting.exposure], ms=2.0)
             below.set(xlim=(0, testbed.ROWS), ylim=(0.0, 255.0), ylabel="DN" if column == 0 else "")
             below.set_xlabel("row" if k else "")
 

@@ -11,8 +11,6 @@ import numpy as np
 from ocisac_fast.gain import tone_gain
 from ocisac_fast.reproduction.testbed import FRAMES, ROW_TIME, ROWS, Setting, record
 
-_FRAMES_AT_ONCE = 600
-
 
 @dataclass(frozen=True)
 class GainResult:
@@ -52,26 +50,19 @@ class GainResult:
 
 
 def measure(setting: Setting, frames: int = FRAMES, seed: int = 0) -> GainResult:
-    """Record a setting and measure it, a few hundred frames at a time."""
-    paper: list[float] = []
-    fit: list[float] = []
-    variances: list[float] = []
-    for first in range(0, frames, _FRAMES_AT_ONCE):
-        columns = record(setting, range(first, min(first + _FRAMES_AT_ONCE, frames)), seed)
-        by_bin = tone_gain(columns, setting.camera, setting.frequency, "dft", "square")
-        by_fit = tone_gain(columns, setting.camera, setting.frequency, "fit", "square")
-        paper.extend(by_bin.gain.ravel())
-        fit.extend(by_fit.gain.ravel())
-        variances.extend(by_fit.gain_std.ravel() ** 2)
+    """Record a setting and measure it."""
+    columns = record(setting, frames, seed)
+    paper = tone_gain(columns, setting.camera, setting.frequency, "dft", "square").gain
+    fit = tone_gain(columns, setting.camera, setting.frequency, "fit", "square")
     root = math.sqrt(frames)
     return GainResult(
         setting,
         frames,
         float(np.mean(paper)),
         float(np.std(paper, ddof=1)) / root,
-        float(np.mean(fit)),
-        math.sqrt(float(np.mean(variances))) / root,
-        float(np.std(fit, ddof=1)) / root,
+        float(np.mean(fit.gain)),
+        float(np.sqrt(np.mean(fit.gain_std**2))) / root,
+        float(np.std(fit.gain, ddof=1)) / root,
     )
 
 

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera import Camera, exposure_response
-from ocisac_fast.waveforms import SquareWave, integrate_exposure
+from ocisac_fast.scene import (
+    Grating,
+    Mask,
+    Pinhole,
+    Pose,
+    Rectangle,
+    Scene,
+    Sensor,
+    Source,
+    render,
+)
+from ocisac_fast.waveforms import Constant, SquareWave
 
 ROWS, COLUMNS, FRAMES_PER_SECOND = 720, 1080, 30.0
 ROW_TIME = 22.2e-6
@@ -20,10 +31,15 @@ RING_DIAMETER, TURNS_PER_SECOND = 0.15, 223.0 / 60.0
 GRATINGS = (100.0, 200.0, 500.0)  # nominal periods a metre
 FRAMES = 1800  # a setting, as the paper averaged
 
-# What the paper leaves out. The two clocks differ, so that the light's phase runs through all values over a recording;
-# dark rows are not clipped at 0.
+DISTANCE = 0.3  # m, of the camera from the ring
+
+# What the paper leaves out. A lens that sees the ring over all rows; noise that does not depend on the light. The two
+# clocks differ, so that the light's phase runs through all values over a recording; dark rows are not clipped at 0.
 CLOCK_OFFSET = 70e-6
+FOCAL_LENGTH, PIXEL_PITCH = 6e-3, 2.9e-6  # m
 SWING, NOISE, DARK_LEVEL = 200.0, 2.0, 16.0  # DN
+FULL_WELL = 20e3  # electrons at 255 DN
+TOLERANCE = 1e-3  # DN, of the rendering
 
 Kind = Literal["communication", "sensing"]
 
@@ -85,22 +101,26 @@ def settings() -> list[Setting]:
     return [Setting(kind, nominal, exposure) for kind, nominal in lights + gratings for exposure in EXPOSURES]
 
 
-def record(setting: Setting, frames: range, seed: int, columns: int = 1) -> npt.NDArray[np.uint8]:
-    """A recording of the testbed: (frames, rows, columns) bytes, every column behind a slot of the grating.
+def scene(setting: Setting, columns: int, turn: float) -> Scene:
+    """The testbed before the middle ``columns`` columns of the camera, the light ``turn`` cycles (0 to 1) ahead.
 
-    Neighbouring columns of a turning grating see it pass one after the other, spread over a period; a flickering LED
-    shows in all columns alike. Noise is normal, independent in every pixel.
+    The lampshade is the plane that touches the ring before the LED; its bars take the pitch of the ring that closes. In
+    recordings of communication it stands still, with a slot before the middle column.
     """
+    lens = Pinhole(columns, ROWS, FOCAL_LENGTH, PIXEL_PITCH)
+    sensor = Sensor(SWING / setting.exposure, 8, FULL_WELL, read_noise=NOISE * FULL_WELL / 255.0)
+    flickers = setting.kind == "communication"
+    light = SquareWave(setting.frequency, phase=2.0 * math.pi * turn) if flickers else Constant(1.0)
+    lamp = Source(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE + RING_DIAMETER / 2.0)), light)
+    grating = GRATINGS[0] if flickers else setting.nominal
+    bars = Grating(true_grating(grating), phase=0.0 if flickers else -2.0 * math.pi * turn)
+    shade = Mask(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE)), bars, 0.0 if flickers else speed())
+    return Scene(lens, setting.camera, sensor, sources=(lamp,), masks=(shade,))
+
+
+def record(setting: Setting, frames: int, seed: int, columns: int = 1) -> npt.NDArray[np.uint8]:
+    """A recording of the testbed: (frames, rows, columns) bytes with noise, rendered from :func:`scene`."""
     number = settings().index(setting)
-    start = np.random.default_rng([seed, number]).uniform(0.0, 1.0) / setting.frequency
-    random = np.random.default_rng([seed, number, 1 + frames.start])
-    spread = 1.0 / setting.frequency / columns if setting.kind == "sensing" else 0.0
-    light = [_light(setting, frames, start + k * spread) for k in range(columns if spread else 1)]
-    values = DARK_LEVEL + SWING * np.stack(np.broadcast_arrays(*light, *light[:1] * (columns - len(light))), axis=-1)
-    values += NOISE * random.standard_normal(values.shape)
-    return np.clip(np.rint(values), 0, 255).astype(np.uint8)
-
-
-def _light(setting: Setting, frames: range, start: float) -> npt.NDArray[Any]:
-    """(frames, rows) mean light over each row's exposure."""
-    return integrate_exposure(SquareWave(setting.frequency), setting.camera, ROWS, start, np.asarray(frames))
+    turn = float(np.random.default_rng([seed, number]).uniform())
+    plan = scene(setting, columns, turn).plan(TOLERANCE, frames=frames)
+    return np.stack(list(render(plan, noise=True, seed=seed * len(settings()) + number)))
