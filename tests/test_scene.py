@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ocisac_fast import Camera, Chips, Constant, Samples, SquareWave, Tone
-from ocisac_fast.reference import exact_scene
+from ocisac_fast import Camera, Chips, Constant, Samples, SquareWave, Tone, chart
+from ocisac_fast.reference import exact_scene, render_scene
 from ocisac_fast.scene import (
     Ambient,
     Cosine,
@@ -351,3 +351,58 @@ def test_plans_say_what_they_keep_and_hold_their_bound(objects, tolerance, words
     assert words in str(plan)
     assert plan.bound <= tolerance
     assert np.abs(next(render(plan)) - exact_scene(scene)[0]).max() <= plan.bound + 1e-9
+
+
+def test_panel_of_the_chart_sets_plans_beside_brute_force():
+    panel = next(panel for panel in chart.PANELS if panel.name == "scenes")
+    steps = []
+    points = panel.measure(dataclasses.replace(chart.QUICK, columns=120), steps.append)
+    assert len(steps) == panel.steps == len(points)
+    found = {point.method: point for point in points}
+    assert found["plan, 0.1 DN"].error <= 0.1
+    assert found["brute force, 4"].error > found["brute force, 64"].error > found["plan, 0.1 DN"].error
+    assert found["brute force, 64"].cost > found["plan, 0.1 DN"].cost
+
+
+def noisy_scene(**sensor):
+    wall = Surface(Rectangle(9, 9), Pose((0, 0, 1)), Plain(0.5))
+    lens = Pinhole(200, 150, 4e-3, 1e-4)
+    return scene_of(wall, lens=lens, sensor=Sensor(200 / 2404e-6, full_well=10000.0, **sensor), ambient=1.0)
+
+
+def test_noise_is_that_of_the_sensor_and_comes_from_the_seed():
+    scene = noisy_scene(read_noise=20.0, shot_noise=True)
+    plan = scene.plan(frames=2)
+    first, second = render(plan, noise=True, seed=3)
+    again, other = next(render(plan, noise=True, seed=3)), next(render(plan, noise=True, seed=4))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+    assert (first != second).any()
+    level, per_electron = 100.0, 255 / 10000.0
+    spread = math.hypot(math.sqrt(level / per_electron), 20.0) * per_electron
+    assert abs(first.mean() - level) < 5 * spread / math.sqrt(first.size)
+    assert abs(first.std() / spread - 1) < 5 / math.sqrt(2 * first.size)
+    clean = next(render(plan))
+    np.testing.assert_allclose(clean, level, rtol=1e-6)
+    assert scene.plan(0.5, "noise").tolerance == pytest.approx(10 * per_electron)
+
+
+@pytest.mark.parametrize(("curve", "stored"), [("gamma", (100 / 255) ** (1 / 2.2)), ("srgb", 0.6607)])
+def test_tone_curve_bit_depth_and_saturation(curve, stored):
+    camera = dataclasses.replace(CAMERA, tone_curve=curve)
+    scene = dataclasses.replace(noisy_scene(bit_depth=8), camera=camera)
+    assert set(next(render(scene.plan())).ravel().tolist()) == {round(255 * stored)}
+    bright = dataclasses.replace(scene, ambient=Ambient(9.0))
+    assert set(next(render(bright.plan())).ravel().tolist()) == {255}
+    deep = dataclasses.replace(noisy_scene(bit_depth=12), camera=CAMERA)
+    frame = next(render(deep.plan()))
+    assert frame.dtype == np.uint16
+    assert set(frame.ravel().tolist()) == {100}
+
+
+@pytest.mark.parametrize("seed", range(3, 7))
+def test_brute_force_comes_to_the_exact_integrals(seed):
+    scene = dataclasses.replace(random_scene(seed), camera=Camera(2e-5, 3e-4, 1 / 30))
+    exact, rough, fine = exact_scene(scene), render_scene(scene, subexposures=16), render_scene(scene, subexposures=512)
+    assert np.abs(fine - exact).max() <= 0.02 * exact.max() + 1e-12
+    assert np.abs(fine - exact).sum() <= np.abs(rough - exact).sum() + 1e-12

@@ -28,7 +28,8 @@ T stored(float value, float white) {
   if constexpr (std::is_floating_point_v<T>) {
     return static_cast<T>(value);
   } else {
-    return static_cast<T>(static_cast<int>(std::clamp(value, 0.0F, white) + 0.5F));
+    const float above = std::clamp(value, 0.0F, white) + 0.5F;  // not negative, so cutting rounds
+    return static_cast<T>(static_cast<int>(above));
   }
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ocisac_fast.chart import detectors, gains, tradeoffs  # they enter their panels  # noqa: F401
+from ocisac_fast.chart import detectors, gains, rendering, tradeoffs  # they enter their panels  # noqa: F401
 from ocisac_fast.chart.drawing import draw
 from ocisac_fast.chart.measuring import Point, beaten_by, pareto_front
 from ocisac_fast.chart.methods import GAIN_METHODS, GainMethod

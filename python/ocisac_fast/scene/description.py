@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -98,7 +98,7 @@ class Scene:
         lens: geometry of the camera.
         camera: its timing and tone response; the exposure must be above 0.
         sensor: gain, bit depth and noise.
-        sources, surfaces, masks: what is there. Light passes masks before what it comes from.
+        sources, surfaces, masks: what is there, kept as tuples. Light passes masks before what it comes from.
         ambient: light on all surfaces.
 
     Raises:
@@ -108,9 +108,9 @@ class Scene:
     lens: Pinhole
     camera: Camera
     sensor: Sensor
-    sources: tuple[Source, ...] = ()
-    surfaces: tuple[Surface, ...] = ()
-    masks: tuple[Mask, ...] = ()
+    sources: Sequence[Source] = ()
+    surfaces: Sequence[Surface] = ()
+    masks: Sequence[Mask] = ()
     ambient: Ambient = Ambient()
 
     def __post_init__(self) -> None:
