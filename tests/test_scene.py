@@ -67,7 +67,7 @@ def test_voxels_appear_where_opencv_projects_them(lens, depths, side):
     shift = -turn @ np.array(lens.pose.position)
     x, y = lens.centre
     inner = np.array([[lens.focal_pixels, 0, x], [0, lens.focal_pixels, y], [0, 0, 1]])
-    expected, _ = cv2.projectPoints(world, cv2.Rodrigues(turn)[0], shift, inner, None)
+    expected, _ = cv2.projectPoints(world, -np.array(lens.pose.rotation), shift, inner, None)
     np.testing.assert_allclose(lens.pixels_of(world), expected[:, 0], rtol=1e-9, atol=1e-9)
     rotation = cv2.Rodrigues(np.array(lens.pose.rotation))[0]
     np.testing.assert_allclose(lens.pose.matrix, rotation, atol=1e-12)
