@@ -120,8 +120,11 @@ class Search {
       std::ranges::nth_element(costs_, last);
       limit = std::min(limit, *last);
     }
+    // Of those that are alike at the limit (chips that no row tells) only as many as there is room for.
+    auto room =
+        static_cast<std::ptrdiff_t>(most) - std::ranges::count_if(next_, [&](const Kept& k) { return k.cost < limit; });
     for (Kept& k : next_) {
-      if (k.cost > limit) continue;
+      if (k.cost > limit || (k.cost == limit && room-- <= 0)) continue;
       k.cost -= least;
       kept_.push_back(k);
     }
