@@ -16,6 +16,7 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_projection(module);
   ocisac::bindings::register_packets(module);
   ocisac::bindings::register_sources(module);
+  ocisac::bindings::register_light_share(module);
   ocisac::bindings::register_stream_receiver(module);
   ocisac::bindings::register_scene(module);
 }

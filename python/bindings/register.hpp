@@ -17,6 +17,7 @@ void register_detection(pybind11::module_& module);
 void register_projection(pybind11::module_& module);
 void register_packets(pybind11::module_& module);
 void register_sources(pybind11::module_& module);
+void register_light_share(pybind11::module_& module);
 void register_stream_receiver(pybind11::module_& module);
 void register_scene(pybind11::module_& module);
 

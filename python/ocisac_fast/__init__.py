@@ -22,6 +22,7 @@ from ocisac_fast.channel import (
     pool_estimates,
     refine_channel,
 )
+from ocisac_fast.cleaning import CleanedFrames, Mark, remove_bands, subtract_still
 from ocisac_fast.contrast import RestoredContrast, restore_contrast
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
 from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
@@ -87,6 +88,7 @@ __all__ = [
     "Camera",
     "ChannelEstimate",
     "Chips",
+    "CleanedFrames",
     "ClockErrors",
     "ClockTracker",
     "Constant",
@@ -97,6 +99,7 @@ __all__ = [
     "FoundFrequency",
     "Goodput",
     "LightSource",
+    "Mark",
     "Pooled",
     "PreambleMatch",
     "Product",
@@ -146,10 +149,12 @@ __all__ = [
     "possible_goodput",
     "receive",
     "refine_channel",
+    "remove_bands",
     "restore_contrast",
     "sample_waveform",
     "sense",
     "sense_region",
+    "subtract_still",
     "tone_columns",
     "tone_gain",
     "transmit",

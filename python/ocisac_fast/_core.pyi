@@ -249,3 +249,13 @@ def render_parts(
     threads: int,
     out: npt.NDArray[Any],
 ) -> None: ...
+def light_share(
+    light: npt.NDArray[np.float64], variance: npt.NDArray[np.float64], row_light: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]: ...
+def refine_row_light(
+    light: npt.NDArray[np.float64],
+    variance: npt.NDArray[np.float64],
+    share: npt.NDArray[np.float64],
+    row_light: npt.NDArray[np.float64],
+    steps: int,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...

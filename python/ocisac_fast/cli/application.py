@@ -18,6 +18,7 @@ _COMMANDS = {
     "transmit": "Chips that carry a payload.",
     "detect": "Modulated lights in a recording.",
     "sense": "Moving textures and lights in a recording: gain, motion, speed.",
+    "clean": "The picture without the light's bands, or the bands alone.",
     "simulate": "Make a recording of a modulated light.",
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",

@@ -9,6 +9,7 @@ from ocisac_fast.channel import (
     RefinedChannel,
     TrackedClock,
 )
+from ocisac_fast.cleaning import CleanedFrames, Mark
 from ocisac_fast.contrast import RestoredContrast
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
@@ -29,6 +30,7 @@ from ocisac_fast.reference.channel import (
     pool_estimates,
     refine_channel,
 )
+from ocisac_fast.reference.cleaning import remove_bands, subtract_still
 from ocisac_fast.reference.detection import detect_chips, detector_error_rates
 from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
@@ -59,6 +61,7 @@ __all__ = [
     "Camera",
     "ChannelEstimate",
     "Chips",
+    "CleanedFrames",
     "ClockErrors",
     "ClockTracker",
     "Constant",
@@ -69,6 +72,7 @@ __all__ = [
     "FoundFrequency",
     "Goodput",
     "LightSource",
+    "Mark",
     "Pooled",
     "PreambleMatch",
     "Product",
@@ -119,11 +123,13 @@ __all__ = [
     "possible_goodput",
     "receive",
     "refine_channel",
+    "remove_bands",
     "render_scene",
     "restore_contrast",
     "sample_waveform",
     "sense",
     "sense_region",
+    "subtract_still",
     "tone_columns",
     "tone_gain",
     "transmit",

@@ -1,0 +1,207 @@
+#!/usr/bin/env python3
+"""How well the bands of a light are taken out of pictures: made scenes with a known clean picture, and recordings.
+
+Scenes of 360 x 480 bytes (clouds, boxes, lines of text; a lamp that lights all evenly, as a spot, or a part) under
+tones of 8 to 60 rows a cycle and random chips of 6.2 rows; noise 1.5. PSNR of what is lit at least a tenth of the mean,
+against dividing by the row mean over its smoothed trend (the best of eight lengths) and by the true light
+and share (oracle).
+
+On recordings: correlation of the rows, without their trend, with the fitted light, in the columns that it lights, and
+the change of fully lit rows; for remove_bands, and for vertical blurs, which have to fail.
+
+usage: bench/cleaning.py [--recordings FOLDER] [--picture FILE] [--json] [--quick]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import pathlib
+from typing import Any
+
+import numpy as np
+
+from ocisac_fast import Camera, Chips, Mark, Tone, integrate_exposure, remove_bands
+
+ROWS, COLUMNS = 360, 480
+CAMERA = Camera(1e-5, exposure=1e-5)
+RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")
+GROUNDS, LAMPS = ("clouds", "boxes", "text"), ("even", "spot", "part")
+
+
+def lights() -> dict[str, np.ndarray]:
+    """Light of each row, mean 1."""
+    bits = np.random.default_rng(5).integers(0, 2, 200).astype(float)
+    waves = {f"tone of {n} rows": Tone(1e5 / n, depth=0.9) for n in (8, 20, 60)}
+    rows = {name: integrate_exposure(wave, CAMERA, ROWS) for name, wave in waves.items()}
+    rows["chips of 6.2 rows"] = integrate_exposure(Chips(bits.tolist(), 1e5 / 6.2), Camera(1e-5, exposure=4e-5), ROWS)
+    return {name: light / light.mean() for name, light in rows.items()}
+
+
+def albedo(kind: str, random: np.random.Generator) -> np.ndarray:
+    """Share of light that the scene throws back."""
+    if kind == "clouds":
+        fy, fx = np.meshgrid(np.fft.fftfreq(ROWS), np.fft.rfftfreq(COLUMNS), indexing="ij")
+        size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / COLUMNS) ** 1.3
+        field = np.fft.irfft2(size * np.exp(2j * np.pi * random.random(size.shape)), (ROWS, COLUMNS))
+        return np.clip(0.45 * np.exp(0.35 * field / field.std()), 0.03, 1.0)
+    picture = np.full((ROWS, COLUMNS), 0.8 if kind == "text" else 0.4)
+    if kind == "boxes":
+        for _ in range(60):
+            top, left = random.integers(0, ROWS - 20), random.integers(0, COLUMNS - 20)
+            height, width = random.integers(8, 120, 2)
+            picture[top : top + height, left : left + width] = random.uniform(0.06, 0.95)
+    else:
+        for top in range(20, ROWS - 40, 30):
+            for left in range(20, COLUMNS - 40, 12):
+                stroke = random.integers(0, 4)
+                picture[top : top + 16, left + 2 * stroke : left + 2 * stroke + 3] = 0.12
+                picture[top + 4 * stroke : top + 4 * stroke + 3, left : left + 9] = 0.12
+    return picture
+
+
+def lamp(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Steady light and the lamp's."""
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    if kind == "even":
+        return np.full((ROWS, COLUMNS), 60.0), np.full((ROWS, COLUMNS), 84.0)
+    if kind == "spot":
+        away = (x - 0.45 * COLUMNS) ** 2 + (y - 0.5 * ROWS) ** 2
+        return np.full((ROWS, COLUMNS), 50.0), 6 + 90 * np.exp(-away / (2 * (0.3 * COLUMNS) ** 2))
+    return np.full((ROWS, COLUMNS), 50.0), 6 + 84 / (1 + np.exp((x + 0.35 * y - 0.65 * COLUMNS) / 1.5))
+
+
+def scene(light: np.ndarray, ground: str, lamp_kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What is stored, the clean picture, and what the light leaves of it in each pixel."""
+    random = np.random.default_rng(1)
+    back = albedo(ground, random)
+    steady, modulated = lamp(lamp_kind)
+    clean = back * (steady + modulated)
+    left = 1 + modulated / (steady + modulated) * (light[:, None] - 1)
+    read = clean * left + 1.5 * random.standard_normal(clean.shape)
+    return np.clip(np.rint(read), 0, 255).astype(np.uint8), clean, left
+
+
+def psnr(picture: np.ndarray, truth: np.ndarray, kept: np.ndarray) -> float:
+    return float(10 * np.log10(255**2 / np.mean((picture[kept] - truth[kept]) ** 2)))
+
+
+def smoothed(values: np.ndarray, rows: float) -> np.ndarray:
+    if rows <= 0:
+        return values
+    reach = min(int(4 * rows), len(values) - 1)
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / rows) ** 2)
+    return np.convolve(np.pad(values, reach, "reflect"), bell / bell.sum(), "valid")
+
+
+def by_row_means(stored: np.ndarray) -> list[np.ndarray]:
+    mean = stored.mean(axis=1)
+    scales = [smoothed(mean, short) / smoothed(mean, long) for short in (0, 1) for long in (10, 20, 40, 80)]
+    return [stored / np.maximum(scale, 0.01)[:, None] for scale in scales]
+
+
+def measured_scene(light: np.ndarray, ground: str, lamp_kind: str) -> dict[str, float]:
+    stored, clean, left = scene(light, ground, lamp_kind)
+    kept = (stored < 255) & (left > 0.1)
+    given, found = (remove_bands(stored, CAMERA, light=rows, level="mean").frames for rows in (light, None))
+    return {
+        "stored": psnr(stored, clean, kept),
+        "row_means": max(psnr(plain, clean, kept) for plain in by_row_means(stored)),
+        "found": psnr(found, clean, kept),
+        "given": psnr(given, clean, kept),
+        "oracle": psnr(stored / np.maximum(left, 0.1), clean, kept),
+    }
+
+
+def without_trend(rows: np.ndarray) -> np.ndarray:
+    place = (np.arange(len(rows)) + 0.5) / len(rows)
+    slow = np.cos(np.pi * np.outer(place, np.arange(1 + len(rows) // 64)))
+    return rows - slow @ np.linalg.lstsq(slow, rows, rcond=None)[0]
+
+
+def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
+    """remove_bands and vertical blurs of 9, 31 and 101 rows: correlation taken away (dB), change of lit rows."""
+    from ocisac_fast.files import read_frames
+
+    stored = read_frames(path).frames
+    done = remove_bands(stored, Camera(1.0, tone_curve="srgb"))
+    light = done.light[0]
+    channel = int(np.argmax(done.share[0].mean(axis=(0, 1)) * stored[0].mean(axis=(0, 1))))
+    lit = light >= np.quantile(light, 0.95)
+    before, marks, share = (
+        stored[0, ..., channel].astype(float),
+        done.marks[0, ..., channel],
+        done.share[0, ..., channel],
+    )
+    kept = (marks == Mark.RESTORED) & (share > 0.5 * share.max())
+
+    def correlation(picture: np.ndarray) -> float:
+        count = kept.sum(axis=1)
+        rows = np.where(kept, picture, 0).sum(axis=1) / np.maximum(count, 1)
+        rows, those = without_trend(np.where(count > 0, rows, rows[count > 0].mean())), count > 0
+        return abs(float(np.corrcoef(rows[those], without_trend(light)[those])[0, 1]))
+
+    pictures = {"remove_bands": done.frames[0, ..., channel].astype(float)}
+    for rows in (9, 31, 101):
+        box = np.ones(rows) / rows
+        pictures[f"blur of {rows} rows"] = np.apply_along_axis(np.convolve, 0, before, box, "same")
+    result = {}
+    for name, picture in pictures.items():
+        decibel = 20 * np.log10(correlation(before) / max(correlation(picture), 1e-9))
+        change = float(np.abs(picture[lit] - before[lit]).mean() / before[lit].mean())
+        result[name] = {
+            "name": name,
+            "correlation_taken_db": float(decibel),
+            "lit_rows_changed": change,
+            "too_dark": float((marks == Mark.DARK).mean()),
+            "passes": bool(decibel >= 20 and change < 0.02),
+        }
+    return result
+
+
+def draw(path: str) -> None:
+    """Scenes side by side: stored, by row means, remove_bands, clean."""
+    rows = []
+    for name, ground, kind in (
+        ("tone of 20 rows", "boxes", "part"),
+        ("chips of 6.2 rows", "clouds", "spot"),
+        ("tone of 8 rows", "text", "part"),
+    ):
+        stored, clean, left = scene(lights()[name], ground, kind)
+        kept = (stored < 255) & (left > 0.1)
+        plain = max(by_row_means(stored), key=lambda picture: psnr(picture, clean, kept))
+        found = remove_bands(stored, CAMERA, light=lights()[name], level="mean").frames
+        rows.append(np.concatenate([stored, plain, found, clean], axis=1))
+    from ocisac_fast.files import write_frames
+
+    write_frames(path, np.clip(1.6 * np.concatenate(rows), 0, 255).astype(np.uint8)[None])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--recordings", type=pathlib.Path)
+    parser.add_argument("--picture")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="boxes alone")
+    options = parser.parse_args()
+    report: dict[str, Any] = {"scenes": {}, "recordings": {}}
+    for name, light in lights().items():
+        grounds = GROUNDS[1:2] if options.quick else GROUNDS
+        each = [measured_scene(light, ground, kind) for ground in grounds for kind in LAMPS]
+        report["scenes"][name] = {key: round(float(np.mean([one[key] for one in each])), 2) for key in each[0]}
+    for name in RECORDINGS if options.recordings else ():
+        report["recordings"][name] = list(recording(options.recordings / name).values())
+    if options.picture:
+        draw(options.picture)
+    if options.json:
+        print(json.dumps(report))
+        return
+    for name, values in report["scenes"].items():
+        print(name, values)
+    for name, found in report["recordings"].items():
+        for values in found:
+            print(name, values)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+// The share of a modulated light in every pixel of a picture, and the light of every row, told apart from texture.
+//
+// A pixel reads v = c·(1 + q·P_n): c what it would read had the light shone steadily, q the light's share of it, P_n
+// the row light less its mean of 1. Of two rows of one column, v/(1 + q·P) differ by texture alone; texture is mostly
+// little and now and then an edge, so q (or P) is where the sum of log(τ² + difference²) is least.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace ocisac {
+
+// Linear light of one or several frames of a still scene, dense, C order (frames × rows × columns).
+struct BandedPicture {
+  std::span<const double> light;     // above dark
+  std::span<const double> variance;  // of its noise, > 0; infinite where a pixel tells nothing (saturated)
+  std::size_t frames = 1, rows = 0, columns = 0;
+};
+
+// 1 + q·P is kept above this: what is left of a pixel's light in a darker row is no measure of it.
+constexpr double least_light = 0.05;
+
+// Rows apart at which the light changes most for the texture in between: where its mean squared change first reaches
+// 0.7 of its variance. `row_light`: (frames × rows).
+std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows);
+
+// Share of the light in every pixel (rows × columns), 0 to the largest at which no row is darker than dark.
+//
+// Iteratively reweighted least squares over pairs of pixels `comparison_lag` rows apart, and of the same pixel in
+// neighbouring frames; a pixel's share is that of its surroundings, within a reach that shrinks from 48 to 8 pixels
+// (at least 2 lags down the columns) and ends at the edges of the picture as cleaned so far. row_light: (frames ×
+// rows), finite, >= 0, mean about 1. Time in proportion to the pixels; 13 buffers of their size.
+std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light);
+
+struct RowLight {
+  std::vector<double> light;        // (rows)
+  std::vector<double> information;  // (rows) inverse of the variance of each, were the others known
+};
+
+// The row light of one frame, any course of it, by `steps` Gauss–Newton steps from `row_light` on pairs of rows 1, 2,
+// 4, 8 and 16 apart over all columns; `share`: (rows × columns). What changes slower than that is left as it was.
+RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
+                          std::span<const double> row_light, int steps = 6);
+
+}  // namespace ocisac

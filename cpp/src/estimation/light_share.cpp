@@ -1,0 +1,376 @@
+#include "ocisac/estimation/light_share.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "ocisac/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+struct Step {
+  double texture;  // τ, relative to the light
+  double reach;    // pixels
+};
+// Wide at first, so that bands whose share is not known yet do not pass for edges.
+constexpr std::array<Step, 13> plan{{{0.5, 48},
+                                     {0.5, 48},
+                                     {0.5, 48},
+                                     {0.3, 32},
+                                     {0.3, 32},
+                                     {0.2, 32},
+                                     {0.1, 24},
+                                     {0.1, 24},
+                                     {0.05, 16},
+                                     {0.05, 16},
+                                     {0.05, 12},
+                                     {0.05, 8},
+                                     {0.05, 8}}};
+constexpr double edge = 0.15;                   // change of light that half ends a reach
+constexpr double hold = 1000;                   // evidence with which a share holds to that of the step before
+constexpr double lags_of_reach = 2;             // at least, along the columns
+constexpr double lags_of_guide = 4;             // along which edges of the columns are told from noise
+constexpr double edge_noise = 9;                // in variances, so that noise is no edge
+constexpr double texture_between_frames = 0.2;  // of that between rows: a still scene has none, but for small motion
+
+// What one picture, cleaned with the present shares, says of them.
+struct Evidence {
+  std::vector<double> pull;    // Σ weight·residual·slope
+  std::vector<double> weight;  // Σ weight·slope²
+};
+
+// One frame divided by the light that the present shares leave in it.
+struct Cleaned {
+  std::vector<double> light;     // c = v/f
+  std::vector<double> slope;     // g = P/f = −dc/dq / c
+  std::vector<double> variance;  // of c
+
+  explicit Cleaned(std::size_t size) : light(size), slope(size), variance(size) {}
+};
+
+// The comparison of two pixels of equal texture: the weight of one in the sum over pairs, and what it says of q.
+struct Comparison {
+  double pull, weight;
+};
+
+inline Comparison compare(double c1, double g1, double var1, double c2, double g2, double var2, double texture) {
+  const double difference = c2 - c1, mean = 0.5 * (c2 + c1), slope = g2 - g1;
+  const double spread = texture * texture * mean * mean + difference * difference + (var1 + var2);
+  if (!(mean > 0)) return {0, 0};
+  const double common = mean * slope / spread;
+  return {common * difference, common * mean * slope};
+}
+
+double light_left(double share, double change) { return std::max(1 + share * change, least_light); }
+
+void clean(const BandedPicture& picture, std::size_t frame, std::span<const double> change,
+           std::span<const double> share, Cleaned& out) {
+  const std::size_t pixels = picture.rows * picture.columns;
+  const double* light = picture.light.data() + frame * pixels;
+  const double* variance = picture.variance.data() + frame * pixels;
+  for (std::size_t row = 0; row < picture.rows; ++row) {
+    const double p = change[frame * picture.rows + row];
+    for (std::size_t i = row * picture.columns; i < (row + 1) * picture.columns; ++i) {
+      const double left = light_left(share[i], p);
+      out.light[i] = light[i] / left;
+      out.slope[i] = p / left;
+      out.variance[i] = variance[i] / (left * left);
+    }
+  }
+}
+
+void compare_rows(const Cleaned& frame, std::size_t pixels, std::size_t apart, double texture, Evidence& evidence) {
+  for (std::size_t a = 0; a + apart < pixels; ++a) {
+    const std::size_t b = a + apart;
+    const Comparison both = compare(frame.light[a], frame.slope[a], frame.variance[a], frame.light[b], frame.slope[b],
+                                    frame.variance[b], texture);
+    evidence.pull[a] += 0.5 * both.pull;
+    evidence.pull[b] += 0.5 * both.pull;
+    evidence.weight[a] += 0.5 * both.weight;
+    evidence.weight[b] += 0.5 * both.weight;
+  }
+}
+
+void compare_frames(const Cleaned& one, const Cleaned& next, double texture, Evidence& evidence) {
+  for (std::size_t i = 0; i < evidence.pull.size(); ++i) {
+    const Comparison both =
+        compare(one.light[i], one.slope[i], one.variance[i], next.light[i], next.slope[i], next.variance[i], texture);
+    evidence.pull[i] += both.pull;
+    evidence.weight[i] += both.weight;
+  }
+}
+
+// The frames cleaned and averaged by their certainty: `slope` is not used.
+void add_to_guide(const Cleaned& frame, Cleaned& sums) {
+  for (std::size_t i = 0; i < frame.light.size(); ++i) {
+    const double certainty = 1 / frame.variance[i];
+    sums.light[i] += certainty * frame.light[i];
+    sums.variance[i] += certainty;
+  }
+}
+
+void finish_guide(Cleaned& sums) {  // from sums to means
+  for (std::size_t i = 0; i < sums.light.size(); ++i) {
+    sums.light[i] = sums.variance[i] > 0 ? sums.light[i] / sums.variance[i] : 0;
+    sums.variance[i] = 1 / sums.variance[i];
+  }
+}
+
+// How much of what a pixel says holds for its neighbour `apart` pixels on.
+void passages(const Cleaned& guide, std::size_t apart, double reach, std::vector<double>& out) {
+  const double decay = std::exp(-1 / reach);
+  for (std::size_t a = 0; a + apart < out.size(); ++a) {
+    const double difference = guide.light[a + apart] - guide.light[a];
+    const double mean = 0.5 * (guide.light[a + apart] + guide.light[a]);
+    const double noise = edge_noise * (guide.variance[a + apart] + guide.variance[a]);
+    out[a] = decay / (1 + difference * difference / (edge * edge * mean * mean + noise));
+  }
+}
+
+// Sums over all pixels of a column (a row), each times the product of the passages in between. In place.
+class Spreader {
+ public:
+  Spreader(std::size_t rows, std::size_t columns) : rows_(rows), columns_(columns), back_(rows * columns) {}
+
+  void along_columns(const std::vector<double>& down, std::vector<double>& values) {
+    std::copy(values.begin(), values.end(), back_.begin());
+    for (std::size_t i = rows_ * columns_ - columns_; i-- > 0;) back_[i] += down[i] * back_[i + columns_];
+    for (std::size_t i = 0; i < values.size(); ++i) back_[i] -= values[i];
+    for (std::size_t i = 0; i < (rows_ - 1) * columns_; ++i) values[i + columns_] += down[i] * values[i];
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] += back_[i];
+  }
+
+  void along_rows(const std::vector<double>& across, std::vector<double>& values) {
+    for (std::size_t row = 0; row < rows_; row += together)
+      spread_rows(row, std::min(row + together, rows_), across, values);
+  }
+
+ private:
+  static constexpr std::size_t together = 8;  // independent chains, so that none waits for the last product
+
+  void spread_rows(std::size_t first, std::size_t end, const std::vector<double>& across, std::vector<double>& values) {
+    for (std::size_t row = first; row < end; ++row) back_[(row + 1) * columns_ - 1] = 0;
+    for (std::size_t column = columns_ - 1; column-- > 0;)
+      for (std::size_t row = first; row < end; ++row) {
+        const std::size_t i = row * columns_ + column;
+        back_[i] = across[i] * (values[i + 1] + back_[i + 1]);
+      }
+    for (std::size_t column = 1; column < columns_; ++column)
+      for (std::size_t row = first; row < end; ++row) {
+        const std::size_t i = row * columns_ + column;
+        values[i] += across[i - 1] * values[i - 1];
+      }
+    for (std::size_t i = first * columns_; i < end * columns_; ++i) values[i] += back_[i];
+  }
+
+  std::size_t rows_, columns_;
+  std::vector<double> back_;
+};
+
+class ShareEstimator {
+ public:
+  ShareEstimator(const BandedPicture& picture, std::span<const double> row_light)
+      : picture_(picture),
+        change_(row_light.begin(), row_light.end()),
+        lag_(comparison_lag(row_light, picture.rows)),
+        pixels_(picture.rows * picture.columns),
+        now_(pixels_),
+        before_(picture.frames > 1 ? pixels_ : 0),
+        guide_(pixels_),
+        down_(pixels_),
+        across_(pixels_),
+        spreader_(picture.rows, picture.columns) {
+    for (double& value : change_) value -= 1;
+    const double darkest = -*std::min_element(change_.begin(), change_.end());
+    most_ = 1 / std::max(darkest, 1e-9);
+  }
+
+  std::vector<double> estimate() {
+    share_.assign(pixels_, std::min(0.5 * most_, 1.0));
+    for (int k = 0; k < 4; ++k) step_of_all();
+    for (const Step& step : plan) step_of_each(step);
+    return std::move(share_);
+  }
+
+ private:
+  void gather(double texture) {
+    evidence_.pull.assign(pixels_, 0);
+    evidence_.weight.assign(pixels_, 0);
+    std::fill(guide_.light.begin(), guide_.light.end(), 0);
+    std::fill(guide_.variance.begin(), guide_.variance.end(), 0);
+    for (std::size_t frame = 0; frame < picture_.frames; ++frame) {
+      clean(picture_, frame, change_, share_, now_);
+      compare_rows(now_, pixels_, lag_ * picture_.columns, texture, evidence_);
+      if (frame > 0) compare_frames(before_, now_, texture_between_frames * texture, evidence_);
+      add_to_guide(now_, guide_);
+      if (picture_.frames > 1) std::swap(now_, before_);
+    }
+  }
+
+  void step_of_all() {
+    gather(plan.front().texture);
+    const double pull = std::accumulate(evidence_.pull.begin(), evidence_.pull.end(), 0.0);
+    const double weight = std::accumulate(evidence_.weight.begin(), evidence_.weight.end(), 0.0);
+    if (weight > 0) std::fill(share_.begin(), share_.end(), std::clamp(share_[0] + pull / weight, 0.0, most_));
+  }
+
+  void step_of_each(const Step& step) {
+    gather(step.texture);
+    find_passages(step.reach);
+    for (std::size_t i = 0; i < pixels_; ++i) evidence_.pull[i] += evidence_.weight[i] * share_[i];
+    for (std::vector<double>* values : {&evidence_.pull, &evidence_.weight}) {
+      spreader_.along_columns(down_, *values);
+      spreader_.along_rows(across_, *values);
+      spreader_.along_rows(across_, *values);
+      spreader_.along_columns(down_, *values);
+    }
+    for (std::size_t i = 0; i < pixels_; ++i)
+      share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, most_);
+  }
+
+  void find_passages(double reach) {
+    now_ = guide_;
+    finish_guide(now_);
+    passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), down_);
+    spreader_.along_columns(down_, guide_.light);
+    spreader_.along_columns(down_, guide_.variance);
+    finish_guide(guide_);
+    passages(guide_, 1, reach, across_);
+    passages(now_, picture_.columns, std::max(reach, lags_of_reach * static_cast<double>(lag_)), down_);
+  }
+
+  const BandedPicture& picture_;
+  std::vector<double> change_;  // P
+  std::size_t lag_, pixels_;
+  double most_ = 0;
+  std::vector<double> share_;
+  Evidence evidence_;
+  Cleaned now_, before_, guide_;
+  std::vector<double> down_, across_;
+  Spreader spreader_;
+};
+
+void check(const BandedPicture& picture, std::span<const double> row_light) {
+  const std::size_t pixels = picture.frames * picture.rows * picture.columns;
+  require(pixels > 0, "picture", pixels, "at least one pixel");
+  require(picture.light.size() == pixels, "picture", picture.light.size(), "frames x rows x columns values");
+  require(picture.variance.size() == pixels, "variance", picture.variance.size(), "one value a pixel");
+  require(row_light.size() == picture.frames * picture.rows, "row_light", row_light.size(), "one value a row");
+  for (const double value : picture.light) require_finite("picture", value);
+  for (const double value : picture.variance) require(value > 0, "variance", value, "above 0");
+  for (const double value : row_light) require_not_negative("row_light", value);
+}
+
+constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};  // step by step, as in the plan
+constexpr std::array<std::size_t, 5> lags{1, 2, 4, 8, 16};
+constexpr std::size_t band = 17;  // diagonals of the normal equations
+
+// Normal equations of the row light: H·δ = b, H[n·band + k] between rows n and n + k.
+struct RowEquations {
+  std::vector<double> matrix, right;
+};
+
+void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::size_t b, double texture,
+              RowEquations& equations) {
+  double aa = 0, ab = 0, bb = 0, pull_a = 0, pull_b = 0;
+  for (std::size_t column = 0; column < columns; ++column) {
+    const std::size_t i = a * columns + column, j = b * columns + column;
+    const double difference = frame.light[j] - frame.light[i], mean = 0.5 * (frame.light[j] + frame.light[i]);
+    if (!(mean > 0)) continue;
+    const double spread =
+        texture * texture * mean * mean + difference * difference + (frame.variance[i] + frame.variance[j]);
+    // slope holds q/f here: what a change of the row's light does to the logarithm of what is read
+    const double left = mean * frame.slope[i], right = mean * frame.slope[j];
+    aa += left * left / spread;
+    bb += right * right / spread;
+    ab += left * right / spread;
+    pull_a -= left * difference / spread;
+    pull_b += right * difference / spread;
+  }
+  equations.matrix[a * band] += aa;
+  equations.matrix[b * band] += bb;
+  equations.matrix[a * band + (b - a)] -= ab;
+  equations.right[a] += pull_a;
+  equations.right[b] += pull_b;
+}
+
+// Solves by Cholesky's decomposition within the band; `equations.right` becomes the solution.
+void solve(RowEquations& equations, std::size_t rows) {
+  std::vector<double>& h = equations.matrix;
+  std::vector<double>& x = equations.right;
+  for (std::size_t n = 0; n < rows; ++n) {
+    const double pivot = h[n * band];
+    const std::size_t reach = std::min(band, rows - n);
+    for (std::size_t i = 1; i < reach; ++i) {
+      const double factor = h[n * band + i] / pivot;
+      for (std::size_t j = i; j < reach; ++j) h[(n + i) * band + (j - i)] -= factor * h[n * band + j];
+      x[n + i] -= factor * x[n];
+    }
+  }
+  for (std::size_t n = rows; n-- > 0;) {
+    for (std::size_t i = 1; i < std::min(band, rows - n); ++i) x[n] -= h[n * band + i] * x[n + i];
+    x[n] /= h[n * band];
+  }
+}
+
+}  // namespace
+
+std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) {
+  const auto mean_square_change = [&](std::size_t lag) {
+    double sum = 0;
+    std::size_t count = 0;
+    for (std::size_t first = 0; first < row_light.size(); first += rows)
+      for (std::size_t n = 0; n + lag < rows; ++n, ++count)
+        sum +=
+            (row_light[first + n + lag] - row_light[first + n]) * (row_light[first + n + lag] - row_light[first + n]);
+    return count > 0 ? sum / static_cast<double>(count) : 0;
+  };
+  const double count = static_cast<double>(row_light.size());
+  const double mean = std::accumulate(row_light.begin(), row_light.end(), 0.0) / count;
+  double variance = 0;
+  for (const double value : row_light) variance += (value - mean) * (value - mean) / count;
+  const std::size_t most = std::clamp<std::size_t>(rows / 4, 1, 64);
+  std::size_t lag = 1;
+  while (lag < most && mean_square_change(lag) < 0.7 * variance) ++lag;
+  return lag;
+}
+
+std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light) {
+  check(picture, row_light);
+  return ShareEstimator(picture, row_light).estimate();
+}
+
+RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
+                          std::span<const double> row_light, int steps) {
+  check(picture, row_light);
+  require(picture.frames == 1, "frames", picture.frames, "1");
+  require(share.size() == picture.light.size(), "share", share.size(), "one value a pixel");
+  const std::size_t rows = picture.rows, columns = picture.columns;
+  RowLight result{{row_light.begin(), row_light.end()}, std::vector<double>(rows)};
+  Cleaned cleaned(picture.light.size());
+  std::vector<double> change(rows);
+  for (int step = 0; step < steps; ++step) {
+    for (std::size_t n = 0; n < rows; ++n) change[n] = result.light[n] - 1;
+    clean(picture, 0, change, share, cleaned);
+    for (std::size_t i = 0; i < cleaned.slope.size(); ++i)
+      cleaned.slope[i] = share[i] / light_left(share[i], change[i / columns]);
+    RowEquations equations{std::vector<double>(rows * band), std::vector<double>(rows)};
+    const double texture = row_textures[std::min(static_cast<std::size_t>(step), row_textures.size() - 1)];
+    for (const std::size_t lag : lags)
+      for (std::size_t n = 0; n + lag < rows; ++n)
+        add_pair(cleaned, columns, n, n + lag, texture * std::sqrt(static_cast<double>(lag)), equations);
+    double most = 0;
+    for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix[n * band]);
+    if (!(most > 0)) break;
+    for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * band] += 1e-4 * most;  // holds what no pair tells
+    solve(equations, rows);
+    for (std::size_t n = 0; n < rows; ++n)
+      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -0.5, 0.5));
+  }
+  return result;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,322 @@
+"""The picture without the bands of a modulated light, and the bands without the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast._arrays import as_columns
+from ocisac_fast._light import linear_light
+from ocisac_fast._row_light import MODELS, Kernels, RowLight, find_row_light, lit_channels
+from ocisac_fast._stored import light_per_step, to_stored, white_level
+from ocisac_fast.camera import Camera
+from ocisac_fast.waveforms import Waveform, integrate_exposure
+
+FloatArray = npt.NDArray[np.float64]
+
+_LEAST_LIGHT = 0.05  # as in the core
+_NEAR_WHITE = 0.98
+
+
+class Mark(IntEnum):
+    """What became of a pixel."""
+
+    RESTORED = 0
+    """As if the light had shone steadily."""
+    SATURATED = 1
+    """At the top of the scale, or within 2 % of it: left as it was."""
+    DARK = 2
+    """Its row was too dark: what the file holds of it cannot be brought back, or is the mean of rows around (fill)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CleanedFrames:
+    """Pictures without bands, or the bands.
+
+    Attributes:
+        frames: as given: same shape and type.
+        marks: :class:`Mark` of each pixel, uint8, of the shape of ``frames``.
+        light: (frames, rows) or (rows,): the light of each row that was taken out, mean 1.
+        share: what share of a pixel's mean light is the modulated one, float32, of the shape of ``frames``.
+        model: for each frame ``"tone"``, ``"chips"``, ``"rows"``, or ``"given"``.
+        frequency: (frames,) of the tone, or the chip rate, Hz; NaN for rows and given light.
+    """
+
+    frames: npt.NDArray[Any]
+    marks: npt.NDArray[np.uint8]
+    light: FloatArray
+    share: npt.NDArray[np.float32]
+    model: tuple[str, ...]
+    frequency: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    model: str
+    keep: str
+    level: str
+    noise: float | None
+    most_gain: float
+    fill: bool
+    kernels: Kernels = field(default_factory=Kernels)
+
+
+def remove_bands(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    *,
+    light: npt.ArrayLike | Waveform | None = None,
+    start: float = 0.0,
+    model: Literal["auto", "tone", "chips", "rows"] = "auto",
+    keep: Literal["picture", "bands"] = "picture",
+    level: Literal["full", "mean"] = "full",
+    still: bool = False,
+    noise: float | None = None,
+    most_gain: float = 8.0,
+    fill: bool = False,
+) -> CleanedFrames:
+    """The picture as if the modulated light had shone steadily.
+
+    A pixel reads, in linear light, v = c (1 + q (L_n - 1)): L_n the light of row n, mean 1; q the light's share of the
+    pixel; c what it would read at the light's mean. q is found where neighbouring rows, divided by 1 + q (L_n - 1),
+    differ least, texture and edges allowed for, over surroundings that end at the edges of the picture. The answer is
+    v (1 + q (L_full - 1)) / (1 + q (L_n - 1)): fully lit rows stay as they are.
+
+    Args:
+        frames: (rows, columns) or (frames, rows, columns), or (frames, rows, columns, channels) for colour; rows in
+            time order, at least 8.
+        camera: row time; tone curve, dark and white level where known: light adds up in linear light alone.
+        light: of each row, 0 or above: (rows,) or (frames, rows), any scale; or a waveform, which is put through the
+            exposure of ``camera``. None: found in the picture.
+        start: end of the first row's exposure, s, for a waveform; frames follow at ``camera.frame_time``.
+        model: what is taken for a light that is not given. ``"tone"``: a tone with its harmonics; ``"chips"``: the
+            chips that :func:`ocisac_fast.receive` finds, with the response that the rows show; ``"rows"``: any course;
+            ``"auto"``: a tone that explains 50 % of the swing that rows have in common, else chips that explain 95.5 %,
+            else any course. Changes slower than 128 rows are the picture's.
+        keep: ``"picture"``, or ``"bands"``: the modulated light alone, c q L_n.
+        level: of the steady light: ``"full"``: the brightest rows'; ``"mean"``: its mean over the rows.
+        still: the frames show one scene that does not move: shares are found from all of them together. A frame
+            without the light may be among them, with ``light`` 0.
+        noise: standard deviation of a pixel, DN; None: measured, at least half a step of integers.
+        most_gain: rows that would have to be amplified more than this are too dark, and marked; above 1.
+        fill: put the interpolation of the rows above and below in place of what was too dark; it stays marked.
+            Otherwise that is amplified ``most_gain`` times.
+
+    Returns:
+        :class:`CleanedFrames`.
+
+    Raises:
+        ValueError: an argument outside its range or of the wrong shape or type; the message names it.
+    """
+    options = Options(model, keep, level, noise, float(most_gain), fill)
+    return clean_frames(frames, camera, light, start, still, options)
+
+
+def clean_frames(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    light: npt.ArrayLike | Waveform | None,
+    start: float,
+    still: bool,
+    options: Options,
+) -> CleanedFrames:
+    """:func:`remove_bands` with any kernels."""
+    stack = _stacked(frames)
+    options = _checked(options)
+    given = None if light is None else _given_light(light, camera, start, stack.shape[:2])
+    parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
+    lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
+    done = [_clean(part, camera, None if lights is None else lights[k], options) for k, part in enumerate(parts)]
+    shape = np.shape(frames)
+    pictures = np.concatenate([one[0] for one in done])
+    marks = np.concatenate([one[1] for one in done])
+    shares = np.concatenate([one[2] for one in done])
+    found = [row_light for one in done for row_light in one[3]]
+    rows = np.stack([row_light.light for row_light in found])
+    return CleanedFrames(
+        frames=pictures.reshape(shape),
+        marks=marks.reshape(shape),
+        light=rows[0] if len(shape) == 2 else rows,
+        share=shares.reshape(shape),
+        model=tuple(row_light.model for row_light in found),
+        frequency=np.array([row_light.frequency for row_light in found]),
+    )
+
+
+def subtract_still(
+    frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: int = 8
+) -> FloatArray:
+    """Frames less the picture that stays the same, so that a faint light over a busy background can be received.
+
+    light(frame) - light(still) + mean of light(still), in linear light above dark: for :func:`ocisac_fast.receive` and
+    the others, with a camera of the same times and no tone curve. The chips of the light should differ from frame to
+    frame; where the clock is the same in all, it is subtracted as well.
+
+    Args:
+        frames: (frames, rows, columns) or (frames, rows, columns, channels), or (rows, columns) where ``still`` is
+            given; of a scene that does not move.
+        camera: tone curve, dark and white level.
+        still: (rows, columns[, channels]) the picture without the light, or with it steady, of the type of ``frames``.
+            None: of each frame the mean of its ``neighbours``, itself left out.
+        neighbours: frames to take, the nearest in time; 1 or more.
+
+    Returns:
+        float64 array of the shape of ``frames``.
+
+    Raises:
+        ValueError: a single frame without ``still``, or an argument of the wrong shape or type.
+    """
+    stack = _stacked(frames)
+    light = linear_light(stack, camera)
+    if still is not None:
+        picture = np.asarray(still)
+        if picture.shape not in (stack.shape[1:], stack.shape[1:3]) or picture.dtype != stack.dtype:
+            raise ValueError(f"still: got {picture.dtype} {picture.shape}, allowed: one frame of {stack.dtype}")
+        background = np.broadcast_to(linear_light(picture, camera).reshape(stack.shape[1:]), stack.shape)
+    else:
+        if len(stack) < 2:
+            raise ValueError("frames: got 1 frame, allowed: at least 2, or still=")
+        if neighbours < 1:
+            raise ValueError(f"neighbours: got {neighbours}, allowed: 1 or more")
+        background = np.stack([_mean_of_others(light, k, neighbours) for k in range(len(light))])
+    return np.asarray((light - background + background.mean()).reshape(np.shape(frames)))
+
+
+def _mean_of_others(light: FloatArray, index: int, neighbours: int) -> FloatArray:
+    others = sorted((k for k in range(len(light)) if k != index), key=lambda k: (abs(k - index), k))
+    return np.asarray(light[others[:neighbours]].mean(axis=0))
+
+
+def _stacked(frames: npt.ArrayLike) -> npt.NDArray[Any]:
+    """(frames, rows, columns, channels) of a type that the core knows."""
+    array = np.asarray(frames)
+    if array.ndim not in (2, 3, 4) or (array.size > 0 and array.shape[-3 if array.ndim == 4 else -2] < 8):
+        raise ValueError(
+            f"frames: got shape {array.shape}, allowed: (rows, columns), (frames, rows, columns) or "
+            "(frames, rows, columns, channels) of at least 8 rows"
+        )
+    flat = as_columns(array.reshape(array.shape[0], -1, array.shape[-1]) if array.ndim == 4 else array, "frames")
+    if flat.dtype.kind == "f" and not np.isfinite(flat).all():
+        raise ValueError("frames: got values that are not finite, allowed: finite numbers")
+    shape = {2: (1, *array.shape, 1), 3: (*array.shape, 1), 4: array.shape}[array.ndim]
+    return flat.reshape(shape)
+
+
+def _checked(options: Options) -> Options:
+    allowed = {"model": MODELS, "keep": ("picture", "bands"), "level": ("full", "mean")}
+    for name, values in allowed.items():
+        got = getattr(options, name)
+        if got not in values:
+            raise ValueError(f"{name}: got {got!r}, allowed: {', '.join(values)}")
+    if options.noise is not None and not (np.isfinite(options.noise) and options.noise > 0):
+        raise ValueError(f"noise: got {options.noise}, allowed: a finite number above 0")
+    if not (np.isfinite(options.most_gain) and options.most_gain > 1):
+        raise ValueError(f"most_gain: got {options.most_gain}, allowed: a finite number above 1")
+    return options
+
+
+def _given_light(
+    light: npt.ArrayLike | Waveform, camera: Camera, start: float, shape: tuple[int, ...]
+) -> list[RowLight]:
+    count, rows = shape
+    if isinstance(light, Waveform):
+        every = integrate_exposure(light, camera, rows, start, frames=count if count > 1 else None)
+        values = every.reshape(shape)
+    else:
+        values = np.asarray(light, np.float64)
+        values = np.broadcast_to(values, shape) if values.shape in ((rows,), shape) else values
+    if values.shape != shape or not np.isfinite(values).all() or (values < 0).any():
+        raise ValueError(f"light: got shape {values.shape}, allowed: finite, 0 or above, one for each of {rows} rows")
+    mean = values.mean(axis=1)
+    if not (mean > 0).any():
+        raise ValueError("light: got no light at all, allowed: rows of which some are lit")
+    common = mean[mean > 0].mean()  # one scale for all frames: one of them may be without the light
+    return [RowLight(row / common, float((values / common).max()), "given", float("nan")) for row in values]
+
+
+_Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], list[RowLight]]
+
+
+def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None, options: Options) -> _Done:
+    """Frames (frames, rows, columns, channels) of one scene."""
+    light = linear_light(stack, camera)
+    saturated = _saturated(stack, camera)
+    variance = _noise_variance(stack, camera, options.noise)
+    variance[saturated] = np.inf
+    found = given or [_found(light[k], variance[k], camera, options) for k in range(len(stack))]
+    rows = np.stack([row_light.light for row_light in found])
+    pictures, marks, shares = [np.empty(stack.shape, kind) for kind in (stack.dtype, np.uint8, np.float32)]
+    for channel in range(stack.shape[3]):
+        one, spread = (np.ascontiguousarray(values[..., channel]) for values in (light, variance))
+        share = options.kernels.light_share(one, spread, rows)
+        for k, row_light in enumerate(found):
+            values, mark = _restored(one[k], saturated[k, ..., channel], share, row_light, options)
+            stored = to_stored(values, camera, stack.dtype)
+            untouched = (mark == Mark.SATURATED) & (options.keep == "picture")
+            pictures[k, ..., channel] = np.where(untouched, stack[k, ..., channel], stored)
+            marks[k, ..., channel] = mark
+            shares[k, ..., channel] = share
+    return pictures, marks, shares, found
+
+
+def _saturated(stack: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.bool_]:
+    """Within 2 % of white: lossy files and sharpening scatter what was clipped. Floats without a white level: never."""
+    if camera.white_level is None and stack.dtype.kind == "f":
+        return np.zeros(stack.shape, bool)
+    dark = camera.dark_level
+    return np.asarray(stack >= dark + _NEAR_WHITE * (white_level(camera, stack.dtype) - dark))
+
+
+def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None) -> FloatArray:
+    """In linear light. Measured from second differences along the rows, which bands leave alone."""
+    if noise is None:
+        step = 0.5 if stack.dtype.kind == "u" else 1e-4 * max(float(np.abs(stack).max()), 1e-300)
+        noise = step
+        if stack.shape[2] >= 3:
+            values = np.asarray(stack[:, ::2], np.float64)
+            bend = np.abs(values[:, :, 2:] - 2 * values[:, :, 1:-1] + values[:, :, :-2])
+            noise = max(step, float(np.median(bend)) / (0.6745 * np.sqrt(6.0)))
+    return np.asarray((noise * light_per_step(stack, camera)) ** 2)
+
+
+def _found(light: FloatArray, variance: FloatArray, camera: Camera, options: Options) -> RowLight:
+    """The row light of one frame (rows, columns, channels), from the channels that show it."""
+    lit = lit_channels(light, variance)
+    return find_row_light(
+        light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, options.model, options.kernels
+    )
+
+
+def _restored(
+    light: FloatArray, saturated: npt.NDArray[np.bool_], share: FloatArray, row_light: RowLight, options: Options
+) -> tuple[FloatArray, npt.NDArray[np.uint8]]:
+    """One channel of one frame: linear light and marks."""
+    level = row_light.full if options.level == "full" else 1.0
+    rows = np.minimum(row_light.light, row_light.full)[:, None]  # rows above are lit fully, and noisy
+    left = np.maximum(1 + share * (rows - 1), 1e-9)
+    gain = (1 + share * (level - 1)) / left
+    dark = (gain > options.most_gain) & ~saturated
+    marks = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED)).astype(np.uint8)
+    gain = np.minimum(gain, options.most_gain)
+    if options.keep == "bands":
+        return light * gain / (1 + share * (level - 1)) * share * rows, marks
+    values = np.where(saturated, light, light * gain)
+    return (_filled(values, dark) if options.fill else values), marks
+
+
+def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:
+    """Lost pixels between the nearest kept ones of their column, in a straight line."""
+    rows = len(values)
+    place = np.arange(rows)[:, None]
+    above = np.maximum.accumulate(np.where(lost, -1, place), axis=0)
+    below = np.minimum.accumulate(np.where(lost, rows, place)[::-1], axis=0)[::-1]
+    first, last = np.where(above < 0, below, above), np.where(below >= rows, above, below)
+    known = (first < rows) & (last >= 0)
+    first, last = np.where(known, first, 0), np.where(known, last, 0)
+    along = np.where(last > first, (place - first) / np.maximum(last - first, 1), 0.0)
+    upper, lower = np.take_along_axis(values, first, axis=0), np.take_along_axis(values, last, axis=0)
+    return np.where(lost & known, upper + along * (lower - upper), values)

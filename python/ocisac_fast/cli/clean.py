@@ -1,0 +1,138 @@
+"""``ocisac clean``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import click
+import numpy as np
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.cli.output import emit_json, emit_table, progress, quantity
+from ocisac_fast.cli.pictures import PictureOptions, arrange, json_option, picture_options
+from ocisac_fast.files import open_recording, write_frames
+from ocisac_fast.files.recording import Frame
+
+_HEADER = ("frame", "light", "frequency or chip rate", "share", "saturated", "too dark")
+
+
+@click.command(short_help="The picture without the light's bands, or the bands alone.")
+@click.argument("source", metavar="IN")
+@click.argument("target", metavar="OUT")
+@click.option("--keep", type=click.Choice(["picture", "bands"]), default="picture", show_default=True)
+@click.option(
+    "--model",
+    type=click.Choice(["auto", "tone", "chips", "rows"]),
+    default="auto",
+    show_default=True,
+    help="What the light is taken for; rows: any course.",
+)
+@click.option(
+    "--level",
+    type=click.Choice(["full", "mean"]),
+    default="full",
+    show_default=True,
+    help="The steady light: as bright as the brightest rows, or as their mean.",
+)
+@click.option("--fill", is_flag=True, help="Interpolate what was too dark to restore.")
+@click.option("--still", is_flag=True, help="The frames show a scene that does not move: clean them together.")
+@click.option("--most-gain", type=float, default=8.0, show_default=True, help="Rows that need more are too dark.")
+@click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
+@picture_options
+@json_option
+def clean(
+    source: str, target: str, picture: PictureOptions, marks: str | None, still: bool, as_json: bool, **options: Any
+) -> None:
+    """Write IN (a picture, a video, a .npy array, or -) to OUT as if the modulated light had shone steadily.
+
+    OUT is .png, .tif, .mkv (FFV1), .mp4 or .npy; of a region, the region alone. Saturated pixels are left as they
+    were, rows too dark to restore are marked, not invented. Colours are cleaned one by one, with a light found in all.
+    """
+    cleaner = _Cleaner(picture, still, marks is not None, options)
+    with open_recording(source, colour=picture.channel != "y") as stream:
+        shown = progress(stream, "cleaning", stream.frame_count)
+        rate = stream.frame_rate
+        frames = cleaner.frames(shown, lambda first: _camera(picture, stream.response, rate, first))
+        write_frames(target, frames, rate or 30.0)
+    if marks is not None:
+        write_frames(marks, cleaner.marks)
+    if as_json:
+        for facts in cleaner.facts:
+            emit_json(facts)
+    else:
+        emit_table("", _HEADER, [_row(facts, picture.row_time is not None) for facts in cleaner.facts])
+    if not cleaner.facts:
+        raise click.ClickException(f"{source}: no frame in it")
+
+
+def _camera(picture: PictureOptions, response: Any, rate: float | None, first: Frame) -> Camera:
+    """Of floats the white level must be said: channel y is made of integers, whose type tells it."""
+    if picture.channel == "y" and response.white_level is None and first.dtype.kind == "u":
+        response = dataclasses.replace(response, white_level=float(np.iinfo(first.dtype).max))
+    return picture.camera(response, rate)
+
+
+class _Cleaner:
+    """Frames as stored in, frames as stored out; what was found is kept."""
+
+    def __init__(self, picture: PictureOptions, still: bool, mark: bool, options: dict[str, Any]) -> None:
+        self.facts: list[dict[str, Any]] = []
+        self.marks: list[Frame] = []
+        self._picture = picture
+        self._still = still
+        self._mark = mark
+        self._options = options
+
+    def frames(self, stored: Iterable[Frame], camera_of: Any) -> Iterator[Frame]:
+        camera: Camera | None = None
+        waiting: list[Frame] = []
+        for raw in stored:
+            camera = camera or camera_of(raw)
+            view = arrange(raw, self._picture)
+            if view.dtype.kind == "f" and raw.dtype.kind == "u":  # channel y
+                view = np.rint(view).astype(raw.dtype)
+            if self._still:
+                waiting.append(view)
+                continue
+            yield from self._cleaned(view[np.newaxis], camera)
+        if waiting and camera is not None:
+            if any(view.shape != waiting[0].shape for view in waiting):
+                raise ValueError("--still: frames of different sizes")
+            yield from self._cleaned(np.stack(waiting), camera)
+
+    def _cleaned(self, frames: Frame, camera: Camera) -> Iterator[Frame]:
+        from ocisac_fast import Mark, remove_bands
+
+        done = remove_bands(frames, camera, still=self._still, **self._options)
+        for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
+            self.facts.append(
+                {
+                    "frame": len(self.facts),
+                    "model": done.model[k],
+                    "frequency_hz": float(done.frequency[k]),
+                    "share": float(done.share[k].mean()),
+                    "saturated": float((marks == Mark.SATURATED).mean()),
+                    "too_dark": float((marks == Mark.DARK).mean()),
+                }
+            )
+            if self._mark:
+                worst = marks.max(axis=2) if marks.ndim == 3 else marks
+                self.marks.append(self._as_stored(np.array([0, 128, 255], np.uint8)[worst]))
+            yield self._as_stored(frame)
+
+    def _as_stored(self, frame: Frame) -> Frame:
+        """From rows in time order to the picture as stored."""
+        axis = self._picture.scan_axis
+        view = frame[::-1] if axis.startswith("-") else frame
+        return np.ascontiguousarray(view.swapaxes(0, 1) if axis.endswith("x") else view)
+
+
+def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
+    return [
+        str(facts["frame"]),
+        facts["model"],
+        quantity(facts["frequency_hz"], "Hz" if in_hertz else "", 5),
+        *(f"{100 * facts[name]:.3g} %" for name in ("share", "saturated", "too_dark")),
+    ]

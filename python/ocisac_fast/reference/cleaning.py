@@ -1,0 +1,176 @@
+"""The share of a modulated light in every pixel, and the light of every row, in plain NumPy.
+
+Pairs of pixels are compared by array slices and the row light is solved for as one dense system, where the core keeps
+sums and a band; results agree to rounding.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast._row_light import Kernels
+from ocisac_fast.camera import Camera
+from ocisac_fast.cleaning import CleanedFrames, Options, clean_frames
+from ocisac_fast.reference.light import linear_light
+from ocisac_fast.waveforms import Waveform
+
+FloatArray = npt.NDArray[np.float64]
+
+LEAST_LIGHT = 0.05
+ROW_TEXTURES = (0.5, 0.3, 0.2, 0.1, 0.05)
+PLAN = [(0.5, 48)] * 3 + [(0.3, 32)] * 2 + [(0.2, 32)] + [(0.1, 24)] * 2
+PLAN += [(0.05, 16)] * 2 + [(0.05, 12)] + [(0.05, 8)] * 2
+
+
+def comparison_lag(row_light: FloatArray) -> int:
+    """Rows apart at which the mean squared change of (frames, rows) first reaches 0.7 of the variance."""
+    most = min(max(row_light.shape[1] // 4, 1), 64)
+    for lag in range(1, most):
+        if np.mean((row_light[:, lag:] - row_light[:, :-lag]) ** 2) >= 0.7 * np.var(row_light):
+            return int(lag)
+    return int(most)
+
+
+Parts = tuple[FloatArray, ...]
+
+
+def _compare(one: Parts, two: Parts, texture: float) -> tuple[FloatArray, FloatArray]:
+    """Gradient and curvature in q of log(texture^2 mean^2 + difference^2 + noise) of pairs (c, g, var)."""
+    difference, mean, slope = two[0] - one[0], (two[0] + one[0]) / 2, two[1] - one[1]
+    weight = (mean > 0) / (texture**2 * mean**2 + difference**2 + one[2] + two[2])
+    return weight * mean * slope * difference, weight * (mean * slope) ** 2
+
+
+def _passage(light: FloatArray, variance: FloatArray, reach: float, axis: int) -> FloatArray:
+    a, b = (np.moveaxis(light, axis, 0)[k] for k in (slice(None, -1), slice(1, None)))
+    va, vb = (np.moveaxis(variance, axis, 0)[k] for k in (slice(None, -1), slice(1, None)))
+    ratio = (b - a) ** 2 / ((0.15 * (a + b) / 2) ** 2 + 9 * (va + vb))
+    return np.asarray(np.moveaxis(np.exp(-1 / reach) / (1 + ratio), 0, axis))
+
+
+def _spread(values: FloatArray, passage: FloatArray, axis: int) -> FloatArray:
+    """Sum over the line, each value times the product of the passages between."""
+    lines, through = np.moveaxis(values, axis, 0), np.moveaxis(passage, axis, 0)
+    total = lines.copy()
+    for direction in (1, -1):
+        running = np.zeros_like(lines[0])
+        gaps = through[::direction]
+        order = range(len(lines))[::direction]
+        for step, n in enumerate(order):
+            if step:
+                running = gaps[step - 1] * (running + lines[order[step - 1]])
+                total[n] += running
+    return np.moveaxis(total, 0, axis)
+
+
+def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) -> FloatArray:
+    """Share of the light in every pixel, (rows, columns), of (frames, rows, columns) and (frames, rows) of mean 1."""
+    change = row_light - 1
+    lag = comparison_lag(row_light)
+    most = 1 / max(-float(change.min()), 1e-9)
+
+    def gather(q: FloatArray, texture: float) -> tuple[FloatArray, ...]:
+        pull, weight, certain, sums = (np.zeros(q.shape) for _ in range(4))
+        before: tuple[FloatArray, ...] | None = None
+        for v, var, p in zip(light, variance, change[..., None], strict=True):
+            left = np.maximum(1 + q * p, LEAST_LIGHT)
+            now = (v / left, p / left, var / left**2)
+            upper, lower = tuple(part[:-lag] for part in now), tuple(part[lag:] for part in now)
+            for into, values in zip((pull, weight), _compare(upper, lower, texture), strict=True):
+                into[:-lag] += values / 2
+                into[lag:] += values / 2
+            if before is not None:
+                for into, values in zip((pull, weight), _compare(before, now, 0.2 * texture), strict=True):
+                    into += values
+            before = now
+            certain += 1 / now[2]
+            sums += now[0] / now[2]
+        return pull, weight, sums, certain
+
+    def means(sums: FloatArray, certain: FloatArray) -> tuple[FloatArray, FloatArray]:
+        known = certain > 0
+        divisor = np.where(known, certain, 1.0)
+        return np.where(known, sums / divisor, 0.0), np.where(known, 1 / divisor, np.inf)
+
+    q = np.full(light.shape[1:], min(0.5 * most, 1.0))
+    for _ in range(4):
+        pull, weight, *_ = gather(q, PLAN[0][0])
+        if weight.sum() > 0:
+            q[:] = np.clip(q + pull.sum() / weight.sum(), 0, most)
+    for texture, reach in PLAN:
+        pull, weight, sums, certain = gather(q, texture)
+        down = _passage(*means(sums, certain), 4 * lag, 0)
+        across = _passage(*means(_spread(sums, down, 0), _spread(certain, down, 0)), reach, 1)
+        down = _passage(*means(sums, certain), max(reach, 2 * lag), 0)
+        pull = pull + weight * q
+        for passage, axis in ((down, 0), (across, 1), (across, 1), (down, 0)):
+            pull, weight = _spread(pull, passage, axis), _spread(weight, passage, axis)
+        q = np.clip((pull + 1000 * q) / (weight + 1000), 0, most)
+    return q
+
+
+def refine_row_light(
+    light: FloatArray, variance: FloatArray, share: FloatArray, row_light: FloatArray, steps: int
+) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Newton steps of the row light of one frame (1, rows, columns): the light, and each row's information."""
+    rows = light.shape[1]
+    result, information = row_light.copy(), np.zeros(rows)
+    for step in range(steps):
+        left = np.maximum(1 + share * (result - 1)[:, None], LEAST_LIGHT)
+        c, var = light[0] / left, variance[0] / left**2
+        slope = share / left
+        matrix, right = np.zeros((rows, rows)), np.zeros(rows)
+        for lag in (1, 2, 4, 8, 16):
+            texture = ROW_TEXTURES[min(step, 4)] * np.sqrt(lag)
+            for a in range(rows - lag):
+                b = a + lag
+                difference, mean = c[b] - c[a], (c[b] + c[a]) / 2
+                weight = (mean > 0) / ((texture * mean) ** 2 + difference**2 + var[a] + var[b])
+                from_a, from_b = mean * slope[a], mean * slope[b]
+                matrix[a, a] += weight @ from_a**2
+                matrix[b, b] += weight @ from_b**2
+                matrix[a, b] -= weight @ (from_a * from_b)
+                matrix[b, a] = matrix[a, b]
+                right[a] -= weight @ (from_a * difference)
+                right[b] += weight @ (from_b * difference)
+        information = np.diagonal(matrix).copy()
+        if not information.max() > 0:
+            break
+        change = np.linalg.solve(matrix + 1e-4 * information.max() * np.eye(rows), right)
+        result = np.maximum(result + np.clip(change, -0.5, 0.5), 0)
+    return result, information
+
+
+def remove_bands(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    *,
+    light: npt.ArrayLike | Waveform | None = None,
+    start: float = 0.0,
+    model: Literal["auto", "tone", "chips", "rows"] = "auto",
+    keep: Literal["picture", "bands"] = "picture",
+    level: Literal["full", "mean"] = "full",
+    still: bool = False,
+    noise: float | None = None,
+    most_gain: float = 8.0,
+    fill: bool = False,
+) -> CleanedFrames:
+    """As :func:`ocisac_fast.remove_bands`, with the kernels above."""
+    options = Options(model, keep, level, noise, float(most_gain), fill, Kernels(light_share, refine_row_light))
+    return clean_frames(frames, camera, light, start, still, options)
+
+
+def subtract_still(
+    frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: int = 8
+) -> FloatArray:
+    """Each frame less the still picture, or the mean of the frames nearest in time, plus the mean of what was taken."""
+    light = [linear_light(np.asarray(frame), camera) for frame in np.asarray(frames)]
+    taken = []
+    for k in range(len(light)):
+        nearest = sorted(set(range(len(light))) - {k}, key=lambda other: (abs(other - k), other))[:neighbours]
+        others = [light[other] for other in nearest]
+        taken.append(np.mean(others, axis=0) if still is None else linear_light(np.asarray(still), camera))
+    return np.asarray(np.array(light) - np.array(taken) + np.mean(taken))
