@@ -10,7 +10,7 @@ import ocisac_fast as ocisac
 from ocisac_fast import Camera
 from ocisac_fast.cli import main
 from ocisac_fast.goodput import possible_goodput
-from ocisac_fast.stream_receiver import Receiver
+from ocisac_fast.stream_receiver import MultiReceiver, Receiver
 
 ROW_TIME, FRAME_TIME, CHIP_RATE = 22.2e-6, 1 / 30, 8e3
 PAYLOAD = np.random.default_rng(11).bytes(1000)
@@ -251,3 +251,23 @@ def test_the_command_gives_payloads(tmp_path, capsys):
     assert "over the air" in capsys.readouterr().out
     assert main([*options[:2], "--frame-rate", "30", "--packets"]) == 2
     assert "--frame-rate: needs --row-time" in capsys.readouterr().err
+
+
+def test_two_lights_side_by_side_are_two_streams():
+    lights = [Light(b"left", seed=30, exposure=90e-6, noise=0), Light(b"right", seed=31, exposure=90e-6, noise=0)]
+    receiver = MultiReceiver(lights[0].camera, chip_rate=CHIP_RATE)
+    random, got = np.random.default_rng(32), {}
+    for index in range(40):
+        picture = np.full((1080, 80), 20.0)
+        for light, columns in zip(lights, (slice(4, 36), slice(44, 76)), strict=True):
+            picture[:, columns] += light.frame(index)[:, np.newaxis]
+        results = receiver.push(np.clip(picture + 2 * random.standard_normal(picture.shape), 0, 255).astype(np.uint8))
+        for result in results:
+            if result.received.payload is not None:
+                got[result.region[0] >= 40] = result.received.payload.payload
+    assert got == {False: b"left", True: b"right"}
+    assert {result.source for result in results} == {0, 1}
+    assert results[0].received.snr >= results[1].received.snr
+    for wrong, message in [({"regions": [(1, 2, 3)]}, "regions: got"), ({"most": 0}, "most: got 0")]:
+        with pytest.raises(ValueError, match=message):
+            MultiReceiver(lights[0].camera, **wrong)

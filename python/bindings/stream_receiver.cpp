@@ -4,9 +4,12 @@
 #include <pybind11/stl.h>
 
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "arrays.hpp"
+#include "ocisac/receiver/multi_receiver.hpp"
 #include "packet_arguments.hpp"
 #include "register.hpp"
 
@@ -35,6 +38,37 @@ py::tuple as_tuple(const ReceivedFrame& frame) {
                         frame.error_rate, as_array(frame.llr), stretch, frame.flags);
 }
 
+using Box = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
+
+MultiReceiver multi_receiver(const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
+                             std::size_t block_bytes, const std::string& preamble, const std::vector<Box>& regions,
+                             std::size_t most) {
+  MultiReceiverOptions options{{chip_rate, format_of(line_code, block_bytes, preamble)}, {}, most};
+  for (const auto& [x, y, width, height] : regions) options.regions.push_back({x, y, width, height});
+  return MultiReceiver(camera, std::move(options));
+}
+
+std::vector<AnyFramesView> views_of(const std::vector<py::array>& channels) {
+  std::vector<AnyFramesView> views;
+  for (const auto& channel : channels) views.push_back(any_view(channel));
+  return views;
+}
+
+py::list push_multi(MultiReceiver& receiver, const std::vector<py::array>& channels,
+                    std::optional<std::int64_t> frame) {
+  const auto views = views_of(channels);
+  std::vector<SourceFrame> results;
+  {
+    const py::gil_scoped_release unlocked;
+    results = receiver.push(views, frame);
+  }
+  py::list list;
+  for (const auto& [source, region, received] : results)
+    list.append(
+        py::make_tuple(source, py::make_tuple(region.x, region.y, region.width, region.height), as_tuple(received)));
+  return list;
+}
+
 }  // namespace
 
 void register_stream_receiver(py::module_& module) {
@@ -47,8 +81,7 @@ void register_stream_receiver(py::module_& module) {
       .def(
           "push",
           [](Receiver& receiver, const std::vector<py::array>& channels, std::optional<std::int64_t> frame) {
-            std::vector<AnyFramesView> views;
-            for (const auto& channel : channels) views.push_back(any_view(channel));
+            const auto views = views_of(channels);
             ReceivedFrame result;
             {
               const py::gil_scoped_release unlocked;
@@ -57,6 +90,10 @@ void register_stream_receiver(py::module_& module) {
             return as_tuple(result);
           },
           py::arg("channels"), py::arg("frame"));
+  py::class_<MultiReceiver>(module, "MultiReceiver")
+      .def(py::init(&multi_receiver), py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"),
+           py::arg("block_bytes"), py::arg("preamble"), py::arg("regions"), py::arg("most"))
+      .def("push", &push_multi, py::arg("channels"), py::arg("frame"));
 }
 
 }  // namespace ocisac::bindings

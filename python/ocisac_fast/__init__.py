@@ -44,7 +44,7 @@ from ocisac_fast.receiver import Received, receive
 from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource, detect_sources
-from ocisac_fast.stream_receiver import ReceivedFrame, Receiver
+from ocisac_fast.stream_receiver import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
 from ocisac_fast.transmission import (
     Transmission,
     decode_line_code,
@@ -100,6 +100,7 @@ __all__ = [
     "Goodput",
     "LightSource",
     "Mark",
+    "MultiReceiver",
     "Pooled",
     "PreambleMatch",
     "Product",
@@ -111,6 +112,7 @@ __all__ = [
     "Samples",
     "Scene",
     "SensedRegion",
+    "SourceFrame",
     "SourceTracker",
     "SquareWave",
     "Sum",

@@ -259,3 +259,17 @@ def refine_row_light(
     row_light: npt.NDArray[np.float64],
     steps: int,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+class MultiReceiver:
+    def __init__(
+        self,
+        camera: Camera,
+        chip_rate: float | None,
+        line_code: str | Sequence[str],
+        block_bytes: int,
+        preamble: str,
+        regions: Sequence[tuple[int, int, int, int]],
+        most: int,
+    ) -> None: ...
+    def push(
+        self, channels: Sequence[npt.NDArray[Any]], frame: int | None
+    ) -> list[tuple[int, tuple[int, int, int, int], tuple[Any, ...]]]: ...

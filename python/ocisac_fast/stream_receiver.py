@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from ocisac_fast.receiver import _channels
 from ocisac_fast.transmission import Payload, Stretch, _count, _line_code
 
 FloatArray = npt.NDArray[np.float64]
+Region = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,34 +121,127 @@ class Receiver:
         Raises:
             ValueError: a wrong shape or type; a number that is no whole one.
         """
-        if number is not None and (isinstance(number, bool) or not isinstance(number, (int, np.integer))):
-            raise ValueError(f"number: got {number!r}, allowed: a whole number, or None")
-        array = np.asarray(frame)
-        if array.ndim == 3:
-            array = array[np.newaxis]
-        elif array.ndim not in (1, 2):
-            raise ValueError(
-                f"frame: got shape {array.shape}, allowed: (rows,), (rows, columns) or (rows, columns, channels)"
-            )
-        values = self._handle.push(_channels(array, self._channel), None if number is None else int(number))
-        index, outcome, missing, channel, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
-        snr, error_rate, llr, stretch, flags = rest
-        row_time = self._camera.row_time
-        return ReceivedFrame(
-            frame=index,
-            outcome=outcome,
-            missing=missing,
-            channel=channel if self._channel is None else self._channel,
-            bits=bits,
-            phase=phase,
-            rows_per_chip=rows,
-            rows_per_chip_std=rows_std,
-            chip_rate=1.0 / (rows * row_time),
-            exposure=exposure * row_time,
-            exposure_std=exposure_std * row_time,
-            snr=snr,
-            error_rate=error_rate,
-            llr=llr,
-            stretch=None if stretch is None else Stretch._of(stretch),
-            flags=Flag(flags),
+        channels, index = _frame_channels(frame, self._channel), _frame_number(number)
+        return _received_frame(self._handle.push(channels, index), self._camera.row_time, self._channel)
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFrame:
+    """One light in a frame.
+
+    Attributes:
+        source: number of the light, from 0 in the order in which they were found; never given again.
+        region: (x, y, width, height) of the box in which it was read: columns and rows in time order.
+        received: what it gave; ``phase`` is a row of the picture.
+    """
+
+    source: int
+    region: Region
+    received: ReceivedFrame
+
+
+class MultiReceiver:
+    """Several lights in one picture, each its own stream of packets.
+
+    Lights beside each other are told by columns that swing differently, lights above each other by rows between them
+    in which nothing swings; those that touch must be given as regions. The picture is looked at anew from time to
+    time: lights may come and go.
+
+    Args:
+        camera, chip_rate, line_code, block_bytes, preamble, channel: as of :class:`Receiver`; all lights use the same.
+        regions: boxes (x, y, width, height) of the lights, columns and rows in time order; empty: found.
+        most: lights that are found, at most.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+
+    __slots__ = ("_camera", "_channel", "_handle")
+
+    def __init__(
+        self,
+        camera: Camera,
+        *,
+        chip_rate: float | None = None,
+        line_code: str | Sequence[str] = "manchester",
+        block_bytes: int = 16,
+        preamble: str = "standard",
+        channel: int | None = None,
+        regions: Sequence[Region] = (),
+        most: int = 8,
+    ) -> None:
+        self._camera = camera
+        self._channel = channel
+        self._handle = _core.MultiReceiver(
+            camera=camera._handle,
+            chip_rate=None if chip_rate is None else float(chip_rate),
+            line_code=_line_code(line_code)[1],
+            block_bytes=_count("block_bytes", block_bytes, 1),
+            preamble=preamble,
+            regions=[_region(region) for region in regions],
+            most=_count("most", most, 1),
         )
+
+    def push(self, frame: npt.ArrayLike, number: int | None = None) -> list[SourceFrame]:
+        """The next frame: what each light gave, the strongest first; at least one result.
+
+        Args:
+            frame: (rows, columns) or (rows, columns, channels), as of :meth:`Receiver.push`.
+            number: of the frame, counting those that are missing; ascending. None: one after the last.
+
+        Raises:
+            ValueError: a wrong shape or type; a number that is no whole one; a region outside the first frame.
+        """
+        values = self._handle.push(_frame_channels(frame, self._channel), _frame_number(number))
+        row_time = self._camera.row_time
+        return [
+            SourceFrame(source, region, _received_frame(received, row_time, self._channel))
+            for source, region, received in values
+        ]
+
+
+def _region(region: Region) -> Region:
+    box = tuple(region)
+    if len(box) != 4 or not all(isinstance(value, (int, np.integer)) and value >= 0 for value in box):
+        raise ValueError(f"regions: got {region!r}, allowed: (x, y, width, height), whole numbers from 0")
+    return int(box[0]), int(box[1]), int(box[2]), int(box[3])
+
+
+def _frame_number(number: int | None) -> int | None:
+    if number is not None and (isinstance(number, bool) or not isinstance(number, (int, np.integer))):
+        raise ValueError(f"number: got {number!r}, allowed: a whole number, or None")
+    return None if number is None else int(number)
+
+
+def _frame_channels(frame: npt.ArrayLike, channel: int | None) -> list[npt.NDArray[Any]]:
+    array = np.asarray(frame)
+    if array.ndim == 3:
+        array = array[np.newaxis]
+    elif array.ndim not in (1, 2):
+        raise ValueError(
+            f"frame: got shape {array.shape}, allowed: (rows,), (rows, columns) or (rows, columns, channels)"
+        )
+    return _channels(array, channel)
+
+
+def _received_frame(values: tuple[Any, ...], row_time: float, channel_asked: int | None) -> ReceivedFrame:
+    index, outcome, missing, channel, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
+    snr, error_rate, llr, stretch, flags = rest
+    return ReceivedFrame(
+        frame=index,
+        outcome=outcome,
+        missing=missing,
+        channel=channel if channel_asked is None else channel_asked,
+        bits=bits,
+        phase=phase,
+        rows_per_chip=rows,
+        rows_per_chip_std=rows_std,
+        chip_rate=1.0 / (rows * row_time),
+        exposure=exposure * row_time,
+        exposure_std=exposure_std * row_time,
+        snr=snr,
+        error_rate=error_rate,
+        llr=llr,
+        stretch=None if stretch is None else Stretch._of(stretch),
+        flags=Flag(flags),
+    )

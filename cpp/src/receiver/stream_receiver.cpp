@@ -19,6 +19,7 @@ constexpr double kSurePrediction = 0.15;            // chips; standard error up 
 constexpr double kNarrowTolerance = 2e-3;           // of a rate that frames have told
 constexpr double kWideTolerance = 0.02;             // of a nominal one
 constexpr double kAsNoisy = 1.2, kMostNoisier = 2;  // times the frame before
+constexpr double kLittleNoise = 0.06;               // of the swing: the clock can have been lost in no part
 constexpr std::size_t kPhases = 6;                  // tried in a chip where it cannot be predicted
 constexpr double kFewestChips = 12;                 // in a frame
 constexpr double kWeakSnr = 9;
@@ -89,7 +90,8 @@ std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
   }
   if (!best) return std::nullopt;
-  if (best->relative_noise < kAsNoisy * relative_noise_ && is_sound(*best)) return best;
+  const double as_before = std::max(kAsNoisy, std::min(kMostNoisier, kLittleNoise / relative_noise_)) * relative_noise_;
+  if (best->relative_noise < as_before && is_sound(*best)) return best;
   auto extended = extend_reading(signal, best->channel, exposure_known);
   if (extended && extended->relative_noise < kMostNoisier * relative_noise_ && is_sound(*extended)) return extended;
   return std::nullopt;
@@ -161,14 +163,18 @@ void Receiver::lose(ReceivedFrame& result, bool searched) {
   }
 }
 
-ReceivedFrame Receiver::push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame,
-                             std::size_t first_row) {
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+ReceivedFrame nothing_received(std::int64_t frame) {
   ReceivedFrame result;
-  result.frame = frame.value_or(order_.next());
+  result.frame = frame;
   for (double* value : {&result.phase, &result.rows_per_chip, &result.rows_per_chip_std, &result.exposure,
                         &result.exposure_std, &result.snr, &result.error_rate})
-    *value = nan;
+    *value = std::numeric_limits<double>::quiet_NaN();
+  return result;
+}
+
+ReceivedFrame Receiver::push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame,
+                             std::size_t first_row) {
+  ReceivedFrame result = nothing_received(frame.value_or(order_.next()));
   const auto lengths = lengths_of(channels);
   const auto verdict = order_.admit(result.frame, lengths);
   result.outcome = verdict.outcome;

@@ -42,6 +42,9 @@ struct ReceivedFrame {
   Flags flags = 0;
 };
 
+// A result that holds nothing but the frame's number: numbers are NaN.
+ReceivedFrame nothing_received(std::int64_t frame);
+
 // One light in frames that come in time order; any may be missing. Each frame's columns are combined, its chip clock,
 // exposure and levels found (from the clock of the frames before, else from a preamble, else from the rate alone), its
 // chips detected, and put into the packet at their place on the light's clock. Memory is bounded.

@@ -1,0 +1,30 @@
+// Where the lights are that carry data: boxes that each hold one light's chips.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "ocisac/camera/tone_curve.hpp"
+#include "ocisac/views.hpp"
+
+namespace ocisac {
+
+// Pixels: x, columns, and y, rows in time order, of the top left corner.
+struct Region {
+  std::size_t x = 0, y = 0, width = 0, height = 0;
+  friend bool operator==(const Region&, const Region&) = default;
+};
+
+// The part of all frames of a view within a region; it must lie inside.
+AnyFramesView part_of(const AnyFramesView& frames, const Region& region);
+
+// Boxes of lights beside each other (columns that swing differently: light_groups) and above each other (rows between
+// them in which nothing swings), cut in turn until each holds one, without rows at its ends in which nothing does, where
+// these are many. From the left, then from the top; the whole frame
+// where nothing tells more than one light. Lights that touch above each other are not told apart.
+std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve);
+
+// Pixels that two regions share.
+std::size_t shared_pixels(const Region& a, const Region& b);
+
+}  // namespace ocisac
