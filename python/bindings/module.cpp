@@ -19,4 +19,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_light_share(module);
   ocisac::bindings::register_stream_receiver(module);
   ocisac::bindings::register_scene(module);
+  ocisac::bindings::register_fsk(module);
 }

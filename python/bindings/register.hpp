@@ -20,5 +20,6 @@ void register_sources(pybind11::module_& module);
 void register_light_share(pybind11::module_& module);
 void register_stream_receiver(pybind11::module_& module);
 void register_scene(pybind11::module_& module);
+void register_fsk(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

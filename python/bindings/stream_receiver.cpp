@@ -17,25 +17,13 @@ namespace ocisac::bindings {
 
 namespace {
 
-std::string name_of(FrameOutcome outcome) {
-  switch (outcome) {
-    case FrameOutcome::received: return "received";
-    case FrameOutcome::no_signal: return "no_signal";
-    case FrameOutcome::not_finite: return "not_finite";
-    case FrameOutcome::repeated: return "repeated";
-    case FrameOutcome::unsearched: return "unsearched";
-    case FrameOutcome::other_shape: break;
-  }
-  return "other_shape";
-}
-
 // In the order of ocisac_fast.stream_receiver.ReceivedFrame.
 py::tuple as_tuple(const ReceivedFrame& frame) {
   py::object stretch = py::none();
   if (frame.stretch) stretch = stretch_tuple(*frame.stretch);
-  return py::make_tuple(frame.frame, name_of(frame.outcome), frame.missing, frame.channel, frame.bits, frame.phase,
-                        frame.rows_per_chip, frame.rows_per_chip_std, frame.exposure, frame.exposure_std, frame.snr,
-                        frame.error_rate, as_array(frame.llr), stretch, frame.flags);
+  return py::make_tuple(frame.frame, std::string(outcome_name(frame.outcome)), frame.missing, frame.channel, frame.bits,
+                        frame.phase, frame.rows_per_chip, frame.rows_per_chip_std, frame.exposure, frame.exposure_std,
+                        frame.snr, frame.error_rate, as_array(frame.llr), stretch, frame.flags);
 }
 
 using Box = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;

@@ -37,6 +37,15 @@ from ocisac_fast.frequency import (
     pick_channel,
     tone_columns,
 )
+from ocisac_fast.fsk import (
+    FskFrame,
+    FskReceiver,
+    FskSymbol,
+    FskTransmission,
+    fsk_demodulate,
+    fsk_symbol_error_rate,
+    fsk_transmit,
+)
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.picture_sensing import sense
@@ -97,6 +106,10 @@ __all__ = [
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "FskFrame",
+    "FskReceiver",
+    "FskSymbol",
+    "FskTransmission",
     "Goodput",
     "LightSource",
     "Mark",
@@ -143,6 +156,9 @@ __all__ = [
     "find_frequency",
     "find_preamble",
     "fit_channel",
+    "fsk_demodulate",
+    "fsk_symbol_error_rate",
+    "fsk_transmit",
     "integrate_exposure",
     "longest_payload",
     "lost_frequencies",

@@ -9,6 +9,18 @@
 
 namespace ocisac {
 
+std::string_view outcome_name(FrameOutcome outcome) {
+  switch (outcome) {
+    case FrameOutcome::received: return "received";
+    case FrameOutcome::not_finite: return "not_finite";
+    case FrameOutcome::repeated: return "repeated";
+    case FrameOutcome::other_shape: return "other_shape";
+    case FrameOutcome::unsearched: return "unsearched";
+    case FrameOutcome::no_signal: break;
+  }
+  return "no_signal";
+}
+
 FrameOrder::Verdict FrameOrder::admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths) {
   Verdict verdict;
   if (last_ && frame <= *last_) {

@@ -20,8 +20,9 @@ constexpr double kNarrowTolerance = 2e-3;           // of a rate that frames hav
 constexpr double kWideTolerance = 0.02;             // of a nominal one
 constexpr double kAsNoisy = 1.2, kMostNoisier = 2;  // times the frame before
 constexpr double kLittleNoise = 0.06;               // of the swing: the clock can have been lost in no part
-constexpr std::size_t kPhases = 6;                  // tried in a chip where it cannot be predicted
-constexpr double kFewestChips = 12;                 // in a frame
+constexpr double kNoNoise = 0.005;
+constexpr std::size_t kPhases = 6;   // tried in a chip where it cannot be predicted
+constexpr double kFewestChips = 12;  // in a frame
 constexpr double kWeakSnr = 9;
 constexpr std::size_t kMostWait = 7;    // frames
 constexpr std::size_t kForgotten = 60;  // frames in which nothing was found: another light may come
@@ -90,7 +91,8 @@ std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
   }
   if (!best) return std::nullopt;
-  const double as_before = std::max(kAsNoisy, std::min(kMostNoisier, kLittleNoise / relative_noise_)) * relative_noise_;
+  const double as_before =
+      std::max({kAsNoisy * relative_noise_, std::min(kMostNoisier * relative_noise_, kLittleNoise), kNoNoise});
   if (best->relative_noise < as_before && is_sound(*best)) return best;
   auto extended = extend_reading(signal, best->channel, exposure_known);
   if (extended && extended->relative_noise < kMostNoisier * relative_noise_ && is_sound(*extended)) return extended;

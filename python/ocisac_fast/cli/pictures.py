@@ -36,6 +36,9 @@ class _Region(ParameterType):
         return tuple(int(number) for number in match.groups())
 
 
+REGION = _Region()
+
+
 class _ToneCurve(ParameterType):
     name = "linear|gamma[:2.2]|srgb"
 
@@ -243,7 +246,7 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
             show_default=True,
             help="Direction in which rows are read out: y is down, x to the right.",
         ),
-        click.option("--region", type=_Region(), help="Part of the picture, from its top left corner."),
+        click.option("--region", type=REGION, help="Part of the picture, from its top left corner."),
         click.option("--channel", type=_Channel(), default="auto", show_default=True),
         click.option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True),
         click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave."),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import dataclasses
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -11,7 +9,8 @@ from typing import Any
 import click
 
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity
-from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream, parse_tones
+from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY, Quantity
 from ocisac_fast.transmission import LINE_CODES
 
@@ -24,6 +23,9 @@ from ocisac_fast.transmission import LINE_CODES
 @click.option("--block-bytes", type=int, default=16, show_default=True, help="Coded bytes of a packet's block.")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
 @click.option("--frame-rate", type=FREQUENCY, help="Joins the packets of several frames; a video's own otherwise.")
+@click.option("--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Lights of packets, at most.")
+@click.option("--source-region", type=REGION, multiple=True, help="Of a light of packets; may be given several times.")
+@click.option("--tones", help="CM-FSK: the tones of a symbol, as 1kHz,1.2kHz; one symbol a frame.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
 @json_option
@@ -35,6 +37,9 @@ def receive(
     block_bytes: int,
     preamble: str,
     frame_rate: Quantity | None,
+    sources: int,
+    source_region: tuple[tuple[int, int, int, int], ...],
+    tones: str | None,
     picture: PictureOptions,
     plot: str | None,
     as_json: bool,
@@ -43,23 +48,30 @@ def receive(
 
     Columns, channel and chip rate are found. Chips cut by the edges of a frame are left out. With --packets frames
     are taken as one stream in time order, exposures may be longer than a chip (then --chip-rate is needed), and
-    payloads are given where they come whole.
+    payloads are given where they come whole; lights beside and above each other are sources of their own. With --tones
+    each frame shows one tone of a set (CM-FSK). An interrupt ends the reception: what has come is told.
     """
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
-    packets = packets or line_code != "none"
+    frequencies = parse_tones(tones, FREQUENCY.convert)
+    packets = packets or line_code != "none" or bool(frequencies)
     if frame_rate is not None and picture.row_time is None:
         raise click.UsageError("--frame-rate: needs --row-time")
     seconds = None if frame_rate is None else 1.0 / _positive("--frame-rate", float(frame_rate))
-    stream = _Stream(rate, line_code, block_bytes, preamble, seconds) if packets else None
-    for file in files:
-        for facts in _received(file, picture, plot, rate, stream):
-            named = {"file": file, **facts} if len(files) > 1 else facts
-            if as_json:
-                emit_json(named)
-            else:
-                every.append(named)
-        plot = None  # the first frame of the first file
+    options = PacketOptions(rate, line_code, block_bytes, preamble, seconds, sources, source_region, frequencies)
+    stream = PacketStream(options) if packets else None
+    stopped = False
+    try:
+        for file in files:
+            for facts in _received(file, picture, plot, rate, stream):
+                named = {"file": file, **facts} if len(files) > 1 else facts
+                if as_json:
+                    emit_json(named)
+                else:
+                    every.append(named)
+            plot = None  # the first frame of the first file
+    except KeyboardInterrupt:  # what has come so far is told
+        stopped = True
     if not as_json:
         header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER]
         emit_table("", header, [_row(facts, picture.row_time is not None) for facts in every], left=("flags",))
@@ -68,8 +80,10 @@ def receive(
                 click.echo(facts["bits"] or "no bits")
             elif "payload" in facts:
                 click.echo(f"frame {facts['frame']}, packet {facts['packet']}: {facts['payload']}")
-        if stream is not None:
-            click.echo(stream.summary())
+    if stream is not None:
+        click.echo(stream.summary(), err=as_json)
+    if stopped:
+        raise KeyboardInterrupt
 
 
 _HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags")
@@ -81,84 +95,33 @@ def _positive(name: str, value: float) -> float:
     return value
 
 
-class _Stream:
-    """One receiver over all frames of all files."""
-
-    def __init__(
-        self, chip_rate: float | None, line_code: str, block_bytes: int, preamble: str, frame_time: float | None
-    ) -> None:
-        self._options: dict[str, Any] = {
-            "chip_rate": chip_rate,
-            "line_code": line_code,
-            "block_bytes": block_bytes,
-            "preamble": preamble,
-        }
-        self._frame_time = frame_time
-        self._receiver: Any = None
-        self._share = 0.0
-        self._payloads = 0
-
-    def push(self, frame: Any, camera: Any) -> Any:
-        from ocisac_fast.stream_receiver import Receiver
-
-        if self._receiver is None:
-            frame_time = self._frame_time or camera.frame_time
-            self._receiver = Receiver(dataclasses.replace(camera, frame_time=frame_time), **self._options)
-        result = self._receiver.push(frame)
-        self._share = result.stretch.share if result.stretch is not None else self._share
-        self._payloads += result.payload is not None
-        return result
-
-    def summary(self) -> str:
-        if self._payloads:
-            return f"{self._payloads} payload{'s' if self._payloads > 1 else ''}"
-        return f"no payload; {100.0 * min(self._share, 1.0):.0f} % of the bytes that one needs"
-
-
 def _received(
-    file: str, picture: PictureOptions, plot: str | None, rate: float | None, stream: _Stream | None
+    file: str, picture: PictureOptions, plot: str | None, rate: float | None, stream: PacketStream | None
 ) -> Iterator[dict[str, Any]]:
     """The JSON objects of a file, as its frames are read."""
     from ocisac_fast import receive as receive_frames
 
     with open_pictures(file, picture) as pictures:
+        if stream is not None:  # frame by frame: a payload is told as soon as it is there
+            for count, frame in enumerate(progress(pictures.frames, "receiving", pictures.frame_count)):
+                if plot is not None and count == 0:
+                    _plot_first(plot, frame[None], pictures.camera, rate)
+                yield from stream.push(frame, pictures.camera, count)
+            return
         count = 0
         for batch in progress(pictures.batches(), "receiving", 1 if pictures.frame_count == 1 else None):
             if plot is not None and count == 0:
-                from ocisac_fast.plots import plot_received
-
-                first = receive_frames(batch[:1], pictures.camera, chip_rate=rate)[0]
-                plot_received(plot, batch[0], pictures.camera, first)
-            if stream is None:
-                for result in receive_frames(batch, pictures.camera, chip_rate=rate):
-                    yield _facts(result, count, batch.shape[1])
-            else:
-                for index, frame in enumerate(batch):
-                    yield _stream_facts(stream.push(frame, pictures.camera), count + index, batch.shape[1])
+                _plot_first(plot, batch[:1], pictures.camera, rate)
+            for result in receive_frames(batch, pictures.camera, chip_rate=rate):
+                yield _facts(result, count, batch.shape[1])
             count += len(batch)
 
 
-def _stream_facts(result: Any, frame: int, rows: int) -> dict[str, Any]:
-    """The JSON object of a frame in a stream with packets."""
-    facts = {
-        "frame": frame,
-        "source": 0,
-        "rows": rows,
-        "bits": result.bits,
-        "rows_per_chip": result.rows_per_chip,
-        "chip_rate_hz": result.chip_rate,
-        "snr_db": 10.0 * math.log10(result.snr) if result.snr > 0.0 else math.nan,
-        "exposure_s": result.exposure,
-        "error_rate": result.error_rate,
-        "outcome": result.outcome,
-    }
-    if result.stretch is not None:
-        facts |= {"packet_" + name: getattr(result.stretch, name) for name in ("outcome", "blocks", "bytes", "share")}
-    if result.payload is not None:
-        payload = result.payload.payload
-        facts |= {"packet": result.payload.number, "payload": payload.decode(errors="replace")}
-        facts["payload_base64"] = base64.b64encode(payload).decode()
-    return {**facts, "flags": flag_names(result.flags)}
+def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
+    from ocisac_fast import receive as receive_frames
+    from ocisac_fast.plots import plot_received
+
+    plot_received(plot, frames[0], camera, receive_frames(frames, camera, chip_rate=rate)[0])
 
 
 def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:
@@ -176,13 +139,17 @@ def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:
 
 
 def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
-    rate = quantity(facts["chip_rate_hz"], "Hz") if in_hertz else f"{quantity(facts['chip_rate_hz'], '')} a row"
+    rate = (
+        quantity(facts.get("chip_rate_hz", facts.get("tone_hz")), "Hz")
+        if in_hertz
+        else f"{quantity(facts.get('chip_rate_hz'), '')} a row"
+    )
     return [
         *([facts["file"]] if "file" in facts else []),
         str(facts["frame"]),
         str(facts["source"]),
         str(len(facts["bits"])),
-        quantity(facts["rows_per_chip"], "", 5),
+        quantity(facts.get("rows_per_chip"), "", 5),
         rate,
         number(facts["snr_db"], "dB", 3),
         ", ".join(facts["flags"]) or "none",

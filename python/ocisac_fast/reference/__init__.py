@@ -16,6 +16,7 @@ from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
+from ocisac_fast.fsk import FskFrame, FskReceiver, FskSymbol, FskTransmission, fsk_transmit
 from ocisac_fast.gain import ToneGain
 from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.picture_sensing import sense
@@ -36,6 +37,7 @@ from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
 from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
+from ocisac_fast.reference.fsk import fsk_demodulate, fsk_symbol_error_rate
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
 from ocisac_fast.reference.scene import exact_scene, render_scene
@@ -49,7 +51,7 @@ from ocisac_fast.scene import Scene
 from ocisac_fast.sensing import BackgroundLight, SensedRegion
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource
-from ocisac_fast.stream_receiver import ReceivedFrame, Receiver
+from ocisac_fast.stream_receiver import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
 from ocisac_fast.transmission import Transmission
 from ocisac_fast.varying_tone import VaryingToneGain
 from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
@@ -70,9 +72,14 @@ __all__ = [
     "EqualizerReport",
     "Flag",
     "FoundFrequency",
+    "FskFrame",
+    "FskReceiver",
+    "FskSymbol",
+    "FskTransmission",
     "Goodput",
     "LightSource",
     "Mark",
+    "MultiReceiver",
     "Pooled",
     "PreambleMatch",
     "Product",
@@ -84,6 +91,7 @@ __all__ = [
     "Samples",
     "Scene",
     "SensedRegion",
+    "SourceFrame",
     "SourceTracker",
     "SquareWave",
     "Sum",
@@ -115,6 +123,9 @@ __all__ = [
     "find_frequency",
     "find_preamble",
     "fit_channel",
+    "fsk_demodulate",
+    "fsk_symbol_error_rate",
+    "fsk_transmit",
     "integrate_exposure",
     "longest_payload",
     "lost_frequencies",

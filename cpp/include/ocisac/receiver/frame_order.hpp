@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <utility>
 
 #include "ocisac/camera/tone_curve.hpp"
@@ -22,6 +23,9 @@ enum class FrameOutcome {
   other_shape,  // rows, columns or channels differ from the frame's before: left out
   unsearched,   // the clock is lost and the frames just before were searched in vain: left out, at most seven in a row
 };
+
+// received, no_signal, …
+std::string_view outcome_name(FrameOutcome outcome);
 
 // Which frames of a stream count: those that come after the last one and have its shape. What is taken for a fault at
 // first is believed when kBelieved frames in a row agree on it: a count that began anew, another picture size.

@@ -1,0 +1,163 @@
+"""One receiver over all frames of all files of ``ocisac receive``, and what it says of them."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.cli.output import flag_names, quantity
+from ocisac_fast.files.recording import Frame
+
+
+@dataclasses.dataclass
+class PacketOptions:
+    """As on the command line; ``tones``: CM-FSK where there are any, else chips."""
+
+    chip_rate: float | None
+    line_code: str
+    block_bytes: int
+    preamble: str
+    frame_time: float | None
+    sources: int
+    regions: tuple[tuple[int, int, int, int], ...]
+    tones: tuple[float, ...]
+
+
+class PacketStream:
+    """Frames in, JSON objects out: one a frame and source."""
+
+    def __init__(self, options: PacketOptions) -> None:
+        self._options = options
+        self._receiver: Any = None
+        self._camera: Camera | None = None
+        self._rows = self._frames = self._payloads = self._payload_bytes = 0
+        self._share = 0.0
+        self._chip_rate = math.nan
+
+    def push(self, frame: Frame, camera: Camera, number: int) -> Iterator[dict[str, Any]]:
+        """The objects of the next frame; ``number``: as the file counts it."""
+        if self._receiver is None:
+            self._camera = dataclasses.replace(camera, frame_time=self._options.frame_time or camera.frame_time)
+            self._receiver = self._make(self._camera)
+        self._frames += 1
+        self._rows = frame.shape[0]
+        if self._options.tones:
+            result = self._receiver.push(frame)
+            self._count(result)
+            yield self._tone_facts(result, number)
+            return
+        for result in self._receiver.push(frame):
+            self._count(result.received)
+            if math.isfinite(result.received.chip_rate):
+                self._chip_rate = result.received.chip_rate
+            yield self._chip_facts(result, number)
+
+    def summary(self) -> str:
+        """What came, and the goodput next to what the gap between frames and the code leave."""
+        if not self._payloads:
+            return f"no payload; {100.0 * min(self._share, 1.0):.0f} % of the bytes that one needs"
+        count = f"{self._payloads} payload{'s' if self._payloads > 1 else ''} in {self._frames} frames"
+        camera = self._camera
+        if camera is None or camera.frame_time is None:
+            return count
+        seconds = self._frames * camera.frame_time
+        count += f", {quantity(8.0 * self._payload_bytes / seconds, 'bit/s', 4)}"
+        if self._options.tones or not math.isfinite(self._chip_rate):
+            return count
+        from ocisac_fast.goodput import possible_goodput
+
+        possible = possible_goodput(
+            max(self._payload_bytes // self._payloads, 1),
+            camera,
+            chip_rate=self._chip_rate,
+            rows=self._rows,
+            line_code=self._options.line_code,
+            block_bytes=self._options.block_bytes,
+            preamble=self._options.preamble,
+        )
+        through = quantity(possible.gap, "bit/s", 4)
+        return f"{count}; a light's chips through the gap: {through}, as packets: {quantity(possible.code, 'bit/s', 4)}"
+
+    def _make(self, camera: Camera) -> Any:
+        options = self._options
+        if options.tones:
+            from ocisac_fast.fsk import FskReceiver
+
+            return FskReceiver(camera, options.tones, block_bytes=options.block_bytes, preamble=options.preamble)
+        from ocisac_fast.stream_receiver import MultiReceiver
+
+        return MultiReceiver(
+            camera,
+            chip_rate=options.chip_rate,
+            line_code=options.line_code,
+            block_bytes=options.block_bytes,
+            preamble=options.preamble,
+            regions=options.regions,
+            most=options.sources,
+        )
+
+    def _count(self, received: Any) -> None:
+        if received.stretch is not None:
+            self._share = received.stretch.share
+        if received.payload is not None:
+            self._payloads += 1
+            self._payload_bytes += len(received.payload.payload)
+
+    def _chip_facts(self, result: Any, number: int) -> dict[str, Any]:
+        received = result.received
+        facts = {
+            "frame": number,
+            "source": result.source,
+            "rows": self._rows,
+            "bits": received.bits,
+            "rows_per_chip": received.rows_per_chip,
+            "chip_rate_hz": received.chip_rate,
+            "snr_db": _decibels(received.snr),
+            "exposure_s": received.exposure,
+            "error_rate": received.error_rate,
+            "outcome": received.outcome,
+            "region": list(result.region),
+        }
+        return {**facts, **_packet_facts(received), "flags": flag_names(received.flags)}
+
+    def _tone_facts(self, result: Any, number: int) -> dict[str, Any]:
+        seen = result.symbol if result.outcome == "received" else None
+        facts = {
+            "frame": number,
+            "source": 0,
+            "rows": self._rows,
+            "bits": "" if seen is None else "".join("1" if llr > 0.0 else "0" for llr in seen.llr),
+            "symbol": None if seen is None else seen.symbol,
+            "tone_hz": None if seen is None else self._options.tones[seen.symbol],
+            "snr_db": math.nan if seen is None else _decibels(seen.snr),
+            "error_rate": math.nan if seen is None else seen.error_rate,
+            "outcome": result.outcome,
+        }
+        return {**facts, **_packet_facts(result), "flags": flag_names(result.flags)}
+
+
+def parse_tones(text: str | None, parse: Any) -> tuple[float, ...]:
+    """Frequencies separated by commas."""
+    parts: Sequence[str] = () if text is None else text.split(",")
+    return tuple(float(parse(part.strip(), None, None)) for part in parts)
+
+
+def _decibels(ratio: float) -> float:
+    return 10.0 * math.log10(ratio) if ratio > 0.0 else math.nan
+
+
+def _packet_facts(received: Any) -> dict[str, Any]:
+    """What was lost before this frame, what the packet took of it, and the payload that it made whole."""
+    facts: dict[str, Any] = {"frames_missing": received.missing}
+    if received.stretch is not None:
+        names = ("outcome", "blocks", "bytes", "cut", "doubtful", "share")
+        facts |= {f"packet_{name}": getattr(received.stretch, name) for name in names}
+    if received.payload is not None:
+        payload = received.payload.payload
+        facts |= {"packet": received.payload.number, "payload": payload.decode(errors="replace")}
+        facts["payload_base64"] = base64.b64encode(payload).decode()
+    return facts

@@ -1,0 +1,130 @@
+"""CM-FSK: one tone a frame, against the reference, against theory, and payloads through it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, reference
+from ocisac_fast.fsk import FskReceiver, fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+
+ROW_TIME, ROWS, FRAME_TIME = 22.2e-6, 1080, 1 / 30
+SPACING = 1 / (ROWS * ROW_TIME)
+
+
+def tones_of(count, first=20, step=4):
+    return [SPACING * (first + step * k) for k in range(count)]
+
+
+@given(
+    st.integers(0, 2**32 - 1), st.sampled_from([2, 4, 16]), st.sampled_from([64, 97, 720, 1080]), st.floats(0.02, 2.0)
+)
+@settings(max_examples=40)
+def test_agrees_with_the_reference(seed, count, rows, noise):
+    random = np.random.default_rng(seed)
+    camera = Camera(ROW_TIME, random.choice([None, 300e-6]))
+    tones = np.sort(random.uniform(1.2, rows / 2.5, count)) / (rows * ROW_TIME)
+    sent = int(random.integers(count))
+    column = 50 + np.linspace(0, 9, rows) + noise * random.standard_normal(rows)
+    column += np.cos(2 * np.pi * tones[sent] * ROW_TIME * np.arange(rows) + random.uniform(0, 6))
+    amplitude = None if seed % 2 else 1.0
+    got = fsk_demodulate(column, camera, tones, amplitude=amplitude)
+    symbol, likelihoods = reference.fsk_demodulate(column, camera, tones, amplitude=amplitude)
+    assert got.symbol == symbol
+    np.testing.assert_allclose(got.likelihoods, likelihoods, rtol=1e-6, atol=1e-5)
+    for bit, llr in enumerate(got.llr):
+        ones = [(index >> (len(got.llr) - 1 - bit)) & 1 == 1 for index in range(count)]
+        expected = likelihoods[ones].max() - likelihoods[np.logical_not(ones)].max()
+        assert llr == pytest.approx(expected, rel=1e-6, abs=1e-5)
+
+
+@pytest.mark.parametrize("count", [2, 4, 16])
+def test_the_error_rate_is_the_binomial_sum(count):
+    for snr in (0.0, 0.5, 3.0, 10.0, 20.0):
+        assert fsk_symbol_error_rate(count, snr) == pytest.approx(
+            reference.fsk_symbol_error_rate(count, snr), rel=1e-4, abs=1e-12
+        )
+    assert fsk_symbol_error_rate(256, 0.0) == pytest.approx(255 / 256, rel=1e-4)
+    assert 0 < fsk_symbol_error_rate(256, 60.0) < 1e-10
+
+
+@pytest.mark.parametrize(("count", "snr"), [(2, 4.0), (4, 5.0), (16, 7.0)])
+def test_errors_are_as_many_as_theory_says(count, snr):
+    """Orthogonal tones in white noise at a known ratio: within four standard errors of the noncoherent bound."""
+    random, tones = np.random.default_rng(count), tones_of(count)
+    frames = 1500
+    noise = math.sqrt(ROWS / (4 * snr))
+    turns = 2 * np.pi * np.outer(tones, ROW_TIME * np.arange(ROWS))
+    wrong, rates = 0, []
+    for _ in range(frames):
+        sent = int(random.integers(count))
+        column = np.cos(turns[sent] + random.uniform(0, 2 * np.pi)) + noise * random.standard_normal(ROWS)
+        got = fsk_demodulate(column, Camera(ROW_TIME), tones)
+        wrong += got.symbol != sent
+        rates.append(got.snr)
+    expected = reference.fsk_symbol_error_rate(count, snr)
+    spread = math.sqrt(expected * (1 - expected) / frames)
+    assert abs(wrong / frames - expected) < 4 * spread
+    assert np.median(rates) == pytest.approx(snr, rel=0.2)
+
+
+@pytest.mark.parametrize("count", [4, 8, 16])
+def test_a_payload_comes_through_tones(count):
+    tones = tones_of(count)
+    sent = fsk_transmit(b"tone", tones, number=3)
+    assert (
+        len(sent.symbols) * math.log2(count) % len(ocisac.transmit(b"tone", line_code="none", block_bytes=4).chips) == 0
+    )
+    camera = Camera(ROW_TIME, 622e-6, frame_time=FRAME_TIME)
+    light = sent.waveform(FRAME_TIME, start=-0.2 * FRAME_TIME)
+    random, receiver = np.random.default_rng(1), FskReceiver(camera, tones)
+    for index in range(400):
+        if index % 97 == 5:
+            continue  # missing
+        rows = ocisac.integrate_exposure(light, camera, ROWS, start=(index + 300) * FRAME_TIME)
+        pixels = 20 + 80 * rows[:, np.newaxis] * np.linspace(0.4, 1, 6) + 4 * random.standard_normal((ROWS, 6))
+        result = receiver.push(np.clip(np.rint(pixels), 0, 255).astype(np.uint8), index)
+        assert result.outcome == "received"
+        assert result.symbol.symbol == sent.symbols[(index + 300) % len(sent.symbols)]
+        assert result.missing == (index % 97 == 6)
+        if result.payload is not None:
+            break
+    assert result.payload is not None
+    assert (result.payload.payload, result.payload.number) == (b"tone", 3)
+    assert receiver.push(np.full((ROWS, 6), np.nan), index + 1).outcome == "not_finite"
+    assert receiver.push(pixels, index).outcome == "repeated"
+    assert receiver.push(20 + random.standard_normal((ROWS, 6)), index + 2).stretch is None
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fsk_transmit(b"a", [100.0, 200.0, 300.0]), "tones: got 3 tones, allowed: 2, 4, 8"),
+        (
+            lambda: fsk_transmit(b"a", [100.0, 100.0]),
+            "tones: got 100.0, allowed: finite frequencies above 0, each once",
+        ),
+        (
+            lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [1e5, 2e3]),
+            "tones: got 1e.05, allowed: frequencies below",
+        ),
+        (lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [100.0, 2e3]), "rows: got 100, allowed: 8 or more"),
+        (lambda: fsk_demodulate(np.full(100, np.inf), Camera(1e-5), [2e3, 3e3]), "signal: got inf"),
+        (lambda: fsk_demodulate(np.zeros((9, 9)), Camera(1e-5), [2e3, 3e3]), "column: got shape"),
+        (lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [2e3, 3e3], amplitude=-1.0), "amplitude: got -1.0"),
+        (lambda: fsk_symbol_error_rate(1, 1.0), "tones: got 1, allowed: 2 or more"),
+        (lambda: fsk_symbol_error_rate(2, -1.0), "snr: got -1"),
+    ],
+)
+def test_bad_input_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_a_column_without_light_tells_nothing():
+    got = fsk_demodulate(np.full(ROWS, 7.0), Camera(ROW_TIME), tones_of(4))
+    assert got.snr == 0.0
+    assert np.isfinite(got.likelihoods).all()
