@@ -259,6 +259,7 @@ def refine_row_light(
     row_light: npt.NDArray[np.float64],
     steps: int,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+
 class MultiReceiver:
     def __init__(
         self,
