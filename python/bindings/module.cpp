@@ -20,4 +20,5 @@ PYBIND11_MODULE(_core, module) {
   ocisac::bindings::register_stream_receiver(module);
   ocisac::bindings::register_scene(module);
   ocisac::bindings::register_fsk(module);
+  ocisac::bindings::register_exposure_controller(module);
 }

@@ -21,5 +21,6 @@ void register_light_share(pybind11::module_& module);
 void register_stream_receiver(pybind11::module_& module);
 void register_scene(pybind11::module_& module);
 void register_fsk(pybind11::module_& module);
+void register_exposure_controller(pybind11::module_& module);
 
 }  // namespace ocisac::bindings

@@ -27,6 +27,14 @@ from ocisac_fast.contrast import RestoredContrast, restore_contrast
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
 from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
 from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
+from ocisac_fast.exposure_controller import (
+    ExposureController,
+    ExposureMeasurement,
+    ExposureReason,
+    ExposureSuggestion,
+    MeasuredTone,
+    best_noisy_exposure,
+)
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import (
     Calibration,
@@ -104,6 +112,10 @@ __all__ = [
     "DetectedChips",
     "DetectorErrorRates",
     "EqualizerReport",
+    "ExposureController",
+    "ExposureMeasurement",
+    "ExposureReason",
+    "ExposureSuggestion",
     "Flag",
     "FoundFrequency",
     "FskFrame",
@@ -114,6 +126,7 @@ __all__ = [
     "LightSource",
     "Mark",
     "MultiReceiver",
+    "MeasuredTone",
     "Pooled",
     "PreambleMatch",
     "Product",
@@ -139,6 +152,7 @@ __all__ = [
     "Waveform",
     "background_light",
     "best_exposure",
+    "best_noisy_exposure",
     "calibrate",
     "chip_likelihoods",
     "clock_bounds",

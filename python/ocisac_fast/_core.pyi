@@ -283,3 +283,40 @@ def fsk_symbol_error_rate(tones: int, snr: float) -> float: ...
 class FskReceiver:
     def __init__(self, camera: Camera, tones: Sequence[float], block_bytes: int, preamble: str) -> None: ...
     def push(self, channels: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
+def best_noisy_exposure(
+    frequencies: npt.NDArray[np.float64],
+    weights: npt.NDArray[np.float64],
+    noise_exposure: float,
+    low: float,
+    high: float,
+    step: float,
+) -> tuple[float, float]: ...
+
+class ExposureController:
+    def __init__(
+        self,
+        shortest: float,
+        longest: float,
+        step: float,
+        lowest_gain: float,
+        highest_gain: float,
+        comm_weight: float,
+        sense_weight: float,
+        hysteresis: float,
+        level_floor: float,
+        level_aim: float,
+        level_ceiling: float,
+        most_saturated: float,
+        least_snr: float,
+        noise_level: float,
+    ) -> None: ...
+    def update(
+        self,
+        tones: npt.NDArray[np.float64],
+        exposure: float,
+        gain: float,
+        level: float,
+        peak: float,
+        saturated: float,
+    ) -> tuple[float, float, float, float, float, float, float, float, float, int]: ...
+    def reset(self) -> None: ...

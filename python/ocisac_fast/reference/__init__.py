@@ -14,6 +14,7 @@ from ocisac_fast.contrast import RestoredContrast
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
+from ocisac_fast.exposure_controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
 from ocisac_fast.fsk import FskFrame, FskReceiver, FskSymbol, FskTransmission, fsk_transmit
@@ -35,6 +36,7 @@ from ocisac_fast.reference.cleaning import remove_bands, subtract_still
 from ocisac_fast.reference.detection import detect_chips, detector_error_rates
 from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
+from ocisac_fast.reference.exposure_controller import ExposureController, best_noisy_exposure
 from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.fsk import fsk_demodulate, fsk_symbol_error_rate
@@ -70,6 +72,10 @@ __all__ = [
     "DetectedChips",
     "DetectorErrorRates",
     "EqualizerReport",
+    "ExposureController",
+    "ExposureMeasurement",
+    "ExposureReason",
+    "ExposureSuggestion",
     "Flag",
     "FoundFrequency",
     "FskFrame",
@@ -80,6 +86,7 @@ __all__ = [
     "LightSource",
     "Mark",
     "MultiReceiver",
+    "MeasuredTone",
     "Pooled",
     "PreambleMatch",
     "Product",
@@ -105,6 +112,7 @@ __all__ = [
     "Waveform",
     "background_light",
     "best_exposure",
+    "best_noisy_exposure",
     "calibrate",
     "chip_likelihoods",
     "clock_bounds",
