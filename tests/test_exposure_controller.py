@@ -114,7 +114,7 @@ class TestController:
                 for _ in range(100)
             ]
             moves[hysteresis] = len({suggestion.exposure for suggestion in chosen})
-        assert moves == {0.0: 100, 0.01: 1}
+        assert moves[0.01] == 1 < 90 < moves[0.0]
 
     def test_says_why(self) -> None:
         controller = of.ExposureController(CAMERA, noise_level=0.02)
@@ -122,7 +122,13 @@ class TestController:
         said = controller.update(of.ExposureMeasurement([light], [175.0], exposure=2e-4, level=0.05, peak=0.06))
         assert of.ExposureReason.FIRST in said.reasons
         assert of.ExposureReason.GAIN_MISMATCH in said.reasons
-        for part in ("exposure ", "objective 100.00% of the best", "light 500 Hz: gain", "dB", "a measured gain is not"):
+        for part in (
+            "exposure ",
+            "objective 100.00% of the best",
+            "light 500 Hz: gain",
+            "dB",
+            "a measured gain is not",
+        ):
             assert part in said.explain
         held = controller.update(of.ExposureMeasurement([500.0], [175.0], level=said.level))
         assert held.reasons & of.ExposureReason.HELD

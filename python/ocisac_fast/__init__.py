@@ -35,6 +35,7 @@ from ocisac_fast.exposure_controller import (
     MeasuredTone,
     best_noisy_exposure,
 )
+from ocisac_fast.exposure_front import ExposureFront, exposure_front
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import (
     Calibration,
@@ -113,6 +114,7 @@ __all__ = [
     "DetectorErrorRates",
     "EqualizerReport",
     "ExposureController",
+    "ExposureFront",
     "ExposureMeasurement",
     "ExposureReason",
     "ExposureSuggestion",
@@ -164,6 +166,7 @@ __all__ = [
     "encode_line_code",
     "equalize",
     "expose_chips",
+    "exposure_front",
     "exposure_objective",
     "exposure_response",
     "find_channel",

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.exposure_choice import BestExposure
@@ -144,10 +145,11 @@ class ExposureController:
 
         J(T) = sum_i w_i |sin(pi f_i T)| / (pi f_i) / sqrt(1 + T / T_n),
 
-    the paper's objective (eq. 18, with magnitudes) over the noise: read noise, and shot noise that grows with the light
-    and equals it at T_n = ``noise_level`` / (level per second at gain 1). Without ``noise_level`` or a measured level it
-    is the paper's objective. The maximum is global, to 1e-12 of J. It stays at the last exposure while that costs
-    no more than the hysteresis: J(suggested) (1 + hysteresis) >= J(T) of every allowed T, by the tones as measured.
+    the paper's objective (eq. 18, with magnitudes) over the noise: read noise, and shot noise that grows with the
+    light and equals it at T_n = ``noise_level`` / (level per second at gain 1). Without ``noise_level`` or a measured
+    level it is the paper's objective. The maximum is global, to 1e-12 of J. It stays at the last exposure while that
+    costs no more than the hysteresis: J(suggested) (1 + hysteresis) >= J(T) of every allowed T, by the tones as
+    measured.
     Exposure and gain together keep the mean above ``level_floor`` and the peak below ``level_ceiling``; where both
     cannot be, the ceiling counts. The gain then brings the mean to ``level_aim`` as far as these allow.
 
@@ -158,8 +160,9 @@ class ExposureController:
         weights: of all lights together and of all motions together; 0 or above, not both 0.
         hysteresis: 0 or above; 0 moves to the best at every update.
         level_floor, level_aim, level_ceiling: shares of the full scale.
-        most_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Then exposure times gain
-            goes to 0.7 of what it was, and the limit, relative to the brightness of the scene, recovers by 0.2 % a frame.
+        most_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Then exposure times
+            gain goes to 0.7 of what it was, and the limit, relative to the scene's brightness, recovers by 0.2 % a
+            frame.
         least_snr: tones of a lower signal-to-noise ratio (power) are left out; 0 or above.
         noise_level: mean level at gain 1 where shot noise equals read noise, above 0; None: noise does not depend on
             the exposure.
@@ -187,9 +190,20 @@ class ExposureController:
             if len(pair) != 2:
                 raise ValueError(f"{name}: got {len(pair)} values, allowed: two")
         self._controller = _core.ExposureController(
-            *(float(value) for value in (*exposures, step, *gains, *weights, hysteresis)),
-            *(float(value) for value in (level_floor, level_aim, level_ceiling, most_saturated, least_snr)),
-            math.inf if noise_level is None else float(noise_level),
+            shortest=float(exposures[0]),
+            longest=float(exposures[1]),
+            step=float(step),
+            lowest_gain=float(gains[0]),
+            highest_gain=float(gains[1]),
+            comm_weight=float(weights[0]),
+            sense_weight=float(weights[1]),
+            hysteresis=float(hysteresis),
+            level_floor=float(level_floor),
+            level_aim=float(level_aim),
+            level_ceiling=float(level_ceiling),
+            most_saturated=float(most_saturated),
+            least_snr=float(least_snr),
+            noise_level=math.inf if noise_level is None else float(noise_level),
         )
         self._last = _NAN
 
@@ -211,8 +225,9 @@ class ExposureController:
         before = self._last if math.isnan(measurement.exposure) else measurement.exposure
         self._last = exposure
         tones = tuple((kind, t.frequency, *_expected(t, before, exposure, noise)) for kind, t in measured)
+        why = ExposureReason(reasons)
         return ExposureSuggestion(
-            *(exposure, gain, objective, best, best_objective, (low, high), noise, level, ExposureReason(reasons), tones)
+            exposure, gain, objective, best, best_objective, (low, high), noise, level, why, tones
         )
 
     def reset(self) -> None:
@@ -222,8 +237,8 @@ class ExposureController:
 
 
 def best_noisy_exposure(
-    frequencies: Sequence[float],
-    weights: Sequence[float],
+    frequencies: npt.ArrayLike,
+    weights: npt.ArrayLike,
     bounds: tuple[float, float],
     *,
     noise_exposure: float = math.inf,

@@ -14,6 +14,7 @@ _COMMANDS = {
     "calibrate": "Row time of a camera, from a light of known frequency.",
     "gain": "Gain of a tone in a recording, against theory.",
     "exposure": "Best exposure time for communication and sensing.",
+    "control": "Exposure control in a closed loop: a simulated drive past a modulated light.",
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",
     "detect": "Modulated lights in a recording.",

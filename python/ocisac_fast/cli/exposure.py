@@ -41,6 +41,7 @@ class _Pair(ParameterType):
 @click.option("--bounds", type=_Pair(TIME, "SHORTEST,LONGEST"), help="Else above 0 and up to 1/min(f_c, f_s).")
 @click.option("--step", type=TIME, help="Grid of exposure times.")
 @plot_option("the objective over the exposure time")
+@click.option("--front", type=click.Path(dir_okay=False), help="Draw communication against sensing (PNG, PDF or SVG).")
 @json_option
 def exposure(
     comm: Quantity,
@@ -50,6 +51,7 @@ def exposure(
     bounds: tuple[float, float] | None,
     step: Quantity | None,
     plot: str | None,
+    front: str | None,
     as_json: bool,
 ) -> None:
     """Find the exposure time T with the largest Y(T) = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s)."""
@@ -68,6 +70,10 @@ def exposure(
         from ocisac_fast.plots import plot_exposure
 
         plot_exposure(plot, float(comm), float(sense), weights=weights, bounds=bounds)
+    if front is not None:
+        from ocisac_fast.plots_control import plot_front
+
+        plot_front(front, float(comm), float(sense), weights=weights, bounds=bounds)
     if as_json:
         emit_json({"exposure_s": exposure_time, "objective": objective, "method": method})
         return

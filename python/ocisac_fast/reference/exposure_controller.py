@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,17 +15,17 @@ Float64s = npt.NDArray[np.float64]
 
 
 def best_noisy_exposure(
-    frequencies: Sequence[float],
-    weights: Sequence[float],
+    frequencies: npt.ArrayLike,
+    weights: npt.ArrayLike,
     bounds: tuple[float, float],
     *,
     noise_exposure: float = math.inf,
     step: float = 0.0,
 ) -> BestExposure:
-    """The largest J on a grid, looked at again, twice, 200 times finer about its best points; all multiples of a step."""
+    """The largest J on a grid, looked at twice again, 200 times finer, about its best points; or of all multiples."""
     f, w = np.asarray(frequencies, np.float64), np.asarray(weights, np.float64)
 
-    def objective(exposures: Float64s) -> Float64s:
+    def objective(exposures: npt.NDArray[Any]) -> Float64s:
         tones = np.abs(np.sin(np.pi * np.multiply.outer(exposures, f))) @ (w / (np.pi * f))
         return np.asarray(tones / np.sqrt(1.0 + exposures / noise_exposure))
 
@@ -86,7 +86,9 @@ class ExposureController:
         best = best_noisy_exposure(f, w, (low, high), noise_exposure=noise, step=self.step)
         chosen, value = float(best.exposure), float(best.objective)
         if self.last is not None and low * 0.98 <= last_exposure <= high * 1.02:
-            now = float(np.abs(np.sin(np.pi * f * last_exposure)) @ (w / np.pi / f) / np.sqrt(1 + last_exposure / noise))
+            now = float(
+                np.abs(np.sin(np.pi * f * last_exposure)) @ (w / np.pi / f) / np.sqrt(1 + last_exposure / noise)
+            )
             if best.objective <= now * (1 + self.hysteresis):
                 chosen, value = last_exposure, now
         self.last = (chosen, self._gain(chosen, radiance, smallest, largest, last_gain))

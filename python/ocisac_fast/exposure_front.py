@@ -1,0 +1,73 @@
+"""What an exposure gives to communication against what it gives to sensing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float64s = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ExposureFront:
+    """Both sides over the exposure, shortest first.
+
+    Attributes:
+        exposure: T, s.
+        comm, sense: T |sinc(f T)| / sqrt(1 + T / T_n) of the two, s; their weighted sum is the objective of
+            :func:`best_noisy_exposure`, their squares are signal-to-noise ratios but for a factor.
+        efficient: no exposure of these gives more to one without giving less to the other.
+    """
+
+    exposure: Float64s
+    comm: Float64s
+    sense: Float64s
+    efficient: npt.NDArray[np.bool_]
+
+
+def exposure_front(
+    f_comm: float,
+    f_sense: float,
+    *,
+    bounds: tuple[float, float] | None = None,
+    noise_exposure: float = math.inf,
+    points: int = 4001,
+) -> ExposureFront:
+    """The curve that the exposure runs through between communication and sensing, and its efficient part.
+
+    Args:
+        f_comm, f_sense: Hz, finite, above 0.
+        bounds: (shortest, longest) in s, 0 <= shortest < longest; None: up to 1/min(f_comm, f_sense).
+        noise_exposure: T_n in s, above 0; infinite: noise does not depend on the exposure.
+        points: 2 to 10 million, equally spaced.
+
+    Raises:
+        ValueError: an argument out of its range.
+    """
+    for name, value in (("f_comm", f_comm), ("f_sense", f_sense)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name}: got {value}, allowed: a finite number above 0 (Hz)")
+    low, high = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else bounds
+    if not (0.0 <= low < high < math.inf):
+        raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest < longest (s)")
+    if not noise_exposure > 0.0:
+        raise ValueError(f"noise_exposure: got {noise_exposure}, allowed: a number above 0 (s), or infinity")
+    if not 2 <= points <= 10_000_000:
+        raise ValueError(f"points: got {points}, allowed: 2 to 10 million")
+    exposure = np.linspace(low, high, points)
+    noise = np.sqrt(1.0 + exposure / noise_exposure)
+    comm, sense = (exposure * np.abs(np.sinc(f * exposure)) / noise for f in (f_comm, f_sense))
+    return ExposureFront(exposure, comm, sense, _efficient(comm, sense))
+
+
+def _efficient(first: Float64s, second: Float64s) -> npt.NDArray[np.bool_]:
+    """Points of which no other is as large in one and larger in the other."""
+    order = np.lexsort((-second, -first))  # the largest of the first, among equals the largest of the second
+    best = np.maximum.accumulate(second[order])
+    before = np.concatenate(([-math.inf], best[:-1]))
+    efficient = np.zeros(first.size, np.bool_)
+    efficient[order] = second[order] > before
+    return efficient
