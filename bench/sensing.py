@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""How well lights are found: recall and precision on made scenes, false alarms against the rate that was set, speed.
+"""How well lights are found: recall and precision on made scenes, false alarms against the rate that was set, speed;
+how well the exposure is chosen and the camera located.
 
 Scenes of 720x960 bytes hold 0 to 20 lights (disks, tones and square waves, each of its own frequency) among clouds,
 boxes and lines of text, or on even ground. A light counts as found where a box of its own lies within half a box of it
@@ -19,7 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast import Camera, LightSource, SquareWave, Tone, detect_sources, integrate_exposure
+from ocisac_fast import (
+    Camera,
+    LightSource,
+    SquareWave,
+    Tone,
+    best_noisy_exposure,
+    detect_sources,
+    integrate_exposure,
+    locate_camera,
+)
+from ocisac_fast.drive import POLICIES, drive_past_light
 
 ROWS, COLUMNS, ROW_TIME = 720, 960, 1e-5
 CAMERA = Camera(ROW_TIME, exposure=2e-5)
@@ -156,6 +167,55 @@ def speed() -> dict[str, float]:
     return result
 
 
+def control() -> dict[str, float]:
+    """The closed loop: how far closed form and best fixed exposure are ever ahead, by what was known, without and with
+    hysteresis; means of the objective."""
+    free, held = drive_past_light(hysteresis=0.0), drive_past_light(hysteresis=0.01)
+    return {
+        "ahead_without_hysteresis": float(np.max(free.known[1:] / free.known[0])) - 1.0,
+        "ahead_with_1_percent": float(np.max(held.known[1:] / held.known[0])) - 1.0,
+        **{f"mean_objective {name}": float(mean) for name, mean in zip(POLICIES, held.true.mean(axis=1), strict=True)},
+    }
+
+
+def exposures(problems: int) -> float:
+    """Largest relative shortfall of the weighted sum of two tones against ever finer grids about the best point."""
+    random, worst = np.random.default_rng(7), 0.0
+    for _ in range(problems):
+        f = np.exp(random.uniform(np.log(100), np.log(3000), 2))
+        weights = np.exp(random.uniform(-5, 5, 2))
+        best = best_noisy_exposure(f, weights, (1e-9, 1 / f.min())).objective
+        grid = np.linspace(1e-9, 1 / f.min(), 20_001)
+        for _ in range(3):
+            sums = weights @ (np.abs(np.sin(np.pi * f[:, None] * grid)) / (np.pi * f[:, None]))
+            peak, step = grid[np.argmax(sums)], grid[1] - grid[0]
+            grid = np.linspace(max(peak - step, 1e-9), min(peak + step, 1 / f.min()), 2001)
+        worst = max(worst, float(sums.max()) / float(best) - 1.0)
+    return worst
+
+
+def locating(cases: int) -> float:
+    """Largest error of the camera's place, m: six lights at 3 m, 1500 pixels of focal length, a pixel of noise."""
+    lamps = np.array(
+        [[-1.3, -0.7, 3.0], [1.3, -0.7, 3.0], [1.3, 0.7, 3.0], [-1.3, 0.7, 3.0], [0.1, 0.0, 2.7], [-0.5, 0.3, 2.6]]
+    )
+    random, worst = np.random.default_rng(5), 0.0
+    for _ in range(cases):
+        place = random.uniform(-0.3, 0.3, 3) * (1, 1, 0.3)
+        inside = lamps - place
+        pixels = 1500.0 * inside[:, :2] / inside[:, 2:] + (960.0, 540.0) + random.normal(0, 1, (len(lamps), 2))
+        worst = max(worst, float(np.linalg.norm(locate_camera(lamps, pixels, 1500.0, (960.0, 540.0)).position - place)))
+    return worst
+
+
+def exposure_and_place(quick: bool) -> dict[str, Any]:
+    return {
+        "exposure_shortfall": exposures(20 if quick else 200),
+        "control": control(),
+        "location_error_m": locating(30 if quick else 300),
+    }
+
+
 BINS = {
     "size": (30, 40, 55, 75, 100, 140),
     "cycles": (1.5, 3, 4, 5, 7, 10, 35),
@@ -229,6 +289,7 @@ def main() -> None:
         "recall_over": curves,
         "false_alarms": alarms,
         "milliseconds_33_megapixels": speed(),
+        **exposure_and_place(options.quick),
     }
     if options.chart:
         frame, truth = scene(np.random.default_rng(8), 12, "boxes")
@@ -239,8 +300,14 @@ def main() -> None:
         for name, value in report.items():
             print(f"{name}: {value}")
     worst = max(row["noise"] / rate for rate, row in alarms.items())
-    if options.check and (any(measures[name] < aim for name, aim in LIMITS.items()) or worst > 1):
-        sys.exit("sensing.py: worse than the limits")
+    ahead = report["control"]
+    missed = [name for name, aim in LIMITS.items() if measures[name] < aim]
+    missed += ["false_alarms"] if worst > 1 else []
+    missed += ["exposure_shortfall"] if report["exposure_shortfall"] > 1e-9 else []
+    missed += ["control"] if ahead["ahead_without_hysteresis"] > 1e-12 or ahead["ahead_with_1_percent"] > 0.01 else []
+    missed += ["location_error_m"] if report["location_error_m"] > 0.05 else []
+    if options.check and missed:
+        sys.exit(f"sensing.py: worse than the limits: {', '.join(missed)}")
 
 
 if __name__ == "__main__":

@@ -57,6 +57,8 @@ from ocisac_fast.fsk import (
 )
 from ocisac_fast.gain import ToneGain, tone_gain
 from ocisac_fast.goodput import Goodput, possible_goodput
+from ocisac_fast.location import Location, locate_camera
+from ocisac_fast.merging import merge_receptions
 from ocisac_fast.picture_sensing import sense
 from ocisac_fast.receiver import Received, receive
 from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
@@ -128,6 +130,7 @@ __all__ = [
     "LightSource",
     "Mark",
     "MultiReceiver",
+    "Location",
     "MeasuredTone",
     "Pooled",
     "PreambleMatch",
@@ -177,8 +180,10 @@ __all__ = [
     "fsk_symbol_error_rate",
     "fsk_transmit",
     "integrate_exposure",
+    "locate_camera",
     "longest_payload",
     "lost_frequencies",
+    "merge_receptions",
     "pick_channel",
     "pool_estimates",
     "possible_goodput",

@@ -15,6 +15,7 @@ _COMMANDS = {
     "gain": "Gain of a tone in a recording, against theory.",
     "exposure": "Best exposure time for communication and sensing.",
     "control": "Exposure control in a closed loop: a simulated drive past a modulated light.",
+    "locate": "Where the camera is, from lights whose places are known.",
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",
     "detect": "Modulated lights in a recording.",

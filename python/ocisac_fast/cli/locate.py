@@ -1,0 +1,112 @@
+"""``ocisac locate``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ocisac_fast.cli.output import emit_facts, emit_json
+from ocisac_fast.cli.pictures import json_option
+
+_File = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+def _numbers(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError as error:
+        raise click.BadParameter(f"got {text!r}, allowed: numbers with commas between", param=parameter) from error
+
+
+@click.command(short_help="Where the camera is, from lights whose places are known.")
+@click.argument("lights", type=_File)
+@click.argument("seen", type=_File)
+@click.option("--focal", callback=_numbers, required=True, help="Focal length in pixels; one number or X,Y.")
+@click.option("--centre", callback=_numbers, required=True, help="Principal point X,Y in pixels.")
+@click.option("--distortion", callback=_numbers, help="OpenCV's coefficients k1,k2,p1,p2[,k3].")
+@click.option("--noise", type=float, default=1.0, show_default=True, help="Standard error of a light's place, pixels.")
+@click.option("--inside", callback=_numbers, help="XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of where the camera can be, metres.")
+@json_option
+def locate(
+    lights: Path,
+    seen: Path,
+    focal: tuple[float, ...],
+    centre: tuple[float, float],
+    distortion: tuple[float, ...] | None,
+    noise: float,
+    inside: tuple[float, ...] | None,
+    as_json: bool,
+) -> None:
+    """Find the camera's place from three or more LIGHTS, of which SEEN tells where in the picture they are.
+
+    Both files are JSON lines. LIGHTS: light (its ID), x_m, y_m, z_m. SEEN: light, x, y in pixels; with width and height
+    as well (as of detect) x, y are the top left corner of a box. IDs only one file has are passed over.
+    """
+    from ocisac_fast import locate_camera
+
+    if len(focal) not in (1, 2):
+        raise click.UsageError(f"--focal: got {len(focal)} numbers, allowed: one or X,Y")
+    if inside is not None and len(inside) != 6:
+        raise click.UsageError(f"--inside: got {len(inside)} numbers, allowed: six")
+    places = _read(lights, ("x_m", "y_m", "z_m"))
+    pixels = _read(seen, ("x", "y"))
+    both = [light for light in places if light in pixels]
+    if len(both) < 3:
+        raise ValueError(f"{seen}: got {len(both)} of the lights of {lights}, allowed: three or more")
+    found = locate_camera(
+        [places[light] for light in both],
+        [pixels[light] for light in both],
+        focal[0] if len(focal) == 1 else (focal[0], focal[1]),
+        centre,
+        distortion=distortion or (),
+        noise=noise,
+        inside=None if inside is None else (inside[:3], inside[3:]),
+    )
+    facts = {
+        **dict(zip(("x_m", "y_m", "z_m"), found.position, strict=True)),
+        **dict(zip(("x_std_m", "y_std_m", "z_std_m"), found.position_std, strict=True)),
+        "rotation": found.rotation,
+        "residual_pixels": found.residual,
+        "lights": len(both),
+        "status": found.status,
+        "reason": found.reason,
+        "alternatives_m": found.alternatives,
+    }
+    if as_json:
+        emit_json(facts)
+        return
+    coordinates = zip("xyz", found.position, found.position_std, strict=True)
+    table = {name: f"{value:.4f} m ± {std:.4f} m" for name, value, std in coordinates}
+    table |= {"lights": str(len(both)), "residual": f"{found.residual:.2f} pixels", "status": found.status}
+    table |= {"reason": found.reason} if found.reason else {}
+    also = [", ".join(f"{value:.4f}" for value in place) + " m" for place in found.alternatives]
+    table |= {f"or at ({k})": place for k, place in enumerate(also, 1)}
+    emit_facts("", table)
+
+
+def _read(path: Path, names: tuple[str, ...]) -> dict[Any, tuple[float, ...]]:
+    """Coordinates by light; the middle of a box where there is one."""
+    result: dict[Any, tuple[float, ...]] = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            record = json.loads(line)
+            light = record["light"]
+            values = [float(record[name]) for name in names]
+            if "width" in record and "height" in record and len(names) == 2:
+                values = [values[0] + (float(record["width"]) - 1) / 2, values[1] + (float(record["height"]) - 1) / 2]
+            if light in result:
+                raise ValueError(f"light {light!r} twice")
+        except (KeyError, TypeError, ValueError) as error:
+            wanted = ", ".join(("light", *names))
+            raise ValueError(
+                f"{path}: line {number}: {error}, allowed: an object of its own light with {wanted}"
+            ) from error
+        result[light] = tuple(values)
+    return result

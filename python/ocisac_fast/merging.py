@@ -1,0 +1,91 @@
+"""What several receivers made of the same lights, as one line a light and moment."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+
+def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: float = 0.05) -> list[dict[str, Any]]:
+    """Merge the results of several receivers by light and time.
+
+    A line is a JSON object with ``light`` (its ID, a string or a whole number) and ``time_s``; it may have
+    ``receiver`` (a name), ``payload`` and ``snr_db``. Lines of one light within ``window`` of the first of them are of
+    one moment; a second line of the same receiver begins the next moment.
+
+    Args:
+        lines: JSON texts or mappings, in any order; blank texts are passed over.
+        window: s, finite, 0 or above.
+
+    Returns:
+        An object a light and moment, by time and then by light: ``light``; ``time_s``, the mean with the
+        signal-to-noise ratios (power; 1 where none is told) as weights; ``receivers``, their names or None;
+        ``payload``, the one of the largest weight, and ``agreement``, its share of the weight of all payloads (None
+        without payloads); ``snr_db`` of all together (None without any).
+
+    Raises:
+        ValueError: a line that is no JSON object, lacks ``light`` or ``time_s``, or has a value without meaning.
+    """
+    if not (math.isfinite(window) and window >= 0.0):
+        raise ValueError(f"window: got {window}, allowed: a finite number, 0 or above (s)")
+    records = [_read(line, k) for k, line in enumerate(lines, 1) if not isinstance(line, str) or line.strip()]
+    moments: list[list[dict[str, Any]]] = []
+    open_moments: dict[tuple[str, Any], list[dict[str, Any]]] = {}
+    for record in sorted(records, key=lambda r: (float(r["time_s"]), str(r["light"]))):
+        key = (type(record["light"]).__name__, record["light"])
+        moment = open_moments.get(key)
+        if moment is None or record["time_s"] - moment[0]["time_s"] > window or _seen_by(record, moment):
+            moment = open_moments[key] = []
+            moments.append(moment)
+        moment.append(record)
+    return [_merged(moment) for moment in moments]
+
+
+def _read(line: str | Mapping[str, Any], number: int) -> dict[str, Any]:
+    try:
+        record = json.loads(line) if isinstance(line, str) else dict(line)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"line {number}: got {line!r:.60}, allowed: a JSON object") from error
+    if not isinstance(record, dict):
+        raise ValueError(f"line {number}: got {line!r:.60}, allowed: a JSON object")
+    light, time, snr = (record.get(name) for name in ("light", "time_s", "snr_db"))
+    if isinstance(light, bool) or not isinstance(light, (str, int)):
+        raise ValueError(f"line {number}: light: got {light!r}, allowed: a string or a whole number")
+    for name, value in (("time_s", time), ("snr_db", 0.0 if snr is None else snr)):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise ValueError(f"line {number}: {name}: got {value!r}, allowed: a finite number")
+    if snr is not None and abs(snr) > 300.0:
+        raise ValueError(f"line {number}: snr_db: got {snr!r}, allowed: -300 to 300")
+    return record
+
+
+def _seen_by(record: Mapping[str, Any], moment: list[dict[str, Any]]) -> bool:
+    name = record.get("receiver")
+    return name is not None and any(other.get("receiver") == name for other in moment)
+
+
+def _merged(moment: list[dict[str, Any]]) -> dict[str, Any]:
+    ratios = [None if r.get("snr_db") is None else 10.0 ** (r["snr_db"] / 10.0) for r in moment]
+    weights = [1.0 if ratio is None else ratio for ratio in ratios]
+    known = [ratio for ratio in ratios if ratio is not None]
+    votes: dict[str, float] = {}
+    texts: dict[str, Any] = {}
+    for record, weight in zip(moment, weights, strict=True):
+        if record.get("payload") is not None:
+            key = json.dumps(record["payload"], sort_keys=True)
+            texts[key] = record["payload"]
+            votes[key] = votes.get(key, 0.0) + weight
+    best = max(votes, key=lambda key: votes[key]) if votes else None
+    total = sum(weights)
+    start = moment[0]["time_s"]
+    shift = sum(w * (r["time_s"] - start) for w, r in zip(weights, moment, strict=True)) / total if total else 0.0
+    return {
+        "light": moment[0]["light"],
+        "time_s": start + shift,
+        "receivers": [record.get("receiver") for record in moment],
+        "payload": None if best is None else texts[best],
+        "agreement": None if best is None else votes[best] / sum(votes.values()),
+        "snr_db": 10.0 * math.log10(sum(known)) if known else None,
+    }
