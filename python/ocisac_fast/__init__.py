@@ -131,6 +131,7 @@ __all__ = [
     "Mark",
     "MultiReceiver",
     "Location",
+    "Mark",
     "MeasuredTone",
     "Pooled",
     "PreambleMatch",
