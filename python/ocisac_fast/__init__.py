@@ -1,104 +1,241 @@
 """Receiver for optical camera communication and sensing (OC-ISAC)."""
 
+from __future__ import annotations
+
+import importlib
 from typing import TYPE_CHECKING, Any
 
 from ocisac_fast._core import version as _version
-from ocisac_fast.camera import Camera, exposure_response
-from ocisac_fast.channel import (
-    ChannelEstimate,
-    ClockErrors,
-    ClockTracker,
-    Pooled,
-    PreambleMatch,
-    RefinedChannel,
-    TrackedClock,
-    chip_likelihoods,
-    clock_bounds,
-    closest_pair_distance,
-    expose_chips,
-    find_channel,
-    find_preamble,
-    fit_channel,
-    pool_estimates,
-    refine_channel,
-)
-from ocisac_fast.cleaning import CleanedFrames, Mark, remove_bands, subtract_still
-from ocisac_fast.contrast import RestoredContrast, restore_contrast
-from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
-from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
-from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
-from ocisac_fast.exposure_controller import (
-    ExposureController,
-    ExposureMeasurement,
-    ExposureReason,
-    ExposureSuggestion,
-    MeasuredTone,
-    best_noisy_exposure,
-)
-from ocisac_fast.exposure_front import ExposureFront, exposure_front
-from ocisac_fast.flags import Flag
-from ocisac_fast.frequency import (
-    Calibration,
-    FoundFrequency,
-    ToneColumns,
-    calibrate,
-    find_frequency,
-    pick_channel,
-    tone_columns,
-)
-from ocisac_fast.fsk import (
-    FskFrame,
-    FskReceiver,
-    FskSymbol,
-    FskTransmission,
-    fsk_demodulate,
-    fsk_symbol_error_rate,
-    fsk_transmit,
-)
-from ocisac_fast.gain import ToneGain, tone_gain
-from ocisac_fast.goodput import Goodput, possible_goodput
-from ocisac_fast.location import Location, locate_camera
-from ocisac_fast.merging import merge_receptions
-from ocisac_fast.picture_sensing import sense
-from ocisac_fast.receiver import Received, receive
-from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
-from ocisac_fast.source_tracker import SourceTracker, Track
-from ocisac_fast.sources import LightSource, detect_sources
-from ocisac_fast.stream_receiver import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
-from ocisac_fast.transmission import (
-    Transmission,
-    decode_line_code,
-    encode_line_code,
-    longest_payload,
-    transmit,
-)
-from ocisac_fast.varying_tone import VaryingToneGain, varying_tone_gain
-from ocisac_fast.waveforms import (
-    Chips,
-    Constant,
-    Product,
-    Samples,
-    SquareWave,
-    Sum,
-    Tone,
-    Waveform,
-    integrate_exposure,
-    sample_waveform,
-)
 
 if TYPE_CHECKING:
+    from ocisac_fast.camera import Camera, exposure_response
+    from ocisac_fast.channel import (
+        ChannelEstimate,
+        ClockErrors,
+        ClockTracker,
+        Pooled,
+        PreambleMatch,
+        RefinedChannel,
+        TrackedClock,
+        chip_likelihoods,
+        clock_bounds,
+        closest_pair_distance,
+        expose_chips,
+        find_channel,
+        find_preamble,
+        fit_channel,
+        pool_estimates,
+        refine_channel,
+    )
+    from ocisac_fast.cleaning import CleanedFrames, Mark, remove_bands, subtract_still
+    from ocisac_fast.contrast import RestoredContrast, restore_contrast
+    from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
+    from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
+    from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
+    from ocisac_fast.exposure_controller import (
+        ExposureController,
+        ExposureMeasurement,
+        ExposureReason,
+        ExposureSuggestion,
+        MeasuredTone,
+        best_noisy_exposure,
+    )
+    from ocisac_fast.exposure_fronts import ExposureFront, exposure_front
+    from ocisac_fast.flags import Flag
+    from ocisac_fast.frequency import (
+        Calibration,
+        FoundFrequency,
+        ToneColumns,
+        calibrate,
+        find_frequency,
+        pick_channel,
+        tone_columns,
+    )
+    from ocisac_fast.fsk import FskSymbol, FskTransmission, fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+    from ocisac_fast.gain import ToneGain, tone_gain
+    from ocisac_fast.goodput import Goodput, possible_goodput
+    from ocisac_fast.location import Location, locate_camera
+    from ocisac_fast.merging import merge_receptions
+    from ocisac_fast.picture_sensing import sense
+    from ocisac_fast.receiver import Received, receive
     from ocisac_fast.scene import Scene
+    from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
+    from ocisac_fast.source_tracker import SourceTracker, Track
+    from ocisac_fast.sources import LightSource, detect_sources
+    from ocisac_fast.stream_receiver import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
+    from ocisac_fast.transmission import Transmission, decode_line_code, encode_line_code, longest_payload, transmit
+    from ocisac_fast.varying_tone import VaryingToneGain, varying_tone_gain
+    from ocisac_fast.waveforms import (
+        Chips,
+        Constant,
+        Product,
+        Samples,
+        SquareWave,
+        Sum,
+        Tone,
+        Waveform,
+        integrate_exposure,
+        sample_waveform,
+    )
 
 __version__ = _version()
 
+# Where the public names are; each module is imported when one of its names is asked for, so that a start costs little.
+_PLACES = {
+    "camera": (
+        "Camera",
+        "exposure_response",
+    ),
+    "channel": (
+        "ChannelEstimate",
+        "ClockErrors",
+        "ClockTracker",
+        "Pooled",
+        "PreambleMatch",
+        "RefinedChannel",
+        "TrackedClock",
+        "chip_likelihoods",
+        "clock_bounds",
+        "closest_pair_distance",
+        "expose_chips",
+        "find_channel",
+        "find_preamble",
+        "fit_channel",
+        "pool_estimates",
+        "refine_channel",
+    ),
+    "cleaning": (
+        "CleanedFrames",
+        "Mark",
+        "remove_bands",
+        "subtract_still",
+    ),
+    "contrast": (
+        "RestoredContrast",
+        "restore_contrast",
+    ),
+    "detection": (
+        "DetectedChips",
+        "DetectorErrorRates",
+        "detect_chips",
+        "detector_error_rates",
+    ),
+    "equalization": (
+        "EqualizerReport",
+        "equalize",
+        "lost_frequencies",
+    ),
+    "exposure_choice": (
+        "BestExposure",
+        "best_exposure",
+        "exposure_objective",
+    ),
+    "exposure_controller": (
+        "ExposureController",
+        "ExposureMeasurement",
+        "ExposureReason",
+        "ExposureSuggestion",
+        "MeasuredTone",
+        "best_noisy_exposure",
+    ),
+    "exposure_fronts": (
+        "ExposureFront",
+        "exposure_front",
+    ),
+    "flags": ("Flag",),
+    "frequency": (
+        "Calibration",
+        "FoundFrequency",
+        "ToneColumns",
+        "calibrate",
+        "find_frequency",
+        "pick_channel",
+        "tone_columns",
+    ),
+    "fsk": (
+        "FskSymbol",
+        "FskTransmission",
+        "fsk_demodulate",
+        "fsk_symbol_error_rate",
+        "fsk_transmit",
+    ),
+    "gain": (
+        "ToneGain",
+        "tone_gain",
+    ),
+    "goodput": (
+        "Goodput",
+        "possible_goodput",
+    ),
+    "location": (
+        "Location",
+        "locate_camera",
+    ),
+    "merging": ("merge_receptions",),
+    "picture_sensing": ("sense",),
+    "receiver": (
+        "Received",
+        "receive",
+    ),
+    "scene": ("Scene",),
+    "sensing": (
+        "BackgroundLight",
+        "SensedRegion",
+        "background_light",
+        "sense_region",
+    ),
+    "source_tracker": (
+        "SourceTracker",
+        "Track",
+    ),
+    "sources": (
+        "LightSource",
+        "detect_sources",
+    ),
+    "stream_receiver": (
+        "MultiReceiver",
+        "ReceivedFrame",
+        "Receiver",
+        "SourceFrame",
+    ),
+    "transmission": (
+        "Transmission",
+        "decode_line_code",
+        "encode_line_code",
+        "longest_payload",
+        "transmit",
+    ),
+    "varying_tone": (
+        "VaryingToneGain",
+        "varying_tone_gain",
+    ),
+    "waveforms": (
+        "Chips",
+        "Constant",
+        "Product",
+        "Samples",
+        "SquareWave",
+        "Sum",
+        "Tone",
+        "Waveform",
+        "integrate_exposure",
+        "sample_waveform",
+    ),
+}
+_MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
+
 
 def __getattr__(name: str) -> Any:
-    """Scenes are imported when they are asked for: receivers start without them."""
-    if name != "Scene":
+    """A public name, from its module."""
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from ocisac_fast.scene import Scene
+    value = getattr(importlib.import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value
 
-    return Scene
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
 
 
 __all__ = [
@@ -122,17 +259,14 @@ __all__ = [
     "ExposureSuggestion",
     "Flag",
     "FoundFrequency",
-    "FskFrame",
-    "FskReceiver",
     "FskSymbol",
     "FskTransmission",
     "Goodput",
     "LightSource",
-    "Mark",
-    "MultiReceiver",
     "Location",
     "Mark",
     "MeasuredTone",
+    "MultiReceiver",
     "Pooled",
     "PreambleMatch",
     "Product",

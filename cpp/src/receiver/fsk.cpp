@@ -15,9 +15,6 @@ namespace ocisac {
 namespace {
 
 constexpr double kLeastResponse = 1e-3;  // a tone in a null of the exposure: nothing to be seen
-constexpr double kSmoothing = 0.2;       // weight of the newest frame's amplitude
-constexpr double kChance = 0.1;          // odds of a frame of noise passing for a symbol
-constexpr double kWeakSnr = 9;
 constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kNuisances = 2;  // mean and slope
 
@@ -114,10 +111,6 @@ FskDemodulator::FskDemodulator(const Camera& camera, std::span<const double> ton
     responses_.push_back(std::max(camera.exposure ? std::abs(sinc(tone * *camera.exposure)) : 1.0, kLeastResponse));
 }
 
-double FskDemodulator::before_exposure(double amplitude, std::size_t symbol) const {
-  return amplitude / responses_[symbol];
-}
-
 FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::optional<double> amplitude) const {
   require(signal.size() == weights_.rows(), "signal", signal.size(), std::to_string(weights_.rows()) + " rows");
   for (const double value : signal) require_finite("signal", value);
@@ -175,49 +168,6 @@ double fsk_symbol_error_rate(std::size_t tones, double snr) {
     sum += another * density * (k == 0 || k == kSteps ? 1 : k % 2 == 1 ? 4 : 2);
   }
   return std::min(sum * step / 3, 1.0);
-}
-
-FskReceiver::FskReceiver(const Camera& camera, std::vector<double> tones, PacketFormat format)
-    : camera_(camera), tones_(std::move(tones)), assembler_(std::move(format)) {
-  check_tones(camera_, tones_);
-}
-
-FskFrame FskReceiver::push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame) {
-  FskFrame result;
-  result.frame = frame.value_or(order_.next());
-  const auto lengths = lengths_of(channels);
-  const auto verdict = order_.admit(result.frame, lengths);
-  result.outcome = verdict.outcome;
-  result.missing = verdict.missing;
-  if (verdict.outcome != FrameOutcome::received) return result;
-  if (verdict.anew) {
-    assembler_.lose_clock();
-    amplitude_.reset();
-  }
-  if (!are_numbers(channels)) {
-    result.outcome = FrameOutcome::not_finite;
-    return result;
-  }
-  if (!demodulator_ || rows_ != lengths[1]) {
-    demodulator_.emplace(camera_, tones_, lengths[1]);
-    rows_ = lengths[1];
-  }
-  const auto [column, channel] = best_column(channels, camera_.tone_curve);
-  result.channel = channel;
-  if (column.saturated) result.flags |= flag::saturated;
-  result.symbol = demodulator_->demodulate(column.signal, amplitude_);
-  const double tones = static_cast<double>(tones_.size());
-  if (!(result.symbol.snr > std::log(tones / kChance))) {
-    result.outcome = FrameOutcome::no_signal;
-    result.flags |= flag::no_signal;
-    return result;
-  }
-  if (result.symbol.snr < kWeakSnr) result.flags |= flag::weak;
-  const double seen = demodulator_->before_exposure(result.symbol.amplitude, result.symbol.symbol);
-  amplitude_ = amplitude_ ? *amplitude_ + kSmoothing * (seen - *amplitude_) : seen;
-  const auto first = static_cast<std::ptrdiff_t>(result.frame) * static_cast<std::ptrdiff_t>(demodulator_->bits());
-  result.stretch = assembler_.push(first, result.symbol.llr);
-  return result;
 }
 
 }  // namespace ocisac

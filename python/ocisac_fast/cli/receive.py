@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity
-from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream, parse_tones
+from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY, Quantity
 from ocisac_fast.transmission import LINE_CODES
@@ -25,7 +25,6 @@ from ocisac_fast.transmission import LINE_CODES
 @click.option("--frame-rate", type=FREQUENCY, help="Joins the packets of several frames; a video's own otherwise.")
 @click.option("--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Lights of packets, at most.")
 @click.option("--source-region", type=REGION, multiple=True, help="Of a light of packets; may be given several times.")
-@click.option("--tones", help="CM-FSK: the tones of a symbol, as 1kHz,1.2kHz; one symbol a frame.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
 @json_option
@@ -39,7 +38,6 @@ def receive(
     frame_rate: Quantity | None,
     sources: int,
     source_region: tuple[tuple[int, int, int, int], ...],
-    tones: str | None,
     picture: PictureOptions,
     plot: str | None,
     as_json: bool,
@@ -48,17 +46,16 @@ def receive(
 
     Columns, channel and chip rate are found. Chips cut by the edges of a frame are left out. With --packets frames
     are taken as one stream in time order, exposures may be longer than a chip (then --chip-rate is needed), and
-    payloads are given where they come whole; lights beside and above each other are sources of their own. With --tones
-    each frame shows one tone of a set (CM-FSK). An interrupt ends the reception: what has come is told.
+    payloads are given where they come whole; lights beside and above each other are sources of their own. An
+    interrupt ends the reception: what has come is told.
     """
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
-    frequencies = parse_tones(tones, FREQUENCY.convert)
-    packets = packets or line_code != "none" or bool(frequencies)
+    packets = packets or line_code != "none"
     if frame_rate is not None and picture.row_time is None:
         raise click.UsageError("--frame-rate: needs --row-time")
     seconds = None if frame_rate is None else 1.0 / _positive("--frame-rate", float(frame_rate))
-    options = PacketOptions(rate, line_code, block_bytes, preamble, seconds, sources, source_region, frequencies)
+    options = PacketOptions(rate, line_code, block_bytes, preamble, seconds, sources, source_region)
     stream = PacketStream(options) if packets else None
     stopped = False
     try:

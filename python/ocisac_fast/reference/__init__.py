@@ -17,7 +17,7 @@ from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.exposure_controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
-from ocisac_fast.fsk import FskFrame, FskReceiver, FskSymbol, FskTransmission, fsk_transmit
+from ocisac_fast.fsk import FskSymbol, FskTransmission, fsk_transmit
 from ocisac_fast.gain import ToneGain
 from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.picture_sensing import sense
@@ -78,15 +78,13 @@ __all__ = [
     "ExposureSuggestion",
     "Flag",
     "FoundFrequency",
-    "FskFrame",
-    "FskReceiver",
     "FskSymbol",
     "FskTransmission",
     "Goodput",
     "LightSource",
     "Mark",
-    "MultiReceiver",
     "MeasuredTone",
+    "MultiReceiver",
     "Pooled",
     "PreambleMatch",
     "Product",

@@ -2,17 +2,12 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/estimation/flags.hpp"
 #include "ocisac/estimation/projection.hpp"
-#include "ocisac/receiver/frame_order.hpp"
-#include "ocisac/receiver/packets.hpp"
-#include "ocisac/views.hpp"
 
 namespace ocisac {
 
@@ -46,9 +41,6 @@ class FskDemodulator {
   // `signal`: (rows) linear light. `amplitude`: of the light's tone before the exposure, where frames before told it.
   [[nodiscard]] FskSymbol demodulate(std::span<const double> signal, std::optional<double> amplitude = {}) const;
 
-  // That of an amplitude in the rows for a symbol: over |sinc(f·T_e)|.
-  [[nodiscard]] double before_exposure(double amplitude, std::size_t symbol) const;
-
  private:
   std::size_t bits_ = 0;
   std::vector<double> responses_;  // (tones) |sinc(f·T_e)|, at least kLeastResponse
@@ -57,32 +49,5 @@ class FskDemodulator {
 
 // Probability that one of M orthogonal tones, detected noncoherently, is taken for another at E_s/N_0 = `snr`.
 double fsk_symbol_error_rate(std::size_t tones, double snr);
-
-struct FskFrame {
-  std::int64_t frame = 0;
-  FrameOutcome outcome = FrameOutcome::received;
-  std::int64_t missing = 0;
-  std::size_t channel = 0;
-  FskSymbol symbol;                      // where received
-  std::optional<StretchReport> stretch;  // what the packet took of it
-  Flags flags = 0;
-};
-
-// Packets (line code "none") whose bits are sent log₂ M a frame: the symbol's clock is the frames'.
-class FskReceiver {
- public:
-  FskReceiver(const Camera& camera, std::vector<double> tones, PacketFormat format);
-
-  FskFrame push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame = {});
-
- private:
-  Camera camera_;
-  std::vector<double> tones_;
-  PacketAssembler assembler_;
-  FrameOrder order_;
-  std::optional<FskDemodulator> demodulator_;
-  std::size_t rows_ = 0;
-  std::optional<double> amplitude_;  // before the exposure, smoothed
-};
 
 }  // namespace ocisac
