@@ -15,11 +15,14 @@ from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
 from ocisac_fast.exposure_controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
+from ocisac_fast.exposure_fronts import ExposureFront, exposure_front
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
 from ocisac_fast.fsk import FskSymbol, FskTransmission, fsk_transmit
 from ocisac_fast.gain import ToneGain
 from ocisac_fast.goodput import Goodput, possible_goodput
+from ocisac_fast.location import Location, locate_camera
+from ocisac_fast.merging import merge_receptions
 from ocisac_fast.picture_sensing import sense
 from ocisac_fast.receiver import Received
 from ocisac_fast.reference.channel import (
@@ -73,6 +76,7 @@ __all__ = [
     "DetectorErrorRates",
     "EqualizerReport",
     "ExposureController",
+    "ExposureFront",
     "ExposureMeasurement",
     "ExposureReason",
     "ExposureSuggestion",
@@ -82,6 +86,7 @@ __all__ = [
     "FskTransmission",
     "Goodput",
     "LightSource",
+    "Location",
     "Mark",
     "MeasuredTone",
     "MultiReceiver",
@@ -123,6 +128,7 @@ __all__ = [
     "equalize",
     "exact_scene",
     "expose_chips",
+    "exposure_front",
     "exposure_objective",
     "exposure_response",
     "find_channel",
@@ -133,8 +139,10 @@ __all__ = [
     "fsk_symbol_error_rate",
     "fsk_transmit",
     "integrate_exposure",
+    "locate_camera",
     "longest_payload",
     "lost_frequencies",
+    "merge_receptions",
     "pick_channel",
     "pool_estimates",
     "possible_goodput",

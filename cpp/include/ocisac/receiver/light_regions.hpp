@@ -19,9 +19,9 @@ struct Region {
 AnyFramesView part_of(const AnyFramesView& frames, const Region& region);
 
 // Boxes of lights beside each other (columns that swing differently: light_groups) and above each other (rows between
-// them in which nothing swings), cut in turn until each holds one, without rows at its ends in which nothing does, where
-// these are many. From the left, then from the top; the whole frame
-// where nothing tells more than one light. Lights that touch above each other are not told apart.
+// them in which nothing swings), cut in turn until each holds one, without rows at its ends in which nothing does,
+// where these are many. From the left, then from the top; the whole frame where nothing tells more than one light.
+// Lights that touch above each other are not told apart.
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve);
 
 // Pixels that two regions share.
