@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 JOBS ?= $(shell nproc)
+# clang-tidy looks at sources that changed since this commit only; empty: at all
+TIDY_SINCE ?=
 # ON: compiler warnings are errors (as in CI)
 WERROR ?= OFF
 
@@ -13,9 +15,10 @@ cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*
 native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \
   $(wildcard $(shell git rev-parse --git-path logs/HEAD 2>/dev/null))
 
-# One SIMD target stands for all: they come from the same text.
-tidy = printf '%s\n' $(filter cpp/src/%.cpp,$(cpp_files)) | \
-  xargs -P $(JOBS) -n 1 clang-tidy -p $(build) --quiet --warnings-as-errors='*' \
+# All sources, or those that changed since a commit. One SIMD target stands for all: they come from the same text.
+tidied = $(filter cpp/src/%.cpp,$(if $(TIDY_SINCE),$(shell git diff --name-only --diff-filter=d $(TIDY_SINCE)),$(cpp_files)))
+tidy = printf '%s\n' $(tidied) | \
+  xargs -r -P $(JOBS) -n 1 clang-tidy -p $(build) --quiet --warnings-as-errors='*' \
   --extra-arg=-DHWY_COMPILE_ONLY_STATIC 2>/dev/null
 
 export PYTHON
@@ -46,7 +49,7 @@ demo: build
 
 test: cpp-test $(VENV)/.requirements-test
 	@echo '==> Python tests'
-	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest $(PYTEST_ARGS)
+	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest -n $(JOBS) --dist worksteal $(PYTEST_ARGS)
 
 chart: build $(VENV)/.requirements-chart
 	@$(bin)/ocisac chart --directory docs --text docs/accuracy.md
@@ -62,6 +65,7 @@ nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
 	@echo '==> static analyzer'
 	@scripts/system-packages lint
+	@$(tidy)
 	@$(tidy) --checks='-*,clang-analyzer-*,-clang-analyzer-security.FloatLoopCounter'
 	@echo '==> Python tests, those of minutes included, with ten times the random cases'
 	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest -m '' --hypothesis-profile nightly $(PYTEST_ARGS)
