@@ -35,7 +35,8 @@ struct Column {
     ocisac::expose_chips({chips, first}, clock, rows);
     std::normal_distribution<double> noise(0, 1);
     for (std::size_t n = 0; n < kRows; ++n)
-      rows[n] = 50 + 100 * (rows[n] + noise_share * noise(random)) * (1 - fall * static_cast<double>(n) / static_cast<double>(kRows));
+      rows[n] = 50 + 100 * (rows[n] + noise_share * noise(random)) *
+                         (1 - fall * static_cast<double>(n) / static_cast<double>(kRows));
   }
 
   // Errors among the chips that the frame shows whole, with their number: `shift` added to numbers of found chips.
