@@ -17,17 +17,20 @@ Complexes = npt.NDArray[np.complex128]
 
 _SEARCHED = 8  # blocks of 64 columns that a search looks at
 _STEPS = 12
+_RIDES = 3
+_SETTLED = 1e-3  # of the mean light
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Slow light, a tone with harmonics, and other tones, over the rows of a column.
+    """Slow light, and on it a tone with harmonics and other tones, over the rows of a column.
 
     Attributes:
         cycles: of the tone per row.
         harmonics: of the tone, 1 first.
-        design: (rows, parameters): Legendre polynomials, then cosine and sine of each harmonic, then of each other
-            tone, phases from the middle row.
+        shape: (rows,) brightness that the tones ride on, mean 1.
+        design: (rows, parameters): Legendre polynomials, then ``shape`` times cosine and sine of each harmonic, then of
+            each other tone, phases from the middle row.
         weights: its pseudo-inverse.
         steering: harmonics that the frequency is found by; those that noise hides would feign information.
         slope: derivative of ``design`` by ``cycles``, of those.
@@ -36,6 +39,7 @@ class Model:
 
     cycles: float
     harmonics: tuple[int, ...]
+    shape: Float64s
     design: Float64s
     weights: Float64s
     steering: tuple[int, ...]
@@ -80,8 +84,9 @@ class Fitted:
 
 
 def trend_degree(cycles: float) -> int:
-    """A constant below 2 cycles in the frame, a line below 4, else a parabola, as ``find_frequency`` has it."""
-    return 0 if cycles < 2 else 1 if cycles < 4 else 2
+    """A constant below 2 cycles in the frame, a line below 4, a parabola below 8, as ``find_frequency`` has it, and
+    beyond what a lamp near a wall needs, degree 4."""
+    return 0 if cycles < 2 else 1 if cycles < 4 else 2 if cycles < 8 else 4
 
 
 def harmonics_of(waveform: str, duty: float, cycles: float, rows: int) -> tuple[int, ...]:
@@ -100,24 +105,45 @@ def make_model(
     others: Sequence[float],
     degree: int | None = None,
     steering: Sequence[int] | None = None,
+    shape: Float64s | None = None,
 ) -> Model:
     """``others``: cycles per row of other tones; ``degree`` of the slow light: by the cycles, unless it is given;
-    ``steering``: all harmonics, unless given."""
+    ``steering``: all harmonics, unless given; ``shape``: even, unless given."""
     degree = trend_degree(cycles * rows) if degree is None else degree
     steering = tuple(harmonics) if steering is None else tuple(steering)
+    shape = np.ones(rows) if shape is None else shape
     from_middle = np.arange(rows) - 0.5 * (rows - 1)
     trend = np.polynomial.legendre.legvander(2.0 * from_middle / rows, degree).astype(np.float64)
     parts, slopes = [trend], [np.zeros_like(trend)]
     for factor, frequency in [*((h, cycles) for h in harmonics), *((0, f) for f in others)]:
         turns = (factor or 1) * frequency * from_middle
         angle = 2.0 * np.pi * (turns - np.rint(turns))
-        wave = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        wave = shape[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         lever = 2.0 * np.pi * factor * from_middle if factor in steering else np.zeros(rows)
         parts.append(wave)
         slopes.append(lever[:, None] * np.stack([-wave[:, 1], wave[:, 0]], axis=1))
     design = np.asarray(np.hstack(parts), dtype=np.float64)
     slope = np.asarray(np.hstack(slopes), dtype=np.float64)
-    return Model(cycles, tuple(harmonics), design, pseudo_inverse(design), steering, slope, trend.shape[1])
+    return Model(cycles, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, trend.shape[1])
+
+
+def ridden(frames: npt.NDArray[Any], camera: Camera, model: Model, background: float, others: Sequence[float]) -> Model:
+    """The model, its tones riding on the slow light that all columns and frames share: where the light falls off along
+    the rows, so do its tones. Even where that light comes near 0.
+
+    Tones that are fitted with a wrong shape pull at the slow light; three rounds settle a fall of 7 to 1.
+    """
+    for _ in range(_RIDES if model.first > 1 else 0):
+        parameters, _squares = project(frames, camera, model.weights)
+        slow = model.design[:, : model.first] @ parameters[:, : model.first].mean(axis=(0, 2)) - background
+        if not slow.min() > 0.1 * slow.mean():
+            break
+        shape = np.asarray(slow / slow.mean())
+        settled = np.abs(shape - model.shape).max() < _SETTLED
+        model = make_model(len(shape), model.cycles, model.harmonics, others, model.first - 1, model.steering, shape)
+        if settled:
+            break
+    return model
 
 
 def steered(fitted: Fitted, others: Sequence[float]) -> Model:
@@ -131,7 +157,7 @@ def steered(fitted: Fitted, others: Sequence[float]) -> Model:
         noise = float(fitted.noise.sum() * spread[part].sum())
         if float((fitted.parameters[:, part] ** 2).sum()) > chance * noise:
             steering.append(harmonic)
-    return make_model(len(model.design), model.cycles, model.harmonics, others, model.first - 1, steering)
+    return make_model(len(model.design), model.cycles, model.harmonics, others, model.first - 1, steering, model.shape)
 
 
 def pseudo_inverse(design: Float64s) -> Float64s:
@@ -183,7 +209,7 @@ def refine(frames: npt.NDArray[Any], camera: Camera, model: Model, others: Seque
         stiffness = float(np.einsum("jpk,pq,jqk->", parameters, away.T @ away, parameters))
         step = float((parameters * forces).sum()) / stiffness if stiffness > 0 else 0.0
         step = min(max(step, -reach), reach)
-        best = make_model(rows, best.cycles + step, best.harmonics, others, best.first - 1, best.steering)
+        best = make_model(rows, best.cycles + step, best.harmonics, others, best.first - 1, best.steering, best.shape)
         if abs(step) * rows < 1e-10:
             break
     return best

@@ -21,6 +21,7 @@ from ocisac_fast._region_fit import (
     make_model,
     phase_spread,
     refine,
+    ridden,
     searched,
     steady_turn,
     steered,
@@ -140,8 +141,9 @@ def sense_region(
 ) -> SensedRegion:
     """Contrast gain, motion and kind of the one periodic thing in a region of a picture.
 
-    All columns and frames share one frequency, found by least squares of slow light (a polynomial of degree 0 to 2),
-    tone and harmonics with amplitudes and phases free in each column; in white noise its standard error is at the
+    All columns and frames share one frequency, found by least squares of slow light (a polynomial of degree 0 to 4),
+    tone and harmonics with amplitudes and phases free in each column, brighter and darker along the rows as the
+    region's slow light is; in white noise its standard error is at the
     Cramer-Rao bound of that model. The phases tell the rest:
 
         2 pi (c n + s k + d j),   row n, column k, frame j
@@ -189,7 +191,7 @@ def sense_region(
     blank = SensedRegion("unknown", 0, 0, region.shape[2], region.shape[1], len(region))
     blank = dataclasses.replace(blank, background_given=background is not None)
 
-    fitted, flags = _fitted(region, camera, frequency, waveform, duty, tones, bounds)
+    fitted, flags = _fitted(region, camera, frequency, waveform, duty, tones, bounds, float(ambient.mean.mean()))
     if fitted is None:
         return dataclasses.replace(blank, flags=flags)
     if frequency is not None:
@@ -327,6 +329,7 @@ def _fitted(
     duty: float,
     tones: list[float],
     bounds: tuple[float, float] | None,
+    background: float,
 ) -> tuple[Fitted | None, Flag]:
     """The fit at the frequency given or found; None and why where there is none."""
     rows = region.shape[1]
@@ -345,6 +348,7 @@ def _fitted(
     model = make_model(rows, cycles, harmonics_of(waveform, duty, cycles, rows), tones)
     if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < 1e-12:
         return None, flags | Flag.UNRESOLVABLE
+    model = ridden(region, camera, model, background, tones)
     if frequency is not None:
         return fit(region, camera, model), flags
     model = refine(region, camera, steered(fit(region, camera, model), tones), tones)

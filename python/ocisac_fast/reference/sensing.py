@@ -68,6 +68,7 @@ def sense_region(
     fit = _Fit(light, c, waveform, duty, tones)
     if rows < fit.unknowns + 1 or abs(2 * c - round(2 * c)) < 2e-12:
         return dataclasses.replace(blank, flags=flags | Flag.UNRESOLVABLE)
+    fit.ride(background)
     if frequency is None:
         fit.search()
     fit.solve(fit.c)
@@ -147,19 +148,35 @@ class _Fit:
         rows = light.shape[1]
         self.light, self.c, self.tones = light, c, tones
         self.u = np.arange(rows) - (rows - 1) / 2
-        self.degree = 0 if c * rows < 2 else 1 if c * rows < 4 else 2
+        self.degree = 0 if c * rows < 2 else 1 if c * rows < 4 else 2 if c * rows < 8 else 4
         self.harmonics = [1]
         if waveform == "square":
             above = [h for h in range(2, 4 * rows) if h * c < 0.5 - 1 / rows and abs(np.sinc(h * duty)) > 1e-9]
             self.harmonics += above[: max(0, rows // 4 - 4)]
         self.unknowns = self.degree + 1 + 2 * (len(self.harmonics) + len(tones))
         self.steering = list(self.harmonics)
+        self.shape = np.ones(rows)
 
     def design(self, c: float, also: float = 0.0) -> Float64s:
         """Columns of the model; the steering harmonics at c + also."""
         trend = legendre.legvander(2 * self.u / len(self.u), self.degree)
         waves = [_cosines(h * (c + also * (h in self.steering)), self.u) for h in self.harmonics]
-        return np.hstack([trend, *waves, *(_cosines(t, self.u) for t in self.tones)])
+        waves += [_cosines(t, self.u) for t in self.tones]
+        return np.hstack([trend, *(self.shape[:, None] * wave for wave in waves)])
+
+    def ride(self, background: npt.ArrayLike | BackgroundLight | None) -> None:
+        """From here on the waves are as bright along the rows as the slow light of the whole region."""
+        dark = background.mean if isinstance(background, BackgroundLight) else 0.0 if background is None else background
+        for _ in range(3 if self.degree else 0):
+            self.solve(self.c)
+            slow = legendre.legval(2 * self.u / len(self.u), self.theta[:, : self.degree + 1].mean(axis=(0, 2)))
+            slow = slow - np.mean(np.asarray(dark, dtype=np.float64))
+            if not slow.min() > 0.1 * slow.mean():
+                return
+            change = np.abs(slow / slow.mean() - self.shape).max()
+            self.shape = slow / slow.mean()
+            if change < 1e-3:
+                return
 
     def solve(self, c: float) -> None:
         """Everything at c."""
