@@ -36,6 +36,7 @@ T stored(float value, float white) {
 // Pixels of a part in one row, numbered within the frame.
 struct Run {
   std::size_t begin, end;
+  bool operator==(const Run&) const = default;
 };
 
 Run run_of(const ScenePart& part, std::size_t row) {
@@ -44,10 +45,9 @@ Run run_of(const ScenePart& part, std::size_t row) {
   return {part.left + span[0], part.left + span[1]};
 }
 
-void add_row(const ScenePart& part, std::size_t row, float* values) {
+void add_row(const ScenePart& part, const Run& run, std::size_t row, float* values) {
   const std::size_t inside = row - part.top;
   const float* table = part.table + inside * part.phases;
-  const Run run = run_of(part, row);
   float* out = values + run.begin;
   const std::size_t count = run.end - run.begin;
   const std::size_t first = inside * part.width + (run.begin - part.left);
@@ -64,33 +64,42 @@ void add_row(const ScenePart& part, std::size_t row, float* values) {
   }
 }
 
-// What one row needs: the parts that reach it.
+// What one row needs: the parts that reach it and their pixels; for runs of equal value the edges of the runs, and the
+// parts of each. `found` are the parts and pixels that the runs were found for.
 struct Row {
+  struct Reach {
+    const ScenePart* part;
+    Run run;
+    bool operator==(const Reach&) const = default;
+  };
   std::size_t number = 0;
-  std::vector<const ScenePart*> parts;
+  std::vector<Reach> parts, found;
   std::vector<std::size_t> edges;
+  std::vector<std::vector<const ScenePart*>> inside;
   std::vector<float> values;
 };
 
-// Runs of equal value between the edges of the parts.
+void find_runs(Row& row, std::size_t columns) {
+  row.edges = {0, columns};
+  for (const auto& [part, run] : row.parts) row.edges.insert(row.edges.end(), {run.begin, run.end});
+  std::sort(row.edges.begin(), row.edges.end());
+  row.edges.erase(std::unique(row.edges.begin(), row.edges.end()), row.edges.end());
+  row.inside.assign(row.edges.size() - 1, {});
+  for (std::size_t i = 0; i < row.inside.size(); ++i)
+    for (const auto& [part, run] : row.parts)
+      if (row.edges[i] >= run.begin && row.edges[i + 1] <= run.end) row.inside[i].push_back(part);
+  row.found = row.parts;
+}
+
+// Runs of equal value between the edges of the parts; most rows have those of the row before.
 template <class T>
 void fill_runs(Row& row, float level, float white, const FramesView<T>& frame) {
-  row.edges = {0, frame.columns};
-  for (const ScenePart* part : row.parts) {
-    const Run run = run_of(*part, row.number);
-    row.edges.insert(row.edges.end(), {run.begin, run.end});
-  }
-  std::sort(row.edges.begin(), row.edges.end());
+  if (row.edges.empty() || row.parts != row.found) find_runs(row, frame.columns);
   T* out = frame.at(0, row.number, 0);
-  for (std::size_t i = 1; i < row.edges.size(); ++i) {
-    const std::size_t begin = row.edges[i - 1];
-    const std::size_t end = row.edges[i];
+  for (std::size_t i = 0; i < row.inside.size(); ++i) {
     float value = level;
-    for (const ScenePart* part : row.parts) {
-      const Run run = run_of(*part, row.number);
-      if (begin >= run.begin && end <= run.end) value += uniform_value(*part, row.number);
-    }
-    std::fill(out + begin, out + end, stored<T>(value, white));
+    for (const ScenePart* part : row.inside[i]) value += uniform_value(*part, row.number);
+    std::fill(out + row.edges[i], out + row.edges[i + 1], stored<T>(value, white));
   }
 }
 
@@ -100,7 +109,7 @@ void sum_parts(Row& row, const SceneBase& base, float white, const FramesView<T>
     row.values.assign(base.image + row.number * frame.columns, base.image + (row.number + 1) * frame.columns);
   else
     row.values.assign(frame.columns, base.level);
-  for (const ScenePart* part : row.parts) add_row(*part, row.number, row.values.data());
+  for (const auto& [part, run] : row.parts) add_row(*part, run, row.number, row.values.data());
   T* out = frame.at(0, row.number, 0);
   for (std::size_t x = 0; x < frame.columns; ++x) out[x] = stored<T>(row.values[x], white);
 }
@@ -110,9 +119,9 @@ void render_row(std::span<const ScenePart> parts, const SceneBase& base, float w
                 const FramesView<T>& frame) {
   row.parts.clear();
   for (const ScenePart& part : parts)
-    if (reaches(part, row.number)) row.parts.push_back(&part);
+    if (reaches(part, row.number)) row.parts.push_back({&part, run_of(part, row.number)});
   const bool runs = !base.image && std::all_of(row.parts.begin(), row.parts.end(),
-                                               [](const ScenePart* part) { return uniform(*part); });
+                                               [](const Row::Reach& reach) { return uniform(*reach.part); });
   if (runs)
     fill_runs(row, base.level, white, frame);
   else
