@@ -31,11 +31,16 @@ struct FittedTone {
   double phase_at_zero;  // rad
 };
 
-// (count,) each; see ToneGain. weak: 1 where the tone is not told from nothing, else 0.
+// What a column's gain needs a look for: a mean that is not above 0, a tone that is not told from nothing, or a noise
+// variance below 1, the first that holds.
+constexpr double kNothing = 0, kLittleNoise = 1, kWeakTone = 2, kNoLight = 3;
+
+// (count,) each; see ToneGain.
 struct GainOutputs {
-  double *gain, *gain_std, *phase, *snr, *weak;
+  double *gain, *gain_std, *phase, *snr, *remark;
 };
 
-void gains_of_fit(const FittedTone& fit, const GainOutputs& out);
+// Whether any column has a remark.
+bool gains_of_fit(const FittedTone& fit, const GainOutputs& out);
 
 }  // namespace ocisac::kernels

@@ -106,10 +106,10 @@ void take_off_background(const Context& context, std::size_t frame, std::size_t 
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
 }
 
-// Whether rounding to codes may pull the amplitude of column i by more than noise does.
+// Whether rounding to codes may pull the amplitude of column i by more than noise does. From a noise variance of 1 on
+// the pull is below 10⁻⁸ of a step.
 bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
   const double noise = estimates.noise_variance[i];
-  if (!(noise < 1)) return false;  // the pull is below 10⁻⁸ of a step
   const double cosine = estimates.cosine[i] * estimates.cosine[i];
   const double sine = estimates.sine[i] * estimates.sine[i];
   const double radial =
@@ -123,24 +123,26 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
                   std::span<const std::uint8_t> saturated, std::size_t first, const ToneGainView& result) {
   const std::size_t count = estimates.mean.size();
   const Variances& variances = estimates.variances;
-  std::vector<double> weak(count);
-  kernels::gains_of_fit(
+  std::vector<double> remarks(count);
+  const bool any = kernels::gains_of_fit(
       {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
        variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
-      {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], weak.data()});
+      {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], remarks.data()});
+  std::copy(estimates.mean.begin(), estimates.mean.end(), result.mean.begin() + static_cast<std::ptrdiff_t>(first));
+  for (std::size_t i = 0; i < count; ++i)
+    result.flags[first + i] = tone.flags | (saturated[i] ? flag::saturated : Flags{0});
+  if (!any && !(tone.flags & flag::unresolvable)) return;
   for (std::size_t i = 0; i < count; ++i) {
-    Flags flags = tone.flags | (saturated[i] ? flag::saturated : 0);
     const std::size_t index = first + i;
-    result.mean[index] = estimates.mean[i];
-    if (!(estimates.mean[i] > 0)) flags |= flag::no_light;
+    Flags& flags = result.flags[index];
+    if (remarks[i] == kernels::kNoLight) flags |= flag::no_light;
     if (flags & (flag::unresolvable | flag::no_light))
       mark_unknown(result, index);
-    else if (weak[i] != 0)
+    else if (remarks[i] == kernels::kWeakTone)
       flags |= flag::weak;
-    else if (context.whole_numbers &&
+    else if (remarks[i] == kernels::kLittleNoise && context.whole_numbers &&
              is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i]))
       flags |= flag::quantised;
-    result.flags[index] = flags;
   }
 }
 
