@@ -95,21 +95,41 @@ def test_share_agrees_with_the_reference(shape: tuple[int, int, int], seed: int,
     np.testing.assert_allclose(_core.light_share(light, variance, rows), expected, rtol=0, atol=1e-10)
 
 
-@given(st.sampled_from([(8, 1), (17, 5), (31, 12), (97, 6)]), st.integers(0, 2**32 - 1))
-@settings(max_examples=6)
-def test_row_light_agrees_with_the_reference(shape: tuple[int, int], seed: int) -> None:
+@given(
+    st.sampled_from([(8, 1), (17, 5), (31, 12), (97, 6)]),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(["free", "basis", "held"]),
+)
+@settings(max_examples=9)
+def test_row_light_agrees_with_the_reference(shape: tuple[int, int], seed: int, known: str) -> None:
     random = np.random.default_rng(seed)
     light, variance = random.uniform(20, 200, (1, *shape)), random.uniform(0.5, 4, (1, *shape))
     share, rows = random.uniform(0.1, 1, shape), random.uniform(0.5, 1.5, shape[0])
-    expected = cleaning.refine_row_light(light, variance, share, rows, 3)
-    for got, want in zip(_core.refine_row_light(light, variance, share, rows, 3), expected, strict=True):
-        np.testing.assert_allclose(got, want, rtol=1e-9, atol=1e-9 * np.abs(want).max())
+    more = {"free": (), "basis": (random.standard_normal((shape[0], 3)),), "held": (None, 0.05)}[known]
+    expected = cleaning.refine_row_light(light, variance, share, rows, 3, *more)
+    for got, want in zip(_core.refine_row_light(light, variance, share, rows, 3, *more), expected, strict=True):
+        np.testing.assert_allclose(got, want, rtol=1e-8, atol=1e-8 * np.abs(want).max())
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ((np.ones(17), np.inf), "basis: got 17"),
+        ((np.full((16, 2), np.nan), np.inf), "basis: got nan"),
+        ((None, 0.0), "deviation: got 0"),
+        ((np.ones((16, 2)), 0.1), "deviation: got 0.1"),
+    ],
+)
+def test_bad_model_of_rows(more: tuple[Array | None, float], message: str) -> None:
+    ones = np.ones((1, 16, 3))
+    with pytest.raises(ValueError, match=message):
+        _core.refine_row_light(ones, ones, ones[0], np.ones(16), 1, *more)
 
 
 @pytest.mark.parametrize("kind", ["tone", "square", "chips"])
 @pytest.mark.parametrize("given_light", [True, False])
 def test_rendered_scenes(kind: str, given_light: bool) -> None:
-    """Better than by row means, by 6 dB or, with chips that have to be found, by 3; not far from the oracle."""
+    """Better than by row means by 6 dB; not far from the oracle."""
     light = row_light(kind)
     read, clean, share = scene(light)
     left = 1 + share * (light[:, None] - 1)
@@ -117,14 +137,12 @@ def test_rendered_scenes(kind: str, given_light: bool) -> None:
     stored = np.clip(np.rint(read), 0, 255).astype(np.uint8)
     done = remove_bands(stored, CAMERA, light=light if given_light else None, level="mean")
     got = psnr(done.frames, clean, kept)
-    assert got > (3 if kind == "chips" and not given_light else 6) + max(
-        psnr(plain, clean, kept) for plain in by_row_means(read)
-    )
+    assert got > 6 + max(psnr(plain, clean, kept) for plain in by_row_means(read))
     if given_light:
         assert got > psnr(read / left, clean, kept) - (2.5 if kind == "tone" else 5.5)  # a shadow's edge costs most
         assert done.model == ("given",)
     else:
-        assert done.model[0] in (("chips", "rows") if kind == "chips" else ("tone",))
+        assert done.model[0] == ("chips" if kind == "chips" else "tone")
 
 
 def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
@@ -327,11 +345,14 @@ RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_recordings(recordings: Path, name: str) -> None:
-    """Bands of real cameras: lit rows stay as they were, which a blur fails; how much of the bands goes is measured."""
+    """Bands of real cameras go, and lit rows and texture stay, which a blur fails; the poster has rows without light."""
     spec = importlib.util.spec_from_file_location("cleaning", Path(__file__).parents[1] / "bench" / "cleaning.py")
     assert spec is not None
     assert spec.loader is not None
     measures = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(measures)
-    for measured in measures.recording(recordings / name).values():
-        assert (measured["lit_rows_changed"] < 0.02) == (measured["name"] == "remove_bands"), measured
+    found = measures.recording(recordings / name)
+    for measured in found.values():
+        assert (measured["lit_rows_changed"] < 0.03) == (measured["name"] == "remove_bands"), measured
+        assert (abs(measured["detail_db"]) <= 1) == (measured["name"] == "remove_bands"), measured
+    assert found["remove_bands"]["correlation_taken_db"] > (12 if name.startswith("poster") else 20)

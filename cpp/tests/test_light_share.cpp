@@ -67,6 +67,24 @@ TEST_CASE("the row light is found from a wrong start") {
   CHECK(error < 0.1 * swing);
 }
 
+TEST_CASE("the row light is found within a basis, or near where it starts") {
+  const Scene scene;
+  std::vector<double> share(rows * columns), basis(2 * rows), start(rows, 1.0);
+  for (std::size_t i = 0; i < share.size(); ++i) share[i] = Scene::share(i % columns);
+  for (std::size_t n = 0; n < rows; ++n) {
+    basis[2 * n] = std::cos(2 * std::numbers::pi * static_cast<double>(n) / 15);
+    basis[2 * n + 1] = std::sin(2 * std::numbers::pi * static_cast<double>(n) / 15);
+  }
+  const RowLight within = refine_row_light(scene.picture(), share, start, 12, {.basis = basis});
+  const RowLight held = refine_row_light(scene.picture(), share, start, 12, {.basis = {}, .deviation = 1e-4});
+  for (std::size_t n = 0; n < rows; ++n) {
+    CHECK(within.light[n] == doctest::Approx(scene.row_light[n]).epsilon(0.02));
+    CHECK(held.light[n] == doctest::Approx(1).epsilon(0.01));
+  }
+  CHECK_THROWS_AS(refine_row_light(scene.picture(), share, start, 1, {.basis = std::span(basis).first(7)}),
+                  std::invalid_argument);
+}
+
 TEST_CASE("input without meaning is refused") {
   const Scene scene;
   CHECK_THROWS_AS(light_share(scene.picture(), std::vector<double>(3)), std::invalid_argument);

@@ -1,8 +1,11 @@
 #include "ocisac/estimation/light_share.hpp"
 
 #include <pybind11/numpy.h>
+#include <pybind11/stl.h>
 
 #include <algorithm>
+#include <limits>
+#include <optional>
 
 #include "ocisac/require.hpp"
 #include "register.hpp"
@@ -42,12 +45,14 @@ py::array_t<double> run_light_share(const Doubles& light, const Doubles& varianc
 }
 
 py::tuple run_refine_row_light(const Doubles& light, const Doubles& variance, const Doubles& share,
-                               const Doubles& row_light, int steps) {
+                               const Doubles& row_light, int steps, const std::optional<Doubles>& basis,
+                               double deviation) {
   const BandedPicture picture = picture_of(light, variance);
+  const RowModel model{basis ? span_of(*basis) : std::span<const double>{}, deviation};
   RowLight result;
   {
     const py::gil_scoped_release released;
-    result = refine_row_light(picture, span_of(share), span_of(row_light), steps);
+    result = refine_row_light(picture, span_of(share), span_of(row_light), steps, model);
   }
   return py::make_tuple(array_of(result.light, {light.shape(1)}), array_of(result.information, {light.shape(1)}));
 }
@@ -57,7 +62,8 @@ py::tuple run_refine_row_light(const Doubles& light, const Doubles& variance, co
 void register_light_share(py::module_& module) {
   module.def("light_share", &run_light_share, py::arg("light"), py::arg("variance"), py::arg("row_light"));
   module.def("refine_row_light", &run_refine_row_light, py::arg("light"), py::arg("variance"), py::arg("share"),
-             py::arg("row_light"), py::arg("steps"));
+             py::arg("row_light"), py::arg("steps"), py::arg("basis") = py::none(),
+             py::arg("deviation") = std::numeric_limits<double>::infinity());
 }
 
 }  // namespace ocisac::bindings

@@ -258,6 +258,8 @@ def refine_row_light(
     share: npt.NDArray[np.float64],
     row_light: npt.NDArray[np.float64],
     steps: int,
+    basis: npt.NDArray[np.float64] | None = None,
+    deviation: float = ...,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
 
 class MultiReceiver:

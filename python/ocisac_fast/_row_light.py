@@ -17,8 +17,7 @@ FloatArray = npt.NDArray[np.float64]
 MODELS = ("auto", "tone", "chips", "rows")
 _MOST_COLUMNS = 192
 _SLOWEST_ROWS = 128  # a light that changes slower than this cannot be told from the picture
-# Share of the rows' swing that a model explains before it is taken for the light.
-_ENOUGH_OF_TONE, _ENOUGH_OF_CHIPS = 0.5, 0.955
+_ENOUGH_OF_TONE = 0.5  # share of the rows' swing that a tone explains before it is taken for the light
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,35 +35,64 @@ class Kernels:
     """The core's, or the reference's."""
 
     light_share: Callable[[FloatArray, FloatArray, FloatArray], FloatArray] = _core.light_share
-    refine_row_light: Callable[[FloatArray, FloatArray, FloatArray, FloatArray, int], tuple[FloatArray, FloatArray]] = (
-        _core.refine_row_light
-    )
+    refine_row_light: Callable[
+        [FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray | None, float], tuple[FloatArray, FloatArray]
+    ] = _core.refine_row_light
+
+
+class Columns:
+    """A picture in at most 192 bundles of columns, and the light of its rows that fits them best."""
+
+    def __init__(self, light: FloatArray, variance: FloatArray, kernels: Kernels) -> None:
+        self.light, self.variance = _bundled(light, variance)
+        self._kernels = kernels
+
+    def refined(
+        self, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf
+    ) -> tuple[FloatArray, FloatArray]:
+        """Light of each row from a light of mean 1, scaled like it, and the certainty of each, at most 1.
+
+        ``basis`` (rows, terms): nothing else is added; ``deviation``: from ``rows``, about.
+        """
+        lit = np.maximum(rows, 0.0)[None]
+        of_columns = self._kernels.light_share(self.light[None], self.variance[None], lit).mean(axis=0)
+        most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
+        # One for a column: with a share of its own, a group of rows could have any swing.
+        share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)
+        return self._refined(share, 1 + most * (rows - 1), basis, deviation)
+
+    def free(self) -> tuple[FloatArray, FloatArray]:
+        """The same with nothing known of the rows."""
+        rows = _without_trend(_row_means(self.light, self.variance))
+        share = np.ones(self.light.shape)  # relative to the columns that show the light most
+        rows, certainty = self._refined(share, rows / rows.mean())
+        for _ in range(2):
+            rows, certainty = self.refined(scaled(_without_trend(rows)))
+        return scaled(_without_trend(rows)), certainty
+
+    def _refined(
+        self, share: FloatArray, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf
+    ) -> tuple[FloatArray, FloatArray]:
+        rows, certainty = self._kernels.refine_row_light(
+            self.light[None], self.variance[None], share, rows, 6, basis, deviation
+        )
+        return rows, certainty / max(float(certainty.max()), 1e-300)
 
 
 def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str, kernels: Kernels) -> RowLight:
     """From one channel of linear light (rows, columns) and its noise variance (infinite: tells nothing)."""
-    grey, spread = _bundled(light, variance)
-    rows = _without_trend(_row_means(grey, spread))
-    rows /= rows.mean()
-    share = np.ones(grey.shape)  # relative to the columns that show the light most
-    rows, _ = kernels.refine_row_light(grey[None], spread[None], share, rows, 6)
-    for _ in range(2):
-        light_now = scaled(_without_trend(rows))
-        of_columns = kernels.light_share(grey[None], spread[None], light_now[None]).mean(axis=0)
-        most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
-        # One for a column: with a share of its own, a group of rows could have any swing.
-        share[:] = np.clip(of_columns / most, 0.02, 1.0)
-        rows, certainty = kernels.refine_row_light(grey[None], spread[None], share, 1 + most * (light_now - 1), 6)
-    rows = scaled(_without_trend(rows))
-    weight = certainty / max(float(certainty.max()), 1e-300)
+    from ocisac_fast._chip_light import chip_light
+
+    picture = Columns(light, variance, kernels)
+    rows, weight = picture.free()
     if model in ("auto", "tone"):
         tone = _tone(rows, weight, camera, always=model == "tone")
         if tone is not None:
             return tone
     if model in ("auto", "chips"):
-        chips = _chips(rows, weight, camera, always=model == "chips")
+        chips = chip_light(picture, rows, weight, camera.row_time, always=model == "chips")
         if chips is not None:
-            return chips
+            return RowLight(chips.light, float(np.quantile(chips.light, 0.95)), "chips", chips.rate)
     return RowLight(rows, float(np.quantile(rows, 0.95)), "rows", float("nan"))
 
 
@@ -126,7 +154,8 @@ def _without_trend(rows: FloatArray) -> FloatArray:
     return np.asarray(rows / np.maximum(trend, 0.1 * float(rows.mean())))
 
 
-def _explained(rows: FloatArray, model: FloatArray, weight: FloatArray) -> float:
+def explained(rows: FloatArray, model: FloatArray, weight: FloatArray) -> float:
+    """Share of the rows' swing."""
     mean = float(np.average(rows, weights=weight))
     swing = float(weight @ (rows - mean) ** 2)
     return 1.0 - float(weight @ (rows - model) ** 2) / swing if swing > 0.0 else 0.0
@@ -146,43 +175,10 @@ def _tone(rows: FloatArray, weight: FloatArray, camera: Camera, always: bool) ->
     basis = np.concatenate([_slow(len(rows)), periodic], axis=1)
     root = np.sqrt(weight)
     fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
-    if not always and _explained(rows, basis @ fitted, weight) < _ENOUGH_OF_TONE:
+    if not always and explained(rows, basis @ fitted, weight) < _ENOUGH_OF_TONE:
         return None
     tone = periodic @ fitted[-periodic.shape[1] :]
     tone -= tone.mean()
     darkest = -float(tone.min())
     light = 1.0 + tone / darkest if darkest > 1e-9 else np.ones_like(tone)
     return RowLight(light, float(light.max()), "tone", found.frequency / camera.row_time)
-
-
-def _chips(rows: FloatArray, weight: FloatArray, camera: Camera, always: bool) -> RowLight | None:
-    """The chips received, each with the response that the rows show best; None where that is not the light."""
-    from ocisac_fast.receiver import receive
-
-    got = receive(rows[:, None], camera)[0]
-    if len(got.bits) < 8 or Flag.NO_SIGNAL in got.flags:
-        return None
-    bits = np.array([float(bit) for bit in got.bits])
-    responses = _chip_responses(bits, len(rows), got.rows_per_chip, got.phase)
-    basis = np.concatenate([_slow(len(rows)), responses], axis=1)
-    inside = np.zeros(len(rows), bool)
-    first = got.phase + got.rows_per_chip
-    inside[max(int(first), 0) : max(int(first + (len(bits) - 2) * got.rows_per_chip), 0)] = True
-    if inside.sum() < 4 * basis.shape[1]:
-        return None
-    root = np.sqrt(weight[inside])
-    fitted = np.linalg.lstsq(basis[inside] * root[:, None], rows[inside] * root, rcond=None)[0]
-    if not always and _explained(rows[inside], basis[inside] @ fitted, weight[inside]) < _ENOUGH_OF_CHIPS:
-        return None
-    count = responses.shape[1]
-    chips = responses @ fitted[-count:] + (basis[:, :-count] @ fitted[:-count]).mean()
-    light = scaled(np.where(inside, chips, rows))  # rows of cut chips keep their own light
-    return RowLight(light, float(np.quantile(light, 0.95)), "chips", got.chip_rate)
-
-
-def _chip_responses(bits: FloatArray, rows: int, rows_per_chip: float, phase: float) -> FloatArray:
-    """(rows, knots): bright chips put through tents; light = sum over knots of response(knot) times theirs."""
-    knots = np.arange(-1.0, 2.001, 0.25)  # chips after the beginning of a chip's ramp
-    since = (np.arange(rows)[:, None] - phase) / rows_per_chip - np.arange(len(bits))  # (rows, chips)
-    tents = [(np.maximum(0.0, 1.0 - np.abs(since - knot) / 0.25) * bits).sum(axis=1) for knot in knots]
-    return np.stack(tents, axis=1)

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "ocisac/require.hpp"
+#include "cleaned_picture.hpp"
 
 namespace ocisac {
 
@@ -29,7 +29,9 @@ constexpr std::array<Step, 13> plan{{{0.5, 48},
                                      {0.05, 12},
                                      {0.05, 8},
                                      {0.05, 8}}};
-constexpr double edge = 0.15;                   // change of light that half ends a reach
+// Change of light that half ends a reach: for each row of the lag, as the fewer comparisons there are, the farther they
+// have to reach; between frames the lag does not count.
+constexpr double edge_of_lag = 0.025, least_edge = 0.03, most_edge = 0.25, edge_of_frames = 0.15;
 constexpr double hold = 1000;                   // evidence with which a share holds to that of the step before
 constexpr double lags_of_reach = 2;             // at least, along the columns
 constexpr double lags_of_guide = 4;             // along which edges of the columns are told from noise
@@ -40,15 +42,6 @@ constexpr double texture_between_frames = 0.2;  // of that between rows: a still
 struct Evidence {
   std::vector<double> pull;    // Σ weight·residual·slope
   std::vector<double> weight;  // Σ weight·slope²
-};
-
-// One frame divided by the light that the present shares leave in it.
-struct Cleaned {
-  std::vector<double> light;     // c = v/f
-  std::vector<double> slope;     // g = P/f = −dc/dq / c
-  std::vector<double> variance;  // of c
-
-  explicit Cleaned(std::size_t size) : light(size), slope(size), variance(size) {}
 };
 
 // The comparison of two pixels of equal texture: the weight of one in the sum over pairs, and what it says of q.
@@ -62,24 +55,6 @@ inline Comparison compare(double c1, double g1, double var1, double c2, double g
   if (!(mean > 0)) return {0, 0};
   const double common = mean * slope / spread;
   return {common * difference, common * mean * slope};
-}
-
-double light_left(double share, double change) { return std::max(1 + share * change, least_light); }
-
-void clean(const BandedPicture& picture, std::size_t frame, std::span<const double> change,
-           std::span<const double> share, Cleaned& out) {
-  const std::size_t pixels = picture.rows * picture.columns;
-  const double* light = picture.light.data() + frame * pixels;
-  const double* variance = picture.variance.data() + frame * pixels;
-  for (std::size_t row = 0; row < picture.rows; ++row) {
-    const double p = change[frame * picture.rows + row];
-    for (std::size_t i = row * picture.columns; i < (row + 1) * picture.columns; ++i) {
-      const double left = light_left(share[i], p);
-      out.light[i] = light[i] / left;
-      out.slope[i] = p / left;
-      out.variance[i] = variance[i] / (left * left);
-    }
-  }
 }
 
 void compare_rows(const Cleaned& frame, std::size_t pixels, std::size_t apart, double texture, Evidence& evidence) {
@@ -120,7 +95,7 @@ void finish_guide(Cleaned& sums) {  // from sums to means
 }
 
 // How much of what a pixel says holds for its neighbour `apart` pixels on.
-void passages(const Cleaned& guide, std::size_t apart, double reach, std::vector<double>& out) {
+void passages(const Cleaned& guide, std::size_t apart, double reach, double edge, std::vector<double>& out) {
   const double decay = std::exp(-1 / reach);
   for (std::size_t a = 0; a + apart < out.size(); ++a) {
     const double difference = guide.light[a + apart] - guide.light[a];
@@ -176,6 +151,8 @@ class ShareEstimator {
       : picture_(picture),
         change_(row_light.begin(), row_light.end()),
         lag_(comparison_lag(row_light, picture.rows)),
+        edge_(picture.frames > 1 ? edge_of_frames
+                                 : std::clamp(edge_of_lag * static_cast<double>(lag_), least_edge, most_edge)),
         pixels_(picture.rows * picture.columns),
         now_(pixels_),
         before_(picture.frames > 1 ? pixels_ : 0),
@@ -234,17 +211,19 @@ class ShareEstimator {
   void find_passages(double reach) {
     now_ = guide_;
     finish_guide(now_);
-    passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), down_);
+    passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), edge_, down_);
     spreader_.along_columns(down_, guide_.light);
     spreader_.along_columns(down_, guide_.variance);
     finish_guide(guide_);
-    passages(guide_, 1, reach, across_);
-    passages(now_, picture_.columns, std::max(reach, lags_of_reach * static_cast<double>(lag_)), down_);
+    passages(guide_, 1, reach, edge_, across_);
+    passages(now_, picture_.columns, std::max(reach, lags_of_reach * static_cast<double>(lag_)), edge_, down_);
   }
 
   const BandedPicture& picture_;
   std::vector<double> change_;  // P
-  std::size_t lag_, pixels_;
+  std::size_t lag_;
+  double edge_;
+  std::size_t pixels_;
   double most_ = 0;
   std::vector<double> share_;
   Evidence evidence_;
@@ -252,69 +231,6 @@ class ShareEstimator {
   std::vector<double> down_, across_;
   Spreader spreader_;
 };
-
-void check(const BandedPicture& picture, std::span<const double> row_light) {
-  const std::size_t pixels = picture.frames * picture.rows * picture.columns;
-  require(pixels > 0, "picture", pixels, "at least one pixel");
-  require(picture.light.size() == pixels, "picture", picture.light.size(), "frames x rows x columns values");
-  require(picture.variance.size() == pixels, "variance", picture.variance.size(), "one value a pixel");
-  require(row_light.size() == picture.frames * picture.rows, "row_light", row_light.size(), "one value a row");
-  for (const double value : picture.light) require_finite("picture", value);
-  for (const double value : picture.variance) require(value > 0, "variance", value, "above 0");
-  for (const double value : row_light) require_not_negative("row_light", value);
-}
-
-constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};  // step by step, as in the plan
-constexpr std::array<std::size_t, 5> lags{1, 2, 4, 8, 16};
-constexpr std::size_t band = 17;  // diagonals of the normal equations
-
-// Normal equations of the row light: H·δ = b, H[n·band + k] between rows n and n + k.
-struct RowEquations {
-  std::vector<double> matrix, right;
-};
-
-void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::size_t b, double texture,
-              RowEquations& equations) {
-  double aa = 0, ab = 0, bb = 0, pull_a = 0, pull_b = 0;
-  for (std::size_t column = 0; column < columns; ++column) {
-    const std::size_t i = a * columns + column, j = b * columns + column;
-    const double difference = frame.light[j] - frame.light[i], mean = 0.5 * (frame.light[j] + frame.light[i]);
-    if (!(mean > 0)) continue;
-    const double spread =
-        texture * texture * mean * mean + difference * difference + (frame.variance[i] + frame.variance[j]);
-    // slope holds q/f here: what a change of the row's light does to the logarithm of what is read
-    const double left = mean * frame.slope[i], right = mean * frame.slope[j];
-    aa += left * left / spread;
-    bb += right * right / spread;
-    ab += left * right / spread;
-    pull_a -= left * difference / spread;
-    pull_b += right * difference / spread;
-  }
-  equations.matrix[a * band] += aa;
-  equations.matrix[b * band] += bb;
-  equations.matrix[a * band + (b - a)] -= ab;
-  equations.right[a] += pull_a;
-  equations.right[b] += pull_b;
-}
-
-// Solves by Cholesky's decomposition within the band; `equations.right` becomes the solution.
-void solve(RowEquations& equations, std::size_t rows) {
-  std::vector<double>& h = equations.matrix;
-  std::vector<double>& x = equations.right;
-  for (std::size_t n = 0; n < rows; ++n) {
-    const double pivot = h[n * band];
-    const std::size_t reach = std::min(band, rows - n);
-    for (std::size_t i = 1; i < reach; ++i) {
-      const double factor = h[n * band + i] / pivot;
-      for (std::size_t j = i; j < reach; ++j) h[(n + i) * band + (j - i)] -= factor * h[n * band + j];
-      x[n + i] -= factor * x[n];
-    }
-  }
-  for (std::size_t n = rows; n-- > 0;) {
-    for (std::size_t i = 1; i < std::min(band, rows - n); ++i) x[n] -= h[n * band + i] * x[n + i];
-    x[n] /= h[n * band];
-  }
-}
 
 }  // namespace
 
@@ -341,36 +257,6 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) 
 std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light) {
   check(picture, row_light);
   return ShareEstimator(picture, row_light).estimate();
-}
-
-RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
-                          std::span<const double> row_light, int steps) {
-  check(picture, row_light);
-  require(picture.frames == 1, "frames", picture.frames, "1");
-  require(share.size() == picture.light.size(), "share", share.size(), "one value a pixel");
-  const std::size_t rows = picture.rows, columns = picture.columns;
-  RowLight result{{row_light.begin(), row_light.end()}, std::vector<double>(rows)};
-  Cleaned cleaned(picture.light.size());
-  std::vector<double> change(rows);
-  for (int step = 0; step < steps; ++step) {
-    for (std::size_t n = 0; n < rows; ++n) change[n] = result.light[n] - 1;
-    clean(picture, 0, change, share, cleaned);
-    for (std::size_t i = 0; i < cleaned.slope.size(); ++i)
-      cleaned.slope[i] = share[i] / light_left(share[i], change[i / columns]);
-    RowEquations equations{std::vector<double>(rows * band), std::vector<double>(rows)};
-    const double texture = row_textures[std::min(static_cast<std::size_t>(step), row_textures.size() - 1)];
-    for (const std::size_t lag : lags)
-      for (std::size_t n = 0; n + lag < rows; ++n)
-        add_pair(cleaned, columns, n, n + lag, texture * std::sqrt(static_cast<double>(lag)), equations);
-    double most = 0;
-    for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix[n * band]);
-    if (!(most > 0)) break;
-    for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * band] += 1e-4 * most;  // holds what no pair tells
-    solve(equations, rows);
-    for (std::size_t n = 0; n < rows; ++n)
-      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -0.5, 0.5));
-  }
-  return result;
 }
 
 }  // namespace ocisac

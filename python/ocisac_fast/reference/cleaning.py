@@ -44,10 +44,10 @@ def _compare(one: Parts, two: Parts, texture: float) -> tuple[FloatArray, FloatA
     return weight * mean * slope * difference, weight * (mean * slope) ** 2
 
 
-def _passage(light: FloatArray, variance: FloatArray, reach: float, axis: int) -> FloatArray:
+def _passage(light: FloatArray, variance: FloatArray, reach: float, edge: float, axis: int) -> FloatArray:
     a, b = (np.moveaxis(light, axis, 0)[k] for k in (slice(None, -1), slice(1, None)))
     va, vb = (np.moveaxis(variance, axis, 0)[k] for k in (slice(None, -1), slice(1, None)))
-    ratio = (b - a) ** 2 / ((0.15 * (a + b) / 2) ** 2 + 9 * (va + vb))
+    ratio = (b - a) ** 2 / ((edge * (a + b) / 2) ** 2 + 9 * (va + vb))
     return np.asarray(np.moveaxis(np.exp(-1 / reach) / (1 + ratio), 0, axis))
 
 
@@ -70,6 +70,7 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) 
     """Share of the light in every pixel, (rows, columns), of (frames, rows, columns) and (frames, rows) of mean 1."""
     change = row_light - 1
     lag = comparison_lag(row_light)
+    edge = 0.15 if len(light) > 1 else float(np.clip(0.025 * lag, 0.03, 0.25))
     most = 1 / max(-float(change.min()), 1e-9)
 
     def gather(q: FloatArray, texture: float) -> tuple[FloatArray, ...]:
@@ -102,9 +103,9 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) 
             q[:] = np.clip(q + pull.sum() / weight.sum(), 0, most)
     for texture, reach in PLAN:
         pull, weight, sums, certain = gather(q, texture)
-        down = _passage(*means(sums, certain), 4 * lag, 0)
-        across = _passage(*means(_spread(sums, down, 0), _spread(certain, down, 0)), reach, 1)
-        down = _passage(*means(sums, certain), max(reach, 2 * lag), 0)
+        down = _passage(*means(sums, certain), 4 * lag, edge, 0)
+        across = _passage(*means(_spread(sums, down, 0), _spread(certain, down, 0)), reach, edge, 1)
+        down = _passage(*means(sums, certain), max(reach, 2 * lag), edge, 0)
         pull = pull + weight * q
         for passage, axis in ((down, 0), (across, 1), (across, 1), (down, 0)):
             pull, weight = _spread(pull, passage, axis), _spread(weight, passage, axis)
@@ -113,9 +114,18 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) 
 
 
 def refine_row_light(
-    light: FloatArray, variance: FloatArray, share: FloatArray, row_light: FloatArray, steps: int
+    light: FloatArray,
+    variance: FloatArray,
+    share: FloatArray,
+    row_light: FloatArray,
+    steps: int,
+    basis: FloatArray | None = None,
+    deviation: float = np.inf,
 ) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Newton steps of the row light of one frame (1, rows, columns): the light, and each row's information."""
+    """Gauss-Newton steps of the row light of one frame (1, rows, columns): the light, and each row's information.
+
+    ``basis`` (rows, terms): the light moves within it alone; ``deviation``: it is held to where it started.
+    """
     rows = light.shape[1]
     result, information = row_light.copy(), np.zeros(rows)
     for step in range(steps):
@@ -139,7 +149,16 @@ def refine_row_light(
         information = np.diagonal(matrix).copy()
         if not information.max() > 0:
             break
-        change = np.linalg.solve(matrix + 1e-4 * information.max() * np.eye(rows), right)
+        if basis is not None:
+            normal = basis.T @ matrix @ basis
+            normal += 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal))
+            result = result + basis @ np.linalg.solve(normal, basis.T @ right)
+            continue
+        hold = 1e-4 * information.max()
+        if np.isfinite(deviation):
+            hold = 1 / deviation**2
+            matrix, right = 0.1 * matrix, 0.1 * right + hold * (row_light - result)
+        change = np.linalg.solve(matrix + hold * np.eye(rows), right)
         result = np.maximum(result + np.clip(change, -0.5, 0.5), 0)
     return result, information
 

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -38,9 +39,17 @@ struct RowLight {
   std::vector<double> information;  // (rows) inverse of the variance of each, were the others known
 };
 
-// The row light of one frame, any course of it, by `steps` Gauss–Newton steps from `row_light` on pairs of rows 1, 2,
-// 4, 8 and 16 apart over all columns; `share`: (rows × columns). What changes slower than that is left as it was.
+// What is known of the row light beforehand.
+struct RowModel {
+  std::span<const double> basis;  // (rows × terms): it differs from where it starts by a sum of these; empty: anyhow
+  double deviation =
+      std::numeric_limits<double>::infinity();  // of a row from where it starts, standard deviation; above 0
+};
+
+// The row light of one frame by `steps` Gauss–Newton steps from `row_light` on pairs of rows 1, 2, 4, 8 and 16 apart
+// over all columns; `share`: (rows × columns). What changes slower than that is left as it was, where no basis tells
+// it. With a deviation, what the picture says counts a tenth: neighbouring columns hold much the same texture.
 RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
-                          std::span<const double> row_light, int steps = 6);
+                          std::span<const double> row_light, int steps = 6, const RowModel& model = {});
 
 }  // namespace ocisac

@@ -1,0 +1,104 @@
+"""The light of every row of a banded picture where it is chips: on or off, each with the same response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ocisac_fast._row_light import Columns, FloatArray, explained, scaled
+from ocisac_fast.camera import Camera
+from ocisac_fast.flags import Flag
+
+_ENOUGH = 0.92  # share of the rows' swing, tops levelled, that chips explain before they are taken for the light
+_TOP_REACH, _LONGEST_RUN = 3, 48  # rows: within which a top is the largest; beyond which tops are not compared
+_LEAST_TOP = 0.3  # of the largest row within the longest run
+_KNOT_ROWS = 1.25  # from one knot of the response to the next, at most; and a quarter of a chip at most
+_OWN_SWING = 0.03  # deviation of a row from what the chips say: sharpening and the like follow no response
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChipLight:
+    """Light of each row, mean 1, and chip rate, Hz."""
+
+    light: FloatArray
+    rate: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    basis: FloatArray  # (rows, terms)
+    light: FloatArray
+    rate: float  # chips per row
+    explained: float
+
+
+def chip_light(
+    picture: Columns, rows: FloatArray, weight: FloatArray, row_time: float, *, always: bool
+) -> ChipLight | None:
+    """From the rows found with nothing known of them; None where chips are not the light.
+
+    Such rows drift: what they are relative to rows far off is the picture's as much as the light's. The chips are not
+    touched by that, and with them the response is fitted to the picture itself, row against row.
+    """
+    fits = [fit for fit in (_fit(levelled(rows), weight), _fit(rows, weight)) if fit is not None]
+    if not fits or (fits[0].explained < _ENOUGH and not always):
+        return None
+    best = max(fits, key=lambda fit: fit.explained)
+    light = scaled(best.light)
+    for _ in range(2):
+        within = best.basis @ np.linalg.lstsq(best.basis, light, rcond=None)[0]
+        light = scaled(picture.refined(within, best.basis)[0])
+    light = scaled(picture.refined(light, deviation=_OWN_SWING)[0])
+    return ChipLight(light, best.rate / row_time)
+
+
+def levelled(rows: FloatArray) -> FloatArray:
+    """Divided by the line through the tops of bright runs, all of which a light that is on or off reaches."""
+    low = np.minimum(rows, 1.5 * np.quantile(rows, 0.95))
+    tops = np.flatnonzero((low >= _largest(low, _TOP_REACH)) & (low > _LEAST_TOP * _largest(low, _LONGEST_RUN)))
+    if len(tops) == 0:
+        return rows
+    return np.asarray(low / np.exp(np.interp(np.arange(len(rows)), tops, np.log(low[tops]))))
+
+
+def _largest(values: FloatArray, reach: int) -> FloatArray:
+    padded = np.pad(values, reach, constant_values=-np.inf)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1))
+
+
+def _fit(rows: FloatArray, weight: FloatArray) -> _Fit | None:
+    """Chips received, those cut by the picture's ends guessed, and the response that the rows show best."""
+    from ocisac_fast.receiver import receive
+
+    got = receive(rows[:, None], Camera(row_time=1.0))[0]
+    if len(got.bits) < 8 or Flag.NO_SIGNAL in got.flags:
+        return None
+    length, count = got.rows_per_chip, len(rows)
+    before, after = int(np.ceil(got.phase / length)) + 1, int(np.ceil((count - got.phase) / length)) - len(got.bits)
+    bits = np.array([0.0] * before + [float(bit) for bit in got.bits] + [0.0] * max(after, 0))
+    each = _responses(len(bits), count, length, got.phase - before * length)
+    terms = 1 + each.shape[2]
+    if count < 4 * terms:
+        return None
+    guessed = [*range(before - 1, -1, -1), *range(before + len(got.bits), len(bits))]
+    root = np.sqrt(weight)
+    for _ in range(3):
+        basis = np.concatenate([np.ones((count, 1)), np.einsum("nck,c->nk", each, bits)], axis=1)
+        fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
+        for k in guessed:
+            rest = rows - basis @ fitted + bits[k] * (each[:, k] @ fitted[1:])
+            shape = each[:, k] @ fitted[1:]
+            bit = float(2 * (weight * rest) @ shape > (weight * shape) @ shape)
+            basis[:, 1:] += (bit - bits[k]) * each[:, k]
+            bits[k] = bit
+    light = basis @ fitted
+    return _Fit(basis, light, got.chip_rate, explained(rows, light, weight))
+
+
+def _responses(chips: int, rows: int, rows_per_chip: float, start: float) -> FloatArray:
+    """(rows, chips, knots): tents over the time since a chip's ramp begins, from one chip before to two after."""
+    step = 1.0 / np.ceil(max(4.0, rows_per_chip / _KNOT_ROWS))
+    knots = np.arange(round(3.0 / step) + 1) * step - 1.0
+    since = (np.arange(rows)[:, None, None] - start) / rows_per_chip - np.arange(chips)[:, None]
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(since - knots) / step))
