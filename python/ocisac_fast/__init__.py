@@ -28,7 +28,6 @@ if TYPE_CHECKING:
         refine_channel,
     )
     from ocisac_fast.cleaning import CleanedFrames, Mark, remove_bands, subtract_still
-    from ocisac_fast.contrast import RestoredContrast, restore_contrast
     from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
     from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
     from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
@@ -56,10 +55,11 @@ if TYPE_CHECKING:
     from ocisac_fast.goodput import Goodput, possible_goodput
     from ocisac_fast.location import Location, locate_camera
     from ocisac_fast.merging import merge_receptions
-    from ocisac_fast.picture_sensing import sense
     from ocisac_fast.receiver import Received, receive
     from ocisac_fast.scene import Scene
-    from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
+    from ocisac_fast.sensing.contrast import RestoredContrast, restore_contrast
+    from ocisac_fast.sensing.picture import sense
+    from ocisac_fast.sensing.region import BackgroundLight, SensedRegion, background_light, sense_region
     from ocisac_fast.source_tracker import SourceTracker, Track
     from ocisac_fast.sources import LightSource, detect_sources
     from ocisac_fast.stream_receiver import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
@@ -110,7 +110,7 @@ _PLACES = {
         "remove_bands",
         "subtract_still",
     ),
-    "contrast": (
+    "sensing.contrast": (
         "RestoredContrast",
         "restore_contrast",
     ),
@@ -172,13 +172,13 @@ _PLACES = {
         "locate_camera",
     ),
     "merging": ("merge_receptions",),
-    "picture_sensing": ("sense",),
+    "sensing.picture": ("sense",),
     "receiver": (
         "Received",
         "receive",
     ),
     "scene": ("Scene",),
-    "sensing": (
+    "sensing.region": (
         "BackgroundLight",
         "SensedRegion",
         "background_light",

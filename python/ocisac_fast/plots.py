@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ocisac_fast.receiver import Received
-    from ocisac_fast.sensing import SensedRegion
+    from ocisac_fast.sensing.region import SensedRegion
     from ocisac_fast.sources import LightSource
 
 BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = (

@@ -10,7 +10,6 @@ from ocisac_fast.channel import (
     TrackedClock,
 )
 from ocisac_fast.cleaning import CleanedFrames, Mark
-from ocisac_fast.contrast import RestoredContrast
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.exposure_choice import BestExposure
@@ -23,7 +22,6 @@ from ocisac_fast.gain import ToneGain
 from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.location import Location, locate_camera
 from ocisac_fast.merging import merge_receptions
-from ocisac_fast.picture_sensing import sense
 from ocisac_fast.receiver import Received
 from ocisac_fast.reference.channel import (
     ClockTracker,
@@ -53,7 +51,9 @@ from ocisac_fast.reference.transmission import decode_line_code, encode_line_cod
 from ocisac_fast.reference.varying_tone import varying_tone_gain
 from ocisac_fast.reference.waveforms import integrate_exposure, sample_waveform
 from ocisac_fast.scene import Scene
-from ocisac_fast.sensing import BackgroundLight, SensedRegion
+from ocisac_fast.sensing.contrast import RestoredContrast
+from ocisac_fast.sensing.picture import sense
+from ocisac_fast.sensing.region import BackgroundLight, SensedRegion
 from ocisac_fast.source_tracker import SourceTracker, Track
 from ocisac_fast.sources import LightSource
 from ocisac_fast.stream_receiver import MultiReceiver, ReceivedFrame, Receiver, SourceFrame

@@ -11,14 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera import Camera
-from ocisac_fast.contrast import RestoredContrast
 from ocisac_fast.flags import Flag
 from ocisac_fast.reference.equalization import equalize
 from ocisac_fast.reference.frequency import find_frequency
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.light import linear_light
 from ocisac_fast.reference.varying_tone import varying_tone_gain
-from ocisac_fast.sensing import BackgroundLight, SensedRegion
+from ocisac_fast.sensing.contrast import RestoredContrast
+from ocisac_fast.sensing.region import BackgroundLight, SensedRegion
 
 Float64s = npt.NDArray[np.float64]
 legendre = np.polynomial.legendre

@@ -14,7 +14,7 @@ from ocisac_fast._light import linear_light
 from ocisac_fast.camera import Camera
 from ocisac_fast.equalization import equalize
 from ocisac_fast.flags import Flag
-from ocisac_fast.sensing import sense_region
+from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.waveforms import Tone, integrate_exposure
 
 _PHASES = 16

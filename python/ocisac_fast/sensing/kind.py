@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from ocisac_fast._motion import Motion, Seen, Told, across_rows, along_rows
-from ocisac_fast._region_fit import Fitted, Turn
 from ocisac_fast.camera import Camera
 from ocisac_fast.flags import Flag
+from ocisac_fast.sensing.fit import Fitted, Turn
+from ocisac_fast.sensing.motion import Motion, Seen, Told, across_rows, along_rows
 
 Kind = Literal["light", "moving", "still", "unknown"]
 

@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from ocisac_fast._arrays import as_columns
 from ocisac_fast._light import linear_light
-from ocisac_fast._region_search import Box, periodic_boxes, without_repeats
 from ocisac_fast.camera import Camera
 from ocisac_fast.flags import Flag
-from ocisac_fast.sensing import BackgroundLight, SensedRegion, background_light, sense_region
+from ocisac_fast.sensing.region import BackgroundLight, SensedRegion, background_light, sense_region
+from ocisac_fast.sensing.search import Box, periodic_boxes, without_repeats
 from ocisac_fast.sources import LightSource, detect_sources
 
 _LEAST_BESIDE = 4  # columns
