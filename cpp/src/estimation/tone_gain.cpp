@@ -258,14 +258,15 @@ void count_phase_from(Tone& tone, double middle, Flags flags) {
   tone.flags |= flags;
 }
 
-std::unique_ptr<Estimator> fit_estimator(Context& context) {
+std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
   const auto& options = *context.options;
+  return options.waveform == WaveformShape::square ? square_wave_harmonics(tone.cycles_per_row, options.duty)
+                                                   : std::vector<int>{1};
+}
+
+std::unique_ptr<Estimator> fit_estimator(Context& context) {
   std::vector<ModelTone> model_tones;
-  for (const Tone& tone : context.tones) {
-    const bool square = options.waveform == WaveformShape::square;
-    model_tones.push_back(
-        {tone.cycles_per_row, square ? square_wave_harmonics(tone.cycles_per_row, options.duty) : std::vector<int>{1}});
-  }
+  for (const Tone& tone : context.tones) model_tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
   auto model = harmonic_model(context.shape.rows, model_tones);
   const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
@@ -344,11 +345,14 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   const auto& options = *context.options;
   const bool integers = !std::holds_alternative<FramesView<const float>>(frames) &&
                         !std::holds_alternative<FramesView<const double>>(frames);
-  if (options.method != GainMethod::fit || options.waveform != WaveformShape::tone ||
-      context.camera->tone_curve.kind != ToneCurve::Kind::linear || (options.efficiency == 1 && !integers))
+  if (options.method != GainMethod::fit || context.camera->tone_curve.kind != ToneCurve::Kind::linear ||
+      (options.efficiency == 1 && !integers))
     return nullptr;
-  std::vector<double> cycles;
+  std::vector<double> cycles;  // the tones first, then their harmonics
   for (const Tone& tone : context.tones) cycles.push_back(tone.cycles_per_row);
+  for (const Tone& tone : context.tones)
+    for (const int harmonic : harmonics_of(context, tone))
+      if (harmonic != 1) cycles.push_back(harmonic * tone.cycles_per_row);
   auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency);
   if (!fit->well_posed()) return nullptr;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
