@@ -396,7 +396,7 @@ template <int kOutputs, class T>
 HWY_INLINE void add_sample_outputs(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, int row_group,
                                    std::size_t groups, const double* HWY_RESTRICT weights, std::size_t weights_stride,
                                    double* HWY_RESTRICT sums, std::size_t per_output, const SampleMoments* moments) {
-  Sum64 out[kOutputs > 0 ? kOutputs : 1];
+  Sum64 out[std::max(kOutputs, 1)];
   for (int o = 0; o < kOutputs; ++o) out[o] = hn::LoadU(d64, sums + static_cast<std::size_t>(o) * per_output);
   Sum64 total = hn::Zero(d64), square = total, top = total;
   if (moments) {
