@@ -28,18 +28,6 @@ void add_gain(JsonLine& line, const LiveGain& gain) {
   line.close();
 }
 
-std::string_view name_of(FrameOutcome outcome) {
-  switch (outcome) {
-    case FrameOutcome::received: return "received";
-    case FrameOutcome::not_finite: return "not_finite";
-    case FrameOutcome::repeated: return "repeated";
-    case FrameOutcome::other_shape: return "other_shape";
-    case FrameOutcome::unsearched: return "unsearched";
-    case FrameOutcome::no_signal: break;
-  }
-  return "no_signal";
-}
-
 void add_packet(JsonLine& line, const StretchReport& stretch) {
   line.member("packet_blocks", stretch.blocks);
   line.member("packet_share", stretch.share);
@@ -52,7 +40,7 @@ void add_packet(JsonLine& line, const StretchReport& stretch) {
 
 void add_received(JsonLine& line, const ReceivedFrame& received, const Camera& camera) {
   line.open("received");
-  line.member("outcome", name_of(received.outcome));
+  line.member("outcome", outcome_name(received.outcome));
   line.member("bits", std::string_view(received.bits));
   line.member("rows_per_chip", received.rows_per_chip);
   line.member("chip_rate_hz", 1 / (received.rows_per_chip * camera.row_time));

@@ -164,6 +164,22 @@ def _mark_tone(axes: Axes, camera: Camera, frequency: float, gain: float) -> Non
     axes.semilogy([folded * (1.0 if in_rows else 1e-3)], [max(gain, 1e-7)], "o", color=RED, ms=7, label=label)
 
 
+def exposure_choices(
+    f_comm: float, f_sense: float, weights: Any, bounds: Any
+) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    """Method, its ``BestExposure`` and its mark, of search, the paper's closed form and ours."""
+    from ocisac_fast import best_exposure
+
+    for method, marker, colour, size in (
+        ("search", "s", SKY, 12),
+        ("closed-form", "D", ORANGE, 8),
+        ("exact", "o", RED, 6),
+    ):
+        limits = None if method == "closed-form" else bounds
+        best = best_exposure(f_comm, f_sense, method=method, weights=weights, bounds=limits)  # type: ignore[arg-type]
+        yield method, best, {"marker": marker, "color": colour, "ms": size, "ls": ""}
+
+
 def plot_exposure(
     path: str | os.PathLike[str],
     f_comm: float,
@@ -177,7 +193,7 @@ def plot_exposure(
         path: ``.png``, ``.pdf`` or ``.svg``.
         f_comm, f_sense, weights, bounds: as for ``best_exposure``.
     """
-    from ocisac_fast import best_exposure, exposure_objective
+    from ocisac_fast import exposure_objective
 
     shortest, longest = bounds or (0.0, 1.0 / min(f_comm, f_sense))
     exposures = np.linspace(shortest, longest, 4001)
@@ -185,15 +201,9 @@ def plot_exposure(
     with picture(path, 8.0, 4.2) as figure:
         axes = figure.subplots()
         axes.plot(exposures * 1e3, objective * 1e3, color=BLUE, lw=1.4)
-        for method, marker, colour, size in (
-            ("search", "s", SKY, 11),
-            ("closed-form", "D", ORANGE, 8),
-            ("exact", "o", RED, 6),
-        ):
-            limits = None if method == "closed-form" else bounds
-            best: Any = best_exposure(f_comm, f_sense, method=method, weights=weights, bounds=limits)  # type: ignore[arg-type]
+        for method, best, style in exposure_choices(f_comm, f_sense, weights, bounds):
             label = f"{method}: {best.exposure * 1e3:.4f} ms"
-            axes.plot(best.exposure * 1e3, best.objective * 1e3, marker, color=colour, ms=size, label=label)
+            axes.plot(best.exposure * 1e3, best.objective * 1e3, label=label, **style)
         axes.set(
             xlabel="exposure time / ms",
             ylabel="objective Y / ms",

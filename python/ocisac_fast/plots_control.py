@@ -12,7 +12,7 @@ from ocisac_fast.drive import LIGHT_FREQUENCY, Drive
 from ocisac_fast.exposure_choice import best_exposure
 from ocisac_fast.exposure_controller import best_noisy_exposure
 from ocisac_fast.exposure_fronts import exposure_front
-from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, RED, SKY, picture
+from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, RED, SKY, exposure_choices, picture
 
 _NOISE_CYCLES = 0.1  # T_n of the second front, in cycles of the slower tone
 _COLOURS = (RED, ORANGE, SKY)
@@ -52,16 +52,10 @@ def _draw_front(axes: Any, f_comm: float, f_sense: float, weights: Any, bounds: 
         lw=3.5,
         label="efficient",
     )
-    for method, marker, colour, size in (
-        ("search", "s", SKY, 12),
-        ("closed-form", "D", ORANGE, 8),
-        ("exact", "o", RED, 6),
-    ):
-        limits = None if method == "closed-form" else bounds
-        best: Any = best_exposure(f_comm, f_sense, method=method, weights=weights, bounds=limits)  # type: ignore[arg-type]
+    for method, best, style in exposure_choices(f_comm, f_sense, weights, bounds):
         point = [best.exposure * abs(np.sinc(f * best.exposure)) * 1e3 for f in (f_comm, f_sense)]
         label = {"exact": "ours", "closed-form": "the paper's"}.get(method, method)
-        axes.plot(*point, marker, color=colour, ms=size, label=f"{label}: {best.exposure * 1e3:.3f} ms")
+        axes.plot(*point, label=f"{label}: {best.exposure * 1e3:.3f} ms", **style)
     axes.set(
         xlabel=f"T·G of communication at {f_comm:g} Hz / ms",
         ylabel=f"T·G of sensing at {f_sense:g} Hz / ms",
