@@ -98,6 +98,29 @@ TEST_CASE("the reduced search finds the likeliest sequence, with the same certai
   CHECK(doubtful > 5);
 }
 
+TEST_CASE("chips of which only one kind was kept have the certainty of the nearest other sequence") {
+  std::size_t sure = 0, alike = 0;
+  for (const double length : {0.6, 1.9, 4.4, 7.3})
+    for (unsigned seed = 0; seed < 3; ++seed) {
+      const Frame frame(3.1, length, 0.02, 540, seed);
+      const auto found = ocisac::detect_chips(frame.question, DetectorMethod::reduced).log_likelihood_ratios;
+      const auto all = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+      CAPTURE(length);
+      for (std::size_t k = 20; k + 20 < all.size(); ++k) {
+        if (std::abs(all[k]) < 12) continue;
+        ++sure;
+        alike += std::abs(found[k] - all[k]) < 0.02 * std::abs(all[k]);
+        CHECK(found[k] / all[k] > 0.98);  // one other sequence is an upper bound
+      }
+    }
+  CHECK(sure > 1000);
+  CHECK(static_cast<double>(alike) > 0.8 * static_cast<double>(sure));
+}
+
+TEST_CASE("much noise is no reason to slice an exposure of many chips") {
+  CHECK(ocisac::detect_chips(Frame(4, 7, 2.0, 300, 1).question).method == DetectorMethod::reduced);
+}
+
 TEST_CASE("exposures of 14 and of 20 chips are read without an error at little noise") {
   for (unsigned seed = 0; seed < 3; ++seed) {
     CHECK(Frame(4.3, 14, 0.01, 1080, seed).errors(DetectorMethod::automatic, 0.5).wrong == 0);

@@ -7,10 +7,15 @@
 #include <stdexcept>
 #include <vector>
 
+#include "ocisac/receiver/detect_chips.hpp"
 #include "ocisac/receiver/sequence_detector.hpp"
 #include "plain_mlse.hpp"
 
 namespace {
+
+std::vector<double> detect_levels(const ocisac::ChipQuestion& question) {
+  return ocisac::level_detector(ocisac::DetectorMethod::mlse)(question);
+}
 
 // Random chips, and the rows that see none but them.
 struct Frame {
@@ -29,7 +34,7 @@ struct Frame {
 
   // Without the chips that only a few rows at the ends see.
   [[nodiscard]] std::size_t errors() const {
-    const auto found = ocisac::detect_sequence_levels(question);
+    const auto found = detect_levels(question);
     const auto edge = static_cast<std::size_t>(question.clock.exposure / question.clock.rows_per_chip) + 2;
     std::size_t wrong = 0;
     for (std::size_t k = edge; k + edge < chips.size(); ++k) wrong += found[k] != chips[k];
@@ -77,7 +82,7 @@ TEST_CASE("the same chips as the plain search through the trellis") {
       const Frame frame(rows_per_chip, chips * rows_per_chip, 0.03, 150, 3);
       CAPTURE(rows_per_chip);
       CAPTURE(chips);
-      CHECK(squares_of(frame, ocisac::detect_sequence_levels(frame.question)) ==
+      CHECK(squares_of(frame, detect_levels(frame.question)) ==
             doctest::Approx(squares_of(frame, plain_mlse(frame.question))).epsilon(1e-9));
     }
 }

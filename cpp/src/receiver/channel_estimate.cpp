@@ -123,11 +123,15 @@ class Problem {
       : signal_(signal),
         box_(chips),
         model_(model),
-        frame_rows_(rows),
         origin_(chips.first + static_cast<std::ptrdiff_t>(chips.levels.size() / 2)),
         clock_size_(model.exposure_known ? 2 : 3),
         dark_size_(static_cast<Index>(model.dark_degree + 1)),
-        swing_size_(static_cast<Index>(model.swing_degree + 1)) {}
+        swing_size_(static_cast<Index>(model.swing_degree + 1)),
+        basis_size_(static_cast<std::size_t>(std::max(dark_size_, swing_size_))),
+        basis_(rows * basis_size_) {
+    for (std::size_t n = 0; n < rows; ++n)
+      legendre(along_frame(static_cast<double>(n), rows), basis_size_ - 1, &basis_[n * basis_size_]);
+  }
 
   [[nodiscard]] std::ptrdiff_t origin() const { return origin_; }
   [[nodiscard]] Index unknowns() const { return clock_size_ + level_size(); }
@@ -143,29 +147,29 @@ class Problem {
       exposed_[n - range.begin] = box_.at(static_cast<double>(n), clock, origin);
   }
 
-  // Row n of the model's derivatives by its unknowns, and of its levels: calls use(n, parts). `swing`: of row n.
+  // Row n of the model's derivatives by its unknowns, and of its levels: calls use(n, parts). swing_of(n, basis): of
+  // row n, by which the clock counts.
   template <class Swing, class Use>
-  void for_each_row(RowRange range, Swing swing, Use use) const {
-    std::array<double, kHighestDegree + 1> basis{};
-    Eigen::VectorXd parts(unknowns());
+  void for_each_row(RowRange range, Swing height_of, Use use) const {
+    std::array<double, 3 + 2 * (kHighestDegree + 1)> parts{};
+    double* const dark = &parts[static_cast<std::size_t>(clock_size_)];
+    double* const swing = dark + dark_size_;
     for (std::size_t n = range.begin; n < range.end; ++n) {
       const Exposed& seen = exposed_[n - range.begin];
-      legendre(along_frame(static_cast<double>(n), frame_rows_), std::max(model_.dark_degree, model_.swing_degree),
-               basis.data());
-      const double height = swing(n, basis);
+      const double* basis = &basis_[n * basis_size_];
+      const double height = height_of(n, basis);
       parts[0] = height * seen.by_phase;
       parts[1] = height * seen.by_period;
       if (clock_size_ == 3) parts[2] = height * seen.by_exposure;
-      for (Index k = 0; k < dark_size_; ++k) parts[clock_size_ + k] = basis[static_cast<std::size_t>(k)];
-      for (Index k = 0; k < swing_size_; ++k)
-        parts[clock_size_ + dark_size_ + k] = seen.value * basis[static_cast<std::size_t>(k)];
-      use(n, parts);
+      for (Index k = 0; k < dark_size_; ++k) dark[k] = basis[k];
+      for (Index k = 0; k < swing_size_; ++k) swing[k] = seen.value * basis[k];
+      use(n, parts.data());
     }
   }
 
-  [[nodiscard]] double swing_of(const Eigen::VectorXd& levels, std::span<const double> basis) const {
+  [[nodiscard]] double swing_of(const Eigen::VectorXd& levels, const double* basis) const {
     double sum = 0;
-    for (Index k = 0; k < swing_size_; ++k) sum += levels[dark_size_ + k] * basis[static_cast<std::size_t>(k)];
+    for (Index k = 0; k < swing_size_; ++k) sum += levels[dark_size_ + k] * basis[k];
     return sum;
   }
 
@@ -180,9 +184,10 @@ class Problem {
   std::span<const double> signal_;
   ChipBox box_;
   ChannelModel model_;
-  std::size_t frame_rows_;
   std::ptrdiff_t origin_;
   Index clock_size_, dark_size_, swing_size_;
+  std::size_t basis_size_;
+  std::vector<double> basis_;  // (rows, basis_size_) Legendre polynomials
   std::vector<Exposed> exposed_;
 };
 
@@ -249,14 +254,20 @@ class NormalSums {
   Eigen::VectorXd right_;
 };
 
+// Where the clock does not count.
+double no_swing(std::size_t, const double*) { return 0; }
+
+double product(const double* parts, const Eigen::VectorXd& values) {
+  double sum = 0;
+  for (Index k = 0; k < values.size(); ++k) sum += parts[k] * values[k];
+  return sum;
+}
+
 std::optional<Eigen::VectorXd> fit_levels(const Problem& problem, RowRange range) {
-  const Index size = problem.level_size();
-  NormalSums sums(size);
-  problem.for_each_row(
-      range, [](std::size_t, const auto&) { return 0.0; },
-      [&](std::size_t n, const Eigen::VectorXd& parts) {
-        sums.add(parts.data() + problem.clock_size(), problem.signal()[n]);
-      });
+  NormalSums sums(problem.level_size());
+  problem.for_each_row(range, no_swing, [&](std::size_t n, const double* parts) {
+    sums.add(parts + problem.clock_size(), problem.signal()[n]);
+  });
   const auto solved = solve_normal(sums.matrix(), sums.right());
   if (!solved) return std::nullopt;
   return solved->values;
@@ -267,25 +278,33 @@ struct KnownRate {
   double rows_per_chip = 0, weight = 0;
 };
 
-std::optional<Linearised> linearise(Problem& problem, const ChipClock& clock, RowRange range, const KnownRate& known) {
+// `nearby`: levels that suit a clock not far from this one; absent: found first. The derivatives by the clock are taken
+// at them.
+std::optional<Linearised> linearise(Problem& problem, const ChipClock& clock, RowRange range, const KnownRate& known,
+                                    const std::optional<Eigen::VectorXd>& nearby = {}) {
   problem.expose(clock, range);
-  const auto levels = fit_levels(problem, range);
+  auto levels = nearby ? nearby : fit_levels(problem, range);
   if (!levels) return std::nullopt;
-  const Index size = problem.unknowns(), clock_size = problem.clock_size();
-  NormalSums sums(size);
+  const Index clock_size = problem.clock_size(), level_size = problem.level_size();
+  NormalSums sums(problem.unknowns());
   double squares = 0;
-  problem.for_each_row(
-      range, [&](std::size_t, const auto& basis) { return problem.swing_of(*levels, basis); },
-      [&](std::size_t n, const Eigen::VectorXd& parts) {
-        const double residual = problem.signal()[n] - parts.tail(size - clock_size).dot(*levels);
-        sums.add(parts.data(), residual);
-        squares += residual * residual;
-      });
+  const auto swing = [&](std::size_t, const double* basis) { return problem.swing_of(*levels, basis); };
+  problem.for_each_row(range, swing, [&](std::size_t n, const double* parts) {
+    const double residual = problem.signal()[n] - product(parts + clock_size, *levels);
+    sums.add(parts, residual);
+    squares += residual * residual;
+  });
   Eigen::MatrixXd normal = sums.matrix();
   Eigen::VectorXd right = sums.right();
   const double off = known.rows_per_chip - clock.rows_per_chip;
   normal(1, 1) += known.weight;
   right[1] += known.weight * off;
+  if (nearby) {
+    const auto change = solve_normal(normal.bottomRightCorner(level_size, level_size), right.tail(level_size));
+    if (!change) return std::nullopt;
+    *levels += change->values;
+    squares = std::max(squares - change->values.dot(right.tail(level_size)), 0.0);
+  }
   squares += known.weight * off * off;
   const auto solved = clock_size == 3 ? solve_clock(normal, right) : solve_normal(normal, right);
   if (!solved) return std::nullopt;
@@ -328,7 +347,7 @@ std::optional<Fitted> descend(Problem& problem, ChipClock clock, RowRange range,
     bool better = false;
     for (double share = 1; share > kLeastShare; share *= 0.5) {
       const ChipClock next = stepped(clock, here->step, share, half_chips);
-      auto there = next.rows_per_chip > 0 ? linearise(problem, next, range, known) : std::nullopt;
+      auto there = next.rows_per_chip > 0 ? linearise(problem, next, range, known, here->levels) : std::nullopt;
       if (!there || there->squares > here->squares) continue;
       const double variance = there->squares / static_cast<double>(range.size());
       const bool last =
@@ -448,12 +467,10 @@ std::optional<LevelSquares> level_squares(std::span<const double> signal, const 
   const auto levels = fit_levels(problem, range);
   if (!levels) return std::nullopt;
   double squares = 0;
-  problem.for_each_row(
-      range, [](std::size_t, const auto&) { return 0.0; },
-      [&](std::size_t n, const Eigen::VectorXd& parts) {
-        const double residual = signal[n] - parts.tail(problem.level_size()).dot(*levels);
-        squares += residual * residual;
-      });
+  problem.for_each_row(range, no_swing, [&](std::size_t n, const double* parts) {
+    const double residual = signal[n] - product(parts + problem.clock_size(), *levels);
+    squares += residual * residual;
+  });
   return LevelSquares{squares, range.size()};
 }
 
@@ -471,8 +488,8 @@ std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock
   if (range.size() < static_cast<std::size_t>(size)) return std::nullopt;
   NormalSums sums(size);
   problem.for_each_row(
-      range, [&](std::size_t n, const auto&) { return swing[n]; },
-      [&](std::size_t, const Eigen::VectorXd& parts) { sums.add(parts.data(), 0.0); });
+      range, [&](std::size_t n, const double*) { return swing[n]; },
+      [&](std::size_t, const double* parts) { sums.add(parts, 0.0); });
   Eigen::MatrixXd normal = sums.matrix();
   if (model.rate_std > 0) normal(1, 1) += noise * noise / (model.rate_std * model.rate_std);
   const auto solved = model.exposure_known ? solve_normal(normal, sums.right()) : solve_clock(normal, sums.right());

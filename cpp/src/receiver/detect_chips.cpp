@@ -51,13 +51,12 @@ std::vector<double> feedback_ratios(const ChipEquations& equations) {
 // The slicer where it is right: with exposures that leave a chip's middle to the chip. Wiener and decision feedback
 // cost what the reduced search costs where these are right, and make more errors elsewhere.
 DetectedChips detect_automatically(const ChipQuestion& question) {
-  double slicer = 0.5;
-  if (question.clock.exposure < kSlicedExposure * question.clock.rows_per_chip) {
-    slicer = slicer_error_rate(question.clock, question.noise);
-    if (slicer < kHardlyAny) return {slice_chips(question), DetectorMethod::slicer};
-  }
+  const bool sliceable = question.clock.exposure < kSlicedExposure * question.clock.rows_per_chip;
+  const double slicer = sliceable ? slicer_error_rate(question.clock, question.noise) : 0.5;
+  if (slicer < kHardlyAny) return {slice_chips(question), DetectorMethod::slicer};
   const ChipEquations equations(question, kLongestReducedExposure);
-  if (slicer < kHardlyMore * sequence_error_rate(equations)) return {slice_chips(question), DetectorMethod::slicer};
+  if (sliceable && slicer < kHardlyMore * sequence_error_rate(equations))
+    return {slice_chips(question), DetectorMethod::slicer};
   return {search_reduced(equations), DetectorMethod::reduced};
 }
 

@@ -5,9 +5,9 @@
 #include <limits>
 #include <utility>
 
+#include "ocisac/receiver/detect_chips.hpp"
 #include "ocisac/receiver/preamble.hpp"
 #include "ocisac/receiver/refine_channel.hpp"
-#include "ocisac/receiver/sequence_detector.hpp"
 
 namespace ocisac {
 
@@ -28,42 +28,27 @@ double middle_swing(const ChannelEstimate& channel, std::size_t rows) {
   return channel.swing_at(0.5 * static_cast<double>(rows), rows);
 }
 
-bool detectable(const ChipClock& clock) {
-  return clock.rows_per_chip > 0 && clock.exposure <= kLongestDetectedExposure * clock.rows_per_chip;
+// All that a detector refuses.
+bool detectable(std::span<const double> signal, const ChannelEstimate& channel) {
+  const ChipClock& clock = channel.clock;
+  const auto swing = [&](std::size_t row) { return channel.swing_at(static_cast<double>(row), signal.size()); };
+  bool bright = std::isfinite(channel.noise);
+  for (std::size_t row = 0; row < signal.size(); ++row) bright = bright && std::isfinite(signal[row]) && swing(row) > 0;
+  return bright && std::isfinite(clock.phase) && clock.rows_per_chip > 0 && clock.exposure >= 0 &&
+         clock.exposure <= kLongestReducedExposure * clock.rows_per_chip;
 }
 
-// The chips that all rows see, asked of a detector.
-struct Question {
-  std::vector<double> rows;
-  ChipQuestion asked{};
+// Up to so many chips of exposure all sequences cost less than to choose among them: where few are likely, and in a
+// search, which meets channels that make all of them so.
+constexpr double kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
 
-  Question(std::span<const double> signal, const ChannelEstimate& channel) : rows(signal.size()) {
-    const ChipClock& clock = channel.clock;
-    for (std::size_t n = 0; n < rows.size(); ++n) {
-      const auto row = static_cast<double>(n);
-      rows[n] = (signal[n] - channel.dark_at(row, rows.size())) / channel.swing_at(row, rows.size());
-    }
-    const auto chip_at = [&](double row) {
-      return static_cast<std::ptrdiff_t>(std::floor((row - clock.phase) / clock.rows_per_chip));
-    };
-    const double half = 0.5 * clock.exposure;
-    const std::ptrdiff_t first = chip_at(-half), last = chip_at(static_cast<double>(rows.size()) - 1 + half);
-    asked = {rows, clock, std::max(channel.noise / middle_swing(channel, rows.size()), kLeastNoise), first,
-             static_cast<std::size_t>(last - first + 1)};
-  }
-  Question(const Question&) = delete;
-  Question& operator=(const Question&) = delete;
+DetectorMethod method_for(const ChipClock& clock, double longest_trellis) {
+  return clock.exposure <= longest_trellis * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
+}
 
-  [[nodiscard]] bool allowed() const {
-    return std::isfinite(asked.noise) && detectable(asked.clock) &&
-           std::ranges::all_of(rows, [](double row) { return std::isfinite(row); });
-  }
-};
-
-// No chips, so no channel, where the exposure is estimated too long for the trellis.
-std::vector<double> detect(const ChipQuestion& question) {
-  if (!detectable(question.clock)) return std::vector<double>(question.count);
-  return detect_sequence_levels(question);
+// No chips, so no channel, where the exposure is estimated too long.
+std::vector<double> detect_levels(const ChipQuestion& question) {
+  return level_detector(method_for(question.clock, kLongestSearchedTrellis))(question);
 }
 
 double error_rate_within(const FrameReading& reading) {
@@ -82,10 +67,13 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
     const auto chip_of = [row](const ChipClock& clock) { return (row - clock.phase) / clock.rows_per_chip; };
     return std::abs(chip_of(a.clock) - chip_of(b.clock));
   };
+  // What chips of either kind in equal numbers read, and how far the rows stray from that.
   const double swing = middle_swing(b, rows);
+  const double spread = 0.5 / std::sqrt(std::max(b.clock.exposure / b.clock.rows_per_chip, 1.0));
   const auto levels_off = [&](double row) {
-    const double dark = std::abs(a.dark_at(row, rows) - b.dark_at(row, rows));
-    return std::max(dark, std::abs(a.swing_at(row, rows) - b.swing_at(row, rows))) / swing;
+    const double dark = a.dark_at(row, rows) - b.dark_at(row, rows);
+    const double taller = a.swing_at(row, rows) - b.swing_at(row, rows);
+    return std::max(std::abs(dark + 0.5 * taller), spread * std::abs(taller)) / swing;
   };
   const double middle = 0.5 * last;
   return chips_off(0) < kClockStays && chips_off(last) < kClockStays &&
@@ -101,10 +89,11 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   ChannelEstimate channel = start;
   FrameReading reading;
   for (int round = 0; round < kMostRounds; ++round) {
-    const Question question(signal, channel);
-    if (!question.allowed()) return std::nullopt;
-    reading.llr = detect_sequence(question.asked).log_likelihood_ratios;
-    reading.first = question.asked.first;
+    if (!detectable(signal, channel)) return std::nullopt;
+    const ChipRows rows(signal, channel);
+    const ChipQuestion question = rows.question();
+    reading.llr = detect_chips(question, method_for(question.clock, kLongestTrellis)).log_likelihood_ratios;
+    reading.first = question.first;
     std::vector<double> chips(reading.llr.size());
     std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
     auto fitted = fit_channel(signal, {chips, reading.first}, channel.clock, model);
@@ -113,7 +102,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     channel = std::move(*fitted);
     reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
     // Likelihoods were weighed by the noise that was expected.
-    const double weight = std::pow(question.asked.noise / std::max(reading.relative_noise, kLeastNoise), 2);
+    const double weight = std::pow(question.noise / std::max(reading.relative_noise, kLeastNoise), 2);
     for (double& llr : reading.llr) llr *= weight;
     if (stays) break;
   }
@@ -142,11 +131,12 @@ std::optional<FrameReading> reading_of(std::span<const double> signal, const std
 
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
                                            bool exposure_known) {
-  return reading_of(signal, refine_channel(signal, start, detect, {.exposure_known = exposure_known}), exposure_known);
+  return reading_of(signal, refine_channel(signal, start, detect_levels, {.exposure_known = exposure_known}),
+                    exposure_known);
 }
 
 std::optional<FrameReading> search_frame(std::span<const double> signal, const FrameSearch& search) {
-  const double longest_allowed = kLongestDetectedExposure * (1 - search.tolerance) * search.rows_per_chip;
+  const double longest_allowed = kLongestReducedExposure * (1 - search.tolerance) * search.rows_per_chip;
   if (search.exposure && *search.exposure > longest_allowed) return std::nullopt;
   const bool exposure_known = search.exposure.has_value();
   const double chips = static_cast<double>(search.preamble.size());
@@ -166,8 +156,8 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   }
   const ChannelSearch blind{
       .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure = search.exposure};
-  auto reading =
-      reading_of(signal, find_channel(signal, blind, detect, {.exposure_known = exposure_known}), exposure_known);
+  auto reading = reading_of(signal, find_channel(signal, blind, detect_levels, {.exposure_known = exposure_known}),
+                            exposure_known);
   if (reading && is_sound(*reading)) return reading;
   return std::nullopt;
 }

@@ -55,6 +55,60 @@ class Feedback {
   std::size_t tables_ = 0;
 };
 
+// By how much sequences near the best one are less likely than it, with A the equations' matrix and g the gradient at
+// the best sequence x: for chips turned over, e = −2x there and 0 elsewhere, e·g + ½·eᵀAe nats.
+class Neighbours {
+ public:
+  Neighbours(const ChipEquations& equations, std::span<const double> ratios)
+      : equations_(equations), least_(equations.count(), kNever) {
+    for (const double ratio : ratios) chips_.push_back(ratio > 0 ? 0.5 : -0.5);
+    find_gradient();
+    const std::size_t band = equations_.band();
+    for (std::size_t chip = 0; chip < chips_.size(); ++chip) {
+      for (std::size_t count = 1; count <= kLongestRun; ++count) turn(chip, count, 0);
+      for (const std::size_t apart : {band - 1, band})  // where an exposure ends
+        if (apart >= 2) turn(chip, 2, apart);
+    }
+  }
+  [[nodiscard]] double least(std::size_t chip) const { return least_[chip]; }
+
+ private:
+  void find_gradient() {
+    const std::size_t band = equations_.band();
+    gradient_.assign(chips_.size(), 0.0);
+    for (std::size_t chip = 0; chip < chips_.size(); ++chip) {
+      const double* shares = equations_.feedback(chip);
+      const std::size_t reach = std::min(band, chip);
+      double off = chips_[chip] - equations_.target(chip);
+      for (std::size_t back = 1; back <= reach; ++back) off += shares[back] * chips_[chip - back];
+      off *= equations_.precision(chip);
+      gradient_[chip] += off;
+      for (std::size_t back = 1; back <= reach; ++back) gradient_[chip - back] += shares[back] * off;
+    }
+  }
+
+  // A run of chips, and with `apart` the same again so far after its beginning.
+  void turn(std::size_t first, std::size_t count, std::size_t apart) {
+    if (first + apart + count > chips_.size()) return;
+    std::array<std::size_t, 2 * kLongestRun> turned{};
+    std::size_t size = 0;
+    for (std::size_t k = 0; k < count; ++k) turned[size++] = first + k;
+    if (apart > 0)
+      for (std::size_t k = 0; k < count; ++k) turned[size++] = first + apart + k;
+    double cost = 0;
+    for (std::size_t i = 0; i < size; ++i) {
+      cost += -2 * chips_[turned[i]] * gradient_[turned[i]] + 0.5 * equations_.normal(turned[i], 0);
+      for (std::size_t j = 0; j < i; ++j)
+        cost += 4 * chips_[turned[i]] * chips_[turned[j]] * equations_.normal(turned[i], turned[i] - turned[j]);
+    }
+    for (std::size_t i = 0; i < size; ++i) least_[turned[i]] = std::min(least_[turned[i]], std::max(cost, 0.0));
+  }
+
+  static constexpr std::size_t kLongestRun = 4;
+  const ChipEquations& equations_;
+  std::vector<double> chips_, gradient_, least_;
+};
+
 class Search {
  public:
   Search(const ChipEquations& equations, const ReducedSearch& search)
@@ -149,13 +203,20 @@ class Search {
       for (float& cost : before) cost -= least;
       after.swap(before);
     }
+    estimate_unkept(ratios);
     return ratios;
   }
 
-  [[nodiscard]] double ratio(std::array<float, 2> best) const {
-    if (best[1] == kNever) return -search_.reach;
-    if (best[0] == kNever) return search_.reach;
+  // Infinite where only one of the chip's two kinds was kept.
+  [[nodiscard]] static double ratio(std::array<float, 2> best) {
     return static_cast<double>(best[0]) - static_cast<double>(best[1]);
+  }
+
+  void estimate_unkept(std::vector<double>& ratios) const {
+    if (std::ranges::all_of(ratios, [](double value) { return std::isfinite(value); })) return;
+    const Neighbours neighbours(equations_, ratios);
+    for (std::size_t chip = 0; chip < ratios.size(); ++chip)
+      if (!std::isfinite(ratios[chip])) ratios[chip] = std::copysign(neighbours.least(chip), ratios[chip]);
   }
 
   const ChipEquations& equations_;

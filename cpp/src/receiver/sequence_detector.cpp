@@ -167,12 +167,6 @@ SequenceDetection detect_sequence(const ChipQuestion& question) {
   return Trellis(question).detect();
 }
 
-std::vector<double> detect_sequence_levels(const ChipQuestion& question) {
-  auto levels = detect_sequence(question).log_likelihood_ratios;
-  for (double& level : levels) level = level > 0 ? 1 : 0;
-  return levels;
-}
-
 double closest_pair_distance(double rows_per_chip, double exposure) {
   require_positive("rows_per_chip", rows_per_chip);
   require_positive("exposure", exposure);

@@ -19,7 +19,8 @@ struct ReducedSearch {
 // The M-algorithm (Anderson and Mohan 1984) on ChipEquations: at each chip the likeliest sequences of those that
 // differ in the last band() chips are kept, what later rows will say of them counted in as far as it is known; then
 // backward over what was kept (Franz and Anderson 1998). (count) log-likelihood ratios as in SequenceDetection; where
-// no sequence with the other chip was kept, ± `reach`. Time grows with the sequences kept: few where chips are sure.
+// no sequence with the other chip was kept, by the likeliest that differs from the best in a run of up to four chips,
+// or in two an exposure apart. Time grows with the sequences kept: few where chips are sure.
 std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search = {});
 
 }  // namespace ocisac

@@ -28,9 +28,6 @@ struct SequenceDetection {
 // finite or out of range. Time and memory grow with chips·2^⌈L⌉ (memory: 4 bytes each).
 SequenceDetection detect_sequence(const ChipQuestion& question);
 
-// The same as levels, 0 or 1: a DetectChips.
-std::vector<double> detect_sequence_levels(const ChipQuestion& question);
-
 // Swings between what the rows read for two sequences that differ by 01 against 10 somewhere: the closest pair there is
 // for exposures from about two chips on. The least over where the chips may lie to the rows. Noise σ of a row then
 // makes about Q(distance/(2σ)) errors a chip.
