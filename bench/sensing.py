@@ -30,7 +30,7 @@ from ocisac_fast import (
     integrate_exposure,
     locate_camera,
 )
-from ocisac_fast.drive import POLICIES, drive_past_light
+from ocisac_fast.control.drive import POLICIES, drive_past_light
 
 ROWS, COLUMNS, ROW_TIME = 720, 960, 1e-5
 CAMERA = Camera(ROW_TIME, exposure=2e-5)

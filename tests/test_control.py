@@ -12,7 +12,7 @@ import pytest
 
 import ocisac_fast as of
 from ocisac_fast.cli import main
-from ocisac_fast.drive import NOISE_LEVEL, POLICIES, RANGE, Drive, drive_past_light
+from ocisac_fast.control.drive import NOISE_LEVEL, POLICIES, RANGE, Drive, drive_past_light
 
 
 @functools.cache

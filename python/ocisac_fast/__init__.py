@@ -28,10 +28,8 @@ if TYPE_CHECKING:
         refine_channel,
     )
     from ocisac_fast.cleaning import CleanedFrames, Mark, remove_bands, subtract_still
-    from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
-    from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
-    from ocisac_fast.exposure_choice import BestExposure, best_exposure, exposure_objective
-    from ocisac_fast.exposure_controller import (
+    from ocisac_fast.control.choice import BestExposure, best_exposure, exposure_objective
+    from ocisac_fast.control.controller import (
         ExposureController,
         ExposureMeasurement,
         ExposureReason,
@@ -39,7 +37,9 @@ if TYPE_CHECKING:
         MeasuredTone,
         best_noisy_exposure,
     )
-    from ocisac_fast.exposure_fronts import ExposureFront, exposure_front
+    from ocisac_fast.control.fronts import ExposureFront, exposure_front
+    from ocisac_fast.detection import DetectedChips, DetectorErrorRates, detect_chips, detector_error_rates
+    from ocisac_fast.equalization import EqualizerReport, equalize, lost_frequencies
     from ocisac_fast.flags import Flag
     from ocisac_fast.frequency import (
         Calibration,
@@ -125,12 +125,12 @@ _PLACES = {
         "equalize",
         "lost_frequencies",
     ),
-    "exposure_choice": (
+    "control.choice": (
         "BestExposure",
         "best_exposure",
         "exposure_objective",
     ),
-    "exposure_controller": (
+    "control.controller": (
         "ExposureController",
         "ExposureMeasurement",
         "ExposureReason",
@@ -138,7 +138,7 @@ _PLACES = {
         "MeasuredTone",
         "best_noisy_exposure",
     ),
-    "exposure_fronts": (
+    "control.fronts": (
         "ExposureFront",
         "exposure_front",
     ),

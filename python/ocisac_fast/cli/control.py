@@ -33,12 +33,12 @@ def control(
     Speed and texture of the road change; every frame is rendered at the exposure that the controller asked for and
     measured. Compared with the paper's closed form and the best fixed exposure in hindsight.
     """
-    from ocisac_fast.drive import NOISE_LEVEL, POLICIES, drive_past_light
+    from ocisac_fast.control.drive import NOISE_LEVEL, POLICIES, drive_past_light
 
     level = NOISE_LEVEL if noise else None
     drive = drive_past_light(seconds=seconds, hysteresis=hysteresis, weights=weights, noise_level=level, seed=seed)
     if plot is not None:
-        from ocisac_fast.plots_control import plot_drive
+        from ocisac_fast.control.plots import plot_drive
 
         plot_drive(plot, drive)
     facts = [_facts(name, k, drive) for k, name in enumerate(POLICIES)]

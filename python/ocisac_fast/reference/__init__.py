@@ -10,11 +10,11 @@ from ocisac_fast.channel import (
     TrackedClock,
 )
 from ocisac_fast.cleaning import CleanedFrames, Mark
+from ocisac_fast.control.choice import BestExposure
+from ocisac_fast.control.controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
+from ocisac_fast.control.fronts import ExposureFront, exposure_front
 from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
-from ocisac_fast.exposure_choice import BestExposure
-from ocisac_fast.exposure_controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
-from ocisac_fast.exposure_fronts import ExposureFront, exposure_front
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
 from ocisac_fast.fsk import FskSymbol, FskTransmission, fsk_transmit

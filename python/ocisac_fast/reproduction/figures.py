@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ocisac_fast.camera import exposure_response
-from ocisac_fast.exposure_choice import best_exposure
+from ocisac_fast.control.choice import best_exposure
 from ocisac_fast.gain import tone_gain
 from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED
 from ocisac_fast.reproduction import choices, gains, testbed

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.exposure_choice import BestExposure
+from ocisac_fast.control.choice import BestExposure
 
 _NAN = math.nan
 

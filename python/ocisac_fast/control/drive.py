@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera import Camera
-from ocisac_fast.exposure_choice import best_exposure
-from ocisac_fast.exposure_controller import (
+from ocisac_fast.control.choice import best_exposure
+from ocisac_fast.control.controller import (
     ExposureController,
     ExposureMeasurement,
     MeasuredTone,
