@@ -74,7 +74,7 @@ class SourceTracker:
         patience: int = 15,
         reach: float = 1.5,
         full_every: int = 1,
-        false_alarms: float = 0.01,
+        false_alarms: float = 0.02,
         min_cycles: float = 3.0,
     ) -> None:
         if patience < 0:

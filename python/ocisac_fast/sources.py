@@ -63,7 +63,7 @@ def detect_sources(
     frames: npt.ArrayLike,
     camera: Camera,
     *,
-    false_alarms: float = 0.01,
+    false_alarms: float = 0.02,
     min_cycles: float = 3.0,
     most: int = 64,
 ) -> list[LightSource]:
@@ -78,8 +78,9 @@ def detect_sources(
         frames: (rows, columns) or (frames, rows, columns), rows in time order, DN; at least 32 rows, or nothing is
             found.
         camera: row time; exposure, tone curve, dark and white level where known.
-        false_alarms: expected number of tiles in a picture of white noise that pass the screening by chance, above 0
-            up to 1: an upper limit for false lights, of which the later steps remove most.
+        false_alarms: expected number of false lights in a picture that holds none, above 0 up to 1: at most so many, and
+            about so many at 0.1 and below, on the texture that passes for light most often (boxes one over another;
+            720 x 960 pixels); fewer on noise, clouds and text. A grating of bars is a light to a single picture.
         min_cycles: fewest cycles of the light in its box, 2 or above; below 3, edges and blinds pass for lights.
         most: lights a frame, the strongest; 1 or above.
 

@@ -21,9 +21,9 @@ _HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "da
 @click.option(
     "--false-alarms",
     type=float,
-    default=0.01,
+    default=0.02,
     show_default=True,
-    help="Expected number in a picture of noise, at most; up to 1.",
+    help="Expected number in a picture without a light, at most; up to 1.",
 )
 @click.option("--min-cycles", type=float, default=3.0, show_default=True, help="Fewest cycles in a light's box.")
 @picture_options

@@ -56,7 +56,7 @@ def detect_sources(
     frames: npt.ArrayLike,
     camera: Camera,
     *,
-    false_alarms: float = 0.01,
+    false_alarms: float = 0.02,
     min_cycles: float = 3.0,
     most: int = 64,
 ) -> list[LightSource]:
@@ -76,7 +76,7 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
     white = camera.white_level or (np.iinfo(frame.dtype).max if whole else None)
     floor = (white - camera.dark_level) / 64 if white else (light.max() / 64 if light.max() > 0 else 1.0)
     suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
-    least_evidence = math.log(max(len(suspects), 1) / false_alarms)
+    least_evidence = math.log(max(len(suspects), 1)) - 1.6 * math.log(false_alarms) - 1.4
     lights: list[Light] = []
     for suspect in suspects:
         if any(_explained(suspect.box, other) for other in lights):

@@ -13,7 +13,7 @@
 namespace ocisac {
 
 struct DetectOptions {
-  double false_alarms = 0.01;  // expected number in a picture of noise, at most; (0, 1]
+  double false_alarms = 0.02;  // expected number in a picture without a light, at most; (0, 1]
   double least_cycles = 3;     // in a light's box; at least 2
   std::size_t most = 64;       // lights in a picture, the strongest
 };
