@@ -16,6 +16,7 @@ from ocisac_fast.sources import LightSource, detect_sources
 Region = tuple[int, int, int, int]
 
 _SMOOTHING = 0.5  # weight of the newest step in a track's velocity, and of the newest frequency
+_SETTLED, _SETTLED_REACH = 3, 0.5  # frames after which a track's velocity is known, and how far it may err then
 _DEVIATIONS = 4.0  # standard errors within which two frequencies are one
 
 
@@ -200,9 +201,11 @@ class SourceTracker:
         return dataclasses.replace(track, region=self._expected(track, shape))
 
     def _expected(self, track: Track, shape: tuple[int, int]) -> Region:
-        """Where the light will be next: its box moved on, wider by its size for every frame since it was seen."""
+        """Where the light will be next: its box moved on, wider by its reach for every frame since it was seen."""
         source, steps = track.source, track.hidden + 1
-        margin = self._reach * max(source.width, source.height) * steps
+        settled = track.visible and track.age >= _SETTLED
+        reach = min(self._reach, _SETTLED_REACH) if settled else self._reach
+        margin = reach * max(source.width, source.height) * steps
         left, top = source.x + steps * track.velocity[0] - margin, source.y + steps * track.velocity[1] - margin
         right, bottom = left + source.width + 2 * margin, top + source.height + 2 * margin
         rows, columns = shape

@@ -40,6 +40,9 @@ Complex product(Complex a, Complex b) {
   return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
 
+// Without the care of the standard's for what is close to the ends of the exponents.
+double size(Complex z) { return std::sqrt(std::norm(z)); }
+
 // Groups of columns of a part of the frame: (groups × rows), linear light and its logarithm.
 struct Patch {
   std::size_t first_column, first_row, rows, groups, group;
@@ -144,18 +147,23 @@ Box widened(const Box& box, std::size_t by) {
   return {box.column - left, box.row - up, box.width + left + by, box.height + up + by};
 }
 
-// Indices of the patch's elements that lie inside the box.
-std::vector<std::size_t> inside(const Patch& patch, const Box& box) {
-  std::vector<std::size_t> indices;
+// An element of a patch: its index, and its row, which a division would have to find.
+struct Element {
+  std::size_t at, row;
+};
+
+// The patch's elements that lie inside the box.
+std::vector<Element> inside(const Patch& patch, const Box& box) {
+  std::vector<Element> elements;
   for (std::size_t g = 0; g < patch.groups; ++g) {
     const std::size_t left = patch.first_column + g * patch.group;
     if (left + patch.group <= box.column || left >= box.column + box.width) continue;
-    for (std::size_t n = 0; n < patch.rows; ++n) {
-      const std::size_t row = patch.first_row + n;
-      if (row >= box.row && row < box.row + box.height) indices.push_back(g * patch.rows + n);
-    }
+    const std::size_t begin = std::max(box.row, patch.first_row) - patch.first_row;
+    const std::size_t end =
+        std::min(patch.rows, box.row + box.height - std::min(box.row + box.height, patch.first_row));
+    for (std::size_t n = begin; n < end; ++n) elements.push_back({g * patch.rows + n, n});
   }
-  return indices;
+  return elements;
 }
 
 struct Lit {
@@ -170,9 +178,9 @@ std::optional<Lit> lit_box(const Patch& patch, const std::vector<Complex>& swing
   if (where.empty()) return {};
   Complex sum = 0;
   std::vector<double> sizes;
-  for (const std::size_t i : where) {
-    sum += std::abs(swing[i]) * swing[i];
-    sizes.push_back(std::abs(swing[i]));
+  for (const auto& [i, row] : where) {
+    sum += size(swing[i]) * swing[i];
+    sizes.push_back(size(swing[i]));
   }
   const auto high = sizes.begin() + static_cast<std::ptrdiff_t>((sizes.size() - 1) * 98 / 100);
   std::ranges::nth_element(sizes, high);
@@ -182,11 +190,11 @@ std::optional<Lit> lit_box(const Patch& patch, const std::vector<Complex>& swing
   const auto aligned = [&](std::size_t i) { return (swing[i] * std::conj(phase)).real(); };
   std::vector<std::uint8_t> open_to(swing.size());
   for (std::size_t i = 0; i < swing.size(); ++i)
-    open_to[i] = aligned(i) > std::max(least_alignment * std::abs(swing[i]), box_edge * largest);
+    open_to[i] = aligned(i) > std::max(least_alignment * size(swing[i]), box_edge * largest);
   double best = 0;
   Box box{};
   std::vector<std::size_t> stack;
-  for (const std::size_t start : where) {
+  for (const auto& [start, row] : where) {
     if (!open_to[start]) continue;
     std::size_t left = patch.groups, right = 0, top = patch.rows, bottom = 0;
     double weight = 0;
@@ -232,22 +240,26 @@ struct Energy {
 };
 
 Energy harmonic_energy(std::span<const double> x, double frequency) {
-  Energy sum;
-  for (std::size_t h = 1; h <= harmonics; ++h) {
-    const auto order = static_cast<double>(h);
-    if (order * frequency >= 0.5) break;
-    Complex p = 0, p1 = 0, p2 = 0;
-    for (std::size_t n = 0; n < x.size(); ++n) {
-      const double at = static_cast<double>(n) - 0.5 * static_cast<double>(x.size());
-      const double rate = 2 * std::numbers::pi * order * at;
-      const Complex term = x[n] * turned(order * frequency * at);
-      p += term;
-      p1 += Complex(rate * term.imag(), -rate * term.real());
-      p2 -= rate * rate * term;
+  std::array<Complex, harmonics> p{}, p1{}, p2{};
+  const auto most = std::min<std::size_t>(harmonics, static_cast<std::size_t>(std::ceil(0.5 / frequency)) - 1);
+  for (std::size_t n = 0; n < x.size(); ++n) {
+    if (x[n] == 0) continue;
+    const double at = static_cast<double>(n) - 0.5 * static_cast<double>(x.size());
+    const Complex turn = turned(frequency * at);
+    Complex term = x[n] * turn;
+    for (std::size_t h = 0; h < most; ++h) {
+      const double rate = 2 * std::numbers::pi * static_cast<double>(h + 1) * at;
+      p[h] += term;
+      p1[h] += Complex(rate * term.imag(), -rate * term.real());
+      p2[h] -= rate * rate * term;
+      term = product(term, turn);
     }
-    sum.value += std::norm(p);
-    sum.slope += 2 * (std::conj(p) * p1).real();
-    sum.curvature += 2 * (std::norm(p1) + (std::conj(p) * p2).real());
+  }
+  Energy sum;
+  for (std::size_t h = 0; h < most; ++h) {
+    sum.value += std::norm(p[h]);
+    sum.slope += 2 * (std::conj(p[h]) * p1[h]).real();
+    sum.curvature += 2 * (std::norm(p1[h]) + (std::conj(p[h]) * p2[h]).real());
   }
   return sum;
 }
@@ -314,13 +326,13 @@ struct Profile {
 
 // Light multiplies a picture, which leaves its texture in log light the same in bright rows and dark ones. Lines of
 // text have theirs in the rows of the letters.
-double uneven_variance(const Patch& patch, std::span<const std::size_t> elements, const std::vector<double>& fast,
+double uneven_variance(const Patch& patch, std::span<const Element> elements, const std::vector<double>& fast,
                        double frequency) {
   std::vector<double> sum(patch.rows), square(patch.rows), count(patch.rows);
-  for (const std::size_t i : elements) {
-    sum[i % patch.rows] += fast[i];
-    square[i % patch.rows] += fast[i] * fast[i];
-    count[i % patch.rows] += 1;
+  for (const auto& [i, row] : elements) {
+    sum[row] += fast[i];
+    square[row] += fast[i] * fast[i];
+    count[row] += 1;
   }
   Complex tone = 0;
   double total = 0;
@@ -335,10 +347,10 @@ double uneven_variance(const Patch& patch, std::span<const std::size_t> elements
 
 // Of an element of log light, from the median of mixed differences over neighbouring rows and groups: edges and strokes
 // are few enough not to count.
-double noise_variance(const Patch& patch, std::span<const std::size_t> elements) {
+double noise_variance(const Patch& patch, std::span<const Element> elements) {
   std::vector<double> differences;
-  for (const std::size_t i : elements) {
-    if (i % patch.rows + 1 >= patch.rows || i + patch.rows >= patch.logs.size()) continue;
+  for (const auto& [i, row] : elements) {
+    if (row + 1 >= patch.rows || i + patch.rows >= patch.logs.size()) continue;
     const double* at = &patch.logs[i];
     differences.push_back(std::abs(at[0] - at[1] - at[patch.rows] + at[patch.rows + 1]));
   }
@@ -356,23 +368,23 @@ Profile profile_of(const Patch& patch, const Lit& lit, double frequency) {
   const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
   const Box wide = widened(lit.box, 2 * cycle);
   Complex sum = 0;
-  for (const std::size_t i : inside(patch, lit.box)) sum += swing[i];
+  const auto core = inside(patch, lit.box);
+  for (const auto& [i, row] : core) sum += swing[i];
   const Complex phase = sum == Complex(0) ? Complex(1) : sum / std::abs(sum);
   Profile profile{std::vector<double>(patch.rows), std::vector<double>(patch.rows), 0, 0};
   const auto weight = [&](std::size_t i) { return std::max((swing[i] * std::conj(phase)).real(), 0.0); };
-  for (const std::size_t i : inside(patch, wide)) {
-    profile.matched[i % patch.rows] += weight(i) * fast[i];
-    profile.weight[i % patch.rows] += weight(i) * weight(i);
+  for (const auto& [i, row] : inside(patch, wide)) {
+    profile.matched[row] += weight(i) * fast[i];
+    profile.weight[row] += weight(i) * weight(i);
   }
   std::vector<double> sums(patch.rows), weights(patch.rows);
-  for (const std::size_t i : inside(patch, lit.box)) {
+  for (const auto& [i, row] : core) {
     profile.energy += fast[i] * fast[i];
-    sums[i % patch.rows] += weight(i) * fast[i];
-    weights[i % patch.rows] += weight(i) * weight(i);
+    sums[row] += weight(i) * fast[i];
+    weights[row] += weight(i) * weight(i);
   }
   for (std::size_t n = 0; n < patch.rows; ++n)
     if (weights[n] > 0) profile.common += sums[n] * sums[n] / weights[n];
-  const auto core = inside(patch, lit.box);
   profile.uneven = uneven_variance(patch, core, fast, frequency);
   profile.noise = static_cast<double>(core.size()) * noise_variance(patch, core);
   return profile;
