@@ -105,3 +105,26 @@ def test_motion_reports_both_tables():
     rows = [json.loads(line) for line in printed.splitlines()]
     assert all(0.9 < row["told_over_bound"] < 1.2 for row in rows[:3])
     assert all(abs(row["after"] - row["expected"]) < 5 * row["after_std"] for row in rows[3:])
+
+
+@pytest.mark.parametrize("part", ["track", "front", "locate"])
+def test_sensing_reports_every_measure_with_its_aim(part):
+    command = [sys.executable, str(BENCH / "sensing.py"), "--quick", "--only", part, "--json"]
+    paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout)
+    assert all(one["part"] == part for one in report["measures"])
+    assert all(one["reached"] for one in report["measures"] if "frame/s" not in one["name"])  # the machine may be busy
+
+
+def test_lights_found_are_told_from_what_is_none(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCH))
+    import light_scenes
+
+    frame, truth, noise = light_scenes.scene(np.random.default_rng(3), 6, "even")
+    assert len(truth) == 6
+    assert noise > 0
+    found = light_scenes.detect_sources(frame, light_scenes.CAMERA)
+    hits, true = light_scenes.judge(found, truth)
+    assert sum(hits) == sum(true) >= 3
+    moved = [{**light, "row": light["row"] + 300.0} for light in truth]
+    assert not any(light_scenes.judge(found, moved)[1])

@@ -345,7 +345,7 @@ RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_recordings(recordings: Path, name: str) -> None:
-    """Bands of real cameras go, and lit rows and texture stay, which a blur fails; the poster has rows without light."""
+    """Bands of real cameras go, lit rows and texture stay, which a blur fails; the poster has rows without light."""
     spec = importlib.util.spec_from_file_location("cleaning", Path(__file__).parents[1] / "bench" / "cleaning.py")
     assert spec is not None
     assert spec.loader is not None

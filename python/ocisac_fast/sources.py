@@ -78,9 +78,9 @@ def detect_sources(
         frames: (rows, columns) or (frames, rows, columns), rows in time order, DN; at least 32 rows, or nothing is
             found.
         camera: row time; exposure, tone curve, dark and white level where known.
-        false_alarms: expected number of false lights in a picture that holds none, above 0 up to 1: at most so many, and
-            about so many at 0.1 and below, on the texture that passes for light most often (boxes one over another;
-            720 x 960 pixels); fewer on noise, clouds and text. A grating of bars is a light to a single picture.
+        false_alarms: expected number of false lights in a picture that holds none, above 0 up to 1. At most so many,
+            and at 0.1 and below about so many on the texture that passes for light most often (boxes one over
+            another; 720 x 960 pixels); fewer on noise, clouds and text. A grating of bars is a light to one picture.
         min_cycles: fewest cycles of the light in its box, 2 or above; below 3, edges and blinds pass for lights.
         most: lights a frame, the strongest; 1 or above.
 

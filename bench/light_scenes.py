@@ -1,0 +1,194 @@
+"""Made scenes with lights in them, and how many of them are found: for sensing.py.
+
+Scenes of 720x960 bytes hold 0 to 20 lights (disks, tones and square waves, each of its own frequency) among clouds,
+boxes and lines of text, or on even ground. A light counts as found where a box of its own lies within half a box of it
+and the frequency within 3 %; every other box that is not told as a reflection is false.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from ocisac_fast import Camera, LightSource, SquareWave, Tone, detect_sources, integrate_exposure
+
+ROWS, COLUMNS, ROW_TIME = 720, 960, 1e-5
+CAMERA = Camera(ROW_TIME, exposure=2e-5)
+GROUNDS = ("even", "clouds", "boxes", "text")
+
+
+def ground(kind: str, random: np.random.Generator) -> np.ndarray:
+    """A still picture, (rows, columns), stored values."""
+    if kind == "clouds":
+        fy, fx = np.meshgrid(np.fft.fftfreq(ROWS), np.fft.rfftfreq(COLUMNS), indexing="ij")
+        size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / COLUMNS)
+        field = np.fft.irfft2(size * np.exp(2j * np.pi * random.random(size.shape)), (ROWS, COLUMNS))
+        return 60.0 + 15.0 * field / field.std()
+    picture = np.full((ROWS, COLUMNS), 50.0)
+    if kind == "boxes":
+        for _ in range(60):
+            top, left = random.integers(0, ROWS - 20), random.integers(0, COLUMNS - 20)
+            height, width = random.integers(10, 150, 2)
+            picture[top : top + height, left : left + width] = random.uniform(10, 110)
+    if kind == "text":
+        for top in range(20, ROWS - 40, int(random.integers(26, 40))):
+            for left in range(20, COLUMNS - 40, 12):
+                stroke = random.integers(0, 4)
+                picture[top : top + 16, left + 2 * stroke : left + 2 * stroke + 3] = 10.0
+                picture[top + 4 * stroke : top + 4 * stroke + 3, left : left + 9] = 10.0
+    return picture
+
+
+def scene(random: np.random.Generator, lights: int, kind: str) -> tuple[np.ndarray, list[dict[str, float]], float]:
+    """Bytes; the truth: row, column, size, frequency, cycles, ratio of amplitude to noise; and the noise."""
+    noise = float(np.exp(random.uniform(np.log(1.0), np.log(8.0))))
+    picture = ground(kind, random)
+    y, x = np.ogrid[:ROWS, :COLUMNS]
+    truth: list[dict[str, float]] = []
+    frequencies = random.permutation(np.geomspace(5e3, 2.5e4, 40))
+    while len(truth) < lights:
+        size = float(np.exp(random.uniform(np.log(30.0), np.log(140.0))))
+        row, column = random.uniform(size, ROWS - size), random.uniform(size, COLUMNS - size)
+        if any(np.hypot(row - t["row"], column - t["column"]) < size / 2 + t["size"] / 2 + 12 for t in truth):
+            size = 30.0
+            if any(np.hypot(row - t["row"], column - t["column"]) < size / 2 + t["size"] / 2 + 12 for t in truth):
+                continue
+        frequency = float(frequencies[len(truth)])
+        swing = float(np.exp(random.uniform(np.log(8.0), np.log(120.0))))
+        wave = Tone(frequency) if random.random() < 0.5 else SquareWave(frequency)
+        light = integrate_exposure(wave, CAMERA, ROWS, random.random() / frequency)
+        inside = (y - row) ** 2 + (x - column) ** 2 < (size / 2) ** 2
+        picture = np.where(inside, 20.0 + swing * light[:, None], picture)
+        cycles = size * frequency * ROW_TIME
+        truth.append(
+            {
+                "row": row,
+                "column": column,
+                "size": size,
+                "frequency": frequency,
+                "cycles": cycles,
+                "ratio": swing / 2 / noise,
+            }
+        )
+    stored = np.clip(np.rint(picture + noise * random.standard_normal(picture.shape)), 0, 255).astype(np.uint8)
+    return stored, truth, noise
+
+
+def judge(found: list[LightSource], truth: list[dict[str, float]]) -> tuple[list[bool], list[bool]]:
+    """Which lights were found, and which of what was found, reflections left out, are lights."""
+    rest = [s for s in found if s.reflection_of is None]
+    hits, true = [], [False] * len(rest)
+    for light in truth:
+        near = [
+            k
+            for k, s in enumerate(rest)
+            if not true[k]
+            and abs(s.y + s.height / 2 - light["row"]) < light["size"] / 2
+            and abs(s.x + s.width / 2 - light["column"]) < light["size"] / 2
+            and abs(s.frequency / light["frequency"] - 1) < 0.03
+        ]
+        hits.append(bool(near))
+        if near:
+            true[near[0]] = True
+    return hits, true
+
+
+Findings = tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, list[int]]]
+
+
+def findings(count: int) -> Findings:
+    """Every light of all scenes with whether it was found; all that was found with whether it is a light, its size,
+    cycles and ratio as they seem; numbers of lights, found and false by ground."""
+    lights, boxes = [], []
+    by_ground: dict[str, list[int]] = {kind: [0, 0, 0] for kind in GROUNDS}
+    for seed in range(count):
+        random = np.random.default_rng(seed)
+        kind = GROUNDS[seed % len(GROUNDS)]
+        frame, truth, noise = scene(random, int(random.integers(0, 21)), kind)
+        found = [s for s in detect_sources(frame, CAMERA) if s.reflection_of is None]
+        hits, true = judge(found, truth)
+        lights += [{**light, "found": hit} for light, hit in zip(truth, hits, strict=True)]
+        for s, one in zip(found, true, strict=True):
+            cycles = s.height * s.frequency * ROW_TIME
+            boxes.append({"size": s.height, "cycles": cycles, "ratio": s.amplitude / noise, "true": one})
+        for k, value in enumerate((len(truth), sum(hits), len(true) - sum(true))):
+            by_ground[kind][k] += value
+    return lights, boxes, by_ground
+
+
+def false_lights(frames: int, rates: tuple[float, ...] = (1.0, 0.1, 0.02, 0.01)) -> dict[float, dict[str, float]]:
+    """False lights a picture, on noise and on the grounds without lights, for the rates set."""
+    result: dict[float, dict[str, float]] = {rate: {} for rate in rates}
+    for kind in ("noise", *GROUNDS[1:]):
+        counts = dict.fromkeys(rates, 0)
+        for seed in range(frames):
+            random = np.random.default_rng(5000 + seed)
+            if kind == "noise":
+                frame = np.clip(np.rint(100 + 8 * random.standard_normal((ROWS, COLUMNS))), 0, 255).astype(np.uint8)
+            else:
+                frame, _, _ = scene(random, 0, kind)
+            for rate in rates:
+                counts[rate] += len(detect_sources(frame, CAMERA, false_alarms=rate))
+        for rate in rates:
+            result[rate][kind] = counts[rate] / frames
+    return result
+
+
+BINS = {
+    "size": (30, 40, 55, 75, 100, 140),
+    "cycles": (1.5, 3, 4, 5, 7, 10, 35),
+    "ratio": (0.5, 1, 2, 4, 8, 16, 60),
+}
+LEAST = {"size": 40, "cycles": 5, "ratio": 2}
+Bins = dict[str, list[tuple[float, float, float, int]]]
+
+
+def shares(entries: list[dict[str, Any]], what: str, least: dict[str, float] | None = None) -> Bins:
+    """For each measure: bin, share of its entries that are ``what``, their number; the other measures at least."""
+    result: Bins = {}
+    for name, edges in BINS.items():
+        others = {other: value for other, value in (least or {}).items() if other != name}
+        kept = [entry for entry in entries if all(entry[other] >= value for other, value in others.items())]
+        rows = []
+        for low, high in itertools.pairwise(edges):
+            inside = [entry[what] for entry in kept if low <= entry[name] < high]
+            rows.append((float(low), float(high), float(np.mean(inside)) if inside else float("nan"), len(inside)))
+        result[name] = rows
+    return result
+
+
+def draw(path: str, recall: Bins, precision: Bins) -> None:
+    """A scene with its boxes, and recall and precision over the three measures."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.patches import Rectangle
+
+    figure, axes = plt.subplots(1, 4, figsize=(15, 4), width_ratios=(1.7, 1, 1, 1), layout="constrained")
+    frame, truth, _ = scene(np.random.default_rng(8), 12, "boxes")
+    found = detect_sources(frame, CAMERA)
+    axes[0].imshow(frame, cmap="gray")
+    for source in found:
+        colour = "#E69F00" if source.reflection_of is None else "#56B4E9"
+        axes[0].add_patch(Rectangle((source.x, source.y), source.width, source.height, fill=False, ec=colour))
+    axes[0].set_title(f"{len(truth)} lights among boxes, {len(found)} found", loc="left")
+    axes[0].set_axis_off()
+    labels = {"size": "height, rows", "cycles": "cycles in it", "ratio": "amplitude / noise of a pixel"}
+    for panel, name in zip(axes[1:], BINS, strict=True):
+        for bins, label, marker, colour in (
+            (precision[name], "precision", "s--", "#E69F00"),
+            (recall[name], "recall", "o-", "#0072B2"),
+        ):
+            middle = [np.sqrt(low * high) for low, high, _, _ in bins]
+            panel.plot(middle, [share for _, _, share, _ in bins], marker, color=colour, label=label)
+        for x, (_, _, share, number) in zip(middle, recall[name], strict=True):
+            panel.annotate(f"{number}", (x, share), (0, -14), textcoords="offset points", ha="center", fontsize=7)
+        panel.set(xscale="log", xlabel=labels[name], ylim=(-0.05, 1.05))
+        panel.grid(alpha=0.3)
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_formatter("")
+    axes[1].legend(loc="lower right")
+    figure.savefig(path, dpi=90)
