@@ -433,3 +433,74 @@ def test_libraries_are_asked_for_when_they_are_missing(tmp_path, monkeypatch):
         read_frames(tmp_path / "p.png")
     with pytest.raises(FileError, match=r"needs PyAV: pip install 'ocisac-fast\[files\]'"):
         read_frames(tmp_path / "v.mkv")
+
+
+def piped(code, *pieces):
+    """Output of a program whose standard input gets bytes, each piece when the one before has brought a line."""
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        lines = []
+        for piece in pieces:
+            process.stdin.write(piece)
+            process.stdin.flush()
+            lines.append(process.stdout.readline().decode().strip())
+        process.stdin.close()
+        return lines, process.stdout.read().decode().split("\n")[:-1], process.stderr.read().decode()
+
+
+SUMS = """
+import warnings, sys
+from ocisac_fast.files import open_recording
+warnings.showwarning = lambda message, *_, **__: print("warning:", message, flush=True)
+try:
+    with open_recording("-", raw=RAW) as stream:
+        for frame in stream:
+            print(frame.dtype, frame.shape, int(frame.astype(float).sum()), flush=True)
+except ValueError as error:
+    print(error)
+"""
+
+
+def npy_bytes(array):
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def test_arrays_by_standard_input_come_frame_by_frame():
+    frames = random_frames((3, 7, 5), np.uint16)
+    data, size = npy_bytes(frames), frames[0].nbytes
+    begin = len(data) - 3 * size
+    expected = [f"uint16 (7, 5) {frame.sum()}" for frame in frames]
+    pieces = [data[: begin + size], data[begin + size : begin + 2 * size], data[begin + 2 * size :]]
+    lines, rest, _ = piped(SUMS.replace("RAW", "None"), *pieces, npy_bytes(np.asfortranarray(frames[1])))
+    assert (lines, rest) == ([*expected, expected[1]], [])
+    lines, rest, _ = piped(SUMS.replace("RAW", "None"), data[: begin + size + 9])
+    assert lines == expected[:1]
+    assert rest == [f"standard input: truncated: {size + 9} bytes of numbers, its header announces {3 * size}"]
+    _, rest, _ = piped(SUMS.replace("RAW", "None"), data + b"more of it")
+    assert rest[-1] == "standard input: after the array: bytes that are no .npy file"
+
+
+@pytest.mark.parametrize(("form", "dtype"), [("5x7", "u1"), ("5x7:gray8", "u1"), ("5x7:gray16le", "<u2")])
+def test_raw_frames_by_standard_input_and_from_files(tmp_path, form, dtype):
+    frames = random_frames((3, 7, 5), np.dtype(dtype))
+    expected = [f"{frame.dtype} (7, 5) {frame.sum()}" for frame in frames]
+    data = [frame.tobytes() for frame in frames]
+    lines, rest, _ = piped(SUMS.replace("RAW", repr(form)), *data[:2], data[2] + b"rest")
+    assert lines == expected
+    assert rest == [f"warning: 4 bytes after 3 frames of {frames[0].nbytes} were left out"]
+    (tmp_path / "frames.raw").write_bytes(b"".join(data))
+    assert np.array_equal(read_frames(tmp_path / "frames.raw", raw=form).frames, frames)
+    (tmp_path / "frames.raw").write_bytes(data[0][:-1])
+    with pytest.raises(FileError, match="truncated"):
+        read_frames(tmp_path / "frames.raw", raw=form)
+    (tmp_path / "frames.raw").write_bytes(b"")
+    with pytest.raises(FileError, match="empty"):
+        read_frames(tmp_path / "frames.raw", raw=form)
+
+
+@pytest.mark.parametrize("form", ["", "5", "0x7", "5x7:rgb", "5x7:", "-5x7", "5x7x3"])
+def test_raw_formats_that_are_none_are_refused(form):
+    with pytest.raises(ValueError, match=r"raw: got .*, allowed: WIDTHxHEIGHT"):
+        read_frames("-", raw=form)

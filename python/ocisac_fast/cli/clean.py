@@ -51,7 +51,7 @@ def clean(
     were, rows too dark to restore are marked, not invented. Colours are cleaned one by one, with a light found in all.
     """
     cleaner = _Cleaner(picture, still, marks is not None, options)
-    with open_recording(source, colour=picture.channel != "y") as stream:
+    with open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream:
         shown = progress(stream, "cleaning", stream.frame_count)
         rate = stream.frame_rate
         frames = cleaner.frames(shown, lambda first: _camera(picture, stream.response, rate, first))

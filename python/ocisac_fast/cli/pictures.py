@@ -79,6 +79,7 @@ class PictureOptions:
     tone_curve: tuple[str, float] | None
     dark_level: float | None
     white_level: float | None
+    raw: str | None = None
 
     def camera(self, response: LightResponse, frame_rate: float | None = None) -> Camera:
         """The camera as told by the options, then by the file; one second a row where the row time is not known."""
@@ -160,7 +161,9 @@ class _Reader:
     def __enter__(self) -> OpenPictures:
         options = self.options
         with _silent_libraries():
-            self._stream: RecordingStream = open_recording(self.path, colour=options.channel in _RED_GREEN_BLUE)
+            self._stream: RecordingStream = open_recording(
+                self.path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw
+            )
         try:
             response = self._stream.response
             frames = iter(self._stream)
@@ -252,6 +255,7 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave."),
         click.option("--tone-curve", type=_ToneCurve(), help="Else what the file says, else linear."),
         click.option("--dark-level", type=float, help="Stored value of no light; else what the file says, else 0."),
+        click.option("--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without a header, by a pipe, say."),
         click.option("--white-level", type=float, help="Stored value of full light; else by the file or its type."),
     ]
     for option in reversed(options):

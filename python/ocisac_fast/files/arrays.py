@@ -2,50 +2,92 @@
 
 from __future__ import annotations
 
-import io
 import math
 import tokenize
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from ocisac_fast.files.raw import read_bytes
 from ocisac_fast.files.recording import FileError, Frame, LightResponse, RecordingStream
+from ocisac_fast.files.videos import Prefixed
 
 MAGIC = b"\x93NUMPY"
 
 
-def open_array(source: Path | bytes) -> RecordingStream:
-    """The frames of a .npy file, mapped into memory, or of its bytes.
+def open_array(path: Path) -> RecordingStream:
+    """The frames of a .npy file, mapped into memory.
 
     (rows,) is one column, (rows, columns) one frame, (frames, rows, columns) several and
     (frames, rows, columns, channels) several in colour. Pickled objects are refused.
     """
-    if isinstance(source, Path):
-        with source.open("rb") as stream:
-            _check_header(stream, source.stat().st_size)
-        array = np.load(source, mmap_mode="r", allow_pickle=False)
-    else:
-        _check_header(io.BytesIO(source), len(source))
-        array = np.load(io.BytesIO(source), allow_pickle=False)
+    with path.open("rb") as stream:
+        header = _read_header(stream)
+        size, need = path.stat().st_size, stream.tell() + header.bytes
+    if need > size:
+        raise FileError(f"truncated: {size} bytes, its header announces {need}")
+    array = np.load(path, mmap_mode="r", allow_pickle=False)
     return RecordingStream.of_array(_as_frames(array), "array", LightResponse())
 
 
-def _check_header(stream: BinaryIO, size: int) -> None:
-    """Refuse an array that is not numbers, or shorter than its header says, before any memory is asked for."""
+def stream_arrays(file: BinaryIO) -> RecordingStream:
+    """The frames of a .npy file that comes through a pipe, each as it is whole; further files may follow the first."""
+    first = _read_header(file)
+    return RecordingStream(_streamed(file, first), "array", LightResponse(), close=file.close)
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    shape: tuple[int, ...]
+    fortran_order: bool
+    dtype: np.dtype[Any]
+
+    @property
+    def bytes(self) -> int:
+        return math.prod(self.shape) * self.dtype.itemsize
+
+
+def _read_header(stream: BinaryIO) -> _Header:
+    """Refuse an array that is not numbers before any memory is asked for."""
     try:
         version = np.lib.format.read_magic(stream)
-        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = header(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        header = _Header(*read(stream))
     except (ValueError, SyntaxError, TypeError, OverflowError, tokenize.TokenError) as error:
         raise FileError(f"damaged .npy file ({' '.join(str(error).split())})") from error
-    if dtype.kind not in "buif":
-        raise FileError(f"array of {dtype}, allowed: real numbers")
-    if not 1 <= len(shape) <= 4 or min(shape) < 1:
-        raise FileError(f"array of shape {shape}, allowed: [frames,] rows, columns [, channels], none of them 0")
-    need = stream.tell() + math.prod(shape) * dtype.itemsize
-    if need > size:
-        raise FileError(f"truncated: {size} bytes, its header announces {need}")
+    if header.dtype.kind not in "buif":
+        raise FileError(f"array of {header.dtype}, allowed: real numbers")
+    if not 1 <= len(header.shape) <= 4 or min(header.shape) < 1:
+        raise FileError(f"array of shape {header.shape}, allowed: [frames,] rows, columns [, channels], none of them 0")
+    return header
+
+
+def _streamed(file: BinaryIO, header: _Header) -> Iterator[Frame]:
+    while True:
+        yield from _array_frames(file, header)
+        head = read_bytes(file, len(MAGIC))
+        if not head:
+            return
+        if bytes(head) != MAGIC:
+            raise FileError("after the array: bytes that are no .npy file")
+        header = _read_header(Prefixed(bytes(head), file))  # type: ignore[arg-type]
+
+
+def _array_frames(file: BinaryIO, header: _Header) -> Iterator[Frame]:
+    """One after the other; where the first axis is not the slowest, when all have come."""
+    several = len(header.shape) > 2 and not header.fortran_order
+    count, shape = (header.shape[0], header.shape[1:]) if several else (1, header.shape)
+    size = math.prod(shape) * header.dtype.itemsize
+    for index in range(count):
+        data = read_bytes(file, size)
+        if len(data) < size:
+            got = index * size + len(data)
+            raise FileError(f"truncated: {got} bytes of numbers, its header announces {header.bytes}")
+        values = np.frombuffer(data, header.dtype).reshape(shape, order="F" if header.fortran_order else "C")
+        yield from [values] if several else _as_frames(values)
 
 
 def _as_frames(array: Frame) -> Frame:

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from ocisac_fast.files.arrays import MAGIC, open_array
+from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.pictures import is_picture, open_picture
+from ocisac_fast.files.raw import RawFormat, open_raw
 from ocisac_fast.files.recording import FileError, Frame, Recording, RecordingStream
 from ocisac_fast.files.videos import Prefixed, open_video
 
@@ -20,7 +21,9 @@ _HEAD = 16
 _MOST_BYTES = 4 << 30
 
 
-def read_frames(path: str | os.PathLike[str], *, colour: bool = False, most_bytes: int = _MOST_BYTES) -> Recording:
+def read_frames(
+    path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, most_bytes: int = _MOST_BYTES
+) -> Recording:
     """Read all frames of a picture, a video or a .npy array.
 
     Args:
@@ -28,6 +31,7 @@ def read_frames(path: str | os.PathLike[str], *, colour: bool = False, most_byte
             (rows,), (rows, columns), (frames, rows, columns) or (frames, rows, columns, channels); ``"-"``: standard
             input. Pictures need Pillow (and PyAV for 16-bit colour), videos PyAV: ``ocisac-fast[files]``.
         colour: red, green and blue of a video instead of its luma plane.
+        raw: frames without a header, ``"WIDTHxHEIGHT"`` (of bytes), ``"...:gray8"`` or ``"...:gray16le"``.
         most_bytes: a recording of more is refused; read it with ``open_recording``.
 
     Returns:
@@ -37,18 +41,25 @@ def read_frames(path: str | os.PathLike[str], *, colour: bool = False, most_byte
         FileError: a ValueError: empty, truncated, damaged, absurdly large, or none of these kinds.
         OSError: missing, a directory, or not permitted.
     """
-    with open_recording(path, colour=colour) as stream, _named(_name(path)):
+    with open_recording(path, colour=colour, raw=raw) as stream, _named(_name(path)):
         return stream.read(most_bytes)
 
 
-def open_recording(path: str | os.PathLike[str], *, colour: bool = False) -> RecordingStream:
+def open_recording(path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None) -> RecordingStream:
     """Open a recording for reading frame by frame; a video of any length takes the memory of a few frames.
+
+    So do .npy files and raw frames through a pipe or standard input, each frame given as soon as it is whole; one .npy
+    file may follow the other there.
 
     Arguments and errors as ``read_frames``; to be used in a ``with`` statement and iterated once.
     """
     name = _name(path)
+    form = None if raw is None else RawFormat.parse(raw)
     with _named(name):
-        if os.fspath(path) == STANDARD_INPUT:
+        if form is not None:
+            file = sys.stdin.buffer if os.fspath(path) == STANDARD_INPUT else Path(path).open("rb")  # noqa: SIM115
+            stream = open_raw(file, form)
+        elif os.fspath(path) == STANDARD_INPUT:
             stream = _of_stream(sys.stdin.buffer, name, colour)
         else:
             stream = _of_file(Path(path), name, colour)
@@ -73,7 +84,7 @@ def _of_stream(file: BinaryIO, name: str, colour: bool) -> RecordingStream:
     if not head:
         raise FileError("empty")
     if head.startswith(MAGIC):
-        return open_array(head + file.read())
+        return stream_arrays(Prefixed(head, file))  # type: ignore[arg-type]
     if is_picture(head):
         return open_picture(head + file.read())
     return open_video(Prefixed(head, file), name, colour)  # type: ignore[arg-type]

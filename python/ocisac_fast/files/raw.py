@@ -1,0 +1,72 @@
+"""Frames without a header, one after the other, as a camera's pipe gives them."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream
+
+_FORMATS: dict[str, np.dtype[Any]] = {"gray8": np.dtype("u1"), "gray16le": np.dtype("<u2")}
+_FORMAT = re.compile(r"(\d{1,6})x(\d{1,6})(?::(\w+))?")
+_PIECE = 1 << 24  # bytes asked for at a time: what is announced may be absurd
+
+
+@dataclass(frozen=True, slots=True)
+class RawFormat:
+    """Frames of ``height`` rows of ``width`` pixels of ``dtype``, without padding."""
+
+    width: int
+    height: int
+    dtype: np.dtype[Any]
+
+    @classmethod
+    def parse(cls, text: str) -> RawFormat:
+        """``WIDTHxHEIGHT``, ``WIDTHxHEIGHT:gray8`` or ``WIDTHxHEIGHT:gray16le``.
+
+        Raises:
+            ValueError: none of these.
+        """
+        match = _FORMAT.fullmatch(text.strip())
+        name = match[3] or "gray8" if match else ""
+        if match is None or name not in _FORMATS or 0 in (int(match[1]), int(match[2])):
+            raise ValueError(f"raw: got {text!r}, allowed: WIDTHxHEIGHT[:gray8|gray16le], such as 1920x1080:gray8")
+        return cls(int(match[1]), int(match[2]), _FORMATS[name])
+
+    @property
+    def frame_bytes(self) -> int:
+        """Of one frame."""
+        return self.width * self.height * self.dtype.itemsize
+
+
+def open_raw(file: BinaryIO, form: RawFormat) -> RecordingStream:
+    """Frames as they come, to the end of the stream; a part of a frame at the end is left out with a warning."""
+    return RecordingStream(_frames(file, form), "video", LightResponse(), close=file.close)
+
+
+def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:
+    count = 0
+    while data := read_bytes(file, form.frame_bytes):
+        if len(data) < form.frame_bytes:
+            left = f"{len(data)} bytes after {count} frames of {form.frame_bytes}"
+            if count == 0:
+                raise FileError(f"truncated: {left}")
+            warnings.warn(f"{left} were left out", FileWarning, stacklevel=2)
+            return
+        yield np.frombuffer(data, form.dtype).reshape(form.height, form.width)
+        count += 1
+    if count == 0:
+        raise FileError("empty")
+
+
+def read_bytes(file: BinaryIO, count: int) -> bytearray:
+    """As many bytes, or fewer where the stream ends."""
+    data = bytearray()
+    while len(data) < count and (piece := file.read(min(count - len(data), _PIECE))):
+        data += piece
+    return data
