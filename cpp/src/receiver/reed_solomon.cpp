@@ -3,6 +3,8 @@
 #include "ocisac/receiver/reed_solomon.hpp"
 
 #include <algorithm>
+#include <array>
+#include <span>
 #include <string>
 
 #include "ocisac/require.hpp"
@@ -60,13 +62,23 @@ void times_x(Polynomial& polynomial) {
   polynomial[0] = 0;
 }
 
-// The word's value at the code's roots; true where it is 0 at all of them.
+// The word's value at the code's roots; true where it is 0 at all of them. A symbol α^e at x^p adds α^(e + p·root).
 bool syndromes(const ReedSolomon::Word& word, std::size_t roots, Polynomial& values) {
+  std::array<std::size_t, kOrder> exponents, powers;
+  std::size_t count = 0;
+  for (std::size_t k = 0; k < kOrder; ++k) {
+    if (word[k] == 0) continue;
+    exponents[count] = kField.logarithm[word[k]];
+    powers[count++] = kOrder - 1 - k;
+  }
   bool is_word = true;
   for (std::size_t root = 0; root < roots; ++root) {
-    const Symbol x = power_of_alpha(root);
     Symbol sum = 0;
-    for (const Symbol symbol : word) sum = static_cast<Symbol>(product(sum, x) ^ symbol);
+    for (std::size_t k = 0; k < count; ++k) {
+      sum = static_cast<Symbol>(sum ^ kField.power[exponents[k]]);
+      exponents[k] += powers[k];
+      exponents[k] -= exponents[k] >= kOrder ? kOrder : 0;
+    }
     values[root] = sum;
     is_word = is_word && sum == 0;
   }
@@ -76,23 +88,26 @@ bool syndromes(const ReedSolomon::Word& word, std::size_t roots, Polynomial& val
 // The locator of erasures and errors: 0 at the inverse of α^k for each power k of x at which the word is wrong.
 Polynomial find_locator(const Polynomial& syndrome, std::size_t roots, std::span<const int> erased) {
   Polynomial locator{1};
+  std::size_t degree = 0;
   for (const int place : erased) {
     const Symbol at = power_of_alpha(kOrder - 1 - static_cast<std::size_t>(place));
-    for (std::size_t k = kOrder; k > 0; --k) locator[k] = static_cast<Symbol>(locator[k] ^ product(at, locator[k - 1]));
+    for (std::size_t k = ++degree; k > 0; --k)
+      locator[k] = static_cast<Symbol>(locator[k] ^ product(at, locator[k - 1]));
   }
   Polynomial before = locator;
   std::size_t length = erased.size();
   for (std::size_t step = erased.size(); step < roots; ++step) {
     Symbol discrepancy = 0;
-    for (std::size_t k = 0; k <= step; ++k)
+    for (std::size_t k = 0; k <= std::min(step, length); ++k)
       discrepancy = static_cast<Symbol>(discrepancy ^ product(locator[k], syndrome[step - k]));
     times_x(before);
     if (discrepancy == 0) continue;
     Polynomial next = locator;
-    for (std::size_t k = 0; k <= kOrder; ++k) next[k] = static_cast<Symbol>(next[k] ^ product(discrepancy, before[k]));
+    for (std::size_t k = 0; k <= step + 1; ++k)
+      next[k] = static_cast<Symbol>(next[k] ^ product(discrepancy, before[k]));
     if (2 * length <= step + erased.size()) {
       length = step + 1 + erased.size() - length;
-      for (std::size_t k = 0; k <= kOrder; ++k) before[k] = quotient(locator[k], discrepancy);
+      for (std::size_t k = 0; k <= step + 1; ++k) before[k] = quotient(locator[k], discrepancy);
     }
     locator = next;
   }
@@ -134,24 +149,27 @@ bool ReedSolomon::decode(Word& word, std::span<const int> erased) const {
   const std::size_t degree = degree_of(locator);
   if (degree == 0 || 2 * degree > roots + erased.size()) return false;
 
+  std::array<std::size_t, kOrder> powers{};  // at which the word is wrong
+  std::size_t found = 0;
+  for (std::size_t power = 0; power < kOrder; ++power)
+    if (value_at(locator, degree, power_of_alpha(kOrder - power)) == 0) powers[found++] = power;
+  if (found != degree) return false;
+
   Polynomial evaluator{}, derivative{};
-  for (std::size_t k = 0; k < roots; ++k)
-    for (std::size_t j = 0; j <= std::min(k, degree); ++j)
+  for (std::size_t k = 0; k < degree; ++k)
+    for (std::size_t j = 0; j <= k; ++j)
       evaluator[k] = static_cast<Symbol>(evaluator[k] ^ product(locator[j], syndrome[k - j]));
   for (std::size_t k = 1; k <= degree; k += 2) derivative[k - 1] = locator[k];
 
   Word corrected = word;
-  std::size_t found = 0;
-  for (std::size_t power = 0; power < kOrder; ++power) {
+  for (const std::size_t power : std::span(powers).first(found)) {
     const Symbol inverse = power_of_alpha(kOrder - power);
-    if (value_at(locator, degree, inverse) != 0) continue;
     const Symbol slope = value_at(derivative, degree, inverse);
     if (slope == 0) return false;
-    ++found;
-    const Symbol error = product(power_of_alpha(power), quotient(value_at(evaluator, roots - 1, inverse), slope));
+    const Symbol error = product(power_of_alpha(power), quotient(value_at(evaluator, degree - 1, inverse), slope));
     corrected[kOrder - 1 - power] ^= error;
   }
-  if (found != degree || !syndromes(corrected, roots, syndrome)) return false;
+  if (!syndromes(corrected, roots, syndrome)) return false;
   word = corrected;
   return true;
 }
