@@ -1,5 +1,6 @@
 """CM-FSK: one tone a frame, against the reference, against theory, and payloads through it."""
 
+import json
 import math
 
 import numpy as np
@@ -8,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, reference
-from ocisac_fast.fsk import fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+from ocisac_fast import Camera, Flag, reference
+from ocisac_fast.cli import main
+from ocisac_fast.fsk import FskReceiver, fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
 
 ROW_TIME, ROWS, FRAME_TIME = 22.2e-6, 1080, 1 / 30
 SPACING = 1 / (ROWS * ROW_TIME)
@@ -86,6 +88,88 @@ def test_every_frame_of_a_transmission_gives_its_symbol(count):
         assert got.symbol == sent.symbols[index % len(sent.symbols)]
 
 
+def tone_rows(random, tone, noise):
+    turns = tone * ROW_TIME * np.arange(ROWS) + random.uniform()
+    return 60 + np.linspace(0, 20, ROWS) + 20 * np.cos(2 * np.pi * turns) + noise * random.standard_normal(ROWS)
+
+
+@pytest.mark.parametrize(("count", "noise", "most"), [(2, 60.0, 560), (4, 30.0, 260), (16, 30.0, 160)])
+def test_payloads_come_through_noise_missing_repeated_and_dark_frames(count, noise, most):
+    """Symbols alone tell nothing of a packet: preamble and header lie across 8 to 30 frames."""
+    random, tones = np.random.default_rng(count), tones_of(count)
+    sent = fsk_transmit(b"tone", tones, number=3)
+    receiver, payloads = FskReceiver(Camera(ROW_TIME), tones), []
+    for index in range(most):
+        symbol = sent.symbols[(index + 300) % len(sent.symbols)]
+        if index % 61 == 5:
+            continue
+        dark = index % 83 == 40
+        rows = 60 + noise * random.standard_normal(ROWS) if dark else tone_rows(random, tones[symbol], noise)
+        result = receiver.push(rows, index)
+        assert result.missing == (index % 61 == 6)
+        assert result.outcome == "received" or dark or Flag.NO_SIGNAL in result.flags
+        if index % 50 == 9:
+            assert receiver.push(rows, index).outcome == "repeated"
+        if result.payload is not None:
+            payloads.append((result.payload.payload, result.payload.number))
+    assert payloads
+    assert set(payloads) == {(b"tone", 3)}
+    assert receiver.push(np.full(ROWS, np.nan)).outcome == "not_finite"
+    assert receiver.push(rows[:-1]).outcome == "other_shape"
+
+
+def test_another_packet_of_tones_follows_the_first():
+    random, tones, got = np.random.default_rng(1), tones_of(4), []
+    receiver = FskReceiver(Camera(ROW_TIME), tones)
+    for number, payload in enumerate((b"first", b"second!")):
+        sent = fsk_transmit(payload, tones, number=number)
+        for index in range(300):
+            result = receiver.push(tone_rows(random, tones[sent.symbols[index]], 10.0))
+            got += [] if result.payload is None else [result.payload.payload]
+    assert list(dict.fromkeys(got)) == [b"first", b"second!"]
+
+
+def test_tones_by_files_and_commands(tmp_path, capsys):
+    tones = "1kHz,1.2kHz,1.4kHz,1.7kHz"
+    assert main(["transmit", "--text", "by tones", "--fsk", tones, "--json"]) == 0
+    sent = json.loads(capsys.readouterr().out)
+    assert sent["tones_hz"] == [1000.0, 1200.0, 1400.0, 1700.0]
+    assert sent["symbols"] == len(sent["sequence"])
+    for name in ("s.txt", "s.npy", "s.csv", "s.h"):
+        command = ["transmit", "--text", "by tones", "--fsk", tones, "--frame-rate", "30", "-o", str(tmp_path / name)]
+        assert main(command) == 0
+    assert (tmp_path / "s.txt").read_text().split() == list(map(str, sent["sequence"]))
+    assert np.load(tmp_path / "s.npy").tolist() == sent["sequence"]
+    lines = (tmp_path / "s.csv").read_text().splitlines()
+    assert lines[:2] == ["time_s,tone_hz", f"0.0,{sent['tones_hz'][sent['sequence'][0]]}"]
+    assert "ocisac_tones_hz[4] = {1000.0, 1200.0, 1400.0, 1700.0}" in (tmp_path / "s.h").read_text()
+
+    random = np.random.default_rng(2)
+    columns = [tone_rows(random, sent["tones_hz"][symbol], 10.0) for symbol in sent["sequence"][:200]]
+    np.save(tmp_path / "frames.npy", np.rint(columns).astype(np.uint8)[:, :, np.newaxis])
+    command = ["receive", str(tmp_path / "frames.npy"), "--fsk", tones, "--row-time", "22.2us", "--frame-rate", "30"]
+    capsys.readouterr()
+    assert main([*command, "--json"]) == 0
+    facts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [fact["symbol"] for fact in facts] == sent["sequence"][:200]
+    assert facts[7]["tone_hz"] == sent["tones_hz"][sent["sequence"][7]]
+    assert {fact["payload"] for fact in facts if "payload" in fact} == {"by tones"}
+    assert main(command) == 0
+    assert "by tones" in capsys.readouterr().out
+    for wrong, message in [
+        (["receive", "x.npy", "--fsk", tones], "--fsk: Hz needs --row-time"),
+        (
+            ["transmit", "--text", "a", "--fsk", tones, "--chip-rate", "8kHz"],
+            "--fsk: has no line code and no chip rate",
+        ),
+        (["transmit", "--text", "a", "--frame-rate", "30"], "--frame-rate: only with --fsk"),
+        (["transmit", "--text", "a", "--fsk", "1kHz"], "tones: got 1 tones"),
+        (["transmit", "--text", "a", "--fsk", "1kHz,x"], "got 'x', allowed: a number"),
+    ]:
+        assert main(wrong) == 2
+        assert message in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -102,6 +186,13 @@ def test_every_frame_of_a_transmission_gives_its_symbol(count):
         (lambda: fsk_demodulate(np.full(100, np.inf), Camera(1e-5), [2e3, 3e3]), "signal: got inf"),
         (lambda: fsk_demodulate(np.zeros((9, 9)), Camera(1e-5), [2e3, 3e3]), "column: got shape"),
         (lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [2e3, 3e3], amplitude=-1.0), "amplitude: got -1.0"),
+        (
+            lambda: FskReceiver(Camera(1e-5, 1e-3), [500.0, 1010.0]),
+            "tones: got 1010, allowed: tones of which the exposure of 0.001 s leaves 5 % or more",
+        ),
+        (lambda: FskReceiver(Camera(1e-5), [500.0, 6e4]), "tones: got 60000, allowed: frequencies below"),
+        (lambda: FskReceiver(Camera(1e-5), [500.0, 600.0], block_bytes=256), "block_bytes: got 256"),
+        (lambda: FskReceiver(Camera(1e-5), [500.0, 600.0], preamble="long"), "preamble: got"),
         (lambda: fsk_symbol_error_rate(1, 1.0), "tones: got 1, allowed: 2 or more"),
         (lambda: fsk_symbol_error_rate(2, -1.0), "snr: got -1"),
     ],

@@ -1,7 +1,9 @@
 """Payloads out of frames: through the gap between them, past frames that are missing, repeated or damaged."""
 
 import base64
+import io
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -232,7 +234,7 @@ def test_tiny_frames_hold_no_signal(rows):
     assert receiver.push(np.arange(float(rows))).outcome == "no_signal"
 
 
-def test_the_command_gives_payloads(tmp_path, capsys):
+def test_the_command_gives_payloads(tmp_path, capsys, monkeypatch):
     light = Light(b"over the air", seed=8)
     frames = np.stack([light.frame(index) for index in range(14)])[:, :, np.newaxis]
     frames = frames + light.random.standard_normal((14, 1080, 8))
@@ -249,6 +251,10 @@ def test_the_command_gives_payloads(tmp_path, capsys):
     assert base64.b64decode(payloads[0]["payload_base64"]) == b"over the air"
     assert main(options) == 0
     assert "over the air" in capsys.readouterr().out
+    for source, stored in [(["-"], path.read_bytes()), (["-", "--raw", "8x1080"], np.load(path).tobytes())]:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stored)))
+        assert main(["receive", *source, *options[2:], "--json"]) == 0
+        assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == facts
     assert main([*options[:2], "--frame-rate", "30", "--packets"]) == 2
     assert "--frame-rate: needs --row-time" in capsys.readouterr().err
 

@@ -50,7 +50,15 @@ if TYPE_CHECKING:
         pick_channel,
         tone_columns,
     )
-    from ocisac_fast.fsk import FskSymbol, FskTransmission, fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+    from ocisac_fast.fsk import (
+        FskFrame,
+        FskReceiver,
+        FskSymbol,
+        FskTransmission,
+        fsk_demodulate,
+        fsk_symbol_error_rate,
+        fsk_transmit,
+    )
     from ocisac_fast.gain import ToneGain, tone_gain
     from ocisac_fast.goodput import Goodput, possible_goodput
     from ocisac_fast.location import Location, locate_camera
@@ -153,6 +161,8 @@ _PLACES = {
         "tone_columns",
     ),
     "fsk": (
+        "FskFrame",
+        "FskReceiver",
         "FskSymbol",
         "FskTransmission",
         "fsk_demodulate",
@@ -259,6 +269,8 @@ __all__ = [
     "ExposureSuggestion",
     "Flag",
     "FoundFrequency",
+    "FskFrame",
+    "FskReceiver",
     "FskSymbol",
     "FskTransmission",
     "Goodput",

@@ -35,17 +35,6 @@ double log_bessel_i0(double x) {
   return x - 0.5 * std::log(x) + std::log(tail);
 }
 
-void check_tones(const Camera& camera, std::span<const double> tones) {
-  check(camera);
-  require(tones.size() >= 2 && tones.size() <= kMostTones && std::has_single_bit(tones.size()), "tones",
-          std::to_string(tones.size()) + " tones", "2, 4, 8, … 256 tones");
-  for (std::size_t m = 0; m < tones.size(); ++m) {
-    require_positive("tones", tones[m]);
-    require(tones[m] * camera.row_time < 0.5, "tones", tones[m], "frequencies below half the row rate");
-    for (std::size_t k = 0; k < m; ++k) require(tones[k] != tones[m], "tones", tones[m], "each tone once");
-  }
-}
-
 // Takes what the directions before it hold out of a vector and gives it unit length (twice: for the last digits).
 void orthonormalise(std::span<double> vector, std::span<const double> directions) {
   for (int round = 0; round < 2; ++round)
@@ -104,6 +93,17 @@ std::vector<double> soft_bits(std::span<const double> likelihoods, std::size_t b
 }
 
 }  // namespace
+
+void check_tones(const Camera& camera, std::span<const double> tones) {
+  check(camera);
+  require(tones.size() >= 2 && tones.size() <= kMostTones && std::has_single_bit(tones.size()), "tones",
+          std::to_string(tones.size()) + " tones", "2, 4, 8, … 256 tones");
+  for (std::size_t m = 0; m < tones.size(); ++m) {
+    require_positive("tones", tones[m]);
+    require(tones[m] * camera.row_time < 0.5, "tones", tones[m], "frequencies below half the row rate");
+    for (std::size_t k = 0; k < m; ++k) require(tones[k] != tones[m], "tones", tones[m], "each tone once");
+  }
+}
 
 FskDemodulator::FskDemodulator(const Camera& camera, std::span<const double> tones, std::size_t rows)
     : bits_(static_cast<std::size_t>(std::countr_zero(tones.size()))), weights_(weights_of(camera, tones, rows)) {

@@ -62,6 +62,8 @@ void check(const PacketFormat& format) {
   require(format.block_bytes >= 1 && format.block_bytes <= 255, "block_bytes", format.block_bytes, "1 to 255");
 }
 
+std::size_t header_chips(const PacketFormat& format) { return kHeaderBytes * format.line_code.chips_per_byte(); }
+
 std::size_t most_codewords(const PacketFormat& format) { return kMostBlocks * format.block_bytes / 255; }
 
 void append_bits(std::vector<std::uint8_t>& bits, unsigned value, unsigned count) {
@@ -94,11 +96,14 @@ unsigned header_of(std::size_t block, unsigned number, const PacketLayout& layou
 
 bool is_preamble(std::span<const double> llr, std::span<const std::uint8_t> preamble) {
   double all = 0, against = 0;
+  std::size_t seen = 0;
   for (std::size_t chip = 0; chip < preamble.size(); ++chip) {
     all += std::abs(llr[chip]);
+    seen += llr[chip] != 0;
     if ((llr[chip] > 0) != (preamble[chip] != 0)) against += std::abs(llr[chip]);
   }
-  return all >= kSureBit * static_cast<double>(preamble.size()) && against <= kPreambleDoubt * all;
+  return 4 * seen >= 3 * preamble.size() && all >= kSureBit * static_cast<double>(preamble.size()) &&
+         against <= kPreambleDoubt * all;
 }
 
 double least(std::span<const double> llr) {
@@ -206,7 +211,7 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
 std::vector<BlockSighting> find_blocks(std::span<const double> llr, const PacketFormat& format) {
   check(format);
   const auto preamble = preamble_chips(format.preamble);
-  const std::size_t header = kHeaderBytes * format.line_code.chips_per_byte();
+  const std::size_t header = header_chips(format);
   std::vector<BlockSighting> found;
   for (std::size_t chip = 0; chip + preamble.size() + header <= llr.size(); ++chip) {
     if (!is_preamble(llr.subspan(chip, preamble.size()), preamble)) continue;
@@ -268,6 +273,18 @@ void PacketAssembler::find_layout() {
   soft_bits_.assign(8 * layout_->coded_bytes(), 0);
 }
 
+// The blocks that end their header in a stretch.
+PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr) {
+  if (end_ != first) tail_.clear();
+  end_ = first + static_cast<std::ptrdiff_t>(llr.size());
+  const std::ptrdiff_t searched = first - static_cast<std::ptrdiff_t>(tail_.size());
+  tail_.insert(tail_.end(), llr.begin(), llr.end());
+  Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, searched, find_blocks(tail_, format_)};
+  const std::size_t kept = preamble_chips(format_.preamble).size() + header_chips(format_) - 1;
+  if (tail_.size() > kept) tail_.erase(tail_.begin(), tail_.end() - static_cast<std::ptrdiff_t>(kept));
+  return stretch;
+}
+
 void PacketAssembler::keep(Stretch stretch) {
   waiting_chips_ += stretch.llr.size();
   waiting_.push_back(std::move(stretch));
@@ -278,7 +295,7 @@ void PacketAssembler::keep(Stretch stretch) {
 }
 
 std::ptrdiff_t PacketAssembler::origin_by(const Stretch& stretch, const BlockSighting& sighting) const {
-  return stretch.first + static_cast<std::ptrdiff_t>(sighting.chip) -
+  return stretch.searched + static_cast<std::ptrdiff_t>(sighting.chip) -
          static_cast<std::ptrdiff_t>(sighting.block * block_chips_);
 }
 
@@ -402,8 +419,7 @@ StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double
   } else if (std::ranges::all_of(llr, [](double value) { return value == 0; })) {
     report.outcome = StretchOutcome::unreadable;
   } else {
-    end_ = first + static_cast<std::ptrdiff_t>(llr.size());
-    Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, find_blocks(llr, format_)};
+    Stretch stretch = search(first, llr);
     report.blocks = stretch.blocks.size();
     for (const auto& sighting : stretch.blocks) read_header(sighting);
     keep(std::move(stretch));
@@ -420,7 +436,7 @@ StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double
         std::min(scarcest, static_cast<std::size_t>(std::count_if(word, word + ReedSolomon::kLength,
                                                                   [](double value) { return value >= kSureBit; })));
   report.share = static_cast<double>(scarcest) / static_cast<double>(layout_->codeword_data);
-  if (report.bytes == 0 || scarcest < layout_->codeword_data) return report;
+  if (report.bytes + report.cut + report.doubtful == 0 || scarcest < layout_->codeword_data) return report;
   report.payload = decode(reliability);
   // Where more than twice what is needed does not decode, it is of more than one packet.
   if (report.payload || scarcest >= std::min(2 * layout_->codeword_data + 40, ReedSolomon::kLength))

@@ -15,7 +15,7 @@ from ocisac_fast.files.recording import Frame
 
 @dataclasses.dataclass
 class PacketOptions:
-    """As on the command line."""
+    """As on the command line; ``tones``: CM-FSK where there are any, else chips."""
 
     chip_rate: float | None
     line_code: str
@@ -24,6 +24,7 @@ class PacketOptions:
     frame_time: float | None
     sources: int
     regions: tuple[tuple[int, int, int, int], ...]
+    tones: tuple[float, ...]
 
 
 class PacketStream:
@@ -44,6 +45,11 @@ class PacketStream:
             self._receiver = self._make(self._camera)
         self._frames += 1
         self._rows = frame.shape[0]
+        if self._options.tones:
+            result = self._receiver.push(frame)
+            self._count(result)
+            yield self._tone_facts(result, number)
+            return
         for result in self._receiver.push(frame):
             self._count(result.received)
             if math.isfinite(result.received.chip_rate):
@@ -60,7 +66,7 @@ class PacketStream:
             return count
         seconds = self._frames * camera.frame_time
         count += f", {quantity(8.0 * self._payload_bytes / seconds, 'bit/s', 4)}"
-        if not math.isfinite(self._chip_rate):
+        if self._options.tones or not math.isfinite(self._chip_rate):
             return count
         from ocisac_fast.goodput import possible_goodput
 
@@ -78,6 +84,10 @@ class PacketStream:
 
     def _make(self, camera: Camera) -> Any:
         options = self._options
+        if options.tones:
+            from ocisac_fast.fsk import FskReceiver
+
+            return FskReceiver(camera, options.tones, block_bytes=options.block_bytes, preamble=options.preamble)
         from ocisac_fast.stream_receiver import MultiReceiver
 
         return MultiReceiver(
@@ -113,6 +123,21 @@ class PacketStream:
             "region": list(result.region),
         }
         return {**facts, **_packet_facts(received), "flags": flag_names(received.flags)}
+
+    def _tone_facts(self, result: Any, number: int) -> dict[str, Any]:
+        seen = result.symbol if result.outcome == "received" else None
+        facts = {
+            "frame": number,
+            "source": 0,
+            "rows": self._rows,
+            "bits": "" if seen is None else "".join("1" if llr > 0.0 else "0" for llr in seen.llr),
+            "symbol": None if seen is None else seen.symbol,
+            "tone_hz": None if seen is None else self._options.tones[seen.symbol],
+            "snr_db": math.nan if seen is None else _decibels(seen.snr),
+            "error_rate": math.nan if seen is None else seen.error_rate,
+            "outcome": result.outcome,
+        }
+        return {**facts, **_packet_facts(result), "flags": flag_names(result.flags)}
 
 
 def _decibels(ratio: float) -> float:

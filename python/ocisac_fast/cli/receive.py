@@ -11,7 +11,7 @@ import click
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
-from ocisac_fast.cli.units import FREQUENCY, Quantity
+from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.transmission import LINE_CODES
 
 
@@ -20,11 +20,12 @@ from ocisac_fast.transmission import LINE_CODES
 @click.option("--chip-rate", type=FREQUENCY, help="Chips per second; else found in every frame.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), default="none", show_default=True, help="Of packets.")
 @click.option("--packets", is_flag=True, help="Look for packets of `ocisac transmit`; goes without saying with a code.")
-@click.option("--block-bytes", type=int, default=16, show_default=True, help="Coded bytes of a packet's block.")
+@click.option("--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
 @click.option("--frame-rate", type=FREQUENCY, help="Joins the packets of several frames; a video's own otherwise.")
 @click.option("--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Lights of packets, at most.")
 @click.option("--source-region", type=REGION, multiple=True, help="Of a light of packets; may be given several times.")
+@click.option("--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one of them a frame, as 1kHz,1.2kHz.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
 @json_option
@@ -33,11 +34,12 @@ def receive(
     chip_rate: Quantity | None,
     line_code: str,
     packets: bool,
-    block_bytes: int,
+    block_bytes: int | None,
     preamble: str,
     frame_rate: Quantity | None,
     sources: int,
     source_region: tuple[tuple[int, int, int, int], ...],
+    fsk: tuple[Quantity, ...] | None,
     picture: PictureOptions,
     plot: str | None,
     as_json: bool,
@@ -46,16 +48,18 @@ def receive(
 
     Columns, channel and chip rate are found. Chips cut by the edges of a frame are left out. With --packets frames
     are taken as one stream in time order, exposures may be longer than a chip (then --chip-rate is needed), and
-    payloads are given where they come whole; lights beside and above each other are sources of their own. An
-    interrupt ends the reception: what has come is told.
+    payloads are given where they come whole; lights beside and above each other are sources of their own. With --fsk
+    each frame shows one tone of a set (CM-FSK). An interrupt ends the reception: what has come is told.
     """
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
-    packets = packets or line_code != "none"
+    tones = tuple(picture.check_frequency("--fsk", tone) or 0.0 for tone in fsk or ())
+    packets = packets or line_code != "none" or bool(tones)
     if frame_rate is not None and picture.row_time is None:
         raise click.UsageError("--frame-rate: needs --row-time")
     seconds = None if frame_rate is None else 1.0 / _positive("--frame-rate", float(frame_rate))
-    options = PacketOptions(rate, line_code, block_bytes, preamble, seconds, sources, source_region)
+    size = block_bytes if block_bytes is not None else 4 if tones else 16
+    options = PacketOptions(rate, line_code, size, preamble, seconds, sources, source_region, tones)
     stream = PacketStream(options) if packets else None
     stopped = False
     try:

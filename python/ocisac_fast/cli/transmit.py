@@ -6,15 +6,20 @@ import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 
+from ocisac_fast.cli.fsk_files import SYMBOL_WRITERS, symbols_text
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.pictures import json_option
-from ocisac_fast.cli.units import FREQUENCY, Quantity
+from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
+from ocisac_fast.fsk import fsk_transmit
 from ocisac_fast.transmission import LINE_CODES, Transmission
 from ocisac_fast.transmission import transmit as transmit_payload
+
+_Writer = Callable[[Any, float | None], bytes]
 
 
 def _text(sent: Transmission, _: float | None) -> bytes:
@@ -56,7 +61,7 @@ def _c_header(sent: Transmission, chip_rate: float | None) -> bytes:
     return "\n".join(lines).encode() + b"\n"
 
 
-_WRITERS: dict[str, Callable[[Transmission, float | None], bytes]] = {
+_WRITERS: dict[str, _Writer] = {
     ".txt": _text,
     ".npy": _npy,
     ".csv": _csv,
@@ -69,10 +74,12 @@ _WRITERS: dict[str, Callable[[Transmission, float | None], bytes]] = {
 @click.option("--text", help="The payload, instead of a file's bytes.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), default="manchester", show_default=True)
 @click.option("--code-table", metavar="WORDS", help="A line code of its own: 2, 4, 16 or 256 words, as 01,10.")
-@click.option("--block-bytes", type=int, default=16, show_default=True, help="Coded bytes of a block, 1 to 255.")
+@click.option("--block-bytes", type=int, help="Coded bytes of a block, 1 to 255  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
 @click.option("--number", type=int, default=0, show_default=True, help="Of the packet, 0 to 255.")
 @click.option("--chip-rate", type=FREQUENCY, help="For the times in a .csv and a note in a .h.")
+@click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one a frame, as 1kHz,1.2kHz (CM-FSK).")
+@click.option("--frame-rate", type=FREQUENCY, help="With --fsk: for the times in a .csv and a note in a .h.")
 @click.option("-o", "--output", help="FILE.txt, .npy, .csv (chip or time, level) or .h (C, eight chips a byte).")
 @json_option
 def transmit(
@@ -80,28 +87,37 @@ def transmit(
     text: str | None,
     line_code: str,
     code_table: str | None,
-    block_bytes: int,
+    block_bytes: int | None,
     preamble: str,
     number: int,
     chip_rate: Quantity | None,
+    fsk: tuple[Quantity, ...] | None,
+    frame_rate: Quantity | None,
     output: str | None,
     as_json: bool,
 ) -> None:
     """Turn the bytes of FILE (- for standard input) into one cycle of chips, to be sent over and over; 1 is bright.
 
-    Without -o the chips are printed. The format: docs/packets.md.
+    Without -o the chips are printed. The format: docs/packets.md. With --fsk it is one cycle of tones, of which the
+    numbers are printed, from 0.
     """
-    writer = _writer(output)
+    if fsk is not None:
+        if line_code != "manchester" or code_table is not None or chip_rate is not None:
+            raise click.UsageError("--fsk: has no line code and no chip rate")
+        short = 4 if block_bytes is None else block_bytes
+        _transmit_tones(_payload(file, text), fsk, short, preamble, number, frame_rate, output, as_json)
+        return
+    if frame_rate is not None:
+        raise click.UsageError("--frame-rate: only with --fsk")
+    writer = _writer(output, _WRITERS)
     sent = transmit_payload(
         _payload(file, text),
         line_code=line_code if code_table is None else code_table.split(","),
-        block_bytes=block_bytes,
+        block_bytes=16 if block_bytes is None else block_bytes,
         preamble=preamble,
         number=number,
     )
-    rate = None if chip_rate is None else float(chip_rate)
-    if rate is not None and not 0.0 < rate < float("inf"):
-        raise ValueError(f"--chip-rate: got {rate}, allowed: above 0")
+    rate = _positive("--chip-rate", chip_rate)
     facts = {
         "payload_bytes": len(sent.payload),
         "number": sent.number,
@@ -126,13 +142,49 @@ def transmit(
         emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
 
 
-def _writer(output: str | None) -> Callable[[Transmission, float | None], bytes]:
-    if output is None:
-        return _text
-    suffix = Path(output).suffix.lower()
-    if suffix not in _WRITERS:
-        raise ValueError(f"--output: got {output}, allowed: a file that ends in {', '.join(_WRITERS)}")
-    return _WRITERS[suffix]
+def _transmit_tones(
+    payload: bytes,
+    tones: tuple[Quantity, ...],
+    block_bytes: int,
+    preamble: str,
+    number: int,
+    frame_rate: Quantity | None,
+    output: str | None,
+    as_json: bool,
+) -> None:
+    writer = _writer(output, SYMBOL_WRITERS)
+    sent = fsk_transmit(payload, tones, block_bytes=block_bytes, preamble=preamble, number=number)
+    rate = _positive("--frame-rate", frame_rate)
+    facts = {
+        "payload_bytes": len(sent.payload),
+        "number": sent.number,
+        "tones_hz": list(sent.tones),
+        "symbols": len(sent.symbols),
+        "block_bytes": sent.block_bytes,
+    }
+    if output is not None:
+        Path(output).write_bytes(writer(sent, rate))
+    if as_json:
+        emit_json({"file": output, **facts, **({} if output is not None else {"sequence": sent.symbols.tolist()})})
+    elif output is None:
+        click.echo(symbols_text(sent), nl=False)
+    else:
+        duration = {} if rate is None else {"one cycle": quantity(len(sent.symbols) / rate, "s")}
+        size = f"{len(sent.symbols)} symbols of {len(sent.tones)} tones"
+        emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
+
+
+def _positive(name: str, value: Quantity | None) -> float | None:
+    if value is not None and not 0.0 < value < float("inf"):
+        raise ValueError(f"{name}: got {float(value)}, allowed: above 0")
+    return None if value is None else float(value)
+
+
+def _writer(output: str | None, writers: dict[str, _Writer]) -> _Writer:
+    suffix = ".txt" if output is None else Path(output).suffix.lower()
+    if suffix not in writers:
+        raise ValueError(f"--output: got {output}, allowed: a file that ends in {', '.join(writers)}")
+    return writers[suffix]
 
 
 def _payload(file: str | None, text: str | None) -> bytes:

@@ -72,3 +72,15 @@ TIME = QuantityType("s", "9.2us")
 LENGTH = QuantityType("m", "0.3mm")
 FREQUENCY = QuantityType("Hz", "4.95kHz")
 FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)
+
+
+class _Frequencies(ParameterType):
+    name = "Hz,Hz,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        return tuple(FREQUENCY.convert(part.strip(), param, ctx) for part in str(value).split(","))
+
+
+FREQUENCIES = _Frequencies()

@@ -17,7 +17,7 @@ from ocisac_fast.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.equalization import EqualizerReport
 from ocisac_fast.flags import Flag
 from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
-from ocisac_fast.fsk import FskSymbol, FskTransmission, fsk_transmit
+from ocisac_fast.fsk import FskFrame, FskReceiver, FskSymbol, FskTransmission, fsk_transmit
 from ocisac_fast.gain import ToneGain
 from ocisac_fast.goodput import Goodput, possible_goodput
 from ocisac_fast.location import Location, locate_camera
@@ -82,6 +82,8 @@ __all__ = [
     "ExposureSuggestion",
     "Flag",
     "FoundFrequency",
+    "FskFrame",
+    "FskReceiver",
     "FskSymbol",
     "FskTransmission",
     "Goodput",

@@ -24,6 +24,9 @@ struct FskSymbol {
   double noise = 0;                 // standard deviation of a row
 };
 
+// Throws std::invalid_argument for tones that are not 2, 4, … 256 different ones above 0 and below half the row rate.
+void check_tones(const Camera& camera, std::span<const double> tones);
+
 // Noncoherent detection of one tone out of M at unknown phase, mean and slope along the frame. With r_m the length of
 // the rows' projection on tone m (cosine and sine, freed of mean and slope) and e_m the one expected,
 //
@@ -32,8 +35,7 @@ struct FskSymbol {
 // Tones are orthogonal where they lie apart by multiples of 1/(rows·row_time).
 class FskDemodulator {
  public:
-  // `tones`: Hz, 2 to 256 of them, a power of two, all different, above 0 and below half the row rate, at least one
-  // cycle in a frame of `rows` rows.
+  // `tones`: Hz, as check_tones wants them, at least one cycle in a frame of `rows` rows.
   FskDemodulator(const Camera& camera, std::span<const double> tones, std::size_t rows);
 
   [[nodiscard]] std::size_t bits() const { return bits_; }

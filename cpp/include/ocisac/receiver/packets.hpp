@@ -97,7 +97,7 @@ class PacketAssembler {
 
   // `first`: index of the stretch's first chip on a clock that counts the chips sent, from any origin; stretches in
   // time order. A slip of the clock by a chip or two is healed by the next header. `llr`: (chips) ln P(bright)/P(dark)
-  // in nats, 0: not seen.
+  // in nats, 0: not seen. Where a stretch goes on from the last chip of the one before, headers are found across both.
   StretchReport push(std::ptrdiff_t first, std::span<const double> llr);
 
   // The clock has jumped: what is in the packet stays, the next header gives the place anew.
@@ -108,6 +108,7 @@ class PacketAssembler {
     std::ptrdiff_t first;
     std::size_t epoch;
     std::vector<double> llr;
+    std::ptrdiff_t searched;  // chip from which `blocks` count: `first`, or of the stretch before
     std::vector<BlockSighting> blocks;
   };
   struct Vote {
@@ -116,6 +117,7 @@ class PacketAssembler {
     bool change(unsigned seen);  // true where the value is another now
   };
 
+  Stretch search(std::ptrdiff_t first, std::span<const double> llr);
   void keep(Stretch stretch);
   void read_header(const BlockSighting& sighting);
   void start_packet();
@@ -137,6 +139,7 @@ class PacketAssembler {
   std::size_t epoch_ = 0;                            // one more for every jump of the clock
   std::optional<std::ptrdiff_t> origin_, doubtful_;  // chip at which a block 0 began; a header's that disagrees
   std::optional<std::ptrdiff_t> end_;                // chip after the last stretch
+  std::vector<double> tail_;                         // its last chips, in which a block may have begun
   std::deque<Stretch> waiting_;
   std::size_t waiting_chips_ = 0;
   std::vector<float> soft_bits_;  // (coded bytes, 8) sums of log-likelihood ratios

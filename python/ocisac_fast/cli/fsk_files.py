@@ -1,0 +1,60 @@
+"""The files of ``ocisac transmit --fsk``: which tone when."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ocisac_fast.fsk import FskTransmission
+
+
+def symbols_text(sent: FskTransmission, _: float | None = None) -> bytes:
+    """Numbers of the tones, from 0."""
+    return " ".join(map(str, sent.symbols.tolist())).encode() + b"\n"
+
+
+def _npy(sent: FskTransmission, _: float | None) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, sent.symbols)
+    return buffer.getvalue()
+
+
+def _csv(sent: FskTransmission, frame_rate: float | None) -> bytes:
+    tones = [sent.tones[symbol] for symbol in sent.symbols.tolist()]
+    if frame_rate is None:
+        lines = ["symbol,tone_hz", *(f"{index},{tone!r}" for index, tone in enumerate(tones))]
+    else:
+        lines = ["time_s,tone_hz", *(f"{index / frame_rate!r},{tone!r}" for index, tone in enumerate(tones))]
+    return "\n".join(lines).encode() + b"\n"
+
+
+def _c_header(sent: FskTransmission, frame_rate: float | None) -> bytes:
+    symbols = list(map(str, sent.symbols.tolist()))
+    rows = [", ".join(symbols[k : k + 24]) for k in range(0, len(symbols), 24)]
+    rate = [] if frame_rate is None else [f"#define OCISAC_SYMBOL_RATE_HZ {frame_rate!r}"]
+    lines = [
+        f"/* A packet of {len(sent.payload)} bytes: send a tone for each symbol, one after the other, over and over.",
+        "   Symbol k: ocisac_tones_hz[ocisac_symbols[k]]. */",
+        "#ifndef OCISAC_SYMBOLS_H",
+        "#define OCISAC_SYMBOLS_H",
+        "#include <stdint.h>",
+        *rate,
+        f"#define OCISAC_SYMBOL_COUNT {len(symbols)}UL",
+        f"static const double ocisac_tones_hz[{len(sent.tones)}] = {{{', '.join(map(repr, sent.tones))}}};",
+        f"static const uint8_t ocisac_symbols[{len(symbols)}] = {{",
+        *(f"    {row}," for row in rows),
+        "};",
+        "#endif",
+    ]
+    return "\n".join(lines).encode() + b"\n"
+
+
+SYMBOL_WRITERS: dict[str, Callable[[Any, float | None], bytes]] = {
+    ".txt": symbols_text,
+    ".npy": _npy,
+    ".csv": _csv,
+    ".h": _c_header,
+}
