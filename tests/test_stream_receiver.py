@@ -255,6 +255,10 @@ def test_the_command_gives_payloads(tmp_path, capsys, monkeypatch):
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stored)))
         assert main(["receive", *source, *options[2:], "--json"]) == 0
         assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == facts
+    assert main([*options[:-2], "--packets"]) == 0  # the sender's default code is the receiver's
+    assert "over the air" in capsys.readouterr().out
+    assert main([*options, "--block-bytes", "200"]) == 0
+    assert "a block of 200 bytes is 3246 chips, a frame shows 191: send smaller" in capsys.readouterr().out
     assert main([*options[:2], "--frame-rate", "30", "--packets"]) == 2
     assert "--frame-rate: needs --row-time" in capsys.readouterr().err
 

@@ -59,7 +59,7 @@ class PacketStream:
     def summary(self) -> str:
         """What came, and the goodput next to what the gap between frames and the code leave."""
         if not self._payloads:
-            return f"no payload; {100.0 * min(self._share, 1.0):.0f} % of the bytes that one needs"
+            return f"no payload; {100.0 * min(self._share, 1.0):.0f} % of the bytes that one needs{self._hint()}"
         count = f"{self._payloads} payload{'s' if self._payloads > 1 else ''} in {self._frames} frames"
         camera = self._camera
         if camera is None or camera.frame_time is None:
@@ -81,6 +81,22 @@ class PacketStream:
         )
         through = quantity(possible.gap, "bit/s", 4)
         return f"{count}; a light's chips through the gap: {through}, as packets: {quantity(possible.code, 'bit/s', 4)}"
+
+    def _hint(self) -> str:
+        """Of blocks that are longer than what a frame shows, so that none can come whole."""
+        if self._camera is None or self._options.tones or not math.isfinite(self._chip_rate):
+            return ""
+        from ocisac_fast.transmission import transmit
+
+        options = self._options
+        sent = transmit(b"-", line_code=options.line_code, block_bytes=options.block_bytes, preamble=options.preamble)
+        shown = int(self._rows * self._camera.row_time * self._chip_rate)
+        if sent.block_chips <= shown:
+            return ""
+        size = options.block_bytes
+        return (
+            f"; a block of {size} bytes is {sent.block_chips} chips, a frame shows {shown}: send smaller --block-bytes"
+        )
 
     def _make(self, camera: Camera) -> Any:
         options = self._options

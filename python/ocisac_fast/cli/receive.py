@@ -18,7 +18,7 @@ from ocisac_fast.transmission import LINE_CODES
 @click.command(short_help="Bits of the lights in a recording.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @click.option("--chip-rate", type=FREQUENCY, help="Chips per second; else found in every frame.")
-@click.option("--line-code", type=click.Choice(LINE_CODES), default="none", show_default=True, help="Of packets.")
+@click.option("--line-code", type=click.Choice(LINE_CODES), help="Of packets  [default: manchester]")
 @click.option("--packets", is_flag=True, help="Look for packets of `ocisac transmit`; goes without saying with a code.")
 @click.option("--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
@@ -32,7 +32,7 @@ from ocisac_fast.transmission import LINE_CODES
 def receive(
     files: tuple[str, ...],
     chip_rate: Quantity | None,
-    line_code: str,
+    line_code: str | None,
     packets: bool,
     block_bytes: int | None,
     preamble: str,
@@ -54,12 +54,12 @@ def receive(
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
     tones = tuple(picture.check_frequency("--fsk", tone) or 0.0 for tone in fsk or ())
-    packets = packets or line_code != "none" or bool(tones)
+    packets = packets or line_code not in (None, "none") or bool(tones)
     if frame_rate is not None and picture.row_time is None:
         raise click.UsageError("--frame-rate: needs --row-time")
     seconds = None if frame_rate is None else 1.0 / _positive("--frame-rate", float(frame_rate))
     size = block_bytes if block_bytes is not None else 4 if tones else 16
-    options = PacketOptions(rate, line_code, size, preamble, seconds, sources, source_region, tones)
+    options = PacketOptions(rate, line_code or "manchester", size, preamble, seconds, sources, source_region, tones)
     stream = PacketStream(options) if packets else None
     stopped = False
     try:
