@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ocisac_fast import Camera, SquareWave, Tone, detect_sources, integrate_exposure, reference
+from ocisac_fast import Camera, Chips, SquareWave, Tone, detect_sources, integrate_exposure, reference
 
 ROW_TIME = 1e-5
 CAMERA = Camera(ROW_TIME, exposure=3e-5)
@@ -99,6 +99,42 @@ def test_core_and_reference_agree(seed, dtype, transposed, reverse, rows):
     if reverse:
         frame = frame[::-1, ::-1]
     assert_same(detect_sources(frame, CAMERA), reference.detect_sources(frame, CAMERA))
+
+
+def data_light(seed, rows_per_chip=8.0, radius=160):
+    """A large disk that sends Manchester code, periodic here and there."""
+    picture, random = scene(640, 480, seed)
+    bits = random.integers(0, 2, 200)
+    chips = np.stack([bits, 1 - bits], axis=1).ravel().astype(float)
+    add_lamp(picture, 320, 240, radius, Chips(chips.tolist(), 1 / (rows_per_chip * ROW_TIME)), swing=100.0)
+    return stored(picture)
+
+
+@pytest.mark.parametrize("seed", [2, 11])  # of these lights several parts are found
+def test_parts_of_a_light_that_sends_data_become_one(seed):
+    frame = data_light(seed)
+    sources = detect_sources(frame, CAMERA)
+    (light,) = sources
+    assert light.reason == "waveform"
+    assert light.carries_data
+    assert light.merged >= 1
+    assert light.height > 170
+    assert_same(sources, reference.detect_sources(frame, CAMERA))
+
+
+@pytest.mark.parametrize(
+    ("above", "frequency", "apart"),
+    [(True, 6500.0, 0), (True, 10000.0, 0), (True, 6500.0, 60), (False, 6500.0, 30), (False, 5000.0, 60)],
+)
+def test_lamps_beside_and_above_each_other_stay_apart(above, frequency, apart):
+    picture, _ = scene()
+    for k, one in enumerate((5000.0, frequency)):
+        light = integrate_exposure(SquareWave(one), CAMERA, 480)
+        row, column = (60 + k * (130 + apart), 200) if above else (60, 150 + k * (130 + apart))
+        picture[row : row + 130, column : column + 130] = 20 + 120 * light[row : row + 130, None]
+    sources = detect_sources(stored(picture), CAMERA)
+    assert len(sources) == 2
+    assert all(s.reason != "waveform" for s in sources)
 
 
 @pytest.mark.parametrize("shape", [(1,), (7,), (31, 5), (32, 1), (33, 2), (40, 3), (64, 17), (97, 16)])

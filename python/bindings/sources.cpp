@@ -16,7 +16,7 @@ namespace {
 py::tuple as_tuple(const LightSource& s) {
   return py::make_tuple(s.frame, s.x, s.y, s.width, s.height, s.frequency, s.frequency_std, s.gain, s.gain_std, s.phase,
                         s.mean, s.snr, s.amplitude, s.share, s.carries_data, s.reflection_of, s.reflection_by_phase,
-                        s.merged, s.flags);
+                        s.merged, s.joined, s.flags);
 }
 
 py::list detect(const py::array& frames, const Camera& camera, double false_alarms, double min_cycles,

@@ -20,7 +20,8 @@ class LightSource:
     Attributes:
         frame: index of the frame.
         x, y: top left corner of its box: first column and first row (rows in time order).
-        width, height: of its box, columns and rows: where the swing is above 15 % of its largest.
+        width, height: of its box, columns and rows: where the swing is above 15 % of its largest. Of a light in parts
+            the box of all, and what follows of the strongest part.
         frequency: Hz, below half the row rate; that of the strongest tone for a light that carries data.
         frequency_std: its standard error, Hz.
         gain, gain_std: of the light in the box, as of :func:`tone_gain` with no background taken off.
@@ -30,10 +31,11 @@ class LightSource:
             and other light count as noise; a plain ratio.
         amplitude: of the fundamental where it is brightest, DN.
         periodic: share of the swing common to all columns that is periodic.
-        carries_data: that share is below 0.7: not a tone or a square wave.
+        carries_data: that share is below 0.7, or no tone goes through all its parts: not a tone or a square wave.
         reflection_of: index in the list of the frame's lights of a stronger one that this one reflects; else None.
         reason: why it is taken for a reflection ("frequency and phase", or "frequency" where too many rows lie between
-            the two to compare phases), or why parts were merged ("overlap"); "" for a light found once.
+            the two to compare phases), or why findings were merged ("overlap"; "waveform": parts beside or above each
+            other, and what lies between, swing alike); "" for a light found once.
         merged: number of findings of the same light that were merged into it.
         flags: :class:`ocisac_fast.Flag` of the gain.
     """
@@ -95,9 +97,9 @@ def detect_sources(
 
 
 def _source(*values: Any) -> LightSource:
-    *start, reflection_of, by_phase, merged, flags = values
+    *start, reflection_of, by_phase, merged, joined, flags = values
     if reflection_of is not None:
         reason = "frequency and phase" if by_phase else "frequency"
     else:
-        reason = "overlap" if merged else ""
+        reason = "waveform" if joined else "overlap" if merged else ""
     return LightSource(*(*start, reflection_of, reason, merged, Flag(flags)))

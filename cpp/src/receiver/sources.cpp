@@ -6,6 +6,7 @@
 
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/estimation/tone_gain.hpp"
+#include "ocisac/receiver/source_merging.hpp"
 #include "ocisac/receiver/source_refinement.hpp"
 #include "ocisac/receiver/source_screening.hpp"
 #include "ocisac/require.hpp"
@@ -20,6 +21,7 @@ constexpr double least_periodic = 0.4;  // of the swing common to the columns
 constexpr double most_uneven = 0.25;
 constexpr double data_periodic = 0.7;    // a tone or a square wave has more
 constexpr double largest_spread = 0.05;  // relative standard error of a frequency that was told at all
+constexpr double one_frequency = 0.04;   // parts that differ by more are of a light that sends data
 constexpr double faint_level = 0.1;
 constexpr double reflection_level = 0.5;  // a light as strong as this share of another is one of its own
 
@@ -32,9 +34,12 @@ void check(const DetectOptions& options) {
 }
 
 struct Found {
-  RefinedLight light;
+  RefinedLight light;  // the strongest part
+  LightPart box;       // of all parts
   std::size_t merged = 0;
-  std::optional<std::size_t> reflection_of;
+  bool joined = false;  // parts beside or above each other
+  bool data = false;    // their frequencies differ, or no tone goes through them
+  std::optional<std::size_t> reflection_of = {};
   bool by_phase = false;
 };
 
@@ -101,6 +106,10 @@ bool explained(const Suspect& suspect, const RefinedLight& light) {
   return 2 * both > suspect.width * suspect.height;
 }
 
+LightPart part_of(const RefinedLight& light) {
+  return {light.column, light.row, light.width, light.height, light.frequency};
+}
+
 // One light seen twice: boxes that share half of the smaller one, whatever the frequency; the stronger one stays.
 std::vector<Found> without_doubles(std::vector<RefinedLight> lights) {
   std::ranges::stable_sort(lights, std::greater{}, size_of);
@@ -108,11 +117,40 @@ std::vector<Found> without_doubles(std::vector<RefinedLight> lights) {
   for (const RefinedLight& light : lights) {
     const auto twin = std::ranges::find_if(kept, [&](const Found& other) { return overlap(light, other.light) > 0.5; });
     if (twin == kept.end())
-      kept.push_back({light, 0, {}, false});
+      kept.push_back({.light = light, .box = part_of(light)});
     else
       ++twin->merged;
   }
   return kept;
+}
+
+void extend(LightPart& box, const LightPart& by) {
+  const std::size_t right = std::max(box.column + box.width, by.column + by.width);
+  const std::size_t bottom = std::max(box.row + box.height, by.row + by.height);
+  box.column = std::min(box.column, by.column), box.row = std::min(box.row, by.row);
+  box.width = right - box.column, box.height = bottom - box.row;
+}
+
+// A light that sends data is periodic here and there: its parts become one, again with what has been joined so far.
+// `across`, `down`: whether two parts are of one light.
+template <class Across, class Down>
+void join_parts(std::vector<Found>& found, const Across& across, const Down& down) {
+  for (std::size_t i = 0; i < found.size(); ++i)
+    for (std::size_t k = i + 1; k < found.size();) {
+      Found &one = found[i], &other = found[k];
+      const bool beside = across(one.box, other.box);
+      if (!beside && !down(one.box, other.box)) {
+        ++k;
+        continue;
+      }
+      const double f = one.light.frequency, g = other.light.frequency;
+      one.data = one.data || other.data || !beside || std::abs(f - g) > one_frequency * std::max(f, g);
+      one.merged += 1 + other.merged;
+      one.joined = true;
+      extend(one.box, other.box);
+      found.erase(found.begin() + static_cast<std::ptrdiff_t>(k));
+      k = i + 1;
+    }
 }
 
 // A reflection shows the same light at the same time: its phase at row 0 is the light's own. Where the rows between
@@ -159,7 +197,8 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.row), 1.0);
   LightSource source;
   source.frame = frame;
-  source.x = light.column, source.y = light.row, source.width = light.width, source.height = light.height;
+  const LightPart& box = found.box;
+  source.x = box.column, source.y = box.row, source.width = box.width, source.height = box.height;
   source.frequency = frequency;
   source.frequency_std = light.frequency_std / camera.row_time;
   source.gain = gain.gain[0], source.gain_std = gain.gain_std[0];
@@ -168,10 +207,11 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   source.snr = light.snr;
   source.amplitude = light.amplitude;
   source.share = light.periodic;
-  source.carries_data = light.periodic < data_periodic;
+  source.carries_data = found.data || light.periodic < data_periodic;
   source.reflection_of = found.reflection_of;
   source.reflection_by_phase = found.by_phase;
   source.merged = found.merged;
+  source.joined = found.joined;
   source.flags = gain.flags[0];
   return source;
 }
@@ -194,6 +234,10 @@ std::vector<Found> lights_in(const AnyFramesView& frames, std::size_t frame, con
   }
   auto found = without_doubles(std::move(lights));
   found.resize(std::min(found.size(), options.most));
+  const auto of = [&](auto same) {
+    return [&, same](const LightPart& a, const LightPart& b) { return same(frames, frame, stored, floor, a, b); };
+  };
+  join_parts(found, of(one_light_across), of(one_light_down));
   find_reflections(found);
   return found;
 }

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from ocisac_fast.camera import Camera
 from ocisac_fast.flags import Flag
 from ocisac_fast.reference.gain import tone_gain
+from ocisac_fast.reference.source_merging import one_light_across, one_light_down
 from ocisac_fast.sources import LightSource
 
 Array = npt.NDArray[Any]
@@ -31,7 +32,7 @@ MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, MOST_UNEVEN, DATA_PERIO
     0.7,
     0.05,
 )
-FAINT_LEVEL, REFLECTION_LEVEL = 0.1, 0.5
+FAINT_LEVEL, REFLECTION_LEVEL, ONE_FREQUENCY = 0.1, 0.5, 0.04
 
 
 class Suspect(NamedTuple):
@@ -52,6 +53,14 @@ class Light(NamedTuple):
     uneven: float
 
 
+class Found(NamedTuple):
+    light: Light  # the strongest part
+    box: Box  # of all parts
+    merged: int = 0
+    joined: bool = False
+    data: bool = False
+
+
 def detect_sources(
     frames: npt.ArrayLike,
     camera: Camera,
@@ -65,16 +74,15 @@ def detect_sources(
     sources = []
     for index, frame in enumerate(pixels.reshape(-1, *pixels.shape[-2:]) if pixels.ndim > 1 else pixels[None, :, None]):
         lights = _lights(frame, camera, false_alarms, min_cycles)[:most]
-        sources += _sources(frame, camera, index, lights)
+        sources += _sources(frame, camera, index, _joined(frame, camera, lights))
     return sources
 
 
-def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float) -> list[tuple[Light, int]]:
+def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float) -> list[Found]:
     """Lights that hold, the strongest first, each with the number of doubles merged into it."""
     light = frame.astype(float) - camera.dark_level
     whole = frame.dtype.kind == "u"
-    white = camera.white_level or (np.iinfo(frame.dtype).max if whole else None)
-    floor = (white - camera.dark_level) / 64 if white else (light.max() / 64 if light.max() > 0 else 1.0)
+    floor = _floor(frame, light, camera)
     suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
     least_evidence = math.log(max(len(suspects), 1)) - 1.6 * math.log(false_alarms) - 1.4
     lights: list[Light] = []
@@ -96,15 +104,50 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
             and found.std <= LARGEST_SPREAD * found.frequency
         ):
             lights.append(found)
-    kept: list[tuple[Light, int]] = []
+    kept: list[Found] = []
     for one in sorted(lights, key=lambda a: -a.amplitude * math.sqrt(a.box[2] * a.box[3])):
-        for k, (other, merged) in enumerate(kept):
+        for k, other in enumerate(kept):
             if _overlap(one.box, other.box) > 0.5 * min(one.box[2] * one.box[3], other.box[2] * other.box[3]):
-                kept[k] = (other, merged + 1)
+                kept[k] = other._replace(merged=other.merged + 1)
                 break
         else:
-            kept.append((one, 0))
+            kept.append(Found(one, one.box))
     return kept
+
+
+def _floor(frame: Array, light: Array, camera: Camera) -> float:
+    white = camera.white_level or (np.iinfo(frame.dtype).max if frame.dtype.kind == "u" else None)
+    if white:
+        return (white - camera.dark_level) / 64
+    return float(light.max()) / 64 if light.max() > 0 else 1.0
+
+
+def _joined(frame: Array, camera: Camera, found: list[Found]) -> list[Found]:
+    """Parts of one light become one, the strongest first, again with what has been joined so far."""
+    light = frame.astype(float) - camera.dark_level
+    floor = _floor(frame, light, camera)
+    rest, done = list(found), []
+    while rest:
+        first, *others = rest
+        beside = down = False
+        for one in others:
+            parts = ((first.box, first.light.frequency), (one.box, one.light.frequency))
+            beside = one_light_across(light, floor, *parts)
+            down = not beside and one_light_down(light, floor, *parts)
+            if beside or down:
+                break
+        else:
+            done.append(first)
+            rest = others
+            continue
+        other = others.pop(others.index(one))
+        f, g = first.light.frequency, other.light.frequency
+        x, y = min(first.box[0], other.box[0]), min(first.box[1], other.box[1])
+        right, bottom = (max(first.box[i] + first.box[i + 2], other.box[i] + other.box[i + 2]) for i in (0, 1))
+        data = first.data or other.data or down or abs(f - g) > ONE_FREQUENCY * max(f, g)
+        merged = first.merged + other.merged + 1
+        rest = [Found(first.light, (x, y, right - x, bottom - y), merged, True, data), *others]
+    return done
 
 
 def _overlap(a: Box, b: Box) -> int:
@@ -406,11 +449,12 @@ def _reflection(lights: list[Light], i: int, reflections: dict[int, tuple[int, s
     return None
 
 
-def _sources(frame: Array, camera: Camera, index: int, found: list[tuple[Light, int]]) -> list[LightSource]:
-    lights = [light for light, _ in found]
+def _sources(frame: Array, camera: Camera, index: int, found: list[Found]) -> list[LightSource]:
+    lights = [one.light for one in found]
     reflections: dict[int, tuple[int, str]] = {}
     sources = []
-    for i, (light, merged) in enumerate(found):
+    for i, one in enumerate(found):
+        light = one.light
         reflection = _reflection(lights, i, reflections)
         if reflection is not None:
             reflections[i] = reflection
@@ -421,10 +465,10 @@ def _sources(frame: Array, camera: Camera, index: int, found: list[tuple[Light, 
         sources.append(
             LightSource(
                 frame=index,
-                x=x,
-                y=y,
-                width=width,
-                height=height,
+                x=one.box[0],
+                y=one.box[1],
+                width=one.box[2],
+                height=one.box[3],
                 frequency=frequency,
                 frequency_std=light.std / camera.row_time,
                 gain=float(gain.gain),
@@ -434,10 +478,10 @@ def _sources(frame: Array, camera: Camera, index: int, found: list[tuple[Light, 
                 snr=light.snr,
                 amplitude=light.amplitude,
                 periodic=light.periodic,
-                carries_data=light.periodic < DATA_PERIODIC,
+                carries_data=one.data or light.periodic < DATA_PERIODIC,
                 reflection_of=None if reflection is None else reflection[0],
-                reason=reflection[1] if reflection else ("overlap" if merged else ""),
-                merged=merged,
+                reason=reflection[1] if reflection else "waveform" if one.joined else "overlap" if one.merged else "",
+                merged=one.merged,
                 flags=Flag(int(gain.flags)),
             )
         )

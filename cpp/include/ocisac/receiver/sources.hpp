@@ -32,7 +32,8 @@ struct LightSource {
   bool carries_data = false;                        // the swing is common to the columns but not periodic
   std::optional<std::size_t> reflection_of;         // index, in the same frame's list, of a stronger light like it
   bool reflection_by_phase = false;                 // its phase was told and agrees; else frequency alone
-  std::size_t merged = 0;                           // parts of the same light that were found beside it
+  std::size_t merged = 0;                           // findings of the same light that became one with it
+  bool joined = false;                              // some of them beside or above it: the box holds all
   Flags flags = 0;
 };
 
