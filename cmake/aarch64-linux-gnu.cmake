@@ -14,9 +14,10 @@ set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
 set(ocisac_arm_libraries "${ocisac_sysroot}/usr/lib/aarch64-linux-gnu")
-# Debian keeps BLAS and LAPACK, which OpenCV names, in folders of their own.
-set(CMAKE_EXE_LINKER_FLAGS_INIT
-    "-Wl,-rpath-link,${ocisac_arm_libraries}:${ocisac_arm_libraries}/blas:${ocisac_arm_libraries}/lapack")
+# Debian keeps BLAS and LAPACK, which OpenCV names, in folders of their own, and zlib in /lib.
+set(ocisac_arm_path "${ocisac_arm_libraries}:${ocisac_arm_libraries}/blas:${ocisac_arm_libraries}/lapack")
+string(APPEND ocisac_arm_path ":${ocisac_sysroot}/lib/aarch64-linux-gnu")
+set(CMAKE_EXE_LINKER_FLAGS_INIT "-Wl,-rpath-link,${ocisac_arm_path}")
 set(CMAKE_CROSSCOMPILING_EMULATOR
     qemu-aarch64 -L "${ocisac_sysroot}" -E
-    "LD_LIBRARY_PATH=${ocisac_arm_libraries}:${ocisac_arm_libraries}/blas:${ocisac_arm_libraries}/lapack")
+    "LD_LIBRARY_PATH=${ocisac_arm_path}")

@@ -14,6 +14,7 @@
 #include "ocisac/receiver/sequence_detector.hpp"
 #include "ocisac/require.hpp"
 #include "register.hpp"
+#include "shared.hpp"
 
 namespace py = pybind11;
 
@@ -157,13 +158,15 @@ py::object search(const Vector& signal, double rows_per_chip, double tolerance, 
   return as_object(found);
 }
 
-bool update(ClockTracker& tracker, std::int64_t frame, double rows_per_chip, double phase, double exposure,
+bool update(Shared<ClockTracker>& tracker, std::int64_t frame, double rows_per_chip, double phase, double exposure,
             std::ptrdiff_t chip, const std::array<double, 9>& covariance) {
-  return tracker.update(frame, {rows_per_chip, phase, exposure}, {chip, covariance});
+  return tracker.call([&](ClockTracker& alone) {
+    return alone.update(frame, {rows_per_chip, phase, exposure}, {chip, covariance});
+  });
 }
 
-py::object predict(const ClockTracker& tracker, std::int64_t frame) {
-  const auto found = tracker.predict(frame);
+py::object predict(Shared<ClockTracker>& tracker, std::int64_t frame) {
+  const auto found = tracker.call([&](const ClockTracker& alone) { return alone.predict(frame); });
   if (!found) return py::none();
   return py::make_tuple(found->clock.rows_per_chip, found->clock.phase, found->clock.exposure, found->chip,
                         found->errors.covariance, found->chips_lost);
@@ -188,15 +191,15 @@ void register_channel(py::module_& module) {
              arg("highest_degree"), arg("known"), arg("known_first"));
   module.def("find_channel", &search, arg("signal"), arg("rows_per_chip"), arg("tolerance"), arg("exposure"),
              arg("longest_exposure"), arg("detect"), arg("exposure_known"), arg("highest_degree"));
-  py::class_<ClockTracker>(module, "ClockTracker")
+  py::class_<Shared<ClockTracker>>(module, "ClockTracker")
       .def(py::init([](double frame_rows, double frame_rows_std, double drift, double exposure_wander) {
-             return ClockTracker({frame_rows, frame_rows_std, drift, exposure_wander});
+             return Shared(ClockTracker({frame_rows, frame_rows_std, drift, exposure_wander}));
            }),
            arg("frame_rows"), arg("frame_rows_std"), arg("drift"), arg("exposure_wander"))
       .def("update", &update, arg("frame"), arg("rows_per_chip"), arg("phase"), arg("exposure"), arg("chip"),
            arg("covariance"))
       .def("predict", &predict, arg("frame"))
-      .def("reset", &ClockTracker::reset);
+      .def("reset", [](Shared<ClockTracker>& tracker) { tracker.call([](ClockTracker& alone) { alone.reset(); }); });
   module.def("pool_estimates", &pool_values, arg("values"), arg("errors"));
 }
 

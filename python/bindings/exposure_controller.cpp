@@ -8,6 +8,7 @@
 
 #include "ocisac/require.hpp"
 #include "register.hpp"
+#include "shared.hpp"
 
 namespace ocisac::bindings {
 
@@ -34,14 +35,12 @@ ToneTable measured_tones(const Doubles& table) {
 }
 
 // In the order of ocisac_fast.exposure_controller.ExposureSuggestion.
-py::tuple update(ExposureController& controller, const Doubles& table, double exposure, double gain, double level,
-                 double peak, double saturated) {
+py::tuple update(Shared<ExposureController>& controller, const Doubles& table, double exposure, double gain,
+                 double level, double peak, double saturated) {
   const ToneTable read = measured_tones(table);
-  ExposureSuggestion s{};
-  {
-    const py::gil_scoped_release released;
-    s = controller.update({{read.tones.data(), read.count}, exposure, gain, level, peak, saturated});
-  }
+  const ExposureSuggestion s = controller.call([&](ExposureController& alone) {
+    return alone.update({{read.tones.data(), read.count}, exposure, gain, level, peak, saturated});
+  });
   return py::make_tuple(s.exposure, s.gain, s.objective, s.best_exposure, s.best_objective, s.low, s.high,
                         s.noise_exposure, s.level, s.reasons);
 }
@@ -69,22 +68,23 @@ py::tuple run_best_noisy_exposure(const Doubles& frequencies, const Doubles& wei
   return py::make_tuple(best.exposure, best.objective);
 }
 
-ExposureController make_controller(double shortest, double longest, double step, double lowest_gain,
-                                   double highest_gain, double comm_weight, double sense_weight, double hysteresis,
-                                   double level_floor, double level_aim, double level_ceiling, double most_saturated,
-                                   double least_snr, double noise_level) {
-  return ExposureController({{shortest, longest, step},
-                             lowest_gain,
-                             highest_gain,
-                             comm_weight,
-                             sense_weight,
-                             hysteresis,
-                             level_floor,
-                             level_aim,
-                             level_ceiling,
-                             most_saturated,
-                             least_snr,
-                             noise_level});
+Shared<ExposureController> make_controller(double shortest, double longest, double step, double lowest_gain,
+                                           double highest_gain, double comm_weight, double sense_weight,
+                                           double hysteresis, double level_floor, double level_aim,
+                                           double level_ceiling, double most_saturated, double least_snr,
+                                           double noise_level) {
+  return Shared(ExposureController({{shortest, longest, step},
+                                    lowest_gain,
+                                    highest_gain,
+                                    comm_weight,
+                                    sense_weight,
+                                    hysteresis,
+                                    level_floor,
+                                    level_aim,
+                                    level_ceiling,
+                                    most_saturated,
+                                    least_snr,
+                                    noise_level}));
 }
 
 }  // namespace
@@ -92,14 +92,16 @@ ExposureController make_controller(double shortest, double longest, double step,
 void register_exposure_controller(py::module_& module) {
   module.def("best_noisy_exposure", &run_best_noisy_exposure, py::arg("frequencies"), py::arg("weights"),
              py::arg("noise_exposure"), py::arg("low"), py::arg("high"), py::arg("step"));
-  py::class_<ExposureController>(module, "ExposureController")
+  py::class_<Shared<ExposureController>>(module, "ExposureController")
       .def(py::init(&make_controller), py::arg("shortest"), py::arg("longest"), py::arg("step"), py::arg("lowest_gain"),
            py::arg("highest_gain"), py::arg("comm_weight"), py::arg("sense_weight"), py::arg("hysteresis"),
            py::arg("level_floor"), py::arg("level_aim"), py::arg("level_ceiling"), py::arg("most_saturated"),
            py::arg("least_snr"), py::arg("noise_level"))
       .def("update", &update, py::arg("tones"), py::arg("exposure"), py::arg("gain"), py::arg("level"), py::arg("peak"),
            py::arg("saturated"))
-      .def("reset", &ExposureController::reset);
+      .def("reset", [](Shared<ExposureController>& controller) {
+        controller.call([](ExposureController& alone) { alone.reset(); });
+      });
 }
 
 }  // namespace ocisac::bindings

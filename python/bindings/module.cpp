@@ -1,7 +1,11 @@
 // ocisac_fast._core: one register function a topic.
 #include "register.hpp"
 
-PYBIND11_MODULE(_core, module) {
+namespace py = pybind11;
+
+// It needs no lock of the interpreter's: functions have no state of their own but a plan cache with a mutex, objects
+// with a memory take one call at a time. tests/test_threads.py.
+PYBIND11_MODULE(_core, module, py::mod_gil_not_used()) {
   module.doc() = "C++ core of ocisac_fast; use the package's own functions, which carry the documentation";
   ocisac::bindings::register_build_info(module);
   ocisac::bindings::register_camera(module);

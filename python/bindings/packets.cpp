@@ -12,6 +12,7 @@
 #include "ocisac/receiver/line_codes.hpp"
 #include "packet_arguments.hpp"
 #include "register.hpp"
+#include "shared.hpp"
 
 namespace ocisac::bindings {
 
@@ -63,24 +64,21 @@ void register_packets(py::module_& module) {
         return longest_payload(format_of(line_code, block_bytes, preamble));
       },
       py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"));
-  py::class_<PacketAssembler>(module, "PacketAssembler")
+  py::class_<Shared<PacketAssembler>>(module, "PacketAssembler")
       .def(py::init([](const CodeName& line_code, std::size_t block_bytes, const std::string& preamble) {
-             return PacketAssembler(format_of(line_code, block_bytes, preamble));
+             return Shared(PacketAssembler(format_of(line_code, block_bytes, preamble)));
            }),
            py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"))
       .def(
           "push",
-          [](PacketAssembler& assembler, std::ptrdiff_t first, const Ratios& llr) {
+          [](Shared<PacketAssembler>& assembler, std::ptrdiff_t first, const Ratios& llr) {
             const auto values = values_of(llr);
-            StretchReport report;
-            {
-              const py::gil_scoped_release unlocked;
-              report = assembler.push(first, values);
-            }
-            return stretch_tuple(report);
+            return stretch_tuple(assembler.call([&](PacketAssembler& alone) { return alone.push(first, values); }));
           },
           py::arg("first"), py::arg("llr"))
-      .def("lose_clock", &PacketAssembler::lose_clock);
+      .def("lose_clock", [](Shared<PacketAssembler>& assembler) {
+        assembler.call([](PacketAssembler& alone) { alone.lose_clock(); });
+      });
 }
 
 }  // namespace ocisac::bindings

@@ -12,6 +12,7 @@
 #include "ocisac/receiver/multi_receiver.hpp"
 #include "packet_arguments.hpp"
 #include "register.hpp"
+#include "shared.hpp"
 
 namespace ocisac::bindings {
 
@@ -28,12 +29,12 @@ py::tuple as_tuple(const ReceivedFrame& frame) {
 
 using Box = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
 
-MultiReceiver multi_receiver(const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
-                             std::size_t block_bytes, const std::string& preamble, const std::vector<Box>& regions,
-                             std::size_t most) {
+Shared<MultiReceiver> multi_receiver(const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
+                                     std::size_t block_bytes, const std::string& preamble,
+                                     const std::vector<Box>& regions, std::size_t most) {
   MultiReceiverOptions options{{chip_rate, format_of(line_code, block_bytes, preamble)}, {}, most};
   for (const auto& [x, y, width, height] : regions) options.regions.push_back({x, y, width, height});
-  return MultiReceiver(camera, std::move(options));
+  return Shared(MultiReceiver(camera, std::move(options)));
 }
 
 std::vector<AnyFramesView> views_of(const std::vector<py::array>& channels) {
@@ -42,14 +43,10 @@ std::vector<AnyFramesView> views_of(const std::vector<py::array>& channels) {
   return views;
 }
 
-py::list push_multi(MultiReceiver& receiver, const std::vector<py::array>& channels,
+py::list push_multi(Shared<MultiReceiver>& receiver, const std::vector<py::array>& channels,
                     std::optional<std::int64_t> frame) {
   const auto views = views_of(channels);
-  std::vector<SourceFrame> results;
-  {
-    const py::gil_scoped_release unlocked;
-    results = receiver.push(views, frame);
-  }
+  const auto results = receiver.call([&](MultiReceiver& alone) { return alone.push(views, frame); });
   py::list list;
   for (const auto& [source, region, received] : results)
     list.append(
@@ -60,25 +57,20 @@ py::list push_multi(MultiReceiver& receiver, const std::vector<py::array>& chann
 }  // namespace
 
 void register_stream_receiver(py::module_& module) {
-  py::class_<Receiver>(module, "Receiver")
+  py::class_<Shared<Receiver>>(module, "Receiver")
       .def(py::init([](const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
                        std::size_t block_bytes, const std::string& preamble) {
-             return Receiver(camera, {chip_rate, format_of(line_code, block_bytes, preamble)});
+             return Shared(Receiver(camera, {chip_rate, format_of(line_code, block_bytes, preamble)}));
            }),
            py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"))
       .def(
           "push",
-          [](Receiver& receiver, const std::vector<py::array>& channels, std::optional<std::int64_t> frame) {
+          [](Shared<Receiver>& receiver, const std::vector<py::array>& channels, std::optional<std::int64_t> frame) {
             const auto views = views_of(channels);
-            ReceivedFrame result;
-            {
-              const py::gil_scoped_release unlocked;
-              result = receiver.push(views, frame);
-            }
-            return as_tuple(result);
+            return as_tuple(receiver.call([&](Receiver& alone) { return alone.push(views, frame); }));
           },
           py::arg("channels"), py::arg("frame"));
-  py::class_<MultiReceiver>(module, "MultiReceiver")
+  py::class_<Shared<MultiReceiver>>(module, "MultiReceiver")
       .def(py::init(&multi_receiver), py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"),
            py::arg("block_bytes"), py::arg("preamble"), py::arg("regions"), py::arg("most"))
       .def("push", &push_multi, py::arg("channels"), py::arg("frame"));

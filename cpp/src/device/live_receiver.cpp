@@ -18,6 +18,9 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kFirstPatience = 8, kLongestPatience = 256;  // frames
+// Over the rows of a frame, for the chips of a light; some 50 find them by a preamble. Many exposures are tried where
+// it is not known.
+constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
 constexpr std::size_t kSearchedColumns = 640;  // at most so many, evenly spread, are searched for lights
 constexpr std::size_t kChunks = 32;            // of the rows
 constexpr double kSwingShare = 0.3;            // of a light's swing, that its other rows have too
@@ -120,7 +123,8 @@ void LiveReceiver::search(const AnyFramesView& frame) {
   if (options_.data && (!receiver_ || !same_rows)) {
     Camera of_light = camera_;
     of_light.tone_curve = {};  // it is given light
-    receiver_.emplace(of_light, ReceiverOptions{options_.chip_rate, options_.format});
+    const double passes = camera_.exposure ? kSearchPasses : kSearchPassesUnknownExposure;
+    receiver_.emplace(of_light, ReceiverOptions{options_.chip_rate, options_.format, passes});
   }
   if (options_.gain && !options_.frequency) find_tone(part_of(frame, found));
   result_.searched = true;

@@ -340,12 +340,15 @@ struct Fitted {
 };
 
 std::optional<Fitted> descend(Problem& problem, ChipClock clock, RowRange range, double half_chips,
-                              const KnownRate& known) {
+                              const KnownRate& known, SearchEffort& effort) {
+  const auto rows = static_cast<double>(range.size());
+  if (!effort.take(rows)) return std::nullopt;
   auto here = linearise(problem, clock, range, known);
   if (!here) return std::nullopt;
   for (int round = 0; round < kRounds; ++round) {
     bool better = false;
     for (double share = 1; share > kLeastShare; share *= 0.5) {
+      if (!effort.take(rows)) return Fitted{clock, std::move(*here), false};
       const ChipClock next = stepped(clock, here->step, share, half_chips);
       auto there = next.rows_per_chip > 0 ? linearise(problem, next, range, known, here->levels) : std::nullopt;
       if (!there || there->squares > here->squares) continue;
@@ -416,7 +419,8 @@ double ChannelEstimate::swing_at(double row, std::size_t frame_rows) const {
 }
 
 std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const KnownChips& chips,
-                                           const ChipClock& start, const ChannelModel& model) {
+                                           const ChipClock& start, const ChannelModel& model, SearchEffort* effort) {
+  SearchEffort unlimited;
   check_chips(chips);
   check_clock(start);
   check_model(model);
@@ -439,7 +443,8 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
       const double variance = before->squares / static_cast<double>(range.size());
       known.weight = variance / (model.rate_std * model.rate_std);
     }
-    fitted = descend(problem, moved_to(clock, problem.origin()), range, half_chips, known);
+    fitted = descend(problem, moved_to(clock, problem.origin()), range, half_chips, known,
+                     effort == nullptr ? unlimited : *effort);
     if (!fitted) return std::nullopt;
     clock = moved_to(fitted->clock, -problem.origin());
   }

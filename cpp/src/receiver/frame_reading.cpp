@@ -84,7 +84,7 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
 }  // namespace
 
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
-                                       bool exposure_known) {
+                                       bool exposure_known, SearchEffort* effort) {
   const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known};
   ChannelEstimate channel = start;
   FrameReading reading;
@@ -96,7 +96,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     reading.first = question.first;
     std::vector<double> chips(reading.llr.size());
     std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
-    auto fitted = fit_channel(signal, {chips, reading.first}, channel.clock, model);
+    auto fitted = fit_channel(signal, {chips, reading.first}, channel.clock, model, effort);
     if (!fitted) return std::nullopt;
     const bool stays = is_same(channel, *fitted, signal.size());
     channel = std::move(*fitted);
@@ -120,9 +120,9 @@ namespace {
 
 // What refine_channel found, with soft chips.
 std::optional<FrameReading> reading_of(std::span<const double> signal, const std::optional<RefinedChannel>& found,
-                                       bool exposure_known) {
+                                       bool exposure_known, SearchEffort* effort) {
   if (!found) return std::nullopt;
-  auto reading = read_frame(signal, found->channel, exposure_known);
+  auto reading = read_frame(signal, found->channel, exposure_known, effort);
   if (reading) reading->even = found->even;
   return reading;
 }
@@ -130,9 +130,9 @@ std::optional<FrameReading> reading_of(std::span<const double> signal, const std
 }  // namespace
 
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
-                                           bool exposure_known) {
-  return reading_of(signal, refine_channel(signal, start, detect_levels, {.exposure_known = exposure_known}),
-                    exposure_known);
+                                           bool exposure_known, SearchEffort* effort) {
+  const RefineOptions options{.exposure_known = exposure_known, .effort = effort};
+  return reading_of(signal, refine_channel(signal, start, detect_levels, options), exposure_known, effort);
 }
 
 std::optional<FrameReading> search_frame(std::span<const double> signal, const FrameSearch& search) {
@@ -150,14 +150,14 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
                        .longest_exposure = std::min(kLongestPreambleExposure, chips - kFewestChipsSeen),
                        .most = kPreamblesTried});
     for (const auto& match : matches) {
-      auto reading = extend_reading(signal, match.channel, exposure_known);
+      auto reading = extend_reading(signal, match.channel, exposure_known, search.effort);
       if (reading && is_sound(*reading)) return reading;
     }
   }
   const ChannelSearch blind{
       .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure = search.exposure};
-  auto reading = reading_of(signal, find_channel(signal, blind, detect_levels, {.exposure_known = exposure_known}),
-                            exposure_known);
+  const RefineOptions options{.exposure_known = exposure_known, .effort = search.effort};
+  auto reading = reading_of(signal, find_channel(signal, blind, detect_levels, options), exposure_known, search.effort);
   if (reading && is_sound(*reading)) return reading;
   return std::nullopt;
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "ocisac/receiver/sequence_detector.hpp"
 #include "ocisac/require.hpp"
 
 namespace ocisac {
@@ -36,6 +37,8 @@ constexpr double kRateErrors = 3, kMostRateError = 0.01;  // standard errors, sh
 constexpr std::size_t kSearchParts = 3;                   // parts of the frame that are tried
 constexpr std::size_t kGuessesTried = 6;                  // of an exposure
 constexpr std::size_t kStartsRefined = 10;                // the best of all parts and exposures
+constexpr double kStatesPerRow = 64;                      // of the trellis, that take as long as a row of a fit
+constexpr double kLevelFits = 2;                          // to choose the levels of a turn, in fits of levels and clock
 constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, from a part to the whole frame
 
 // The channel's levels, held a little beyond the rows that told them.
@@ -149,6 +152,15 @@ Chips without_edges(const Chips& chips) {
 
 bool same(const Chips& a, const Chips& b) { return a.first == b.first && a.levels == b.levels; }
 
+// Whether there is effort left to detect the rows' chips and to fit levels `fits` times.
+bool may_try(const RefineOptions& options, RowRange range, const ChipClock& clock, double fits) {
+  if (options.effort == nullptr) return true;
+  const double rows = static_cast<double>(range.size());
+  const double chips = std::ceil(clock.exposure / clock.rows_per_chip);
+  const double states = chips <= kLongestDetectedExposure ? std::exp2(chips) : 0;
+  return options.effort->take(rows * (fits + 1) + rows / clock.rows_per_chip * states / kStatesPerRow);
+}
+
 // Detection and least squares on a range of rows, once.
 struct Turn {
   ChannelEstimate channel;
@@ -157,11 +169,13 @@ struct Turn {
 
 std::optional<Turn> take_turn(std::span<const double> signal, const ChannelEstimate& channel, RowRange range,
                               const DetectChips& detect, const RefineOptions& options) {
+  if (!may_try(options, range, channel.clock, kLevelFits)) return std::nullopt;
   auto chips = detect_rows(signal, channel, range, detect, options.known);
   if (!chips) return std::nullopt;
   const Chips kept = without_edges(*chips);
   const bool most = range.size() > signal.size() / 2;
-  auto fitted = fit_channel(signal, kept.known(), channel.clock, choose_levels(signal, kept, channel, options, most));
+  auto fitted = fit_channel(signal, kept.known(), channel.clock, choose_levels(signal, kept, channel, options, most),
+                            options.effort);
   if (!fitted) return std::nullopt;
   return Turn{std::move(*fitted), std::move(*chips)};
 }
@@ -381,7 +395,8 @@ struct Guess {
 };
 
 std::optional<Guess> guess(std::span<const double> signal, RowRange part, const ChipClock& clock,
-                           const DetectChips& detect) {
+                           const DetectChips& detect, const RefineOptions& options) {
+  if (!may_try(options, part, clock, 1)) return std::nullopt;
   const auto [dark, swing] =
       first_levels(signal.subspan(part.begin, part.size()), clock.exposure / clock.rows_per_chip);
   if (!(swing > 0)) return std::nullopt;
@@ -395,7 +410,7 @@ std::optional<Guess> guess(std::span<const double> signal, RowRange part, const 
 
 // Over parts of the frame, rates and phases, the best first.
 std::vector<Guess> guesses(std::span<const double> signal, const ChannelSearch& search, double exposure,
-                           const DetectChips& detect) {
+                           const DetectChips& detect, const RefineOptions& options) {
   const double chips = kSearchChips + exposure / search.rows_per_chip;
   const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
   const double phases = std::ceil(0.5 / kSearchSlack);
@@ -407,7 +422,7 @@ std::vector<Guess> guesses(std::span<const double> signal, const ChannelSearch& 
         const double middle = 0.5 * static_cast<double>(part.begin + part.end);
         const ChipClock clock{period, middle + (j / phases - std::floor(0.5 * chips)) * period,
                               std::max(exposure, kShortestExposure)};
-        if (const auto made = guess(signal, part, clock, detect)) found.push_back(*made);
+        if (const auto made = guess(signal, part, clock, detect, options)) found.push_back(*made);
       }
   std::ranges::stable_sort(found, {}, &Guess::score);
   return found;
@@ -441,7 +456,7 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   fixed.exposure_known = options.exposure_known || search.exposure.has_value();
   std::vector<Start> starts;
   for (double exposure : exposures(search)) {
-    const auto guessed = guesses(signal, search, exposure, detect);
+    const auto guessed = guesses(signal, search, exposure, detect, fixed);
     for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), kGuessesTried)))
       if (auto start = try_start(signal, made.part, made.clock, detect, fixed)) starts.push_back(std::move(*start));
   }

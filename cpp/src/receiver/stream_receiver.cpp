@@ -21,6 +21,7 @@ constexpr double kWideTolerance = 0.02;             // of a nominal one
 constexpr double kAsNoisy = 1.2, kMostNoisier = 2;  // times the frame before
 constexpr double kLittleNoise = 0.06;               // of the swing: the clock can have been lost in no part
 constexpr double kNoNoise = 0.005;
+constexpr double kNoiseKept = 0.9;   // from frame to frame: it changes where the light fills a part of the rows only
 constexpr std::size_t kPhases = 6;   // tried in a chip where it cannot be predicted
 constexpr double kFewestChips = 12;  // in a frame
 constexpr double kWeakSnr = 9;
@@ -42,6 +43,7 @@ Receiver::Receiver(const Camera& camera, ReceiverOptions options)
     require_positive("chip_rate", *options_.chip_rate);
     require(*options_.chip_rate * camera.row_time <= 1, "chip_rate", *options_.chip_rate, "at most the row rate");
   }
+  if (options_.search_passes) require_positive("search_passes", *options_.search_passes);
   const auto chips = preamble_chips(options_.format.preamble);
   preamble_.assign(chips.begin(), chips.end());
   forget();
@@ -52,6 +54,7 @@ void Receiver::forget() {
   rows_per_chip_.reset();
   if (options_.chip_rate) rows_per_chip_ = 1 / (*options_.chip_rate * camera_.row_time);
   channel_.reset();
+  relative_noise_ = 0;
   tracker_.reset();
   if (camera_.frame_time) {
     const double rows = *camera_.frame_time / camera_.row_time;
@@ -71,7 +74,8 @@ std::optional<double> Receiver::nominal_rows_per_chip(std::span<const AnyFramesV
 }
 
 // With what the frames before told: levels, rate and exposure, and the phase where it can be predicted, else several.
-std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std::int64_t frame) const {
+std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std::int64_t frame,
+                                             SearchEffort& effort) const {
   if (!channel_) return std::nullopt;
   ChannelEstimate start = *channel_;
   const auto predicted = tracker_ ? tracker_->predict(frame) : std::nullopt;
@@ -87,22 +91,23 @@ std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std
   for (std::size_t phase = 0; phase < (sure ? 1 : kPhases); ++phase) {
     ChannelEstimate tried = start;
     tried.clock.phase += static_cast<double>(phase) / kPhases * chip;
-    auto reading = read_frame(signal, tried, exposure_known);
+    auto reading = read_frame(signal, tried, exposure_known, &effort);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
   }
   if (!best) return std::nullopt;
   const double as_before =
       std::max({kAsNoisy * relative_noise_, std::min(kMostNoisier * relative_noise_, kLittleNoise), kNoNoise});
   if (best->relative_noise < as_before && is_sound(*best)) return best;
-  auto extended = extend_reading(signal, best->channel, exposure_known);
+  auto extended = extend_reading(signal, best->channel, exposure_known, &effort);
   if (extended && extended->relative_noise < kMostNoisier * relative_noise_ && is_sound(*extended)) return extended;
   return std::nullopt;
 }
 
-std::optional<FrameReading> Receiver::search(std::span<const AnyFramesView> channels, std::span<const double> signal) {
+std::optional<FrameReading> Receiver::search(std::span<const AnyFramesView> channels, std::span<const double> signal,
+                                             SearchEffort& effort) {
   const auto rows_per_chip = nominal_rows_per_chip(channels);
   if (!rows_per_chip || static_cast<double>(signal.size()) < kFewestChips * *rows_per_chip) return std::nullopt;
-  FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, {}, preamble_};
+  FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, {}, preamble_, &effort};
   if (camera_.exposure) what.exposure = *camera_.exposure / camera_.row_time;
   return search_frame(signal, what);
 }
@@ -143,7 +148,7 @@ void Receiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame
   result.error_rate = mean_error_rate(result.llr);
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
   channel_ = channel;
-  relative_noise_ = reading.relative_noise;
+  relative_noise_ = std::max(reading.relative_noise, kNoiseKept * relative_noise_);
   rows_per_chip_ = channel.clock.rows_per_chip;
   lost_ = fruitless_ = wait_ = 0;
 }
@@ -191,9 +196,11 @@ ReceivedFrame Receiver::push(std::span<const AnyFramesView> channels, std::optio
   const auto [column, channel] = best_column(channels, camera_.tone_curve);
   result.channel = channel;
   if (column.saturated) result.flags |= flag::saturated;
-  auto reading = follow(column.signal, result.frame);
+  SearchEffort effort;
+  if (options_.search_passes) effort.rows = *options_.search_passes * static_cast<double>(column.signal.size());
+  auto reading = follow(column.signal, result.frame, effort);
   const bool searched = !reading && wait_ == 0;
-  if (searched) reading = search(channels, column.signal);
+  if (searched) reading = search(channels, column.signal, effort);
   if (reading)
     take(*reading, column.signal.size(), result);
   else

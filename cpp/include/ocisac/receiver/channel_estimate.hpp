@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -76,11 +77,24 @@ struct ChannelEstimate {
   [[nodiscard]] double dark_at(double row, std::size_t frame_rows) const;
 };
 
+// What the search of a frame may take in all: rows that fits and detections go through, each as often as it is gone
+// through; counted down. By counts, not by the clock: the same frames give the same results everywhere.
+struct SearchEffort {
+  double rows = std::numeric_limits<double>::infinity();
+
+  // False where it is used up.
+  bool take(double needed) {
+    rows -= needed;
+    return rows >= 0;
+  }
+};
+
 // Least squares of clock and levels (Gauss–Newton on the exact model) on the rows that see known chips only, from a
 // clock good to about half a chip anywhere in them. Absent where there are fewer rows than unknowns or the chips (all
 // alike, say) do not determine the channel.
 std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const KnownChips& chips,
-                                           const ChipClock& start, const ChannelModel& model = {});
+                                           const ChipClock& start, const ChannelModel& model = {},
+                                           SearchEffort* effort = nullptr);
 
 // Squares that the best levels leave at a given clock; the exposure_known of the model does not matter. Absent where
 // they are not determined.

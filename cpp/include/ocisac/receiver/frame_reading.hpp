@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "ocisac/receiver/channel_estimate.hpp"
+#include "ocisac/receiver/refine_channel.hpp"
 
 namespace ocisac {
 
@@ -22,13 +23,14 @@ struct FrameReading {
 // Detection and least squares in turn until the clock stays, from a channel that is nearly right; mostly once. Absent
 // where the chips determine no channel, or the exposure is too long to detect.
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
-                                       bool exposure_known);
+                                       bool exposure_known, SearchEffort* effort = nullptr);
 
 struct FrameSearch {
   double rows_per_chip;              // nominal
   double tolerance = 0.02;           // the true one lies within this share of it
   std::optional<double> exposure;    // rows; absent: estimated
   std::span<const double> preamble;  // chips that may be in the frame
+  SearchEffort* effort = nullptr;    // nullptr: no limit
 };
 
 // From a preamble, else from the rate alone. Absent where nothing is found that can be relied on.
@@ -36,7 +38,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
 
 // The same from a channel that is right in a part of the frame.
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
-                                           bool exposure_known);
+                                           bool exposure_known, SearchEffort* effort = nullptr);
 
 // Chips of which few are expected to be wrong: hardly any, unless the channel explains all parts of the frame alike.
 // Chips made of nothing but noise let expect that a fifth is wrong.

@@ -28,6 +28,7 @@ struct RefineOptions {
   bool exposure_known = false;
   std::size_t highest_degree = 4;  // of dark and swing along the frame; the data decide up to it (Schwarz's criterion)
   KnownChips known{};              // chips that need not be detected: a preamble
+  SearchEffort* effort = nullptr;  // where it is used up, what was found so far is the answer; nullptr: no limit
 };
 
 struct RefinedChannel {

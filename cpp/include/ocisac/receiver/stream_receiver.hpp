@@ -22,6 +22,9 @@ struct ReceiverOptions {
   // Hz, good to 2 %. Absent: found blind in the frames, which takes an exposure below a chip.
   std::optional<double> chip_rate;
   PacketFormat format{};
+  // Times that the search for the light's chips in one frame may go through its rows: bounds its time. Absent: no
+  // limit.
+  std::optional<double> search_passes{};
 };
 
 struct ReceivedFrame {
@@ -59,8 +62,10 @@ class Receiver {
 
  private:
   std::optional<double> nominal_rows_per_chip(std::span<const AnyFramesView> channels);
-  [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, std::int64_t frame) const;
-  std::optional<FrameReading> search(std::span<const AnyFramesView> channels, std::span<const double> signal);
+  [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, std::int64_t frame,
+                                                   SearchEffort& effort) const;
+  std::optional<FrameReading> search(std::span<const AnyFramesView> channels, std::span<const double> signal,
+                                     SearchEffort& effort);
   std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
   void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);
   void lose(ReceivedFrame& result, bool searched);
@@ -74,7 +79,7 @@ class Receiver {
   std::optional<ClockTracker> tracker_;     // where the frame time is known; phases in rows of the picture
   std::optional<double> rows_per_chip_;     // nominal, or by the frames before
   std::optional<ChannelEstimate> channel_;  // of the last frame that was received
-  double relative_noise_ = 0;               // of that frame
+  double relative_noise_ = 0;               // of that frame, or somewhat less than of noisier ones before
   std::size_t first_row_ = 0;               // of the frame that is read
   std::size_t lost_ = 0;                    // frames in a row in which nothing was found
   std::size_t fruitless_ = 0, wait_ = 0;    // searches in a row; frames until the next
