@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "ocisac/receiver/sequence_detector.hpp"
 #include "ocisac/require.hpp"
 
 namespace ocisac {
@@ -38,6 +37,7 @@ constexpr std::size_t kSearchParts = 3;                   // parts of the frame 
 constexpr std::size_t kGuessesTried = 6;                  // of an exposure
 constexpr std::size_t kStartsRefined = 10;                // the best of all parts and exposures
 constexpr double kStatesPerRow = 64;                      // of the trellis, that take as long as a row of a fit
+constexpr double kMostStateChips = 11;                    // with longer exposures not all of the states are looked at
 constexpr double kLevelFits = 2;                          // to choose the levels of a turn, in fits of levels and clock
 constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, from a part to the whole frame
 
@@ -156,8 +156,7 @@ bool same(const Chips& a, const Chips& b) { return a.first == b.first && a.level
 bool may_try(const RefineOptions& options, RowRange range, const ChipClock& clock, double fits) {
   if (options.effort == nullptr) return true;
   const double rows = static_cast<double>(range.size());
-  const double chips = std::ceil(clock.exposure / clock.rows_per_chip);
-  const double states = chips <= kLongestDetectedExposure ? std::exp2(chips) : 0;
+  const double states = std::exp2(std::min(kMostStateChips, std::ceil(clock.exposure / clock.rows_per_chip)));
   return options.effort->take(rows * (fits + 1) + rows / clock.rows_per_chip * states / kStatesPerRow);
 }
 
