@@ -348,7 +348,8 @@ def resident(process):
     ids=["small", "1080p"],
 )
 def test_a_hundred_thousand_frames_leave_memory_flat_and_lose_none(receiver, rows, columns, row_time, turns):
-    frames, chips, frame_time = endless(rows, columns, slice(10, 32), row_time, 11700.0)
+    lit = slice(columns // 2 - columns // 32 - 10, columns // 2 + columns // 32 + 10)
+    frames, chips, frame_time = endless(rows, columns, lit, row_time, 11700.0)
     size = ["--size", f"{columns}x{rows}", "--row-time", f"{row_time}s", "--exposure", f"{EXPOSURE}s"]
     command = [receiver, *size, "--chip-rate", "11.7kHz", "--frame-rate", repr(1 / frame_time), "--stats"]
     turn, memory, payloads, round_and_round = frames.tobytes(), [], [], chips + chips
@@ -377,7 +378,7 @@ def test_a_hundred_thousand_frames_leave_memory_flat_and_lose_none(receiver, row
     whole = np.bincount(payloads, minlength=turns)[2:]
     assert whole.min() >= 1
     assert whole.max() - whole.min() <= 1
-    assert max(memory) <= memory[len(memory) // 10]
+    assert max(memory) <= 1.001 * memory[len(memory) // 10]  # a new search may touch a page more
     print(f"{totals}, resident {memory[1]} to {memory[-1]} bytes, {stats}")
 
 
