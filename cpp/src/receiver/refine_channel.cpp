@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "ocisac/receiver/sequence_detector.hpp"
 #include "ocisac/require.hpp"
 
 namespace ocisac {
@@ -24,7 +25,14 @@ constexpr std::array kGrowths{1.3, 1.2,
                               1.12};  // least growth of the rows from one round to the next, in up to three tries
 constexpr double kEven = 1.15, kEvenErrors = 6;  // of the residuals of two parts of the frame; standard errors
 constexpr double kSmoothRows = 4;
-constexpr double kWindowChips = 30;  // length of such a part, beside the exposure
+constexpr double kWindowChips = 30;      // length of such a part, beside the exposure
+constexpr double kUnsureFrame = 0.3;     // chips; with a larger standard error at the frame's ends all rates are tried
+constexpr double kCloseSequences = 3.5;  // half the distance of the closest pair over the noise
+constexpr double kRateStep = 0.3;        // chips at the farther end
+constexpr double kMostRateSteps = 20;
+constexpr std::size_t kClocksTried = 8;  // further, of those
+constexpr int kClockRounds = 4;
+constexpr double kExposureMove = 1.5;  // standard errors
 constexpr int kMostRounds = 40;
 constexpr int kSettlingRounds = 4;     // once all rows are in
 constexpr double kLeastNoise = 1e-4;   // of the swing, for the detector
@@ -315,6 +323,67 @@ std::optional<ChannelEstimate> channel_of_best_part(std::span<const double> sign
 
 }  // namespace
 
+namespace {
+
+// Whether the clock may slip a chip unseen: not sure at the frame's ends, and chips easily taken for others.
+bool may_slip(const ChannelEstimate& start, std::size_t rows) {
+  const ChipClock& clock = start.clock;
+  const double noise = start.noise / std::max(start.swing_at(0.5 * static_cast<double>(rows), rows), 1e-300);
+  return end_error(start, {0, rows}) > kUnsureFrame &&
+         closest_pair_distance(clock.rows_per_chip, std::max(clock.exposure, kShortestExposure)) <
+             2 * kCloseSequences * noise;
+}
+
+// A start with rates within three standard errors, and exposures about it where that is not sure.
+std::vector<ChannelEstimate> start_grid(const ChannelEstimate& start, std::size_t rows, bool exposure_known) {
+  const ChipClock& clock = start.clock;
+  const double middle = clock.phase + static_cast<double>(start.errors.chip) * clock.rows_per_chip;
+  const double farthest = std::max(middle, static_cast<double>(rows) - middle) / clock.rows_per_chip;
+  const double step = kRateStep * clock.rows_per_chip / farthest;
+  const double steps = std::min(std::ceil(3 * start.errors.rows_per_chip_std() / step), kMostRateSteps);
+  const double exposure_error = start.errors.exposure_std() / clock.rows_per_chip;
+  std::vector<double> moves{0};
+  if (!exposure_known && exposure_error > kCertainExposure)
+    for (const double move : {-kExposureMove, kExposureMove})
+      moves.push_back(move * std::min(exposure_error, kMostExposureMoved));
+  std::vector<ChannelEstimate> grid;
+  for (double k = -steps; k <= steps; ++k)
+    for (const double move : moves) {
+      ChannelEstimate channel = with_exposure_moved(start, move);
+      channel.clock.rows_per_chip += k * step;
+      channel.clock.phase -= k * step * static_cast<double>(start.errors.chip);
+      grid.push_back(std::move(channel));
+    }
+  return grid;
+}
+
+// Of a start whose clock is not sure at the frame's ends, the clock near it whose chips of the whole frame leave least.
+// What is grown step by step may have slipped a chip and be plausible all the same.
+std::optional<ChannelEstimate> likeliest_clock(std::span<const double> signal, const ChannelEstimate& start,
+                                               const DetectChips& detect, const RefineOptions& options) {
+  const auto turned = [&](const ChannelEstimate& channel) -> std::optional<ChannelEstimate> {
+    auto turn = take_turn(signal, channel, {0, signal.size()}, detect, options);
+    if (!turn || !(turn->channel.swing[0] > 0)) return std::nullopt;
+    return std::move(turn->channel);
+  };
+  std::vector<ChannelEstimate> found;
+  for (const auto& channel : start_grid(start, signal.size(), options.exposure_known))
+    if (auto next = turned(channel)) found.push_back(std::move(*next));
+  std::ranges::stable_sort(found, {}, &ChannelEstimate::noise);
+  found.resize(std::min(found.size(), kClocksTried));
+  std::optional<ChannelEstimate> best;
+  for (auto& channel : found)
+    for (int round = 0; round < kClockRounds; ++round) {
+      if (!best || channel.noise < best->noise) best = channel;
+      auto next = turned(channel);
+      if (!next || !(next->noise < channel.noise)) break;
+      channel = std::move(*next);
+    }
+  return best;
+}
+
+}  // namespace
+
 std::optional<RefinedChannel> refine_channel(std::span<const double> signal, const ChannelEstimate& start,
                                              const DetectChips& detect, const RefineOptions& options) {
   std::optional<RefinedChannel> best;
@@ -329,6 +398,16 @@ std::optional<RefinedChannel> refine_channel(std::span<const double> signal, con
     best->even = is_even(windows, clock);
     if (best->settled && best->even) break;
     from = channel_of_best_part(signal, *best, windows, options);
+  }
+  if (!may_slip(start, signal.size())) return best;
+  if (const auto other = likeliest_clock(signal, start, detect, options)) {
+    auto tried = grow(signal, *other, detect, options, kGrowths.front());
+    if (tried && (!best || tried->channel.noise < best->channel.noise)) {
+      const ChipClock& clock = tried->channel.clock;
+      const double length = kWindowChips * clock.rows_per_chip + clock.exposure;
+      tried->even = is_even(residual_windows(signal, *tried, static_cast<std::size_t>(length)), clock);
+      best = std::move(tried);
+    }
   }
   return best;
 }
