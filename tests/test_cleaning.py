@@ -25,8 +25,8 @@ from ocisac_fast import (
     subtract_still,
 )
 from ocisac_fast._light import linear_light
-from ocisac_fast._row_light import scaled
-from ocisac_fast._stored import to_stored
+from ocisac_fast.cleaning.row_light import scaled
+from ocisac_fast.cleaning.stored import to_stored
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
 from ocisac_fast.reference import cleaning

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         pool_estimates,
         refine_channel,
     )
-    from ocisac_fast.cleaning import CleanedFrames, Mark, remove_bands, subtract_still
+    from ocisac_fast.cleaning.bands import CleanedFrames, Mark, remove_bands, subtract_still
     from ocisac_fast.control.choice import BestExposure, best_exposure, exposure_objective
     from ocisac_fast.control.controller import (
         ExposureController,
@@ -112,7 +112,7 @@ _PLACES = {
         "pool_estimates",
         "refine_channel",
     ),
-    "cleaning": (
+    "cleaning.bands": (
         "CleanedFrames",
         "Mark",
         "remove_bands",

@@ -9,7 +9,7 @@ from ocisac_fast.channel import (
     RefinedChannel,
     TrackedClock,
 )
-from ocisac_fast.cleaning import CleanedFrames, Mark
+from ocisac_fast.cleaning.bands import CleanedFrames, Mark
 from ocisac_fast.control.choice import BestExposure
 from ocisac_fast.control.controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
 from ocisac_fast.control.fronts import ExposureFront, exposure_front

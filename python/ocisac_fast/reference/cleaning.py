@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._row_light import Kernels
 from ocisac_fast.camera import Camera
-from ocisac_fast.cleaning import CleanedFrames, Options, clean_frames
+from ocisac_fast.cleaning.bands import CleanedFrames, Options, clean_frames
+from ocisac_fast.cleaning.row_light import Kernels
 from ocisac_fast.reference.light import linear_light
 from ocisac_fast.waveforms import Waveform
 

@@ -81,7 +81,7 @@ class Columns:
 
 def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str, kernels: Kernels) -> RowLight:
     """From one channel of linear light (rows, columns) and its noise variance (infinite: tells nothing)."""
-    from ocisac_fast._chip_light import chip_light
+    from ocisac_fast.cleaning.chip_light import chip_light
 
     picture = Columns(light, variance, kernels)
     rows, weight = picture.free()

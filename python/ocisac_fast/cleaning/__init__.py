@@ -1,0 +1,3 @@
+"""The picture without the light's bands: `bands` is what users call; it finds the light of the rows (`row_light`,
+`chip_light`), has every pixel's share of it estimated, and puts the result back into samples (`stored`).
+"""
