@@ -325,6 +325,8 @@ std::optional<ChannelEstimate> channel_of_best_part(std::span<const double> sign
 
 namespace {
 
+bool is_used_up(const RefineOptions& options) { return options.effort != nullptr && !(options.effort->rows > 0); }
+
 // Whether the clock may slip a chip unseen: not sure at the frame's ends, and chips easily taken for others.
 bool may_slip(const ChannelEstimate& start, std::size_t rows) {
   const ChipClock& clock = start.clock;
@@ -367,14 +369,17 @@ std::optional<ChannelEstimate> likeliest_clock(std::span<const double> signal, c
     return std::move(turn->channel);
   };
   std::vector<ChannelEstimate> found;
-  for (const auto& channel : start_grid(start, signal.size(), options.exposure_known))
+  for (const auto& channel : start_grid(start, signal.size(), options.exposure_known)) {
+    if (is_used_up(options)) break;
     if (auto next = turned(channel)) found.push_back(std::move(*next));
+  }
   std::ranges::stable_sort(found, {}, &ChannelEstimate::noise);
   found.resize(std::min(found.size(), kClocksTried));
   std::optional<ChannelEstimate> best;
   for (auto& channel : found)
     for (int round = 0; round < kClockRounds; ++round) {
       if (!best || channel.noise < best->noise) best = channel;
+      if (is_used_up(options)) break;
       auto next = turned(channel);
       if (!next || !(next->noise < channel.noise)) break;
       channel = std::move(*next);
@@ -399,7 +404,7 @@ std::optional<RefinedChannel> refine_channel(std::span<const double> signal, con
     if (best->settled && best->even) break;
     from = channel_of_best_part(signal, *best, windows, options);
   }
-  if (!may_slip(start, signal.size())) return best;
+  if (is_used_up(options) || !may_slip(start, signal.size())) return best;
   if (const auto other = likeliest_clock(signal, start, detect, options)) {
     auto tried = grow(signal, *other, detect, options, kGrowths.front());
     if (tried && (!best || tried->channel.noise < best->channel.noise)) {
