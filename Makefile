@@ -63,6 +63,8 @@ reproduce: build
 nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
+	@echo '==> a million damaged packets'
+	@$(build)/cpp/tests/ocisac_tests --no-skip -tc='a million*'
 	@echo '==> static analyzer'
 	@scripts/system-packages lint
 	@$(tidy)
