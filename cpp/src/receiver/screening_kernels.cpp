@@ -1,6 +1,7 @@
 #include "receiver/screening_kernels.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 #include <numbers>
@@ -9,6 +10,7 @@
 #define HWY_TARGET_INCLUDE "receiver/screening_kernels.cpp"
 #include <hwy/foreach_target.h>  // compiles the rest once for each target
 //
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -38,6 +40,125 @@ void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, c
     hn::StoreU(square, d, out.square + g);
     hn::StoreU(next, d, out.next + g);
     hn::StoreU(second, d, out.second + g);
+  }
+}
+
+using FloatTag = hn::CappedTag<float, 16>;
+using Floats = hn::Vec<FloatTag>;
+
+// Products of groups `apart` over the window, beyond mean and slope of each.
+struct WindowProducts {
+  const WindowScratch& of;
+  const Chunk &earlier, &later;
+  float per_row, per_slope;
+
+  HWY_INLINE Floats operator()(const float* before, const float* after, std::size_t g, std::size_t apart) const {
+    const FloatTag d;
+    const std::size_t h = g + apart;
+    const auto step = hn::LoadU(d, of.step + g), other = hn::LoadU(d, of.step + h);
+    const auto sum = hn::LoadU(d, later.moments.sum + g), other_sum = hn::LoadU(d, later.moments.sum + h);
+    auto total = hn::Add(hn::LoadU(d, before + g), hn::LoadU(d, after + g));
+    total = hn::MulAdd(step, other_sum, total);
+    total = hn::MulAdd(other, sum, total);
+    total = hn::MulAdd(hn::Mul(hn::Set(d, static_cast<float>(chunk_rows)), step), other, total);
+    const auto means = hn::Mul(hn::LoadU(d, of.sum + g), hn::LoadU(d, of.sum + h));
+    const auto slopes = hn::Mul(hn::LoadU(d, of.slope + g), hn::LoadU(d, of.slope + h));
+    total = hn::NegMulAdd(means, hn::Set(d, per_row), total);
+    return hn::NegMulAdd(slopes, hn::Set(d, per_slope), total);
+  }
+};
+
+bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
+                  const WindowScratch& scratch, float* energy) {
+  const FloatTag d;
+  const std::size_t lanes = hn::Lanes(d), groups = tiles + bound.groups - 1;
+  constexpr float rows = chunk_rows, middle = chunk_rows - 0.5F;
+  constexpr float later_slope = chunk_rows * chunk_rows / 2;  // Σ of n − 15.5 over the later chunk
+  for (std::size_t g = 0; g < groups; g += lanes) {
+    const auto step = hn::Sub(hn::LoadU(d, later.first + g), hn::LoadU(d, earlier.first + g));
+    const auto before = hn::LoadU(d, earlier.moments.sum + g), after = hn::LoadU(d, later.moments.sum + g);
+    hn::StoreU(step, d, scratch.step + g);
+    hn::StoreU(hn::MulAdd(hn::Set(d, rows), step, hn::Add(before, after)), d, scratch.sum + g);
+    auto slope = hn::Add(hn::LoadU(d, earlier.moments.slope + g), hn::LoadU(d, later.moments.slope + g));
+    slope = hn::NegMulAdd(hn::Set(d, middle), before, slope);
+    slope = hn::MulAdd(hn::Set(d, rows - middle), after, slope);
+    hn::StoreU(hn::MulAdd(hn::Set(d, later_slope), step, slope), d, scratch.slope + g);
+  }
+  const WindowProducts products{scratch, earlier, later, 0.5F / rows, 1 / bound.slope_energy};
+  const ChunkMoments &a = earlier.moments, &b = later.moments;
+  for (std::size_t g = 0; g < groups; g += lanes) {
+    hn::StoreU(products(a.square, b.square, g, 0), d, scratch.own + g);
+    hn::StoreU(products(a.next, b.next, g, 1), d, scratch.near + g);
+    hn::StoreU(products(a.second, b.second, g, 2), d, scratch.far + g);
+  }
+  const auto least_energy = hn::Set(d, bound.least_energy);
+  const auto least_share = hn::Set(d, bound.least_share * static_cast<float>(bound.groups));
+  bool any = false;
+  for (std::size_t g = 0; g < tiles; g += lanes) {
+    auto all = hn::LoadU(d, scratch.own + g), common = hn::Zero(d);
+    for (std::size_t k = 1; k < bound.groups; ++k) {
+      all = hn::Add(all, hn::LoadU(d, scratch.own + g + k));
+      common = hn::Add(common, hn::LoadU(d, scratch.near + g + k - 1));
+    }
+    if (bound.groups > 2) common = hn::Add(common, hn::LoadU(d, scratch.far + g));
+    const auto bounded = hn::Add(all, hn::Add(common, common));
+    const auto candidate = hn::And(hn::Gt(all, least_energy), hn::Ge(bounded, hn::Mul(least_share, all)));
+    any = any || !hn::AllFalse(d, hn::And(candidate, hn::FirstN(d, tiles - g)));
+    hn::StoreU(hn::IfThenElseZero(candidate, all), d, energy + g);
+  }
+  return any;
+}
+
+// Of `waves` cosines and sines, those of row n at n·waves, both sums with the groups' common log light.
+void WaveSums(const Chunk& earlier, const Chunk& later, std::size_t stride, std::size_t groups, const float* cosine,
+              const float* sine, std::size_t waves, float* even, float* odd) {
+  float start = 0;
+  for (std::size_t g = 0; g < groups; ++g) start += earlier.first[g];
+  std::array<float, 2 * chunk_rows> common;
+  for (std::size_t n = 0; n < common.size(); ++n) {
+    const float* row = n < chunk_rows ? earlier.first + n * stride : later.first + (n - chunk_rows) * stride;
+    common[n] = -start;
+    for (std::size_t g = 0; g < groups; ++g) common[n] += row[g];
+  }
+  const hn::CappedTag<float, 8> d;
+  const std::size_t lanes = hn::Lanes(d);
+  for (std::size_t k = 0; k < waves; k += lanes) {
+    auto a = hn::Zero(d), b = a, a1 = a, b1 = a;
+    for (std::size_t n = 0; n < common.size(); n += 2) {
+      const std::size_t at = n * waves + k;
+      const auto x = hn::Set(d, common[n]), x1 = hn::Set(d, common[n + 1]);
+      a = hn::MulAdd(x, hn::LoadU(d, cosine + at), a);
+      b = hn::MulAdd(x, hn::LoadU(d, sine + at), b);
+      a1 = hn::MulAdd(x1, hn::LoadU(d, cosine + at + waves), a1);
+      b1 = hn::MulAdd(x1, hn::LoadU(d, sine + at + waves), b1);
+    }
+    hn::StoreU(hn::Add(a, a1), d, even + k);
+    hn::StoreU(hn::Add(b, b1), d, odd + k);
+  }
+}
+
+// The next group's columns are fetched ahead: too many streams for the processor to foresee.
+void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t rows, bool more,
+                     float scale, float dark, float* HWY_RESTRICT out) {
+  const FloatTag d;
+  const hn::Rebind<std::int32_t, FloatTag> words;
+  const hn::Rebind<std::uint16_t, FloatTag> halves;
+  const hn::Rebind<std::uint8_t, FloatTag> bytes;
+  const std::size_t lanes = hn::Lanes(d);
+  for (std::ptrdiff_t c = 8; more && c < 16; ++c)
+    for (std::size_t n = 0; n < rows; n += 64) hwy::Prefetch(first + c * stride + n);
+  std::size_t n = 0;
+  for (; n + lanes <= rows; n += lanes) {
+    auto sum = hn::Zero(halves);
+    for (std::ptrdiff_t c = 0; c < 8; ++c)
+      sum = hn::Add(sum, hn::PromoteTo(halves, hn::LoadU(bytes, first + c * stride + n)));
+    const auto light = hn::ConvertTo(d, hn::PromoteTo(words, sum));
+    hn::StoreU(hn::Sub(hn::Mul(light, hn::Set(d, scale)), hn::Set(d, dark)), d, out + n);
+  }
+  for (; n < rows; ++n) {
+    std::int32_t sum = 0;
+    for (std::ptrdiff_t c = 0; c < 8; ++c) sum += first[c * stride + static_cast<std::ptrdiff_t>(n)];
+    out[n] = static_cast<float>(sum) * scale - dark;
   }
 }
 
@@ -74,11 +195,29 @@ HWY_AFTER_NAMESPACE();
 namespace ocisac::kernels {
 
 HWY_EXPORT(ChunkMomentsOf);
+HWY_EXPORT(TileEnergies);
+HWY_EXPORT(WaveSums);
 HWY_EXPORT(SumEightBytes);
+HWY_EXPORT(SumEightColumns);
 HWY_EXPORT(Logarithms);
 
 void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, const ChunkMoments& out) {
   HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(rows, stride, groups, out);
+}
+
+bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
+                   const WindowScratch& scratch, float* energy) {
+  return HWY_DYNAMIC_DISPATCH(TileEnergies)(earlier, later, tiles, bound, scratch, energy);
+}
+
+void wave_sums(const Chunk& earlier, const Chunk& later, std::size_t stride, std::size_t groups, const float* cosine,
+               const float* sine, std::size_t waves, float* even, float* odd) {
+  HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, stride, groups, cosine, sine, waves, even, odd);
+}
+
+void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
+                       float dark, float* out) {
+  HWY_DYNAMIC_DISPATCH(SumEightColumns)(first, stride, rows, more, scale, dark, out);
 }
 
 void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out) {

@@ -18,8 +18,42 @@ struct ChunkMoments {
 // `rows`: chunk_rows rows of `groups` values, `stride` apart, with padding after each.
 void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, const ChunkMoments& out);
 
+// A chunk as it lies in a window: its first row, and its moments about it.
+struct Chunk {
+  const float* first;
+  ChunkMoments moments;
+};
+
+// What makes a tile of `groups` neighbouring groups a candidate: energy above `least_energy`, and a common share of at
+// least `least_share`.
+struct TileBound {
+  std::size_t groups;
+  float least_energy, least_share, slope_energy;
+};
+
+// Room for what a window's groups hold: `groups` values and padding each.
+struct WindowScratch {
+  float *step, *sum, *slope, *own, *near, *far;
+};
+
+// Of tiles 0 … tiles − 1 of a window of two chunks, less mean and slope of each group: energy[g] = Σ energy of its
+// groups, 0 where the tile is no candidate; sums of log light as of WindowScratch::sum, about the earlier first row.
+// The energy of what the groups have in common bounds that of any tone. Returns whether there is a candidate.
+bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
+                   const WindowScratch& scratch, float* energy);
+
+// even[k] = Σ_n cosine(n, k)·(log light of row n, groups added, less the first row's), odd[k] likewise, in a window
+// whose rows are `stride` apart. cosine, sine: (32 rows × waves); waves: a multiple of 8.
+void wave_sums(const Chunk& earlier, const Chunk& later, std::size_t stride, std::size_t groups, const float* cosine,
+               const float* sine, std::size_t waves, float* even, float* odd);
+
 // out[g] = scale·(sum of bytes 8g … 8g + 7) − dark.
 void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out);
+
+// The same of bytes in columns that are dense: out[n] = scale·(sum of bytes n of eight columns) − dark. `more`: eight
+// further columns follow, `stride` apart.
+void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
+                       float dark, float* out);
 
 // out[g] = ln(max(light[g], 0) + floor), to 1e-5.
 void logarithms(const float* light, std::size_t groups, float floor, float* out);

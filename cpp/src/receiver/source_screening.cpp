@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <memory>
 #include <numbers>
+#include <span>
 
 #include "ocisac/camera/linear_light.hpp"
 #include "receiver/screening_kernels.hpp"
@@ -68,20 +69,12 @@ struct Tone {
 };
 
 // The strongest of the waves in the sum of `groups` neighbouring groups.
-Tone strongest_tone(const float* earlier, const float* later, std::size_t stride, std::size_t groups) {
+Tone strongest_tone(const kernels::Chunk& earlier, const kernels::Chunk& later, std::size_t stride,
+                    std::size_t groups) {
   const Waves& all = waves();
-  std::array<float, Waves::padded> a{}, b{};
-  float first = 0;
-  for (std::size_t g = 0; g < groups; ++g) first += earlier[g];
-  for (std::size_t n = 0; n < window; ++n) {
-    const float* row = n < hop ? earlier + n * stride : later + (n - hop) * stride;
-    float x = -first;
-    for (std::size_t g = 0; g < groups; ++g) x += row[g];
-    for (std::size_t k = 0; k < Waves::padded; ++k) {
-      a[k] += x * all.cosine[n][k];
-      b[k] += x * all.sine[n][k];
-    }
-  }
+  std::array<float, Waves::padded> a, b;
+  kernels::wave_sums(earlier, later, stride, groups, all.cosine[0].data(), all.sine[0].data(), Waves::padded, a.data(),
+                     b.data());
   Tone best;
   for (std::size_t k = 0; k < cycles.size(); ++k) {
     const double energy = 2.0 / window * static_cast<double>(a[k] * a[k] + b[k] * b[k]);
@@ -152,10 +145,8 @@ class Scale {
         stride_(groups + kernels::chunk_padding),
         logs_(2 * kernels::chunk_rows * stride_),
         previous_(stride_),
-        step_(stride_),
-        sum_(stride_),
-        slope_(stride_),
-        own_(stride_) {
+        energy_(stride_) {
+    for (auto& values : scratch_) values.resize(stride_);
     for (auto& values : moments_) values.resize(2 * stride_);
     if (widen && groups >= tile_groups * wide_factor)
       wide_ = std::make_unique<Scale>(rows, groups / wide_factor, row_step, column_step * wide_factor, false);
@@ -218,62 +209,49 @@ class Scale {
   }
 
   void end_chunk() {
-    const std::size_t chunk = seen_ / kernels::chunk_rows - 1, later = chunk % 2;
-    const auto part = [&](std::size_t k) { return moments_[k].data() + later * stride_; };
-    kernels::chunk_moments(&logs_[later * kernels::chunk_rows * stride_], stride_, groups_,
-                           {part(0), part(1), part(2), part(3), part(4)});
-    if (chunk > 0) end_window(1 - later, later);
+    const std::size_t chunks = seen_ / kernels::chunk_rows, later = (chunks - 1) % 2;
+    const kernels::Chunk newest = chunk(later);
+    kernels::chunk_moments(newest.first, stride_, groups_, newest.moments);
+    if (chunks > 1) end_window(1 - later, later);
   }
 
-  // Moments of two chunks about the first row of the earlier one, less mean and slope of each group: energies of the
-  // groups and products of neighbours. The common share of a tile bounds that of any tone in it, and costs only this;
-  // tones are looked at where it reaches the threshold.
+  // The common share of a tile bounds that of any tone in it, and costs little; tones are looked at where it reaches
+  // the threshold.
   void end_window(std::size_t earlier, std::size_t later) {
     const std::size_t across = groups_ - tile_width() + 1;
     map_.across = across;
     map_.tiles.resize(++map_.windows * across);
-    const float* a = &logs_[earlier * kernels::chunk_rows * stride_];
-    const float* b = &logs_[later * kernels::chunk_rows * stride_];
-    const auto of = [&](std::size_t k, std::size_t chunk) { return moments_[k].data() + chunk * stride_; };
-    const float *sum_a = of(0, earlier), *sum_b = of(0, later), *slope_a = of(1, earlier), *slope_b = of(1, later);
-    constexpr float rows = kernels::chunk_rows;
-    constexpr float middle = 0.5F * (window - 1);
-    constexpr float later_slope = 128;  // Σ of n − 15.5 over the later chunk
-    for (std::size_t g = 0; g < groups_; ++g) {
-      const float step = b[g] - a[g];
-      step_[g] = step;
-      sum_[g] = sum_a[g] + sum_b[g] + rows * step;
-      slope_[g] = slope_a[g] - middle * sum_a[g] + slope_b[g] + (rows - middle) * sum_b[g] + later_slope * step;
-    }
-    const float per_row = 1.0F / window, per_slope = 1 / waves().slope_energy;
-    // Of groups g and h, beyond mean and slope; k as of ChunkMoments.
-    const auto product = [&](std::size_t k, std::size_t g, std::size_t h) {
-      return of(k, earlier)[g] + of(k, later)[g] + step_[g] * sum_b[h] + step_[h] * sum_b[g] +
-             rows * step_[g] * step_[h] - sum_[g] * sum_[h] * per_row - slope_[g] * slope_[h] * per_slope;
-    };
-    for (std::size_t g = 0; g < groups_; ++g) own_[g] = product(2, g, g);
+    const kernels::Chunk a = chunk(earlier), b = chunk(later);
     const auto count = static_cast<float>(tile_width());
     const auto threshold = static_cast<float>(threshold_);
+    const kernels::WindowScratch scratch{scratch_[0].data(), scratch_[1].data(), scratch_[2].data(),
+                                         scratch_[3].data(), scratch_[4].data(), scratch_[5].data()};
+    if (!kernels::tile_energies(a, b, across,
+                                {tile_width(), least_power * window * count, threshold, waves().slope_energy}, scratch,
+                                energy_.data()))
+      return;
     for (std::size_t g = 0; g < across; ++g) {
-      float energy = own_[g], common = 0;
-      if (tile_width() > 1) {
-        energy += own_[g + 1];
-        common += product(3, g, g + 1);
-      }
-      if (tile_width() > 2) {
-        energy += own_[g + 2];
-        common += product(3, g + 1, g + 2) + product(4, g, g + 2);
-      }
-      if (!(energy > least_power * window * count) || energy + 2 * common < threshold * count * energy) continue;
+      const float energy = energy_[g];
+      if (energy == 0) continue;
       float mean = 0;  // of log light
-      for (std::size_t k = 0; k < tile_width(); ++k) mean += (a[g + k] + sum_[g + k] * per_row) / count;
+      for (std::size_t k = 0; k < tile_width(); ++k) mean += (a.first[g + k] + scratch.sum[g + k] / window) / count;
       const float swing = least_swing_ * std::exp(-mean);
       if (energy < 0.5F * swing * swing * window * count) continue;
-      const Tone tone = strongest_tone(a + g, b + g, stride_, tile_width());
+      const Tone tone = strongest_tone(shifted(a, g), shifted(b, g), stride_, tile_width());
       const double share = tone.energy / static_cast<double>(count * energy);
       if (share >= threshold_)
         map_.tiles[(map_.windows - 1) * across + g] = {static_cast<float>(std::min(share, 0.9999)), tone.wave};
     }
+  }
+
+  static kernels::Chunk shifted(kernels::Chunk chunk, std::size_t groups) {
+    chunk.first += groups;
+    return chunk;
+  }
+
+  [[nodiscard]] kernels::Chunk chunk(std::size_t which) {
+    const auto part = [&](std::size_t k) { return moments_[k].data() + which * stride_; };
+    return {&logs_[which * kernels::chunk_rows * stride_], {part(0), part(1), part(2), part(3), part(4)}};
   }
 
   std::size_t rows_, groups_, row_step_, column_step_, stride_, across_ = 1, seen_ = 0;
@@ -282,7 +260,8 @@ class Scale {
   std::vector<float> logs_;                    // (2 chunks × 16 rows)
   std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of ChunkMoments
   std::vector<float> previous_, light_;
-  std::vector<float> step_, sum_, slope_, own_;  // of a window
+  std::array<std::vector<float>, 6> scratch_;  // of a window, as of WindowScratch
+  std::vector<float> energy_;                  // of its tiles
   TileMap map_;
   std::unique_ptr<Scale> wide_, half_;
 };
@@ -311,27 +290,40 @@ void add_rows(const FramesView<const T>& view, std::size_t group, float dark, Sc
   }
 }
 
-// Columns lie in memory one after the other: a cache line of each at a time.
+// Mean light of `group` columns in the rows from `first` on.
+template <class T>
+void sum_columns(const FramesView<const T>& view, std::size_t first, std::size_t column, std::size_t group,
+                 std::span<float> out, float factor, float dark) {
+  if constexpr (std::is_same_v<T, std::uint8_t>)
+    if (view.row_stride == 1 && group == 8) {
+      kernels::sum_eight_columns(view.at(0, first, column), view.column_stride, out.size(),
+                                 column + 2 * group <= view.columns, factor, dark, out.data());
+      return;
+    }
+  std::ranges::fill(out, 0.0F);
+  for (std::size_t c = 0; c < group; ++c) {
+    const T* samples = view.at(0, first, column + c);
+    for (std::size_t n = 0; n < out.size(); ++n)
+      out[n] += static_cast<float>(samples[static_cast<std::ptrdiff_t>(n) * view.row_stride]);
+  }
+  for (float& light : out) light = light * factor - dark;
+}
+
+// Columns lie in memory one after the other: some cache lines of each at a time, a few groups at a time.
 template <class T>
 void add_columns(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
-  constexpr std::size_t block = 64;
+  constexpr std::size_t block = 256, together = 16;
   const std::size_t groups = view.columns / group;
   const float factor = 1.0F / static_cast<float>(group);
-  std::vector<float> light(block * groups);
-  std::array<float, block> sums;
+  std::vector<float> light(block * groups), sums(together * block);
   for (std::size_t first = 0; first < view.rows; first += block) {
     const std::size_t count = std::min(block, view.rows - first);
-    for (std::size_t g = 0; g < groups; ++g) {
-      sums.fill(0);
-      for (std::size_t c = 0; c < group; ++c) {
-        const T* column = view.at(0, first, g * group + c);
-        if (view.row_stride == 1)
-          for (std::size_t n = 0; n < count; ++n) sums[n] += static_cast<float>(column[n]);
-        else
-          for (std::size_t n = 0; n < count; ++n)
-            sums[n] += static_cast<float>(column[static_cast<std::ptrdiff_t>(n) * view.row_stride]);
-      }
-      for (std::size_t n = 0; n < count; ++n) light[n * groups + g] = sums[n] * factor - dark;
+    for (std::size_t start = 0; start < groups; start += together) {
+      const std::size_t width = std::min(together, groups - start);
+      for (std::size_t g = 0; g < width; ++g)
+        sum_columns(view, first, (start + g) * group, group, {&sums[g * block], count}, factor, dark);
+      for (std::size_t n = 0; n < count; ++n)
+        for (std::size_t g = 0; g < width; ++g) light[n * groups + start + g] = sums[g * block + n];
     }
     for (std::size_t n = 0; n < count; ++n) scale.add_row(&light[n * groups]);
   }

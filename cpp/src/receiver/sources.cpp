@@ -229,7 +229,7 @@ std::vector<Found> lights_in(const AnyFramesView& frames, std::size_t frame, con
   std::vector<RefinedLight> lights;
   for (const Suspect& suspect : suspects) {
     if (std::ranges::any_of(lights, [&](const RefinedLight& light) { return explained(suspect, light); })) continue;
-    const auto light = refine_source(frames, frame, stored, suspect, floor, limits);
+    const auto light = refine_source(frames, frame, stored.dark_level, suspect, floor, limits);
     if (light && accepted(*light, limits, least_evidence)) lights.push_back(*light);
   }
   auto found = without_doubles(std::move(lights));

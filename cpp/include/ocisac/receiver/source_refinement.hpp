@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <optional>
 
-#include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/receiver/source_screening.hpp"
 #include "ocisac/views.hpp"
 
@@ -30,9 +29,11 @@ struct RefinedLight {
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which takes out the mean, gives the map
 // of the light's swing. Its box is where the swing has the phase of its sum. The frequency maximises the energy of f,
 // 2f and 3f in log light weighted by the local swing: an envelope that is real and positive moves no peak, however few
-// cycles there are. Its standard error is a jackknife over groups of cycles. `floor`: of the logarithm, DN. Nothing
-// where box or amplitude is below 0.7 of the limits on the way.
-std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                                          const Suspect& suspect, double floor, const LightLimits& limits);
+// cycles there are. Its standard error is a jackknife over groups of cycles. `dark`: DN of no light; a tone curve, which
+// has no memory, keeps every period. `floor`: of the logarithm, DN. Nothing where box or amplitude is below 0.7 of the
+// limits on the way. `rounds`: one is enough where the suspect's box and frequency are those of the frame before.
+std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
+                                          const Suspect& suspect, double floor, const LightLimits& limits,
+                                          int rounds = 2);
 
 }  // namespace ocisac

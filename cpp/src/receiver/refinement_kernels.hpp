@@ -1,0 +1,52 @@
+// The loops of the refinement of light sources, for the instructions that the processor has.
+#pragma once
+
+#include <cstddef>
+
+namespace ocisac::kernels {
+
+constexpr std::size_t patch_padding = 8;  // groups of a patch are padded to a multiple of this
+
+// e^{−j2πfm} for m from −reach to rows + reach − 1.
+struct Carrier {
+  const double *real, *imaginary;
+};
+
+// A Hann window of `length` rows (odd), sum 1, on a tone: as three running sums about carriers at f − 1/length, f and
+// f + 1/length; `turns`: e^{−j2πn/length} of the rows.
+struct HannWindow {
+  Carrier below, middle, above, turns;
+  std::size_t length;
+};
+
+// A patch of light: (rows × stride), stride a multiple of patch_padding.
+struct PatchView {
+  const double* values;
+  std::size_t rows, stride;
+};
+
+// z(n) = Σ_m window(m − n)·(x(m) − mean)·e^{−j2πfm} of each group; rows before and after repeat the first and the last.
+// `mean`: of each group. real, imaginary: as the patch.
+void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real, double* imaginary);
+
+// out[i] = ln(max(light[i], 0) + floor), to 1e-15. count: a multiple of patch_padding; floor > 0.
+void logarithms(const double* light, std::size_t count, double floor, double* out);
+
+constexpr std::size_t fine_turns = 16, most_harmonics = 3;
+
+// e^{−j2πf(n − middle)} for n = 16a + b as coarse(a)·fine(b).
+struct Turns {
+  const double *coarse_real, *coarse_imaginary;
+  const double *fine_real, *fine_imaginary;  // (16,)
+  double middle;
+};
+
+// Σ_n x(n)·(n − middle)^q·e^{−j2πhf(n − middle)} for h = 1, 2, 3 and q = 0, 1, 2.
+struct HarmonicSums {
+  double real[most_harmonics][3], imaginary[most_harmonics][3];
+};
+
+// `blocks`: of 16 values of x.
+HarmonicSums harmonic_sums(const double* x, std::size_t blocks, const Turns& turns);
+
+}  // namespace ocisac::kernels
