@@ -76,6 +76,44 @@ def test_a_region_gives_what_the_whole_frame_gives():
     assert abs(np.angle(np.exp(1j * (track.source.phase - whole.phase)))) < spread
 
 
+def test_a_light_followed_has_the_box_that_a_full_look_gives():
+    followed, whole = SourceTracker(CAMERA, full_every=100), SourceTracker(CAMERA)
+    for k in range(10):
+        frame = frame_with([(120 + 5 * k, 80 + 20 * k, 9000.0, 120.0), (250, 300 - 7 * k, 14000.0, 90.0)], seed=k)
+        pairs = list(zip(followed.update(frame), whole.update(frame), strict=True))
+        assert len(pairs) == 2
+        for a, b in pairs:
+            assert a.visible
+            assert abs(a.source.x - b.source.x) <= 3
+            assert abs(a.source.x + a.source.width - b.source.x - b.source.width) <= 3
+            assert abs(a.source.y - b.source.y) <= 2
+            assert abs(a.source.y + a.source.height - b.source.y - b.source.height) <= 2
+            assert a.source.gain == pytest.approx(b.source.gain, abs=0.03)
+
+
+def test_lights_of_two_frequencies_are_both_seen_while_they_overlap():
+    tracker = SourceTracker(CAMERA, full_every=100)
+    for k in range(6):
+        tracks = tracker.update(
+            frame_with([(180, 120 + 15 * k, 9000.0, 120.0), (180, 280 - 15 * k, 14000.0, 120.0)], seed=k)
+        )
+    assert [(t.identity, t.visible) for t in tracks] == [(0, True), (1, True)]
+
+
+def test_a_light_that_turns_or_jumps_is_found_in_its_region():
+    tracker = SourceTracker(CAMERA, full_every=100)
+    for k, column in enumerate((80, 100, 120, 140, 100, 250, 250)):
+        (track,) = tracker.update(frame_with([(180, column, 9000.0, 120.0)], seed=k))
+        assert track.visible == (k != 5)  # farther than its reach: its region grows
+        assert not track.visible or abs(track.source.x + track.source.width / 2 - column) < 6
+
+
+def test_frames_may_become_smaller():
+    tracker = SourceTracker(CAMERA, full_every=100)
+    tracker.update(frame_with([(300, 420, 9000.0, 120.0)]))
+    assert [t.visible for t in tracker.update(np.full((40, 30), 20, np.uint8))] == [False]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

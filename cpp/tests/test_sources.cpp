@@ -80,6 +80,39 @@ TEST_CASE("screening gives the place and, roughly, the frequency") {
   CHECK(suspects.front().column + suspects.front().width >= 172);
 }
 
+TEST_CASE("a light is followed in its box, and searched for in its region where it is not") {
+  const auto pixels = picture(true);
+  const auto view = dense_view(pixels.data(), 1, rows, columns);
+  const LightSource whole = detect_sources(view, camera()).front();
+  const FrameRegion all{0, 0, columns, rows}, box{whole.x, whole.y, whole.width, whole.height}, away{0, 0, 40, 40};
+  for (const ExpectedLight& expected :
+       {ExpectedLight{box, 8000, all, true, false},
+        ExpectedLight{{box.x + 6, box.y - 8, 60, 70}, 8100, all, true, false},
+        ExpectedLight{away, 8000, all, true, false}, ExpectedLight{away, 8000, all, false, false},
+        ExpectedLight{away, 5000, all, false, true}}) {
+    const auto found = follow_sources(view, camera(), std::vector{expected});
+    REQUIRE(found.size() == 1);
+    CHECK(std::abs(static_cast<double>(found[0].x) - static_cast<double>(whole.x)) <= 5);
+    CHECK(std::abs(static_cast<double>(found[0].y) - static_cast<double>(whole.y)) <= 2);
+    CHECK(found[0].frequency == doctest::Approx(whole.frequency).epsilon(1e-3));
+  }
+  for (const ExpectedLight& expected :
+       {ExpectedLight{away, 8000, away, true, false}, ExpectedLight{box, 20000, all, true, false}})
+    CHECK(follow_sources(view, camera(), std::vector{expected}).empty());
+  CHECK(follow_sources(view, camera(), {}).empty());
+}
+
+TEST_CASE("lights cannot be expected beyond the frame or without a frequency") {
+  const auto pixels = picture(true);
+  const auto view = dense_view(pixels.data(), 1, rows, columns);
+  const FrameRegion all{0, 0, columns, rows}, beyond{300, 10, 30, 20}, none{5, 5, 0, 20};
+  for (const ExpectedLight& expected :
+       {ExpectedLight{beyond, 8000, all, true, false}, ExpectedLight{all, 8000, none, true, false},
+        ExpectedLight{all, 0, all, true, false}, ExpectedLight{all, 50000, all, true, false}})
+    CHECK_THROWS_AS(follow_sources(view, camera(), std::vector{expected}), std::invalid_argument);
+  CHECK_THROWS_AS(follow_sources(dense_view(pixels.data(), 2, rows / 2, columns), camera(), {}), std::invalid_argument);
+}
+
 TEST_CASE("options without meaning are refused") {
   const auto pixels = picture(false);
   const auto view = dense_view(pixels.data(), 1, rows, columns);

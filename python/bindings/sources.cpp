@@ -3,6 +3,7 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <tuple>
 #include <vector>
 
 #include "arrays.hpp"
@@ -19,6 +20,12 @@ py::tuple as_tuple(const LightSource& s) {
                         s.merged, s.joined, s.flags);
 }
 
+py::list as_list(const std::vector<LightSource>& sources) {
+  py::list list;
+  for (const LightSource& source : sources) list.append(as_tuple(source));
+  return list;
+}
+
 py::list detect(const py::array& frames, const Camera& camera, double false_alarms, double min_cycles,
                 std::size_t most) {
   const AnyFramesView view = any_view(frames);
@@ -27,9 +34,26 @@ py::list detect(const py::array& frames, const Camera& camera, double false_alar
     const py::gil_scoped_release unlocked;
     sources = detect_sources(view, camera, {false_alarms, min_cycles, most});
   }
-  py::list list;
-  for (const LightSource& source : sources) list.append(as_tuple(source));
-  return list;
+  return as_list(sources);
+}
+
+// As of ExpectedLight.
+using Region = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
+using Expected = std::tuple<Region, double, Region, bool, bool>;
+
+py::list follow(const py::array& frame, const Camera& camera, const std::vector<Expected>& expected,
+                double false_alarms, double min_cycles) {
+  const AnyFramesView view = any_view(frame);
+  const auto region = [](const Region& r) { return std::make_from_tuple<FrameRegion>(r); };
+  std::vector<ExpectedLight> lights;
+  for (const auto& [box, frequency, where, seen, data] : expected)
+    lights.push_back({region(box), frequency, region(where), seen, data});
+  std::vector<LightSource> sources;
+  {
+    const py::gil_scoped_release unlocked;
+    sources = follow_sources(view, camera, lights, {false_alarms, min_cycles});
+  }
+  return as_list(sources);
 }
 
 }  // namespace
@@ -37,6 +61,8 @@ py::list detect(const py::array& frames, const Camera& camera, double false_alar
 void register_sources(py::module_& module) {
   module.def("detect_sources", &detect, py::arg("frames"), py::arg("camera"), py::arg("false_alarms"),
              py::arg("min_cycles"), py::arg("most"));
+  module.def("follow_sources", &follow, py::arg("frame"), py::arg("camera"), py::arg("expected"),
+             py::arg("false_alarms"), py::arg("min_cycles"));
 }
 
 }  // namespace ocisac::bindings

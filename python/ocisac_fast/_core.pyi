@@ -186,6 +186,13 @@ def pool_estimates(values: npt.NDArray[np.float64], errors: npt.NDArray[np.float
 def detect_sources(
     frames: npt.NDArray[Any], camera: Camera, false_alarms: float, min_cycles: float, most: int
 ) -> list[tuple[Any, ...]]: ...
+def follow_sources(
+    frame: npt.NDArray[Any],
+    camera: Camera,
+    expected: Sequence[tuple[tuple[int, int, int, int], float, tuple[int, int, int, int], bool, bool]],
+    false_alarms: float,
+    min_cycles: float,
+) -> list[tuple[Any, ...]]: ...
 
 class RowWeights:
     def __init__(self, weights: npt.ArrayLike, rows: int, row_group: int, limbs: int) -> None: ...

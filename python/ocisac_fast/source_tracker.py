@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from typing import Any
 
 import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast._arrays import as_columns
 from ocisac_fast.camera import Camera
-from ocisac_fast.sources import LightSource, detect_sources
+from ocisac_fast.sources import LightSource, detect_sources, source_of
 
 Region = tuple[int, int, int, int]
 
@@ -53,7 +53,9 @@ class SourceTracker:
     """Keeps the identity of lights over the frames of a video.
 
     A light found is the one expected nearest to it among those of its frequency; a track that is hidden goes on with
-    its velocity for ``patience`` frames, its region growing. Between full looks only the regions are read.
+    its velocity for ``patience`` frames, its region growing. Between full looks a light that was just seen is looked
+    for where its velocity takes it, to within two of its cycles; only where it is not, or sends data, is its region
+    searched.
 
     Args:
         camera: as for :func:`detect_sources`.
@@ -61,7 +63,7 @@ class SourceTracker:
         reach: largest distance from where a light is expected, in sizes of its box, for each frame since it was seen;
             above 0.
         full_every: frames from one look at the whole frame to the next, 1 or above; in between, new lights are not
-            seen.
+            seen: one that appears is known at most so many frames later.
         false_alarms, min_cycles: as for :func:`detect_sources`.
 
     Raises:
@@ -86,7 +88,7 @@ class SourceTracker:
             raise ValueError(f"full_every: got {full_every}, allowed: 1 or above")
         self._camera = camera
         self._patience, self._reach, self._full_every = patience, reach, full_every
-        self._options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
+        self._false_alarms, self._min_cycles = false_alarms, min_cycles
         self._frame = -1
         self._identities = itertools.count()
         self._tracks: list[Track] = []
@@ -101,14 +103,14 @@ class SourceTracker:
         pixels = as_columns(frame, "frame")
         if pixels.ndim != 2:
             raise ValueError(f"frame: got {pixels.ndim} dimensions, allowed: (rows, columns)")
+        shape = (pixels.shape[0], pixels.shape[1])
         if self._tracks and (self._frame + 1) % self._full_every:
-            found: list[LightSource] = []
-            for track in self._tracks:  # regions of neighbours overlap
-                seen = self._seen_in(pixels, track.region)
-                found += [s for s in seen if not any(_same_place(s, other) for other in found)]
+            expected = [_looked_for(track, shape) for track in self._tracks]
+            seen = _core.follow_sources(pixels, self._camera._handle, expected, self._false_alarms, self._min_cycles)
+            found = [source_of(*values) for values in seen]
         else:
-            found = detect_sources(pixels, self._camera, **self._options)  # type: ignore[arg-type]
-        return self.follow(found, (pixels.shape[0], pixels.shape[1]))
+            found = detect_sources(pixels, self._camera, false_alarms=self._false_alarms, min_cycles=self._min_cycles)
+        return self.follow(found, shape)
 
     def follow(self, sources: list[LightSource], shape: tuple[int, int]) -> list[Track]:
         """The same with the lights of the next frame already found; reflections are left out.
@@ -133,20 +135,6 @@ class SourceTracker:
         new = [self._begun(light, shape) for k, light in enumerate(lights) if k not in taken.values()]
         self._tracks = [track for track in old if track.hidden <= self._patience] + new
         return self.tracks
-
-    def _seen_in(self, pixels: npt.NDArray[Any], region: Region) -> list[LightSource]:
-        x, y, width, height = region
-        part = detect_sources(pixels[y : y + height, x : x + width], self._camera, **self._options)  # type: ignore[arg-type]
-        turn = 2.0 * math.pi * self._camera.row_time * y
-        return [
-            dataclasses.replace(
-                source,
-                x=source.x + x,
-                y=source.y + y,
-                phase=math.remainder(source.phase - turn * source.frequency, 2.0 * math.pi),
-            )
-            for source in part
-        ]
 
     def _distance(self, track: Track, source: LightSource) -> float:
         """From where the track is expected, as a share of what is allowed; infinite for another frequency."""
@@ -214,11 +202,20 @@ class SourceTracker:
         return x, y, max(width, 1), max(height, 1)
 
 
-def _same_place(a: LightSource, b: LightSource) -> bool:
-    """Whether two boxes share half of the smaller one."""
-    width = min(a.x + a.width, b.x + b.width) - max(a.x, b.x)
-    height = min(a.y + a.height, b.y + b.height) - max(a.y, b.y)
-    return 2 * max(width, 0) * max(height, 0) > min(a.width * a.height, b.width * b.height)
+def _looked_for(track: Track, shape: tuple[int, int]) -> tuple[Region, float, Region, bool, bool]:
+    """Box, frequency and region in the next frame, whether it was just seen, and whether it sends data."""
+    source = track.source
+    x, y = round(source.x + track.velocity[0]), round(source.y + track.velocity[1])
+    box = _within((x, y, source.width, source.height), shape)
+    return box, track.frequency, _within(track.region, shape), track.visible, source.carries_data
+
+
+def _within(region: Region, shape: tuple[int, int]) -> Region:
+    """Moved to the frame, and cut where it is larger."""
+    x, y, width, height = region
+    rows, columns = shape
+    width, height = min(width, columns), min(height, rows)
+    return min(max(x, 0), columns - width), min(max(y, 0), rows - height), width, height
 
 
 def _centre(source: LightSource) -> tuple[float, float]:

@@ -93,10 +93,11 @@ def detect_sources(
         ValueError: wrong shape or type, samples that are not finite, or an option out of range.
     """
     found = _core.detect_sources(as_columns(frames, "frames"), camera._handle, false_alarms, min_cycles, most)
-    return [_source(*values) for values in found]
+    return [source_of(*values) for values in found]
 
 
-def _source(*values: Any) -> LightSource:
+def source_of(*values: Any) -> LightSource:
+    """From what the core gives."""
     *start, reflection_of, by_phase, merged, joined, flags = values
     if reflection_of is not None:
         reason = "frequency and phase" if by_phase else "frequency"

@@ -19,9 +19,9 @@ constexpr std::size_t most_suspects = 256;
 constexpr double least_rows = 24;       // of a box
 constexpr double least_periodic = 0.4;  // of the swing common to the columns
 constexpr double most_uneven = 0.25;
-constexpr double data_periodic = 0.7;    // a tone or a square wave has more
-constexpr double largest_spread = 0.05;  // relative standard error of a frequency that was told at all
-constexpr double one_frequency = 0.04;   // parts that differ by more are of a light that sends data
+constexpr double data_periodic = 0.7;     // a tone or a square wave has more
+constexpr double largest_spread = 0.05;   // relative standard error of a frequency that was told at all
+constexpr double frequency_apart = 0.04;  // relative: parts that differ by more are of a light that sends data
 constexpr double faint_level = 0.1;
 constexpr double reflection_level = 0.5;  // a light as strong as this share of another is one of its own
 
@@ -39,9 +39,12 @@ struct Found {
   std::size_t merged = 0;
   bool joined = false;  // parts beside or above each other
   bool data = false;    // their frequencies differ, or no tone goes through them
+  bool known = false;   // from the frame before
   std::optional<std::size_t> reflection_of = {};
   bool by_phase = false;
 };
+
+bool one_frequency(double f, double g) { return std::abs(f - g) <= frequency_apart * std::max(f, g); }
 
 // As all its columns and rows together send, roughly.
 double flux(const RefinedLight& light) { return light.amplitude * static_cast<double>(light.width * light.height); }
@@ -106,18 +109,29 @@ bool explained(const Suspect& suspect, const RefinedLight& light) {
   return 2 * both > suspect.width * suspect.height;
 }
 
+// A suspect's frequency is known to half a cycle of no fewer than 2.5.
+bool may_show(const Suspect& suspect, double frequency) {
+  return std::abs(suspect.frequency - frequency) <= 0.25 * frequency;
+}
+
 LightPart part_of(const RefinedLight& light) {
   return {light.column, light.row, light.width, light.height, light.frequency};
 }
 
-// One light seen twice: boxes that share half of the smaller one, whatever the frequency; the stronger one stays.
-std::vector<Found> without_doubles(std::vector<RefinedLight> lights) {
-  std::ranges::stable_sort(lights, std::greater{}, size_of);
+// Boxes that share half of the smaller one, whatever the frequency; but lights that are known to be two may cross.
+bool doubles(const Found& a, const Found& b) {
+  return overlap(a.light, b.light) > 0.5 &&
+         !(a.known && b.known && !one_frequency(a.light.frequency, b.light.frequency));
+}
+
+// One light seen twice becomes the stronger one.
+std::vector<Found> without_doubles(std::vector<Found> lights) {
+  std::ranges::stable_sort(lights, std::greater{}, [](const Found& one) { return size_of(one.light); });
   std::vector<Found> kept;
-  for (const RefinedLight& light : lights) {
-    const auto twin = std::ranges::find_if(kept, [&](const Found& other) { return overlap(light, other.light) > 0.5; });
+  for (const Found& one : lights) {
+    const auto twin = std::ranges::find_if(kept, [&](const Found& other) { return doubles(one, other); });
     if (twin == kept.end())
-      kept.push_back({.light = light, .box = part_of(light)});
+      kept.push_back(one);
     else
       ++twin->merged;
   }
@@ -143,8 +157,8 @@ void join_parts(std::vector<Found>& found, const Across& across, const Down& dow
         ++k;
         continue;
       }
-      const double f = one.light.frequency, g = other.light.frequency;
-      one.data = one.data || other.data || !beside || std::abs(f - g) > one_frequency * std::max(f, g);
+      one.known = one.known || other.known;
+      one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
       one.merged += 1 + other.merged;
       one.joined = true;
       extend(one.box, other.box);
@@ -157,7 +171,7 @@ void join_parts(std::vector<Found>& found, const Across& across, const Down& dow
 // them are too many to carry the phase over, the frequency alone has to do.
 void find_reflections(std::vector<Found>& found) {
   for (std::size_t i = 1; i < found.size(); ++i)
-    for (std::size_t k = 0; k < i && !found[i].reflection_of; ++k) {
+    for (std::size_t k = 0; k < i && !found[i].reflection_of && !found[i].known; ++k) {
       const RefinedLight &weak = found[i].light, &strong = found[k].light;
       if (found[k].reflection_of || !same_frequency(weak, strong) || flux(weak) > reflection_level * flux(strong))
         continue;
@@ -216,30 +230,123 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   return source;
 }
 
-std::vector<Found> lights_in(const AnyFramesView& frames, std::size_t frame, const Camera& camera,
-                             const DetectOptions& options) {
-  ToneCurve stored;  // a memoryless curve keeps every period, and stored values show darkness best
-  stored.dark_level = camera.tone_curve.dark_level;
-  stored.white_level = camera.tone_curve.white_level;
-  const double floor = logarithm_floor(frames, stored);
-  auto suspects = screen_sources(frames, frame, stored, options.false_alarms);
-  suspects.resize(std::min(suspects.size(), most_suspects));
-  const LightLimits limits{least_rows, options.least_cycles, least_amplitude(frames)};
-  const double least_evidence = evidence_for(suspects.size(), options.false_alarms);
-  std::vector<RefinedLight> lights;
-  for (const Suspect& suspect : suspects) {
-    if (std::ranges::any_of(lights, [&](const RefinedLight& light) { return explained(suspect, light); })) continue;
-    const auto light = refine_source(frames, frame, stored.dark_level, suspect, floor, limits);
-    if (light && accepted(*light, limits, least_evidence)) lights.push_back(*light);
+// One frame as lights are looked for in it.
+class Look {
+ public:
+  Look(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const DetectOptions& options)
+      : frames_(frames),
+        frame_(frame),
+        options_(options),
+        limits_{least_rows, options.least_cycles, least_amplitude(frames)} {
+    // A memoryless curve keeps every period, and stored values show darkness best.
+    stored_.dark_level = camera.tone_curve.dark_level;
+    stored_.white_level = camera.tone_curve.white_level;
+    floor_ = logarithm_floor(frames, stored_);
   }
-  auto found = without_doubles(std::move(lights));
-  found.resize(std::min(found.size(), options.most));
-  const auto of = [&](auto same) {
-    return [&, same](const LightPart& a, const LightPart& b) { return same(frames, frame, stored, floor, a, b); };
+
+  // Whether the light is where it is expected, and nothing else has been found there.
+  bool find_expected(const FrameRegion& box, double cycles_per_row) {
+    const Suspect suspect{box.x, box.y, box.width, box.height, cycles_per_row, 1, 0};
+    const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
+    if (!light || !accepted(*light, limits_, evidence_for(1, options_.false_alarms))) return false;
+    const Found one{.light = *light, .box = part_of(*light), .known = true};
+    if (std::ranges::any_of(found_, [&](const Found& other) { return doubles(one, other); })) return false;
+    found_.push_back(one);
+    return true;
+  }
+
+  // Lights of a region, but those that were found before; of `frequencies`, in cycles per row, unless there are none.
+  void search(const FrameRegion& region, std::span<const double> frequencies = {}) {
+    auto suspects = screen_sources(part(region), 0, stored_, options_.false_alarms);
+    suspects.resize(std::min(suspects.size(), most_suspects));
+    const double least_evidence = evidence_for(suspects.size(), options_.false_alarms);
+    for (Suspect& suspect : suspects) {
+      if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
+        continue;
+      suspect.column += region.x, suspect.row += region.y;
+      if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
+      const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
+      if (light && accepted(*light, limits_, least_evidence))
+        found_.push_back({.light = *light, .box = part_of(*light)});
+    }
+  }
+
+  std::vector<Found> lights() {
+    auto found = without_doubles(std::move(found_));
+    found.resize(std::min(found.size(), options_.most));
+    const auto of = [&](auto same) {
+      return [&, same](const LightPart& a, const LightPart& b) { return same(frames_, frame_, stored_, floor_, a, b); };
+    };
+    join_parts(found, of(one_light_across), of(one_light_down));
+    find_reflections(found);
+    return found;
+  }
+
+ private:
+  [[nodiscard]] AnyFramesView part(const FrameRegion& region) const {
+    return std::visit(
+        [&](auto view) -> AnyFramesView {
+          view.data = view.at(frame_, region.y, region.x);
+          view.frames = 1;
+          view.rows = region.height;
+          view.columns = region.width;
+          return view;
+        },
+        frames_);
+  }
+
+  const AnyFramesView& frames_;
+  std::size_t frame_;
+  const DetectOptions& options_;
+  LightLimits limits_;
+  ToneCurve stored_;
+  double floor_ = 0;
+  std::vector<Found> found_;
+};
+
+// Where to search, and for what: nothing given, for any frequency.
+struct Search {
+  FrameRegion region;
+  std::vector<double> frequencies;
+};
+
+// Searches whose regions overlap become one of the region that holds both.
+std::vector<Search> united(std::vector<Search> searches) {
+  for (std::size_t i = 0; i < searches.size(); ++i)
+    for (std::size_t k = i + 1; k < searches.size();) {
+      FrameRegion &a = searches[i].region, &b = searches[k].region;
+      if (overlap(a.x, a.width, b.x, b.width) == 0 || overlap(a.y, a.height, b.y, b.height) == 0) {
+        ++k;
+        continue;
+      }
+      const std::size_t right = std::max(a.x + a.width, b.x + b.width);
+      const std::size_t bottom = std::max(a.y + a.height, b.y + b.height);
+      a.x = std::min(a.x, b.x), a.y = std::min(a.y, b.y);
+      a.width = right - a.x, a.height = bottom - a.y;
+      auto &all = searches[i].frequencies, &more = searches[k].frequencies;
+      if (all.empty() || more.empty())
+        all.clear();
+      else
+        all.insert(all.end(), more.begin(), more.end());
+      searches.erase(searches.begin() + static_cast<std::ptrdiff_t>(k));
+      k = i + 1;
+    }
+  return searches;
+}
+
+void check(const FrameRegion& region, const Shape& shape, const char* name) {
+  const auto fits = [](std::size_t first, std::size_t count, std::size_t all) {
+    return count > 0 && first < all && count <= all - first;
   };
-  join_parts(found, of(one_light_across), of(one_light_down));
-  find_reflections(found);
-  return found;
+  require(fits(region.x, region.width, shape.columns), name, region.x, "columns of the frame");
+  require(fits(region.y, region.height, shape.rows), name, region.y, "rows of the frame");
+}
+
+void check(const ExpectedLight& light, const Shape& shape, const Camera& camera) {
+  check(light.box, shape, "box");
+  check(light.region, shape, "region");
+  require(light.frequency > 0 && light.frequency * camera.row_time < 0.5, "frequency", light.frequency,
+          "above 0, below half the row rate");
 }
 
 }  // namespace
@@ -250,9 +357,33 @@ std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camer
   check(camera);
   check(options);
   std::vector<LightSource> sources;
-  for (std::size_t frame = 0; frame < shape_of(frames).frames; ++frame)
-    for (const Found& found : lights_in(frames, frame, camera, options))
-      sources.push_back(source_of(frames, frame, camera, found));
+  const Shape shape = shape_of(frames);
+  for (std::size_t frame = 0; frame < shape.frames; ++frame) {
+    Look look(frames, frame, camera, options);
+    look.search({0, 0, shape.columns, shape.rows});
+    for (const Found& found : look.lights()) sources.push_back(source_of(frames, frame, camera, found));
+  }
+  return sources;
+}
+
+std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera& camera,
+                                        std::span<const ExpectedLight> expected, const DetectOptions& options) {
+  check(frame);
+  check(camera);
+  check(options);
+  const Shape shape = shape_of(frame);
+  require(shape.frames == 1, "frame", shape.frames, "one frame");
+  for (const ExpectedLight& light : expected) check(light, shape, camera);
+  Look look(frame, 0, camera, options);
+  std::vector<Search> searches;
+  for (const ExpectedLight& light : expected) {
+    const double cycles_per_row = light.frequency * camera.row_time;
+    if (light.seen && !light.data && look.find_expected(light.box, cycles_per_row)) continue;
+    searches.push_back({light.region, light.data ? std::vector<double>{} : std::vector{cycles_per_row}});
+  }
+  for (const Search& search : united(std::move(searches))) look.search(search.region, search.frequencies);
+  std::vector<LightSource> sources;
+  for (const Found& found : look.lights()) sources.push_back(source_of(frame, 0, camera, found));
   return sources;
 }
 

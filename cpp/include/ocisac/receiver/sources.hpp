@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <limits>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
@@ -41,5 +42,26 @@ struct LightSource {
 // rows has none.
 std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
                                         const DetectOptions& options = {});
+
+// Pixels of a frame: columns from x, rows from y.
+struct FrameRegion {
+  std::size_t x, y, width, height;
+};
+
+// A light of a frame before.
+struct ExpectedLight {
+  FrameRegion box;     // where it should be, if it was seen in the last frame
+  double frequency;    // Hz, below half the row rate
+  FrameRegion region;  // where it may be
+  bool seen;           // in the last frame, so that its box is known to a cycle or two
+  bool data;           // shows other frequencies too
+};
+
+// The lights that are expected in one frame: a tone that was just seen in its box, others, and those that are not in
+// their boxes, in their regions, at about their frequencies. Regions that overlap are searched as one. As of
+// detect_sources, but no light found in its box is taken for a reflection. Refused as there, and: more than one frame,
+// boxes and regions that are empty or not within the frame, frequencies not between 0 and half the row rate.
+std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera& camera,
+                                        std::span<const ExpectedLight> expected, const DetectOptions& options = {});
 
 }  // namespace ocisac
