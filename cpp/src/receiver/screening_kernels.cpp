@@ -19,12 +19,14 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, const ChunkMoments& out) {
+void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile,
+                    const ChunkMoments& out, float* common) {
   const hn::CappedTag<float, 16> d;
   const std::size_t lanes = hn::Lanes(d);
   for (std::size_t g = 0; g < groups; g += lanes) {
     const auto first = hn::LoadU(d, rows + g), first1 = hn::LoadU(d, rows + g + 1), first2 = hn::LoadU(d, rows + g + 2);
     auto sum = hn::Zero(d), slope = sum, square = sum, next = sum, second = sum;
+    hn::StoreU(sum, d, common + g);
     for (std::size_t n = 1; n < chunk_rows; ++n) {
       const float* row = rows + n * stride + g;
       const auto x = hn::Sub(hn::LoadU(d, row), first);
@@ -34,6 +36,8 @@ void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, c
       square = hn::Add(square, hn::Mul(x, x));
       next = hn::Add(next, hn::Mul(x, y));
       second = hn::Add(second, hn::Mul(x, z));
+      const auto two = tile > 1 ? hn::Add(x, y) : x;
+      hn::StoreU(tile > 2 ? hn::Add(two, z) : two, d, common + n * stride + g);
     }
     hn::StoreU(sum, d, out.sum + g);
     hn::StoreU(slope, d, out.slope + g);
@@ -73,7 +77,7 @@ bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, c
   const FloatTag d;
   const std::size_t lanes = hn::Lanes(d), groups = tiles + bound.groups - 1;
   constexpr float rows = chunk_rows, middle = chunk_rows - 0.5F;
-  constexpr float later_slope = chunk_rows * chunk_rows / 2;  // Σ of n − 15.5 over the later chunk
+  constexpr float later_slope = 0.5F * rows * rows;  // Σ of n − 15.5 over the later chunk
   for (std::size_t g = 0; g < groups; g += lanes) {
     const auto step = hn::Sub(hn::LoadU(d, later.first + g), hn::LoadU(d, earlier.first + g));
     const auto before = hn::LoadU(d, earlier.moments.sum + g), after = hn::LoadU(d, later.moments.sum + g);
@@ -109,31 +113,23 @@ bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, c
   return any;
 }
 
-// Of `waves` cosines and sines, those of row n at n·waves, both sums with the groups' common log light.
-void WaveSums(const Chunk& earlier, const Chunk& later, std::size_t stride, std::size_t groups, const float* cosine,
+void WaveSums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
               const float* sine, std::size_t waves, float* even, float* odd) {
-  float start = 0;
-  for (std::size_t g = 0; g < groups; ++g) start += earlier.first[g];
-  std::array<float, 2 * chunk_rows> common;
-  for (std::size_t n = 0; n < common.size(); ++n) {
-    const float* row = n < chunk_rows ? earlier.first + n * stride : later.first + (n - chunk_rows) * stride;
-    common[n] = -start;
-    for (std::size_t g = 0; g < groups; ++g) common[n] += row[g];
+  std::array<float, chunk_rows> sum, difference;
+  for (std::size_t n = 0; n < chunk_rows; ++n) {
+    const float before = earlier[n * stride], after = later[(chunk_rows - 1 - n) * stride] + step;
+    sum[n] = after + before;
+    difference[n] = after - before;
   }
   const hn::CappedTag<float, 8> d;
-  const std::size_t lanes = hn::Lanes(d);
-  for (std::size_t k = 0; k < waves; k += lanes) {
-    auto a = hn::Zero(d), b = a, a1 = a, b1 = a;
-    for (std::size_t n = 0; n < common.size(); n += 2) {
-      const std::size_t at = n * waves + k;
-      const auto x = hn::Set(d, common[n]), x1 = hn::Set(d, common[n + 1]);
-      a = hn::MulAdd(x, hn::LoadU(d, cosine + at), a);
-      b = hn::MulAdd(x, hn::LoadU(d, sine + at), b);
-      a1 = hn::MulAdd(x1, hn::LoadU(d, cosine + at + waves), a1);
-      b1 = hn::MulAdd(x1, hn::LoadU(d, sine + at + waves), b1);
+  for (std::size_t k = 0; k < waves; k += hn::Lanes(d)) {
+    auto a = hn::Zero(d), b = a;
+    for (std::size_t n = 0; n < chunk_rows; ++n) {
+      a = hn::MulAdd(hn::Set(d, sum[n]), hn::LoadU(d, cosine + n * waves + k), a);
+      b = hn::MulAdd(hn::Set(d, difference[n]), hn::LoadU(d, sine + n * waves + k), b);
     }
-    hn::StoreU(hn::Add(a, a1), d, even + k);
-    hn::StoreU(hn::Add(b, b1), d, odd + k);
+    hn::StoreU(a, d, even + k);
+    hn::StoreU(b, d, odd + k);
   }
 }
 
@@ -201,8 +197,9 @@ HWY_EXPORT(SumEightBytes);
 HWY_EXPORT(SumEightColumns);
 HWY_EXPORT(Logarithms);
 
-void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, const ChunkMoments& out) {
-  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(rows, stride, groups, out);
+void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
+                   float* common) {
+  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(rows, stride, groups, tile, out, common);
 }
 
 bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
@@ -210,9 +207,9 @@ bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, 
   return HWY_DYNAMIC_DISPATCH(TileEnergies)(earlier, later, tiles, bound, scratch, energy);
 }
 
-void wave_sums(const Chunk& earlier, const Chunk& later, std::size_t stride, std::size_t groups, const float* cosine,
+void wave_sums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
                const float* sine, std::size_t waves, float* even, float* odd) {
-  HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, stride, groups, cosine, sine, waves, even, odd);
+  HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, step, stride, cosine, sine, waves, even, odd);
 }
 
 void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,

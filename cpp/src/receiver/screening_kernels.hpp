@@ -15,13 +15,16 @@ struct ChunkMoments {
   float *sum, *slope, *square, *next, *second;
 };
 
-// `rows`: chunk_rows rows of `groups` values, `stride` apart, with padding after each.
-void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, const ChunkMoments& out);
+// `rows`: chunk_rows rows of `groups` values, `stride` apart, with padding after each. common: the same rows, each
+// value with the next tile − 1 ones (tile: 1 to 3) added, less the first row.
+void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
+                   float* common);
 
-// A chunk as it lies in a window: its first row, and its moments about it.
+// A chunk as it lies in a window: its first row, its moments about it, and `common` of chunk_moments().
 struct Chunk {
   const float* first;
   ChunkMoments moments;
+  const float* common;
 };
 
 // What makes a tile of `groups` neighbouring groups a candidate: energy above `least_energy`, and a common share of at
@@ -42,9 +45,10 @@ struct WindowScratch {
 bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
                    const WindowScratch& scratch, float* energy);
 
-// even[k] = Σ_n cosine(n, k)·(log light of row n, groups added, less the first row's), odd[k] likewise, in a window
-// whose rows are `stride` apart. cosine, sine: (32 rows × waves); waves: a multiple of 8.
-void wave_sums(const Chunk& earlier, const Chunk& later, std::size_t stride, std::size_t groups, const float* cosine,
+// Sums of a tile's common log light c over a window, folded about its middle: even[k] = Σ_n cosine(n, k)·(c(31 − n) +
+// c(n)), odd[k] = Σ_n sine(n, k)·(c(31 − n) − c(n)), n = 0 … 15. cosine, sine: (16 × waves), waves: a multiple of 8;
+// step: of c, from the earlier chunk's first row to the later one's; rows are `stride` apart.
+void wave_sums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
                const float* sine, std::size_t waves, float* even, float* odd);
 
 // out[g] = scale·(sum of bytes 8g … 8g + 7) − dark.

@@ -25,32 +25,31 @@ constexpr float least_power = 1e-6F;  // mean square of log light: swings below 
 // Cycles in a window: by halves where the tiles of the next scale do not see better.
 constexpr std::array<double, 18> cycles{2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8, 9, 10, 11, 12, 13, 14};
 
-// Cosines and sines less their own mean and slope, so that a signal's do not count: (rows × waves).
+// Cosines and sines about the middle of a window, less their own mean and slope, so that a signal's do not count:
+// of rows 31, 30, … 16 (16 × waves).
 struct Waves {
   static constexpr std::size_t padded = 24;  // waves, in whole vectors
-  std::array<std::array<float, padded>, window> cosine{}, sine{};
+  std::array<std::array<float, padded>, hop> cosine{}, sine{};
   float slope_energy = 0;  // Σ (n − 15.5)²
 
   Waves() {
-    std::array<double, window> slope;
-    for (std::size_t n = 0; n < window; ++n) {
-      slope[n] = static_cast<double>(n) - 0.5 * (window - 1);
-      slope_energy += static_cast<float>(slope[n] * slope[n]);
-    }
-    for (std::size_t k = 0; k < cycles.size(); ++k)
-      for (const bool quarter : {false, true}) {
-        std::array<double, window> wave;
-        double mean = 0, tilt = 0;
-        for (std::size_t n = 0; n < window; ++n) {
-          const double turn = 2 * std::numbers::pi * cycles[k] * static_cast<double>(n) / window;
-          wave[n] = quarter ? std::sin(turn) : std::cos(turn);
-          mean += wave[n] / window;
-          tilt += wave[n] * slope[n] / static_cast<double>(slope_energy);
-        }
-        auto& rows = quarter ? sine : cosine;
-        for (std::size_t n = 0; n < window; ++n) rows[n][k] = static_cast<float>(wave[n] - mean - tilt * slope[n]);
+    for (std::size_t n = 0; n < hop; ++n) slope_energy += static_cast<float>(2 * from_middle(n) * from_middle(n));
+    for (std::size_t k = 0; k < cycles.size(); ++k) {
+      const auto turn = [&](std::size_t n) { return 2 * std::numbers::pi * cycles[k] * from_middle(n) / window; };
+      double mean = 0, tilt = 0;
+      for (std::size_t n = 0; n < hop; ++n) {
+        mean += std::cos(turn(n)) / hop;
+        tilt += 2 * std::sin(turn(n)) * from_middle(n) / static_cast<double>(slope_energy);
       }
+      for (std::size_t n = 0; n < hop; ++n) {
+        cosine[n][k] = static_cast<float>(std::cos(turn(n)) - mean);
+        sine[n][k] = static_cast<float>(std::sin(turn(n)) - tilt * from_middle(n));
+      }
+    }
   }
+
+  // Of row 31 − n.
+  static double from_middle(std::size_t n) { return 0.5 * (window - 1) - static_cast<double>(n); }
 };
 
 const Waves& waves() {
@@ -68,13 +67,15 @@ struct Tone {
   std::uint8_t wave = 0;
 };
 
-// The strongest of the waves in the sum of `groups` neighbouring groups.
-Tone strongest_tone(const kernels::Chunk& earlier, const kernels::Chunk& later, std::size_t stride,
+// The strongest of the waves in what the groups of a tile have in common; `tile`: its first group.
+Tone strongest_tone(const kernels::Chunk& earlier, const kernels::Chunk& later, std::size_t tile, std::size_t stride,
                     std::size_t groups) {
   const Waves& all = waves();
+  float step = 0;
+  for (std::size_t g = tile; g < tile + groups; ++g) step += later.first[g] - earlier.first[g];
   std::array<float, Waves::padded> a, b;
-  kernels::wave_sums(earlier, later, stride, groups, all.cosine[0].data(), all.sine[0].data(), Waves::padded, a.data(),
-                     b.data());
+  kernels::wave_sums(earlier.common + tile, later.common + tile, step, stride, all.cosine[0].data(), all.sine[0].data(),
+                     Waves::padded, a.data(), b.data());
   Tone best;
   for (std::size_t k = 0; k < cycles.size(); ++k) {
     const double energy = 2.0 / window * static_cast<double>(a[k] * a[k] + b[k] * b[k]);
@@ -144,6 +145,7 @@ class Scale {
         column_step_(column_step),
         stride_(groups + kernels::chunk_padding),
         logs_(2 * kernels::chunk_rows * stride_),
+        common_(logs_.size()),
         previous_(stride_),
         energy_(stride_) {
     for (auto& values : scratch_) values.resize(stride_);
@@ -211,7 +213,8 @@ class Scale {
   void end_chunk() {
     const std::size_t chunks = seen_ / kernels::chunk_rows, later = (chunks - 1) % 2;
     const kernels::Chunk newest = chunk(later);
-    kernels::chunk_moments(newest.first, stride_, groups_, newest.moments);
+    kernels::chunk_moments(newest.first, stride_, groups_, tile_width(), newest.moments,
+                           &common_[later * kernels::chunk_rows * stride_]);
     if (chunks > 1) end_window(1 - later, later);
   }
 
@@ -237,27 +240,23 @@ class Scale {
       for (std::size_t k = 0; k < tile_width(); ++k) mean += (a.first[g + k] + scratch.sum[g + k] / window) / count;
       const float swing = least_swing_ * std::exp(-mean);
       if (energy < 0.5F * swing * swing * window * count) continue;
-      const Tone tone = strongest_tone(shifted(a, g), shifted(b, g), stride_, tile_width());
+      const Tone tone = strongest_tone(a, b, g, stride_, tile_width());
       const double share = tone.energy / static_cast<double>(count * energy);
       if (share >= threshold_)
         map_.tiles[(map_.windows - 1) * across + g] = {static_cast<float>(std::min(share, 0.9999)), tone.wave};
     }
   }
 
-  static kernels::Chunk shifted(kernels::Chunk chunk, std::size_t groups) {
-    chunk.first += groups;
-    return chunk;
-  }
-
   [[nodiscard]] kernels::Chunk chunk(std::size_t which) {
     const auto part = [&](std::size_t k) { return moments_[k].data() + which * stride_; };
-    return {&logs_[which * kernels::chunk_rows * stride_], {part(0), part(1), part(2), part(3), part(4)}};
+    const std::size_t at = which * kernels::chunk_rows * stride_;
+    return {&logs_[at], {part(0), part(1), part(2), part(3), part(4)}, &common_[at]};
   }
 
   std::size_t rows_, groups_, row_step_, column_step_, stride_, across_ = 1, seen_ = 0;
   float floor_ = 0, least_swing_ = 0;
   double threshold_ = 1;
-  std::vector<float> logs_;                    // (2 chunks × 16 rows)
+  std::vector<float> logs_, common_;           // (2 chunks × 16 rows)
   std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of ChunkMoments
   std::vector<float> previous_, light_;
   std::array<std::vector<float>, 6> scratch_;  // of a window, as of WindowScratch
