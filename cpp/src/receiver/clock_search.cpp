@@ -2,50 +2,93 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include "channel_growth.hpp"
+#include "frame_evenness.hpp"
 #include "ocisac/receiver/sequence_detector.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kUnsureFrame = 0.3;     // chips; with a larger standard error at the frame's ends all rates are tried
-constexpr double kCloseSequences = 3.5;  // half the distance of the closest pair over the noise
-constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
-constexpr double kMostExposureMoved = 0.8;
-constexpr double kRateStep = 0.3;  // chips at the farther end
-constexpr double kMostRateSteps = 20;
-constexpr std::size_t kClocksTried = 8;  // further, of those
-constexpr int kClockRounds = 4;
-constexpr double kExposureMove = 1.5;  // standard errors
+constexpr double kUnsureFrame = 0.3;   // chips; with a larger standard error at the frame's ends clocks are compared
+constexpr double kCloseSequences = 6;  // half the distance of the closest pair over the noise
+constexpr double kExposureStep = 0.5;  // chips, of the exposures to begin with
+constexpr int kExposureSteps = 2;      // on either side
+constexpr double kGrowth = 1.35;       // of the rows from one round to the next
+constexpr double kMovedErrors = 1.5, kLeastMoved = 0.25, kMostMoved = 0.4;  // standard errors, chips at the rows' ends
+constexpr std::size_t kMostClocks = 8;                                      // kept
+constexpr double kReach = 20;                                               // nats that these are behind the likeliest
+constexpr double kAlike = 0.12;                                             // chips, at the rows' ends and of exposure
+constexpr int kWholeRounds = 3;
+constexpr double kLeastGrowth = 1.3;  // from the likeliest
 
-// A start with rates within three standard errors, and exposures about it where that is not sure.
-std::vector<ChannelEstimate> start_grid(const ChannelEstimate& start, std::size_t rows, bool exposure_known) {
-  const ChipClock& clock = start.clock;
-  const double middle = clock.phase + static_cast<double>(start.errors.chip) * clock.rows_per_chip;
-  const double farthest = std::max(middle, static_cast<double>(rows) - middle) / clock.rows_per_chip;
-  const double step = kRateStep * clock.rows_per_chip / farthest;
-  const double steps = std::min(std::ceil(3 * start.errors.rows_per_chip_std() / step), kMostRateSteps);
-  const double exposure_error = start.errors.exposure_std() / clock.rows_per_chip;
-  std::vector<double> moves{0};
-  if (!exposure_known && exposure_error > kCertainExposure)
-    for (const double move : {-kExposureMove, kExposureMove})
-      moves.push_back(move * std::min(exposure_error, kMostExposureMoved));
-  std::vector<ChannelEstimate> grid;
-  for (double k = -steps; k <= steps; ++k)
-    for (const double move : moves) {
-      ChannelEstimate channel = with_exposure_moved(start, move);
-      channel.clock.rows_per_chip += k * step;
-      channel.clock.phase -= k * step * static_cast<double>(start.errors.chip);
-      grid.push_back(std::move(channel));
-    }
-  return grid;
+// The rows with more on either side; at an end of the frame as many more on the other.
+RowRange longer(RowRange rows, std::size_t frame_rows) {
+  const auto size =
+      std::min(static_cast<std::size_t>(std::ceil(kGrowth * static_cast<double>(rows.size()))) + 1, frame_rows);
+  const std::size_t before = std::min((size - rows.size()) / 2, rows.begin);
+  const std::size_t begin = std::min(rows.begin - before, frame_rows - size);
+  return {begin, begin + size};
 }
 
-}  // namespace
+// The start, and what suits the known chips, or is near the start, with longer and shorter exposures.
+std::vector<ChannelEstimate> first_clocks(const TurnContext& context, const ChannelEstimate& start) {
+  const RefineOptions& options = context.options;
+  std::vector<ChannelEstimate> clocks{start};
+  if (options.exposure_known) return clocks;
+  for (int k = -kExposureSteps; k <= kExposureSteps; ++k) {
+    if (k == 0) continue;
+    ChannelEstimate moved = with_exposure_moved(start, k * kExposureStep);
+    auto fitted = options.known.levels.empty()
+                      ? std::nullopt
+                      : fit_channel(context.signal, options.known, moved.clock, {1, 0, true}, options.effort);
+    clocks.push_back(fitted && fitted->swing[0] > 0 ? std::move(*fitted) : std::move(moved));
+  }
+  return clocks;
+}
 
+double chips_apart(const ChipClock& a, const ChipClock& b, double row) {
+  return std::abs((row - a.phase) / a.rows_per_chip - (row - b.phase) / b.rows_per_chip);
+}
+
+bool are_alike(const ChipClock& a, const ChipClock& b, RowRange rows) {
+  return std::max({chips_apart(a, b, static_cast<double>(rows.begin)), chips_apart(a, b, static_cast<double>(rows.end)),
+                   std::abs(a.exposure - b.exposure) / a.rows_per_chip}) < kAlike;
+}
+
+// The likeliest of those that differ, the best first.
+std::vector<ChannelEstimate> likeliest(std::vector<ChannelEstimate> clocks, RowRange rows) {
+  std::ranges::stable_sort(clocks, {}, &ChannelEstimate::noise);
+  std::vector<ChannelEstimate> kept;
+  for (auto& channel : clocks) {
+    const double behind = static_cast<double>(rows.size()) * std::log(channel.noise / clocks.front().noise);
+    if (!kept.empty() && (behind > kReach || kept.size() == kMostClocks)) break;
+    const auto is_like = [&](const ChannelEstimate& other) { return are_alike(channel.clock, other.clock, rows); };
+    if (std::ranges::none_of(kept, is_like)) kept.push_back(channel);
+  }
+  return kept;
+}
+
+// A turn on the rows from each of the clocks, and from higher and lower rates.
+std::vector<ChannelEstimate> turn_each(const TurnContext& context, std::span<const ChannelEstimate> clocks,
+                                       RowRange rows, bool with_rates) {
+  std::vector<ChannelEstimate> turned;
+  for (const ChannelEstimate& channel : clocks) {
+    const double move = std::clamp(kMovedErrors * end_error(channel, rows), kLeastMoved, kMostMoved);
+    for (const double faster : {0.0, -1.0, 1.0}) {
+      if (faster != 0 && !with_rates) continue;
+      auto turn = take_turn(context, with_rate_moved(channel, rows, faster * move), rows);
+      if (turn) turned.push_back(std::move(turn->channel));
+    }
+  }
+  return turned;
+}
+
+// Whether the clock may slip a chip unseen: not sure at the frame's ends, and chips easily taken for others.
 bool may_slip(const ChannelEstimate& start, std::size_t rows) {
   const ChipClock& clock = start.clock;
   const double noise = start.noise / std::max(start.swing_at(0.5 * static_cast<double>(rows), rows), 1e-300);
@@ -54,29 +97,29 @@ bool may_slip(const ChannelEstimate& start, std::size_t rows) {
              2 * kCloseSequences * noise;
 }
 
+// Of a start whose clock is not sure at the frame's ends, the clock near it whose chips of the whole frame leave least.
 std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, const ChannelEstimate& start) {
-  const auto turned = [&](const ChannelEstimate& channel) -> std::optional<ChannelEstimate> {
-    auto turn = take_turn(context, channel, context.frame());
-    if (!turn) return std::nullopt;
-    return std::move(turn->channel);
-  };
-  std::vector<ChannelEstimate> found;
-  for (const auto& channel : start_grid(start, context.signal.size(), context.options.exposure_known)) {
-    if (context.is_used_up()) break;
-    if (auto next = turned(channel)) found.push_back(std::move(*next));
+  std::vector<ChannelEstimate> clocks = first_clocks(context, start);
+  RowRange rows = start.rows;
+  for (int whole = 0; whole < kWholeRounds && !context.is_used_up(); whole += rows.size() == context.signal.size()) {
+    rows = longer(rows, context.signal.size());
+    auto turned = turn_each(context, clocks, rows, whole == 0);
+    if (turned.empty()) return std::nullopt;
+    clocks = likeliest(std::move(turned), rows);
   }
-  std::ranges::stable_sort(found, {}, &ChannelEstimate::noise);
-  found.resize(std::min(found.size(), kClocksTried));
-  std::optional<ChannelEstimate> best;
-  for (auto& channel : found)
-    for (int round = 0; round < kClockRounds; ++round) {
-      if (!best || channel.noise < best->noise) best = channel;
-      if (context.is_used_up()) break;
-      auto next = turned(channel);
-      if (!next || !(next->noise < channel.noise)) break;
-      channel = std::move(*next);
-    }
-  return best;
+  return clocks.front();
+}
+
+}  // namespace
+
+std::optional<RefinedChannel> likelier(const TurnContext& context, const ChannelEstimate& start,
+                                       std::optional<RefinedChannel> found) {
+  if (context.is_used_up() || !may_slip(start, context.signal.size())) return found;
+  const auto clock = likeliest_clock(context, start);
+  auto other = clock ? grow(context, *clock, kLeastGrowth) : std::nullopt;
+  if (!other || (found && found->channel.noise <= other->channel.noise)) return found;
+  other->even = is_even(residual_windows(context.signal, *other), other->channel.clock);
+  return other;
 }
 
 }  // namespace ocisac

@@ -8,11 +8,10 @@
 
 namespace ocisac {
 
-// Whether the clock may slip a chip unseen: not sure at the frame's ends, and chips easily taken for others.
-bool may_slip(const ChannelEstimate& start, std::size_t rows);
-
-// Of a start whose clock is not sure at the frame's ends, the clock near it whose chips of the whole frame leave least.
-// What is grown step by step may have slipped a chip and be plausible all the same.
-std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, const ChannelEstimate& start);
+// What is grown step by step may have slipped a chip and be plausible all the same, where the start's clock is not sure
+// at the frame's ends and chips are easily taken for others. There several clocks near the start are followed side by
+// side over ever more rows, as many as are likely, and what leaves least of the frame is taken instead of `found`.
+std::optional<RefinedChannel> likelier(const TurnContext& context, const ChannelEstimate& start,
+                                       std::optional<RefinedChannel> found);
 
 }  // namespace ocisac

@@ -4,7 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "channel_turn.hpp"
+#include "channel_growth.hpp"
+#include "clock_search.hpp"
 #include "ocisac/receiver/refine_channel.hpp"
 #include "ocisac/require.hpp"
 
@@ -152,13 +153,14 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   for (double value : signal) require_finite("signal", value);
   RefineOptions fixed = options;
   fixed.exposure_known = options.exposure_known || search.exposure.has_value();
-  const auto starts = find_starts({signal, detect, fixed}, search);
+  const TurnContext context{signal, detect, options}, context_fixed{signal, detect, fixed};
+  const auto starts = find_starts(context_fixed, search);
   std::optional<RefinedChannel> best;
+  std::size_t best_start = 0;
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < std::min(starts.size(), kStartsRefined); ++k) {
-    auto refined = refine_channel(signal, starts[k].channel, detect, fixed);
-    if (refined && !options.exposure_known && fixed.exposure_known)
-      refined = refine_channel(signal, refined->channel, detect, options);
+    auto refined = grow_to_frame(context_fixed, starts[k].channel);
+    if (refined && options.exposure_known != fixed.exposure_known) refined = grow_to_frame(context, refined->channel);
     if (!refined || is_other_rate(refined->channel, search)) continue;
     const double score = refined->channel.noise / refined->channel.swing[0];
     const double growth = refined->even ? kEvenGrowth : kUnevenGrowth;
@@ -166,10 +168,13 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
     if (score < least) {
       least = score;
       best = std::move(refined);
+      best_start = k;
     }
     if (sure) break;
   }
-  return best;
+  if (!best) return std::nullopt;
+  auto other = likelier(context, starts[best_start].channel, best);
+  return is_other_rate(other->channel, search) ? best : other;
 }
 
 }  // namespace ocisac
