@@ -277,6 +277,21 @@ def test_the_whole_frame_from_a_preamble(exposure):
     assert np.sqrt(np.mean(np.square(misses))) < 2.2
 
 
+@pytest.mark.parametrize(
+    ("rows_per_chip", "exposure", "noise", "seed"),
+    [(7.0, 10, 0.04, 11), (7.0, 10, 0.04, 26), (4.0, 10, 0.04, 13), (4.0, 10, 0.04, 16), (2.0, 10, 0.02, 10)],
+)
+def test_a_clock_followed_alone_slips_here_and_those_compared_do_not(rows_per_chip, exposure, noise, seed):
+    standard = np.array([0] + [1] * 6 + [0] * 6 + [1])
+    preamble = np.concatenate([standard, 1 - standard, standard])
+    column = Column(seed, rows_per_chip, exposure, noise, preamble=preamble)
+    start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip)[0].channel
+    found = ocisac.refine_channel(column.rows, start, known=preamble)
+    shift = round((column.start - column.phase) / column.rows_per_chip)
+    assert errors_of(column, found, shift) == 0
+    assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
+
+
 def test_the_whole_frame_agrees_with_the_reference():
     preamble = np.random.default_rng(9).integers(0, 2, 32)
     column = Column(1, 4.1, 3.0, 0.02, rows=400, preamble=preamble)

@@ -52,28 +52,39 @@ double squares_of(const Frame& frame, const std::vector<double>& chips) {
 
 }  // namespace
 
-TEST_CASE("the likelihood ratios are those of all sequences") {
+TEST_CASE("the likelihood ratios are those of all sequences, known chips counted in") {
   constexpr std::size_t kChips = 11;
-  for (const double exposure : {0.0, 1.3, 2.0, 7.7, 12.2})
-    for (unsigned seed = 0; seed < 5; ++seed) {
-      const Frame frame(3.3, exposure, 0.1, kChips, seed);
-      CAPTURE(exposure);
-      CAPTURE(seed);
-      double best[kChips][2];
-      for (auto& of_chip : best) of_chip[0] = of_chip[1] = std::numeric_limits<double>::infinity();
-      std::vector<double> chips(kChips);
-      for (unsigned word = 0; word < 1U << kChips; ++word) {
-        for (std::size_t k = 0; k < kChips; ++k) chips[k] = (word >> k) & 1U;
-        const double squares = squares_of(frame, chips);
+  const std::vector<double> known{1, 0, 1};
+  for (const bool some_known : {false, true})
+    for (const double exposure : {0.0, 1.3, 2.0, 7.7, 12.2})
+      for (unsigned seed = 0; seed < 5; ++seed) {
+        Frame frame(3.3, exposure, 0.1, kChips, seed);
+        if (some_known) frame.question.known = {known, 4};
+        CAPTURE(some_known);
+        CAPTURE(exposure);
+        CAPTURE(seed);
+        double best[kChips][2];
+        for (auto& of_chip : best) of_chip[0] = of_chip[1] = std::numeric_limits<double>::infinity();
+        std::vector<double> chips(kChips);
+        for (unsigned word = 0; word < 1U << kChips; ++word) {
+          for (std::size_t k = 0; k < kChips; ++k) chips[k] = (word >> k) & 1U;
+          double nats = squares_of(frame, chips) / (2 * 0.1 * 0.1);
+          for (std::size_t k = 0; some_known && k < known.size(); ++k)
+            nats += 0.5 * ocisac::kKnownPrecision * std::abs(chips[4 + k] - known[k]);
+          for (std::size_t k = 0; k < kChips; ++k) {
+            double& least = best[k][(word >> k) & 1U];
+            least = std::min(least, nats);
+          }
+        }
+        const auto found = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+        const auto everything =
+            ocisac::search_reduced(ocisac::ChipEquations(frame.question, 24), {1U << 20U, 1U << 20U, 1e9});
         for (std::size_t k = 0; k < kChips; ++k) {
-          double& least = best[k][(word >> k) & 1U];
-          least = std::min(least, squares);
+          CHECK(found[k] == doctest::Approx(best[k][0] - best[k][1]).epsilon(1e-4));
+          CHECK(std::abs(everything[k] - found[k]) <= 1e-3 * (1 + std::abs(found[k])));
+          if (some_known && k >= 4 && k < 7) CHECK((found[k] > 0) == (known[k - 4] > 0.5));
         }
       }
-      const auto found = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
-      for (std::size_t k = 0; k < kChips; ++k)
-        CHECK(found[k] == doctest::Approx((best[k][0] - best[k][1]) / (2 * 0.1 * 0.1)).epsilon(1e-4));
-    }
 }
 
 TEST_CASE("the same chips as the plain search through the trellis") {

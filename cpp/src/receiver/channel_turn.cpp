@@ -96,7 +96,7 @@ std::optional<Chips> detect_rows(const TurnContext& context, const ChannelEstima
   const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
   const double middle = levels.swing((range.begin + range.end) / 2);
   Chips chips{context.detect({rows, clock, std::max(channel.noise / middle, kLeastNoise), first,
-                              static_cast<std::size_t>(last - first + 1)}),
+                              static_cast<std::size_t>(last - first + 1), context.options.known}),
               first};
   put_known(context.options.known, chips);
   return chips;

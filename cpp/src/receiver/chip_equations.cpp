@@ -24,12 +24,22 @@ void check(const ChipQuestion& question, double longest) {
   for (const double row : question.rows) require_finite("rows", row);
 }
 
+std::optional<double> known_level(const ChipQuestion& question, std::size_t k) {
+  const std::ptrdiff_t at = question.first + static_cast<std::ptrdiff_t>(k) - question.known.first;
+  if (at < 0 || at >= static_cast<std::ptrdiff_t>(question.known.levels.size())) return std::nullopt;
+  return question.known.levels[static_cast<std::size_t>(at)];
+}
+
 ChipEquations::ChipEquations(const ChipQuestion& question, double longest)
     : count_((check(question, longest), question.count)),
       band_(static_cast<std::size_t>(std::ceil(length_of(question.clock)))),
       normal_(count_ * (band_ + 1), 0.0),
       target_(count_, 0.0) {
-  for (std::size_t chip = 0; chip < count_; ++chip) normal_[chip * (band_ + 1)] = kPrior;
+  for (std::size_t chip = 0; chip < count_; ++chip) {
+    const auto known = known_level(question, chip);
+    normal_[chip * (band_ + 1)] = kPrior + (known ? kKnownPrecision : 0.0);
+    if (known) target_[chip] = kKnownPrecision * (*known - 0.5);
+  }
   if (count_ > 0) add_rows(question);
   factor_ = normal_;
   factor();

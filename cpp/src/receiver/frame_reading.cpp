@@ -130,8 +130,8 @@ std::optional<FrameReading> reading_of(std::span<const double> signal, const std
 }  // namespace
 
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
-                                           bool exposure_known, SearchEffort* effort) {
-  const RefineOptions options{.exposure_known = exposure_known, .effort = effort};
+                                           bool exposure_known, SearchEffort* effort, const KnownChips& known) {
+  const RefineOptions options{.exposure_known = exposure_known, .known = known, .effort = effort};
   return reading_of(signal, refine_channel(signal, start, detect_levels, options), exposure_known, effort);
 }
 
@@ -150,7 +150,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
                        .longest_exposure = std::min(kLongestPreambleExposure, chips - kFewestChipsSeen),
                        .most = kPreamblesTried});
     for (const auto& match : matches) {
-      auto reading = extend_reading(signal, match.channel, exposure_known, search.effort);
+      auto reading = extend_reading(signal, match.channel, exposure_known, search.effort, {search.preamble, 0});
       if (reading && is_sound(*reading)) return reading;
     }
   }

@@ -107,6 +107,11 @@ class Trellis {
       const auto& of_history = classes(back);
       for (std::size_t history = 0; history < costs.size(); ++history) costs[history] += table[of_history[history]];
     }
+    if (const auto level = known_level(question_, chip))
+      for (std::size_t history = 0; history < costs.size(); ++history) {
+        const double off = static_cast<double>(history & 1U) - *level;
+        costs[history] += static_cast<float>(0.5 * kKnownPrecision * off * off);
+      }
   }
 
   // forward_[chip·states + s]: least cost of the rows up to the chip before, the last chips being s.

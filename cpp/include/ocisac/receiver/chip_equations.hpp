@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,13 +14,20 @@ namespace ocisac {
 // range.
 void check(const ChipQuestion& question, double longest);
 
+// Level of chip first + k, where the question says that it is known.
+std::optional<double> known_level(const ChipQuestion& question, std::size_t k);
+
+// A chip x off its known level costs ½·kKnownPrecision·x² nats.
+inline constexpr double kKnownPrecision = 1e8;
+
 // With x = chip − ½ = ±½ and row n seeing the share h_nk of chip k in its exposure (their sum is 1),
 //
 //   −ln p(rows | chips) = ½·xᵀA·x − bᵀx + constant,   A = HᵀH/σ² + 4·I,   b = Hᵀ(rows − ½)/σ²
 //
 // The 4·I is a prior of variance ¼. It changes no comparison of sequences, since x² = ¼ for each, but tells how
-// uncertain chips are that are not decided yet. A has as many diagonals beside the main one as an exposure has chips,
-// rounded up. Factored from the last chip to the first, A = MᵀDM with M unit lower triangular, the same is
+// uncertain chips are that are not decided yet. Known chips add kKnownPrecision to it. A has as many diagonals beside
+// the main one as an exposure has chips, rounded up. Factored from the last chip to the first, A = MᵀDM with M unit
+// lower triangular, the same is
 //
 //   Σ_k ½·d_k·(x_k − m_k)²,   m_k = z_k − Σ_j M_kj·x_j over j < k
 //

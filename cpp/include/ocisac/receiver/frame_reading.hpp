@@ -36,9 +36,10 @@ struct FrameSearch {
 // From a preamble, else from the rate alone. Absent where nothing is found that can be relied on.
 std::optional<FrameReading> search_frame(std::span<const double> signal, const FrameSearch& search);
 
-// The same from a channel that is right in a part of the frame.
+// The same from a channel that is right in a part of the frame; `known`: chips on its clock, a preamble.
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
-                                           bool exposure_known, SearchEffort* effort = nullptr);
+                                           bool exposure_known, SearchEffort* effort = nullptr,
+                                           const KnownChips& known = {});
 
 // Chips of which few are expected to be wrong: hardly any, unless the channel explains all parts of the frame alike.
 // Chips made of nothing but noise let expect that a fifth is wrong.

@@ -19,6 +19,7 @@ struct ChipQuestion {
   double noise;                  // standard deviation of `rows`
   std::ptrdiff_t first;
   std::size_t count;
+  KnownChips known{};  // of these chips, or others: `reduced` and `mlse` go through them, others may pass them over
 };
 
 // One level (0 or 1) a chip.
