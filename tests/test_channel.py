@@ -114,10 +114,11 @@ def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, 
         got.rows_per_chip - want.rows_per_chip,
         got.exposure - want.exposure,
     ]
-    assert np.all(np.abs(difference) < 0.2 * spread)  # kinks of the model stop either short of the bottom
     assert got.noise == pytest.approx(want.noise, rel=2e-4)
     assert got.rows == want.rows
-    np.testing.assert_allclose(got.levels(rows), want.levels(rows), atol=0.02)
+    if want.noise < got.noise * (1 + 1e-5):  # else a kink of the model stopped the reference short of the bottom
+        assert np.all(np.abs(difference) < 0.2 * spread)
+        np.testing.assert_allclose(got.levels(rows), want.levels(rows), atol=0.02)
     bounds = [
         of.clock_bounds(column.chips, column.swing, noise=column.noise, **column.clock, **options)
         for of in (ocisac, reference)
