@@ -41,7 +41,7 @@ RowRange grown(const ChannelEstimate& channel, std::size_t frame_rows, double le
 
 std::optional<RefinedChannel> grow(const TurnContext& context, const ChannelEstimate& start, double least_growth) {
   ChannelEstimate channel = start;
-  Chips last;
+  FoundChips last;
   int settling = 0;
   bool settled = false;
   for (int round = 0; round < kMostRounds && settling < kSettlingRounds && !settled; ++round) {

@@ -41,7 +41,7 @@ struct Levels {
   }
 };
 
-void put_known(const KnownChips& known, Chips& chips) {
+void put_known(const KnownChips& known, FoundChips& chips) {
   for (std::size_t k = 0; k < known.levels.size(); ++k) {
     const std::ptrdiff_t at = known.first + static_cast<std::ptrdiff_t>(k) - chips.first;
     if (at >= 0 && at < static_cast<std::ptrdiff_t>(chips.levels.size()))
@@ -51,7 +51,8 @@ void put_known(const KnownChips& known, Chips& chips) {
 
 // Degrees of dark and swing: the smallest of Schwarz's criterion at a fixed clock. In a part of the frame at most
 // lines.
-ChannelModel choose_levels(const TurnContext& context, const Chips& chips, const ChipClock& clock, bool most_of_frame) {
+ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, const ChipClock& clock,
+                           bool most_of_frame) {
   const RefineOptions& options = context.options;
   ChannelModel best{0, 0, options.exposure_known};
   double least = std::numeric_limits<double>::infinity();
@@ -78,7 +79,7 @@ std::ptrdiff_t chip_at(double row, const ChipClock& clock) {
   return static_cast<std::ptrdiff_t>(std::floor((row - clock.phase) / clock.rows_per_chip));
 }
 
-std::optional<Chips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
+std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
   const auto signal = context.signal;
   const Levels levels{channel, signal.size()};
   double least = std::numeric_limits<double>::infinity();
@@ -95,14 +96,14 @@ std::optional<Chips> detect_rows(const TurnContext& context, const ChannelEstima
   if (!(clock.exposure + last_row < kMostChips * clock.rows_per_chip)) return std::nullopt;
   const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
   const double middle = levels.swing((range.begin + range.end) / 2);
-  Chips chips{context.detect({rows, clock, std::max(channel.noise / middle, kLeastNoise), first,
-                              static_cast<std::size_t>(last - first + 1), context.options.known}),
-              first};
+  FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kLeastNoise), first,
+                                   static_cast<std::size_t>(last - first + 1), context.options.known}),
+                   first};
   put_known(context.options.known, chips);
   return chips;
 }
 
-Chips without_edges(const Chips& chips) {
+FoundChips without_edges(const FoundChips& chips) {
   if (chips.levels.size() < 8) return chips;
   return {{chips.levels.begin() + 1, chips.levels.end() - 1}, chips.first + 1};
 }
@@ -118,7 +119,7 @@ std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate&
   if (!context.may_try(range, channel.clock, kLevelFits)) return std::nullopt;
   auto chips = detect_rows(context, channel, range);
   if (!chips) return std::nullopt;
-  const Chips kept = without_edges(*chips);
+  const FoundChips kept = without_edges(*chips);
   const bool most = range.size() > context.signal.size() / 2;
   auto fitted = fit_channel(context.signal, kept.known(), channel.clock,
                             choose_levels(context, kept, channel.clock, most), context.options.effort);

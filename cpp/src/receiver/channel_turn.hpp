@@ -22,16 +22,16 @@ struct TurnContext {
   [[nodiscard]] bool may_try(RowRange range, const ChipClock& clock, double fits) const;
 };
 
-struct Chips {
+struct FoundChips {
   std::vector<double> levels;
   std::ptrdiff_t first = 0;
   [[nodiscard]] KnownChips known() const { return {levels, first}; }
-  [[nodiscard]] bool operator==(const Chips& other) const = default;
+  [[nodiscard]] bool operator==(const FoundChips& other) const = default;
 };
 
 struct Turn {
   ChannelEstimate channel;
-  Chips chips;
+  FoundChips chips;
 };
 
 // Absent where there is no effort left, or the chips do not determine a channel of positive swing.
@@ -42,10 +42,10 @@ std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate&
 std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
 
 // All chips that the rows see; those of the options' known ones as they are known.
-std::optional<Chips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
+std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
 
 // Edge chips are seen by a few rows only: those do not count.
-Chips without_edges(const Chips& chips);
+FoundChips without_edges(const FoundChips& chips);
 
 std::ptrdiff_t chip_at(double row, const ChipClock& clock);
 

@@ -13,7 +13,7 @@ constexpr double kWindowChips = 30;  // length of such a part, beside the exposu
 
 }  // namespace
 
-std::vector<Window> residual_windows(std::span<const double> signal, const RefinedChannel& found) {
+std::vector<ResidualWindow> residual_windows(std::span<const double> signal, const RefinedChannel& found) {
   const ChannelEstimate& channel = found.channel;
   const double length = kWindowChips * channel.clock.rows_per_chip + channel.clock.exposure;
   std::vector<double> left(signal.size());
@@ -22,7 +22,7 @@ std::vector<Window> residual_windows(std::span<const double> signal, const Refin
     const auto row = static_cast<double>(n);
     left[n] = signal[n] - channel.dark_at(row, signal.size()) - channel.swing_at(row, signal.size()) * left[n];
   }
-  std::vector<Window> windows;
+  std::vector<ResidualWindow> windows;
   const std::size_t size = std::min(static_cast<std::size_t>(length), channel.rows.size());
   for (std::size_t begin = channel.rows.begin; begin + size <= channel.rows.end;
        begin += std::max<std::size_t>(size / 2, 1)) {
@@ -38,20 +38,20 @@ std::vector<Window> residual_windows(std::span<const double> signal, const Refin
   return windows;
 }
 
-bool is_even(std::span<const Window> windows, const ChipClock& clock) {
+bool is_even(std::span<const ResidualWindow> windows, const ChipClock& clock) {
   if (windows.empty()) return true;
-  const double least = std::ranges::min_element(windows, {}, &Window::left)->left;
+  const double least = std::ranges::min_element(windows, {}, &ResidualWindow::left)->left;
   const bool tells_noise = std::max(clock.exposure, clock.rows_per_chip) >= kSmoothRows;
-  return std::ranges::all_of(windows, [&](const Window& window) {
+  return std::ranges::all_of(windows, [&](const ResidualWindow& window) {
     const double by_chance = kEvenErrors / std::sqrt(2 * static_cast<double>(window.rows.size()));
     return window.left <= (kEven + by_chance) * std::max(least, tells_noise ? window.as_noise : 0.0);
   });
 }
 
 std::optional<ChannelEstimate> channel_of_best_part(const TurnContext& context, const RefinedChannel& found,
-                                                    std::span<const Window> windows) {
+                                                    std::span<const ResidualWindow> windows) {
   const ChipClock& clock = found.channel.clock;
-  const RowRange rows = std::ranges::min_element(windows, {}, &Window::left)->rows;
+  const RowRange rows = std::ranges::min_element(windows, {}, &ResidualWindow::left)->rows;
   const double half = 0.5 * clock.exposure;
   const std::ptrdiff_t first = std::max(chip_at(static_cast<double>(rows.begin) - half, clock), found.first);
   const std::ptrdiff_t last = std::min(chip_at(static_cast<double>(rows.end) + half, clock),

@@ -11,20 +11,20 @@ namespace ocisac {
 
 // Root mean square of what the channel leaves of the rows it used, over windows, half overlapping; and of what of that
 // changes from row to row as noise does.
-struct Window {
+struct ResidualWindow {
   RowRange rows;
   double left, as_noise;
 };
 
-std::vector<Window> residual_windows(std::span<const double> signal, const RefinedChannel& found);
+std::vector<ResidualWindow> residual_windows(std::span<const double> signal, const RefinedChannel& found);
 
 // The clock lost in a part of the frame leaves more there than elsewhere. So does more noise (of more light, say);
 // where chips or exposures are several rows long, wrong chips leave what hardly changes from row to row, and noise
 // does.
-bool is_even(std::span<const Window> windows, const ChipClock& clock);
+bool is_even(std::span<const ResidualWindow> windows, const ChipClock& clock);
 
 // The channel of the part of the frame that is explained best, to begin from again.
 std::optional<ChannelEstimate> channel_of_best_part(const TurnContext& context, const RefinedChannel& found,
-                                                    std::span<const Window> windows);
+                                                    std::span<const ResidualWindow> windows);
 
 }  // namespace ocisac
