@@ -19,15 +19,19 @@ def tone_columns(rows, cycles_per_row, columns=3, noise=1.0, seed=0, mean=100.0)
     return mean * (1 + 0.6 * np.cos(phase)) + noise * random.standard_normal((rows, columns))
 
 
-def assert_agree(got, want, tolerance, tolerance_of_noise=None):
+def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=0.0):
+    error = {"gain": want.gain_std, "phase": want.gain_std / want.gain, "mean": want.gain_std * want.mean}
     for name in FIELDS:
         a, b = getattr(got, name), getattr(want, name)
         assert a.shape == b.shape, name
         if name == "phase":
             a = b + np.angle(np.exp(1j * (a - b)))
         scale = np.abs(b[np.isfinite(b)]).max(initial=1e-300)
-        allowed = tolerance_of_noise if tolerance_of_noise and name in ("gain_std", "snr") else tolerance
-        np.testing.assert_allclose(a, b, rtol=0, atol=allowed * scale, err_msg=name)
+        allowed = (tolerance_of_noise if tolerance_of_noise and name in ("gain_std", "snr") else tolerance) * scale
+        if name in error:
+            allowed = allowed + standard_errors * np.nan_to_num(error[name])
+        np.testing.assert_array_equal(np.isnan(a), np.isnan(b), err_msg=name)
+        assert not np.any(np.abs(a - b) > allowed), (name, a, b, allowed)
     np.testing.assert_array_equal(got.flags, want.flags)
 
 
@@ -65,9 +69,12 @@ def test_agrees_with_the_reference(
     before = pixels.copy()
     got = ocisac.tone_gain(view, *arguments, pooled=pooled)
     want = reference.tone_gain(view, *arguments, pooled=pooled)
-    # Streamed integers: weights of 26 bits for bytes, and a residual that is a difference of squares.
+    # Streamed integers: a residual that is a difference of squares, and, from 256 rows of bytes on, weights of 13 bits
+    # or more, which see the noise a little differently.
     streamed = not floating and method == "fit" and waveform == "tone" and curve == "linear" and not pooled
-    if streamed:
+    if streamed and dtype == "uint8" and rows >= 256:
+        assert_agree(got, want, 1e-9, tolerance_of_noise=2e-3, standard_errors=1e-3)
+    elif streamed:
         assert_agree(got, want, 1e-8, tolerance_of_noise=1e-5)
     else:
         assert_agree(got, want, 1e-10 if method == "dft" else 1e-11)
@@ -79,6 +86,16 @@ def test_agrees_with_the_reference_to_twelve_digits_on_a_frame():
     camera = Camera(ROW_TIME, exposure=3e-4)
     got, want = (of.tone_gain(pixels, camera, frequency) for of in (ocisac, reference))
     assert_agree(got, want, 1e-12)
+
+
+@pytest.mark.parametrize("rows", [256, 720, 1080, 2048, 2049, 4352])
+@pytest.mark.parametrize("noise", [0.1, 1.0, 5.0])
+def test_rounded_weights_cost_bytes_a_thousandth_of_a_standard_error(rows, noise):
+    pixels = np.rint(tone_columns(rows, 0.0343, 200, noise)).astype(np.uint8)
+    rounded, exact = (ocisac.tone_gain(as_type, Camera(1.0), 0.0343) for as_type in (pixels, pixels.astype(float)))
+    apart = np.abs(rounded.gain - exact.gain) / exact.gain_std
+    assert 1e-7 < apart.max() < 2e-3
+    np.testing.assert_allclose(rounded.gain_std, exact.gain_std, rtol=6e-3)
 
 
 def test_several_tones_are_fitted_together():

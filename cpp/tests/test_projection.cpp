@@ -132,6 +132,27 @@ TEST_CASE("the brightest frame does not overflow") {
   }
 }
 
+TEST_CASE("few rows leave room for larger weights, and none for overflow") {
+  for (const std::size_t rows : {40u, 257u, 1080u, 2047u, 2048u, 2049u})
+    for (const int row_group : {1, 4})
+      for (const int limbs : {1, 2, 3}) {
+        CAPTURE(rows);
+        CAPTURE(limbs);
+        const std::size_t groups = rows / static_cast<std::size_t>(row_group);
+        std::vector<double> values(2 * groups, 1.0);  // output 0; output 1: any limb may be as large as it can
+        for (std::size_t g = 1; g < groups; ++g) values[groups + g] = 1.0 / 3 + 1e-4 * static_cast<double>(g % 7);
+        const ocisac::RowWeights weights(values, 2, rows, row_group, limbs);
+        std::vector<std::uint8_t> pixels(rows * 40, 255);
+        const auto frames = ocisac::as_const(ocisac::dense_view(pixels.data(), 1, rows, 40));
+        CHECK(deviation(ocisac::project(frames, 0, 0, 40, weights),
+                        ocisac::project_plainly(frames, 0, 0, 40, weights)) < 1e-12);
+        double worst = 0;
+        const auto used = weights.byte_weights();
+        for (std::size_t i = 0; i < values.size(); ++i) worst = std::max(worst, std::abs(used[i] - values[i]));
+        if (limbs == 1) CHECK(worst < 0.6 / (rows == 40 ? 32767 : rows == 257 ? 8191 * 2 : 4095));
+      }
+}
+
 TEST_CASE("limbs hold what they promise") {
   const auto weights = random_weights(500);
   double largest = 0;

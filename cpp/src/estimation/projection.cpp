@@ -16,8 +16,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLimbBase = 2.0 * kernels::kLargestWeight;  // one unit of a limb over one of the next
-constexpr std::size_t kStagedRows = 16;                      // a multiple of every row group
+constexpr std::size_t kStagedRows = 16;  // a multiple of every row group
 
 // Puts a weight into its half of the word of a pair of groups.
 void put_weight(std::int32_t& pair, std::size_t group, int weight) {
@@ -36,23 +35,43 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
   require(weights.size() == outputs * groups_, "weights", weights.size(), "outputs·(rows/row_group) values");
   for (const double w : weights) require_finite("weights", w);
 
+  largest_ = largest_integer();
   pairs_.assign(outputs * static_cast<std::size_t>(limbs) * pair_count(), 0);
   for (std::size_t o = 0; o < outputs; ++o) {
-    double largest = 0;
-    for (std::size_t g = 0; g < groups_; ++g) largest = std::max(largest, std::abs(weights_[o * groups_ + g]));
-    scales_.push_back(largest > 0 ? largest / kernels::kLargestWeight : 1.0);
+    const double largest = magnitudes(o).largest;
+    scales_.push_back(largest > 0 ? largest / largest_ : 1.0);
     for (std::size_t g = 0; g < groups_; ++g) {
       double rest = weights_[o * groups_ + g] / scales_[o];
       for (int limb = 0; limb < limbs; ++limb) {
-        const double whole =
-            std::clamp<double>(std::nearbyint(rest), -kernels::kLargestWeight, kernels::kLargestWeight);
-        rest = (rest - whole) * kLimbBase;
+        const double whole = std::clamp(std::nearbyint(rest), -largest_, largest_);
+        rest = (rest - whole) * 2 * largest_;
         const std::size_t part = o * static_cast<std::size_t>(limbs) + static_cast<std::size_t>(limb);
         put_weight(pairs_[part * pair_count() + g / 2], g, static_cast<int>(whole));
       }
     }
   }
   fold();
+}
+
+RowWeights::Magnitudes RowWeights::magnitudes(std::size_t output) const {
+  Magnitudes found{};
+  for (std::size_t g = 0; g < groups_; ++g) {
+    const double magnitude = std::abs(weights_[output * groups_ + g]);
+    found.sum += magnitude;
+    found.largest = std::max(found.largest, magnitude);
+  }
+  return found;
+}
+
+double RowWeights::largest_integer() const {
+  if (rows_ > kernels::kRowsPerChunk) return kernels::kLargestWeight;
+  // Rounding adds up to half a unit a row.
+  const double room = kernels::kLargestSum / (255.0 * row_group_) - 0.5 * static_cast<double>(groups_);
+  double largest = kernels::kLargestOfFewRows;
+  if (limbs_ > 1) largest = std::min(largest, room / static_cast<double>(groups_));  // further limbs know no shape
+  for (std::size_t o = 0; o < outputs_; ++o)
+    if (const Magnitudes of = magnitudes(o); of.sum > 0) largest = std::min(largest, room * of.largest / of.sum);
+  return std::max<double>(std::floor(largest), kernels::kLargestWeight);
 }
 
 int RowWeights::integer_weight(std::size_t part, std::size_t group) const {
@@ -86,7 +105,7 @@ void RowWeights::fold() {
   }
 }
 
-double RowWeights::unit(std::size_t output, int limb) const { return scales_[output] * std::pow(kLimbBase, -limb); }
+double RowWeights::unit(std::size_t output, int limb) const { return scales_[output] * std::pow(2 * largest_, -limb); }
 
 std::vector<double> RowWeights::byte_weights() const {
   std::vector<double> values(outputs_ * groups_);

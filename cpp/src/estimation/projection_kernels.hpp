@@ -25,9 +25,10 @@ struct ByteWeights {
   std::size_t outputs, even;
 };
 
-// 32-bit sums may grow over this many rows: 255·kRowsPerChunk·kLargestWeight < 2^31.
+// 32-bit sums may grow over this many rows: 255·kRowsPerChunk·kLargestWeight < 2^31. Fewer rows leave room for larger
+// weights: 255·row_group·Σ|weight| may reach kLargestSum.
 inline constexpr std::size_t kRowsPerChunk = 2048;
-inline constexpr std::int32_t kLargestWeight = 4095;
+inline constexpr std::int32_t kLargestWeight = 4095, kLargestOfFewRows = 32767, kLargestSum = 2147483647;
 
 // What a block is added to (the maximum: raised): sums (outputs × columns), the rest (columns,).
 struct ByteSums {

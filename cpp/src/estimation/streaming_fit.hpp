@@ -18,8 +18,8 @@ namespace ocisac {
 class StreamingFit {
  public:
   // Takes the largest D of 8, 4, 2, 1 that keeps the share `efficiency` of what the fit of all rows reaches, for every
-  // tone: ratio of the variances of the amplitude. Weights for bytes are rounded to 13 bits, at efficiency 1 to 26 or
-  // more; the estimate stays unbiased and its variance grows by less than 10⁻⁷, at efficiency 1 by less than 10⁻¹⁴.
+  // tone: ratio of the variances of the amplitude. Weights for bytes are rounded to 13 bits or more; the estimate stays
+  // unbiased and its variance grows by less than 10⁻⁷.
   StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency);
 
   // The same, made once and kept for the next calls (the 32 last used).

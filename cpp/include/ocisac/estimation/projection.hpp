@@ -14,9 +14,9 @@ namespace ocisac {
 // Row weights in the form that the kernels read. Immutable once made; may be shared by threads.
 //
 // D neighbouring rows are added before they are weighted (D = 1: none), rows that do not fill a group are left out.
-// Bytes are multiplied as integers, exactly: a weight is a sum of `limbs` parts of 13 bits with their sign, so that
-// 1 part is good to 1.3·10⁻⁴ of an output's largest weight, 2 to 2·10⁻⁸ and 3 to 2·10⁻¹². Other samples are multiplied
-// in float64.
+// Bytes are multiplied as integers, exactly: a weight is a sum of `limbs` parts of 13 bits with their sign, of up to 16
+// where there are few rows (15 for a tone in 1080), so that 1 part is good to 1.3·10⁻⁴ of an output's largest weight or
+// better, 2 to 2·10⁻⁸ and 3 to 2·10⁻¹². Other samples are multiplied in float64.
 class RowWeights {
  public:
   // weights: (outputs × (rows / row_group)), dense, finite. row_group: 1, 2, 4 or 8. limbs: 1, 2 or 3.
@@ -52,7 +52,13 @@ class RowWeights {
   std::size_t rows_, groups_, outputs_;
   int row_group_, limbs_;
   std::vector<double> weights_;
+  double largest_ = 0;          // integer of a limb
   std::vector<double> scales_;  // largest magnitude of an output's weights over the largest integer
+  struct Magnitudes {
+    double sum, largest;
+  };
+  [[nodiscard]] Magnitudes magnitudes(std::size_t output) const;
+  [[nodiscard]] double largest_integer() const;
   [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
   [[nodiscard]] bool has_symmetry(std::size_t part, int sign) const;
   void fold();
