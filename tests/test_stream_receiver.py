@@ -189,6 +189,18 @@ def test_searches_in_vain_become_rare_and_the_light_is_found_again():
     assert outcomes[8:] == ["received", "received"]
 
 
+def test_a_search_ends_where_its_passes_are_used_up():
+    light = Light(PAYLOAD, seed=3)
+    frame = light.frame(0)
+    outcomes = [
+        Receiver(light.camera, chip_rate=CHIP_RATE, search_passes=passes).push(frame).outcome
+        for passes in (1, 5000, None)
+    ]
+    assert outcomes == ["no_signal", "received", "received"]
+    lights = MultiReceiver(light.camera, chip_rate=CHIP_RATE, search_passes=1)
+    assert lights.push(np.repeat(frame[:, np.newaxis], 8, axis=1))[0].received.outcome == "no_signal"
+
+
 def test_what_the_gap_and_the_code_leave():
     camera = Camera(ROW_TIME, frame_time=FRAME_TIME)
     possible = possible_goodput(1000, camera, chip_rate=CHIP_RATE, rows=1080)
@@ -213,6 +225,7 @@ def test_what_the_gap_and_the_code_leave():
     ("call", "message"),
     [
         (lambda r: Receiver(r, chip_rate=-1.0), "chip_rate: got -1, allowed: a finite number above 0"),
+        (lambda r: Receiver(r, search_passes=0), "search_passes: got 0, allowed: a finite number above 0"),
         (lambda r: Receiver(r, chip_rate=1e6), "chip_rate: got 1e.06, allowed: at most the row rate"),
         (lambda r: Receiver(r, line_code="rz"), "line_code: got"),
         (lambda r: Receiver(r, block_bytes=300), "block_bytes: got 300, allowed: 1 to 255"),

@@ -31,8 +31,9 @@ using Box = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
 
 Shared<MultiReceiver> multi_receiver(const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
                                      std::size_t block_bytes, const std::string& preamble,
-                                     const std::vector<Box>& regions, std::size_t most) {
-  MultiReceiverOptions options{{chip_rate, format_of(line_code, block_bytes, preamble)}, {}, most};
+                                     std::optional<double> search_passes, const std::vector<Box>& regions,
+                                     std::size_t most) {
+  MultiReceiverOptions options{{chip_rate, format_of(line_code, block_bytes, preamble), search_passes}, {}, most};
   for (const auto& [x, y, width, height] : regions) options.regions.push_back({x, y, width, height});
   return Shared(MultiReceiver(camera, std::move(options)));
 }
@@ -59,10 +60,11 @@ py::list push_multi(Shared<MultiReceiver>& receiver, const std::vector<py::array
 void register_stream_receiver(py::module_& module) {
   py::class_<Shared<Receiver>>(module, "Receiver")
       .def(py::init([](const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
-                       std::size_t block_bytes, const std::string& preamble) {
-             return Shared(Receiver(camera, {chip_rate, format_of(line_code, block_bytes, preamble)}));
+                       std::size_t block_bytes, const std::string& preamble, std::optional<double> search_passes) {
+             return Shared(Receiver(camera, {chip_rate, format_of(line_code, block_bytes, preamble), search_passes}));
            }),
-           py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"))
+           py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"), py::arg("block_bytes"), py::arg("preamble"),
+           py::arg("search_passes"))
       .def(
           "push",
           [](Shared<Receiver>& receiver, const std::vector<py::array>& channels, std::optional<std::int64_t> frame) {
@@ -72,7 +74,7 @@ void register_stream_receiver(py::module_& module) {
           py::arg("channels"), py::arg("frame"));
   py::class_<Shared<MultiReceiver>>(module, "MultiReceiver")
       .def(py::init(&multi_receiver), py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"),
-           py::arg("block_bytes"), py::arg("preamble"), py::arg("regions"), py::arg("most"))
+           py::arg("block_bytes"), py::arg("preamble"), py::arg("search_passes"), py::arg("regions"), py::arg("most"))
       .def("push", &push_multi, py::arg("channels"), py::arg("frame"));
 }
 

@@ -227,6 +227,7 @@ class Receiver:
         line_code: str | Sequence[str],
         block_bytes: int,
         preamble: str,
+        search_passes: float | None,
     ) -> None: ...
     def push(self, channels: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
 
@@ -277,6 +278,7 @@ class MultiReceiver:
         line_code: str | Sequence[str],
         block_bytes: int,
         preamble: str,
+        search_passes: float | None,
         regions: Sequence[tuple[int, int, int, int]],
         most: int,
     ) -> None: ...

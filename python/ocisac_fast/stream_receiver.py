@@ -83,6 +83,8 @@ class Receiver:
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
         channel: index of the colour channel to read. None: the one in which the light stands out most.
+        search_passes: times that the search for the light in one frame may go through its rows, which bounds its time
+            (the default's: about half a second for 1080 rows). Most that find it take far less. None: no bound.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -99,6 +101,7 @@ class Receiver:
         block_bytes: int = 16,
         preamble: str = "standard",
         channel: int | None = None,
+        search_passes: float | None = 5000.0,
     ) -> None:
         self._camera = camera
         self._channel = channel
@@ -108,6 +111,7 @@ class Receiver:
             line_code=_line_code(line_code)[1],
             block_bytes=_count("block_bytes", block_bytes, 1),
             preamble=preamble,
+            search_passes=None if search_passes is None else float(search_passes),
         )
 
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> ReceivedFrame:
@@ -148,7 +152,8 @@ class MultiReceiver:
     time: lights may come and go.
 
     Args:
-        camera, chip_rate, line_code, block_bytes, preamble, channel: as of :class:`Receiver`; all lights use the same.
+        camera, chip_rate, line_code, block_bytes, preamble, channel, search_passes: as of :class:`Receiver`; all lights
+            use the same.
         regions: boxes (x, y, width, height) of the lights, columns and rows in time order; empty: found.
         most: lights that are found, at most.
 
@@ -167,6 +172,7 @@ class MultiReceiver:
         block_bytes: int = 16,
         preamble: str = "standard",
         channel: int | None = None,
+        search_passes: float | None = 5000.0,
         regions: Sequence[Region] = (),
         most: int = 8,
     ) -> None:
@@ -178,6 +184,7 @@ class MultiReceiver:
             line_code=_line_code(line_code)[1],
             block_bytes=_count("block_bytes", block_bytes, 1),
             preamble=preamble,
+            search_passes=None if search_passes is None else float(search_passes),
             regions=[_region(region) for region in regions],
             most=_count("most", most, 1),
         )
