@@ -27,6 +27,7 @@ from ocisac_fast import (
 from ocisac_fast._light import linear_light
 from ocisac_fast.cleaning.row_light import scaled
 from ocisac_fast.cleaning.stored import to_stored
+from ocisac_fast.cleaning.toe import lifted, lowered, slope
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
 from ocisac_fast.reference import cleaning
@@ -273,6 +274,36 @@ def test_a_faint_light_over_a_busy_background_is_received() -> None:
     assert error_rate(subtract_still(stored, CAMERA, still=still), chips, rows_per_chip, np.array(starts)) < 0.02
 
 
+def test_toe_and_its_inverse() -> None:
+    light = np.concatenate([-np.geomspace(300, 1e-3, 50), [0.0], np.geomspace(1e-3, 300, 50)])
+    for toe in (0.0, 0.01, 0.5):
+        stored = lowered(light, toe, 255.0)
+        np.testing.assert_allclose(lifted(stored, toe, 255.0), light, rtol=1e-9, atol=1e-12)
+        bright = stored > 0.1
+        change = lifted(stored * (1 + 1e-6), toe, 255.0) - lifted(stored, toe, 255.0)
+        np.testing.assert_allclose(slope(stored, toe, 255.0)[bright], change[bright] / (1e-6 * stored[bright]), 1e-4)
+
+
+@pytest.mark.parametrize("toe", [0.0, 1 / 8])
+def test_a_toe_is_found_where_there_is_one(toe: float) -> None:
+    """Chips that alone light boxes, through a tone curve with a toe: rows half lit are too dark for what is dim."""
+    camera = Camera(1e-5, exposure=4e-5, tone_curve="srgb", white_level=255.0)
+    bits = np.random.default_rng(3).integers(0, 2, 64)
+    light = integrate_exposure(Chips(bits.tolist(), 17e3, repeat=True), camera, ROWS)
+    clean = 130 * boxes(2) * np.exp(-0.015 * np.arange(COLUMNS))
+    read = clean * (0.03 + 0.97 * light[:, None]) + 0.3 * np.random.default_rng(0).standard_normal(clean.shape)
+    stored = to_stored(lowered(read, toe, 255.0), camera, np.dtype(np.uint8))
+    done = remove_bands(stored, camera)
+    assert done.model == ("chips",)
+    assert (done.toe[0] > 0) == (toe > 0)
+    kept = light > 0.2
+    truth = np.broadcast_to(to_stored(lowered(clean, toe, 255.0), camera, np.dtype(np.float64)), stored.shape)
+    got, plain = (remove_bands(stored, camera, toe=value).frames for value in (done.toe[0], 0.0))
+    np.testing.assert_array_equal(got, done.frames)
+    kept = np.broadcast_to(kept[:, None], stored.shape)
+    assert psnr(got, truth, kept) >= psnr(plain, truth, kept) + (1.0 if toe > 0 else 0.0)
+
+
 def test_a_picture_without_light_stays() -> None:
     for picture in (np.full((64, 40), 90, np.uint8), np.zeros((8, 1), np.uint8)):
         np.testing.assert_array_equal(remove_bands(picture, CAMERA).frames, picture)
@@ -295,6 +326,8 @@ def test_a_picture_without_light_stays() -> None:
         ({"level": "high"}, "level: got 'high'"),
         ({"noise": 0.0}, "noise: got 0"),
         ({"most_gain": 1.0}, "most_gain: got 1"),
+        ({"toe": 1.5}, "toe: got 1.5"),
+        ({"toe": np.nan}, "toe: got nan"),
     ],
 )
 def test_bad_input(arguments: dict[str, object], message: str) -> None:
@@ -345,7 +378,7 @@ RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_recordings(recordings: Path, name: str) -> None:
-    """Bands of real cameras go, lit rows and texture stay, which a blur fails; the poster has rows without light."""
+    """Bands of real cameras go, lit rows and texture stay, which a blur fails."""
     spec = importlib.util.spec_from_file_location("cleaning", Path(__file__).parents[1] / "bench" / "cleaning.py")
     assert spec is not None
     assert spec.loader is not None
@@ -355,4 +388,4 @@ def test_recordings(recordings: Path, name: str) -> None:
     for measured in found.values():
         assert (measured["lit_rows_changed"] < 0.03) == (measured["name"] == "remove_bands"), measured
         assert (abs(measured["detail_db"]) <= 1) == (measured["name"] == "remove_bands"), measured
-    assert found["remove_bands"]["correlation_taken_db"] > (12 if name.startswith("poster") else 20)
+    assert found["remove_bands"]["correlation_taken_db"] > 20

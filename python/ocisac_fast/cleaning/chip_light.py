@@ -53,6 +53,15 @@ def chip_light(
     return ChipLight(light, best.rate / row_time)
 
 
+def unexplained(rows: FloatArray, weight: FloatArray) -> float:
+    """Share of the rows' swing, tops levelled, that is left when chips of one response are taken out; 1 without chips.
+
+    Chips add up in light alone: a wrong tone curve leaves more.
+    """
+    fit = _fit(levelled(rows), weight)
+    return 1.0 if fit is None else 1.0 - fit.explained
+
+
 def levelled(rows: FloatArray) -> FloatArray:
     """Divided by the line through the tops of bright runs, all of which a light that is on or off reaches."""
     low = np.minimum(rows, 1.5 * np.quantile(rows, 0.95))
@@ -68,7 +77,11 @@ def _largest(values: FloatArray, reach: int) -> FloatArray:
 
 
 def _fit(rows: FloatArray, weight: FloatArray) -> _Fit | None:
-    """Chips received, those cut by the picture's ends guessed, and the response that the rows show best."""
+    """Chips received, those cut by the picture's ends guessed, and the response that the rows show best.
+
+    With a response of its own for each two bright chips in a row: lights rise otherwise than they fall. What is
+    explained is counted without it.
+    """
     from ocisac_fast.receiver import receive
 
     got = receive(rows[:, None], Camera(row_time=1.0))[0]
@@ -92,8 +105,12 @@ def _fit(rows: FloatArray, weight: FloatArray) -> _Fit | None:
             bit = float(2 * (weight * rest) @ shape > (weight * shape) @ shape)
             basis[:, 1:] += (bit - bits[k]) * each[:, k]
             bits[k] = bit
-    light = basis @ fitted
-    return _Fit(basis, light, got.chip_rate, explained(rows, light, weight))
+    share = explained(rows, basis @ fitted, weight)
+    if count >= 8 * terms:
+        pairs = np.append(bits[:-1] * bits[1:], 0.0)
+        basis = np.concatenate([basis, np.einsum("nck,c->nk", each, pairs)], axis=1)
+        fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
+    return _Fit(basis, basis @ fitted, got.chip_rate, share)
 
 
 def _responses(chips: int, rows: int, rows_per_chip: float, start: float) -> FloatArray:

@@ -59,7 +59,7 @@ class Columns:
         most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
         # One for a column: with a share of its own, a group of rows could have any swing.
         share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)
-        return self._refined(share, 1 + most * (rows - 1), basis, deviation)
+        return self._refined(share, np.maximum(1 + most * (rows - 1), 0.0), basis, deviation)
 
     def free(self) -> tuple[FloatArray, FloatArray]:
         """The same with nothing known of the rows."""

@@ -152,7 +152,8 @@ def refine_row_light(
         if basis is not None:
             normal = basis.T @ matrix @ basis
             normal += 1e-6 * np.trace(normal) / len(normal) * np.eye(len(normal))
-            result = result + basis @ np.linalg.solve(normal, basis.T @ right)
+            change = basis @ np.linalg.solve(normal, basis.T @ right)
+            result = result + change * 0.5 / max(0.5, np.abs(change).max())
             continue
         hold = 1e-4 * information.max()
         if np.isfinite(deviation):
@@ -176,9 +177,10 @@ def remove_bands(
     noise: float | None = None,
     most_gain: float = 8.0,
     fill: bool = False,
+    toe: float | None = None,
 ) -> CleanedFrames:
     """As :func:`ocisac_fast.remove_bands`, with the kernels above."""
-    options = Options(model, keep, level, noise, float(most_gain), fill, Kernels(light_share, refine_row_light))
+    options = Options(model, keep, level, noise, float(most_gain), fill, toe, Kernels(light_share, refine_row_light))
     return clean_frames(frames, camera, light, start, still, options)
 
 
