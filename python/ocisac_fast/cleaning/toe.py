@@ -42,7 +42,7 @@ def slope(stored: FloatArray, toe: float, white: float) -> FloatArray:
 
 
 def find_toe(light: FloatArray, variance: FloatArray, white: float, kernels: Kernels) -> float:
-    """Toe of one frame (rows, columns, channels) under chips: the one with which they explain most; 0 if little more."""
+    """Toe of one frame (rows, columns, channels) under chips: the one with which they explain most, or 0."""
 
     def left(toe: float) -> float:
         lit = lit_channels(light, variance)
