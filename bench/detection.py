@@ -4,10 +4,12 @@
 Random chips through an exposure, with a rate and a phase drawn for every frame of 1080 rows; chips cut by the frame's
 ends are left out. The limits are those of the project's aims; a limit is reached when the errors counted stay below it.
 The channel is known; with --estimated the grid of exposures, rows per chip and noise is measured as bench/timing.py
-does, from nothing but a preamble and a nominal rate, beside the likeliest sequence with everything known. --picture
+does, from nothing but a preamble and a nominal rate, beside the likeliest sequence with everything known; with
+--anywhere so many settings within the grid, drawn at random, a frame of each, wherever they can be decoded. --picture
 draws every detector's share of wrong chips over the exposure, what is foretold, and the bound of the closest pair.
 
 usage: bench/detection.py [--frames N] [--method NAME] [--grid | --estimated [--quick]] [--json] [--check]
+       bench/detection.py --anywhere SETTINGS [--json] [--check]
        bench/detection.py --picture FILE [--frames N]
 """
 
@@ -115,6 +117,27 @@ def measure_estimated(frames: int, quick: bool, as_json: bool) -> bool:
     return good
 
 
+def measure_anywhere(settings: int, as_json: bool) -> bool:
+    """Settings drawn within the grid, a frame of each, as one setting; whether they make too many errors."""
+    random = np.random.default_rng(0)
+    frames = []
+    while len(frames) < settings:
+        exposure, rows_per_chip = random.uniform(0.5, 14.0), random.uniform(2.0, 7.0)
+        noise = float(random.choice(timing.NOISES))
+        if ocisac.detector_error_rates(rows_per_chip, exposure * rows_per_chip, noise).mlse < timing.DECODABLE:
+            frames.append(timing.measure(rows_per_chip, exposure, noise, 1, False))
+    names = [name for name in frames[0] if name.startswith("chip_error_rate")]
+    got = {name: sum(frame[name] * frame["chips"] for frame in frames) for name in names}
+    got |= {name: sum(frame[name] for frame in frames) for name in ("chips", "frames_lost", "frames_clock_off")}
+    got |= {name: got[name] / got["chips"] for name in names}
+    rates = " ".join(
+        f"{name.removeprefix('chip_error_rate').strip('_') or 'estimated'} {got[name]:.1e}" for name in names
+    )
+    text = f"{settings} settings, {got['chips']} chips; wrong: {rates}; frames lost {got['frames_lost']}"
+    print(json.dumps(got) if as_json else f"{text}, clocks off by more than 0.1 % {got['frames_clock_off']}")
+    return timing.is_good(got)
+
+
 def draw(path: str, frames: int) -> None:
     """Wrong chips of every detector over the exposure: counted (points), foretold (lines), the closest pair (grey)."""
     from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, RED, SKY, picture
@@ -170,12 +193,16 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="exit code 1 where a limit is not reached")
     parser.add_argument("--method", default="auto", help="the detector (default auto)")
     parser.add_argument("--estimated", action="store_true", help="the grid with nothing known but a preamble")
+    parser.add_argument("--anywhere", type=int, default=0, help="settings drawn at random, the same as --estimated")
     parser.add_argument("--quick", action="store_true", help="with --estimated: three exposures only")
     parser.add_argument("--picture", help="draw every detector's errors over the exposure to a .png, .svg or .pdf")
     arguments = parser.parse_args()
     if arguments.picture:
         draw(arguments.picture, arguments.frames or 40)
         return 0
+    if arguments.anywhere:
+        good = measure_anywhere(arguments.anywhere, arguments.json)
+        return 1 if arguments.check and not good else 0
     if arguments.estimated:
         good = measure_estimated(arguments.frames or (2 if arguments.quick else 20), arguments.quick, arguments.json)
         return 1 if arguments.check and not good else 0
