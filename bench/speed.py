@@ -31,7 +31,7 @@ import numpy as np
 from peers import PEERS
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, best_exposure, integrate_exposure, reference, tone_gain
-from ocisac_fast.chart.measuring import POOL_BYTES, in_blocks, in_turn
+from ocisac_fast.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
 CAMERA = Camera(ROW_TIME)
@@ -42,7 +42,10 @@ GAIN_TOLERANCE = 1e-3  # a standard error; weights of a cheaper plan see other n
 
 @dataclasses.dataclass(frozen=True)
 class Figure:
-    """One measured ratio, with its limit where it has one."""
+    """One measured ratio, with its limit where it has one.
+
+    undisturbed: the same from the fastest tenth of both calls; shows what other work on the machine adds.
+    """
 
     name: str
     value: float
@@ -50,6 +53,7 @@ class Figure:
     limit: float | None = None
     at_most: bool = True
     milliseconds: float | None = None
+    undisturbed: float | None = None
 
     @property
     def reached(self) -> bool | None:
@@ -57,6 +61,11 @@ class Figure:
         if self.limit is None:
             return None
         return self.value <= self.limit if self.at_most else self.value >= self.limit
+
+
+def figure_of(name: str, timing: Timing, limit: float | None = None, at_most: bool = True) -> Figure:
+    """Of a ratio of times."""
+    return Figure(name, timing.ratio, "x", limit, at_most, 1e3 * timing.seconds, timing.undisturbed)
 
 
 @functools.cache
@@ -102,7 +111,7 @@ def against_reading(seconds: float) -> Iterator[Figure]:
     for cycles, efficiency, limit in cases:
         name = f"gain / reading, f·T_r = {cycles / ROWS:.3f}, efficiency {efficiency:g}"
         timing = in_turn(checked(gains(cycles, efficiency), cycles, name), _core.read_bytes, pool(), seconds, (9, 400))
-        yield Figure(name, timing.ratio, "x", limit, milliseconds=1e3 * timing.seconds)
+        yield figure_of(name, timing, limit)
 
 
 def against_peers(seconds: float, missing: list[str]) -> Iterator[Figure]:
@@ -118,7 +127,7 @@ def against_peers(seconds: float, missing: list[str]) -> Iterator[Figure]:
             peer = checked(make(ROWS, COLUMNS, cycles), cycles, name)
             own = checked(gains(cycles, efficiency), cycles, title)
             timing = in_blocks(peer, own, pool(), seconds)
-            yield Figure(title, timing.ratio, "x", limit, at_most=False, milliseconds=1e3 * timing.seconds)
+            yield figure_of(title, timing, limit, at_most=False)
 
 
 def four_tones(seconds: float) -> Iterator[Figure]:
@@ -126,8 +135,21 @@ def four_tones(seconds: float) -> Iterator[Figure]:
     for efficiency in (1.0, 0.99):
         four = checked(gains(FOUR, efficiency), FOUR, "four tones")
         timing = in_turn(four, checked(gains(SLOW, efficiency), SLOW, "one tone"), pool(), seconds, (9, 400))
-        name = f"four tones / one, efficiency {efficiency:g}"
-        yield Figure(name, timing.ratio, "x", 2.0, milliseconds=1e3 * timing.seconds)
+        yield figure_of(f"four tones / one, efficiency {efficiency:g}", timing, 2.0)
+
+
+# Two halves of a problem that lives in registers.
+HALVES = np.random.default_rng(4).uniform(100.0, 1000.0, (2, 2, 5000))
+
+
+def choose(half: np.ndarray) -> Any:
+    """Exposure times for half of the problem."""
+    return best_exposure(half[0], half[1])
+
+
+def choose_once(halves: np.ndarray) -> list[Any]:
+    """One half after the other."""
+    return [choose(half) for half in halves]
 
 
 def two_threads(seconds: float) -> Iterator[Figure]:
@@ -137,7 +159,7 @@ def two_threads(seconds: float) -> Iterator[Figure]:
     if not np.array_equal(one(small), two(small), equal_nan=True):
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")
     timing = in_turn(one, two, [small], seconds, (9, 400))
-    yield Figure("one thread / two, four tones at 1, frames in cache", timing.ratio, "x", 1.8, at_most=False)
+    yield figure_of("one thread / two, four tones at 1, frames in cache", timing, 1.8, at_most=False)
     stacks = list(pool().reshape(-1, 8, ROWS, COLUMNS))
     with ThreadPoolExecutor(2) as workers:
 
@@ -150,9 +172,13 @@ def two_threads(seconds: float) -> Iterator[Figure]:
         if not np.array_equal(both(stacks[0]), gains(SLOW, 0.99)(stacks[0])):
             raise SystemExit("speed.py: two threads: another result than one thread; not timed")
         timing = in_turn(both, read, stacks, seconds, (9, 200))
-        yield Figure("gain / reading, two threads each, frames from memory", timing.ratio, "x", 1.3)
+        yield figure_of("gain / reading, two threads each, frames from memory", timing, 1.3)
         lone = in_turn(_core.read_bytes, read, stacks, seconds, (9, 200))
-        yield Figure("reading with one thread / two", lone.ratio, "x")
+        yield figure_of("reading with one thread / two", lone)
+        yield figure_of(
+            "arithmetic alone (best_exposure), one thread / two: what the processors give",
+            in_turn(choose_once, lambda halves: list(workers.map(choose, halves)), [HALVES], seconds, (9, 200)),
+        )
 
 
 CHIP_LEVELS = np.random.default_rng(2).integers(0, 2, 1000).astype(float)
@@ -222,7 +248,7 @@ def integration(seconds: float) -> Iterator[Figure]:
                 )
             timing = in_turn(call, own, [None], seconds, (3, 100))
             title = f"exposure integration, NumPy {peer} / library, {name}"
-            yield Figure(title, timing.ratio, "x", limit, at_most=False, milliseconds=1e3 * timing.seconds)
+            yield figure_of(title, timing, limit, at_most=False)
 
 
 def exposure_choice(seconds: float) -> Iterator[Figure]:
@@ -256,7 +282,9 @@ def print_table(figures: list[Figure], missing: list[str]) -> None:
         limit = "" if f.limit is None else f"{'at most' if f.at_most else 'at least'} {f.limit:g}"
         verdict = {None: "", True: "reached", False: "NOT REACHED"}[f.reached]
         took = "" if f.milliseconds is None else f"{f.milliseconds:8.3f} ms"
-        print(f"{f.name:{width}}  {f.value:7.2f} {f.unit:3}  {took:11}  {limit:13}  {verdict}")
+        best = "" if f.undisturbed is None else f"({f.undisturbed:.2f})"
+        print(f"{f.name:{width}}  {f.value:7.2f} {best:>8} {f.unit:3}  {took:11}  {limit:13}  {verdict}")
+    print("in brackets: from the fastest tenth of both calls")
     for name in missing:
         print(f"{name}: not installed, left out")
 

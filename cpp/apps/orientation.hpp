@@ -11,7 +11,7 @@ namespace ocisac::apps {
 AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis);
 
 // A part of the stored picture of `width` × `height` in that view, and back. Both lie inside of the picture.
-PictureBox to_time_order(const Region& stored, ScanAxis axis, std::size_t width, std::size_t height);
-Region to_stored(const PictureBox& box, ScanAxis axis, std::size_t width, std::size_t height);
+Region to_time_order(const StoredRegion& stored, ScanAxis axis, std::size_t width, std::size_t height);
+StoredRegion to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height);
 
 }  // namespace ocisac::apps

@@ -112,7 +112,7 @@ GrayPicture::GrayPicture(const FrameLayout& layout) : layout_(layout) {
   if (is_unpacked(layout.format)) unpacked_.resize(layout.width * layout.height);
 }
 
-AnyFramesView GrayPicture::view(std::span<const std::uint8_t> frame, const Region& region) {
+AnyFramesView GrayPicture::view(std::span<const std::uint8_t> frame, const StoredRegion& region) {
   require(frame.size() >= layout_.bytes, "frame", frame.size(), std::to_string(layout_.bytes) + " bytes");
   if (is_unpacked(layout_.format)) {
     for (std::size_t y = region.y; y < region.y + region.height; ++y) {

@@ -45,9 +45,9 @@ struct FrameLayout {
 FrameLayout raw_layout(PixelFormat format, std::size_t width, std::size_t height, std::size_t stride = 0);
 
 // Part of a picture, in stored pixels.
-struct Region {
+struct StoredRegion {
   std::size_t x = 0, y = 0, width = 0, height = 0;
-  bool operator==(const Region&) const = default;
+  bool operator==(const StoredRegion&) const = default;
 };
 
 // The grey picture of a frame: a view of the frame itself where its pixels lie as numbers, else of what is unpacked.
@@ -56,7 +56,7 @@ class GrayPicture {
   explicit GrayPicture(const FrameLayout& layout);
 
   // Of `layout.bytes` bytes, which must stay; of the pixels outside of `region` no value is promised.
-  AnyFramesView view(std::span<const std::uint8_t> frame, const Region& region);
+  AnyFramesView view(std::span<const std::uint8_t> frame, const StoredRegion& region);
 
  private:
   FrameLayout layout_;

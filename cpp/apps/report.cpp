@@ -80,7 +80,7 @@ void add_received(JsonLine& line, const ReceivedFrame& received, const Camera& c
 
 }  // namespace
 
-std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const Region& region, const Camera& camera) {
+std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const StoredRegion& region, const Camera& camera) {
   line.begin();
   line.member("frame", frame.frame);
   line.open_list("region");

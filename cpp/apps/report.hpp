@@ -23,7 +23,7 @@ struct Totals {
 };
 
 // The line of a frame; `region`: in stored pixels.
-std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const Region& region, const Camera& camera);
+std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const StoredRegion& region, const Camera& camera);
 std::string_view totals_line(JsonLine& line, const Totals& totals);
 // Times in s. `computing`: from a frame's last byte to the end of its line; `first_frame`: the same of the first, with
 // the search for the light; `ready`: from the start of the program until it waits for frames.

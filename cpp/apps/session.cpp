@@ -27,9 +27,9 @@ Camera camera_of(const Settings& settings, const StreamHeader& header) {
   return camera;
 }
 
-Region region_of(const Settings& settings, const FrameLayout& layout) {
-  const Region whole{0, 0, layout.width, layout.height};
-  const Region region = settings.region.value_or(whole);
+StoredRegion region_of(const Settings& settings, const FrameLayout& layout) {
+  const StoredRegion whole{0, 0, layout.width, layout.height};
+  const StoredRegion region = settings.region.value_or(whole);
   require(region.x + region.width <= layout.width && region.y + region.height <= layout.height, "--region",
           std::to_string(region.x) + "," + std::to_string(region.y) + "," + std::to_string(region.width) + "," +
               std::to_string(region.height),
@@ -37,7 +37,7 @@ Region region_of(const Settings& settings, const FrameLayout& layout) {
   return region;
 }
 
-LiveOptions live_options(const Settings& settings, const FrameLayout& layout, const Region& region) {
+LiveOptions live_options(const Settings& settings, const FrameLayout& layout, const StoredRegion& region) {
   LiveOptions live = settings.live;
   if (settings.region) live.region = to_time_order(region, settings.scan_axis, layout.width, layout.height);
   return live;
@@ -94,7 +94,7 @@ class Session {
 
  private:
   bool write_line(const LiveFrame& result) {
-    const Region region = to_stored(result.region, settings_.scan_axis, layout_.width, layout_.height);
+    const StoredRegion region = to_stored(result.region, settings_.scan_axis, layout_.width, layout_.height);
     return write_all(STDOUT_FILENO, frame_line(line_, result, region, camera_));
   }
 
@@ -107,7 +107,7 @@ class Session {
   const Settings& settings_;
   FrameLayout layout_;
   Camera camera_;
-  Region unpacked_;
+  StoredRegion unpacked_;
   GrayPicture picture_;
   LiveReceiver receiver_;
   JsonLine line_;

@@ -35,7 +35,7 @@ std::pair<std::size_t, std::size_t> parse_size(const std::string& text) {
   return {width, height};
 }
 
-Region parse_region(const std::string& text) {
+StoredRegion parse_region(const std::string& text) {
   std::array<unsigned long, 4> n{};
   char rest = 0;
   const int found = std::sscanf(text.c_str(), "%5lu,%5lu,%5lu,%5lu%c", &n[0], &n[1], &n[2], &n[3], &rest);

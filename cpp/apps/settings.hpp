@@ -16,7 +16,7 @@ struct Settings {
   std::string input = "-";
   std::optional<FrameLayout> raw;  // absent: the stream tells its own
   ScanAxis scan_axis = ScanAxis::down;
-  std::optional<Region> region;  // stored pixels
+  std::optional<StoredRegion> region;  // stored pixels
   Camera camera;
   std::optional<double> dark_level, white_level;  // absent: as the stream tells
   LiveOptions live;

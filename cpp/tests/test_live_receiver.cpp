@@ -110,7 +110,7 @@ TEST_CASE("a region that is told is neither searched nor left") {
   std::mt19937 random(9);
   ocisac::LiveOptions options;
   options.data = false;
-  options.region = ocisac::PictureBox{65, 10, 40, 400};
+  options.region = ocisac::Region{65, 10, 40, 400};
   ocisac::LiveReceiver receiver(camera(), options);
   const auto picture = tone_picture(70, 0, random);
   CHECK(receiver.push(view_of(picture), 0).region == *options.region);

@@ -48,4 +48,22 @@ FramesView<const T> as_const(const FramesView<T>& view) {
 using AnyFramesView = std::variant<FramesView<const std::uint8_t>, FramesView<const std::uint16_t>,
                                    FramesView<const float>, FramesView<const double>>;
 
+// Pixels: x, columns, and y, rows in time order, of the top left corner.
+struct Region {
+  std::size_t x = 0, y = 0, width = 0, height = 0;
+  friend bool operator==(const Region&, const Region&) = default;
+};
+
+// The part of all frames of a view within a region; it must lie inside.
+inline AnyFramesView part_of(const AnyFramesView& frames, const Region& region) {
+  return std::visit(
+      [&](auto view) -> AnyFramesView {
+        view.data = view.at(0, region.y, region.x);
+        view.rows = region.height;
+        view.columns = region.width;
+        return view;
+      },
+      frames);
+}
+
 }  // namespace ocisac

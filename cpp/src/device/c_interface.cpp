@@ -88,7 +88,7 @@ ocisac::LiveOptions live_options(const ocisac_options& options) {
   live.format.block_bytes = options.block_bytes;
   if (options.lengthened != 0) live.format.preamble = ocisac::Preamble::lengthened;
   const ocisac_region& region = options.region;
-  if (region.width > 0) live.region = ocisac::PictureBox{region.x, region.y, region.width, region.height};
+  if (region.width > 0) live.region = ocisac::Region{region.x, region.y, region.width, region.height};
   return live;
 }
 

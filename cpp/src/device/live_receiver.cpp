@@ -26,17 +26,6 @@ constexpr std::size_t kChunks = 32;            // of the rows
 constexpr double kSwingShare = 0.3;            // of a light's swing, that its other rows have too
 constexpr std::size_t kLeastMargin = 8;        // columns beside a light that are looked at too
 
-AnyFramesView part_of(const AnyFramesView& frame, const PictureBox& box) {
-  return std::visit(
-      [&](auto view) -> AnyFramesView {
-        view.data = view.at(0, box.y, box.x);
-        view.rows = box.height;
-        view.columns = box.width;
-        return view;
-      },
-      frame);
-}
-
 // Every `step`-th column.
 AnyFramesView thinned(const AnyFramesView& frame, std::size_t step) {
   return std::visit(
@@ -64,7 +53,7 @@ std::vector<double> swing_of_chunks(const AnyFramesView& columns, const ToneCurv
 
 // A light that carries data is not periodic over all of its rows, and the box of a periodic part of it is too low: as
 // high as its columns swing.
-PictureBox with_all_rows(const AnyFramesView& frame, const PictureBox& box, const ToneCurve& curve) {
+Region with_all_rows(const AnyFramesView& frame, const Region& box, const ToneCurve& curve) {
   const std::size_t rows = shape_of(frame).rows;
   if (rows < 4 * kChunks) return {box.x, 0, box.width, rows};
   const auto swings = swing_of_chunks(part_of(frame, {box.x, 0, box.width, rows}), curve);
@@ -81,7 +70,7 @@ PictureBox with_all_rows(const AnyFramesView& frame, const PictureBox& box, cons
 }
 
 // The strongest light that is no reflection, with a margin beside it and all the rows that it lights.
-std::optional<PictureBox> find_light(const AnyFramesView& frame, const Camera& camera) {
+std::optional<Region> find_light(const AnyFramesView& frame, const Camera& camera) {
   const Shape shape = shape_of(frame);
   const std::size_t step = (shape.columns + kSearchedColumns - 1) / kSearchedColumns;
   for (const LightSource& light : detect_sources(thinned(frame, step), camera)) {
@@ -116,7 +105,7 @@ LiveReceiver::LiveReceiver(const Camera& camera, LiveOptions options)
 void LiveReceiver::search(const AnyFramesView& frame) {
   const auto light = options_.region ? options_.region : find_light(frame, camera_);
   found_ = light.has_value();
-  const PictureBox found = light.value_or(PictureBox{0, 0, shape_of(frame).columns, shape_of(frame).rows});
+  const Region found = light.value_or(Region{0, 0, shape_of(frame).columns, shape_of(frame).rows});
   const bool same_rows = found.y == region_.y && found.height == region_.height;
   region_ = found;
   follower_.start(part_of(frame, {0, found.y, shape_of(frame).columns, found.height}), found.x, found.width);
@@ -193,7 +182,7 @@ const LiveFrame& LiveReceiver::push(const AnyFramesView& frame, std::int64_t num
           "one picture as large as the first, of its type");
   kind_ = kind;
   if (options_.region) {
-    const PictureBox& box = *options_.region;
+    const Region& box = *options_.region;
     require(box.width >= 1 && box.height >= 1 && box.x + box.width <= shape.columns && box.y + box.height <= shape.rows,
             "region",
             std::to_string(box.x) + "," + std::to_string(box.y) + "," + std::to_string(box.width) + "," +

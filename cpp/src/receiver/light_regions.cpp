@@ -111,17 +111,6 @@ class Cutter {
 
 }  // namespace
 
-AnyFramesView part_of(const AnyFramesView& frames, const Region& region) {
-  return std::visit(
-      [&](auto view) -> AnyFramesView {
-        view.data = view.at(0, region.y, region.x);
-        view.rows = region.height;
-        view.columns = region.width;
-        return view;
-      },
-      frames);
-}
-
 std::size_t shared_pixels(const Region& a, const Region& b) {
   const auto overlap = [](std::size_t from, std::size_t length, std::size_t other, std::size_t other_length) {
     const std::size_t begin = std::max(from, other), end = std::min(from + length, other + other_length);

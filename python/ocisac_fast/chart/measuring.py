@@ -29,11 +29,20 @@ class Timing:
         seconds: of one call.
         ratio: to the yardstick called beside it.
         pairs: how many (of calls, or of blocks of calls).
+        undisturbed: ratio of the tenth-fastest parts of both: other work on the machine only adds time.
     """
 
     seconds: float
     ratio: float
     pairs: int
+    undisturbed: float
+
+    @classmethod
+    def of(cls, mine: Sequence[float], others: Sequence[float]) -> Timing:
+        """From the seconds of calls taken in turn."""
+        ratio = statistics.median(a / b for a, b in zip(mine, others, strict=True))
+        fast, yardstick = (sorted(times)[len(times) // 10] for times in (mine, others))
+        return cls(statistics.median(mine), ratio, len(mine), fast / yardstick)
 
 
 @dataclass(frozen=True)
@@ -91,14 +100,12 @@ def in_turn(
     call(next(following))
     yardstick(next(following))
     times: list[float] = []
-    ratios: list[float] = []
+    others: list[float] = []
     end = time.perf_counter() + seconds
     while len(times) < pairs[0] or (time.perf_counter() < end and len(times) < pairs[1]):
-        mine = _seconds(call, next(following))
-        other = _seconds(yardstick, next(following))
-        times.append(mine)
-        ratios.append(mine / other)
-    return Timing(statistics.median(times), statistics.median(ratios), len(times))
+        times.append(_seconds(call, next(following)))
+        others.append(_seconds(yardstick, next(following)))
+    return Timing.of(times, others)
 
 
 def in_blocks(
@@ -115,16 +122,12 @@ def in_blocks(
     """
     following = itertools.cycle(items)
     times: list[float] = []
-    ratios: list[float] = []
+    others: list[float] = []
     end = time.perf_counter() + seconds
     while len(times) < fewest or time.perf_counter() < end:
-        mine, other = (
-            statistics.median([_seconds(each, next(following)) for _ in range(block)][block // 2 :])
-            for each in (call, yardstick)
-        )
-        times.append(mine)
-        ratios.append(mine / other)
-    return Timing(statistics.median(times), statistics.median(ratios), len(times))
+        for of, each in ((times, call), (others, yardstick)):
+            of.append(statistics.median([_seconds(each, next(following)) for _ in range(block)][block // 2 :]))
+    return Timing.of(times, others)
 
 
 def _seconds(call: Callable[[Any], object], item: Any) -> float:

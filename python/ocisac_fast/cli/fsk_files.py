@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
+from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
 from ocisac_fast.fsk import FskTransmission
 
 
@@ -17,18 +15,11 @@ def symbols_text(sent: FskTransmission, _: float | None = None) -> bytes:
 
 
 def _npy(sent: FskTransmission, _: float | None) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, sent.symbols)
-    return buffer.getvalue()
+    return npy_bytes(sent.symbols)
 
 
 def _csv(sent: FskTransmission, frame_rate: float | None) -> bytes:
-    tones = [sent.tones[symbol] for symbol in sent.symbols.tolist()]
-    if frame_rate is None:
-        lines = ["symbol,tone_hz", *(f"{index},{tone!r}" for index, tone in enumerate(tones))]
-    else:
-        lines = ["time_s,tone_hz", *(f"{index / frame_rate!r},{tone!r}" for index, tone in enumerate(tones))]
-    return "\n".join(lines).encode() + b"\n"
+    return csv_bytes("symbol", "tone_hz", [sent.tones[symbol] for symbol in sent.symbols.tolist()], frame_rate)
 
 
 def _c_header(sent: FskTransmission, frame_rate: float | None) -> bytes:

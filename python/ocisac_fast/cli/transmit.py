@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from ocisac_fast.cli.fsk_files import SYMBOL_WRITERS, symbols_text
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.fsk import fsk_transmit
 from ocisac_fast.transmission import LINE_CODES, Transmission
@@ -27,17 +27,11 @@ def _text(sent: Transmission, _: float | None) -> bytes:
 
 
 def _npy(sent: Transmission, _: float | None) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, sent.chips)
-    return buffer.getvalue()
+    return npy_bytes(sent.chips)
 
 
 def _csv(sent: Transmission, chip_rate: float | None) -> bytes:
-    if chip_rate is None:
-        lines = ["chip,level", *(f"{chip},{level}" for chip, level in enumerate(sent.chips.tolist()))]
-    else:
-        lines = ["time_s,level", *(f"{chip / chip_rate!r},{level}" for chip, level in enumerate(sent.chips.tolist()))]
-    return "\n".join(lines).encode() + b"\n"
+    return csv_bytes("chip", "level", sent.chips.tolist(), chip_rate)
 
 
 def _c_header(sent: Transmission, chip_rate: float | None) -> bytes:

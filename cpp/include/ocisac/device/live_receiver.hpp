@@ -16,15 +16,9 @@
 
 namespace ocisac {
 
-// Part of a picture: x counts columns, y rows in time order.
-struct PictureBox {
-  std::size_t x = 0, y = 0, width = 0, height = 0;
-  bool operator==(const PictureBox&) const = default;
-};
-
 struct LiveOptions {
   bool gain = true, data = true;          // what is wanted
-  std::optional<PictureBox> region;       // where the light is; absent: searched
+  std::optional<Region> region;           // where the light is; absent: searched
   std::optional<double> frequency;        // Hz of the tone; absent: found with the light
   std::optional<double> chip_rate;        // Hz, good to 2 %; absent: found blind
   std::optional<double> sense_frequency;  // Hz f_s, for the exposure that serves both (eq. 18)
@@ -44,7 +38,7 @@ struct LiveGain {
 struct LiveFrame {
   std::int64_t frame = 0;
   bool searched = false;                   // the light was looked for in the whole picture
-  PictureBox region;                       // that was read
+  Region region;                           // that was read
   std::optional<LiveGain> gain;            // where wanted
   std::optional<ReceivedFrame> received;   // where wanted
   std::optional<BestExposure> suggestion;  // of the exposure; absent while no frequency is known
@@ -72,7 +66,7 @@ class LiveReceiver {
   ColumnFollower follower_;
   std::optional<Receiver> receiver_;
   std::array<std::size_t, 3> kind_{};  // rows, columns and type of the first frame
-  PictureBox region_;
+  Region region_;
   bool found_ = false;  // region_ is a light's; else the whole picture is read meanwhile
   double frequency_, frequency_std_;
   Flags frequency_flags_ = 0;

@@ -9,15 +9,6 @@
 
 namespace ocisac {
 
-// Pixels: x, columns, and y, rows in time order, of the top left corner.
-struct Region {
-  std::size_t x = 0, y = 0, width = 0, height = 0;
-  friend bool operator==(const Region&, const Region&) = default;
-};
-
-// The part of all frames of a view within a region; it must lie inside.
-AnyFramesView part_of(const AnyFramesView& frames, const Region& region);
-
 // Boxes of lights beside each other (columns that swing differently: light_groups) and above each other (rows between
 // them in which nothing swings), cut in turn until each holds one, without rows at its ends in which nothing does,
 // where these are many. From the left, then from the top; the whole frame where nothing tells more than one light.

@@ -1,0 +1,25 @@
+"""What the files of ``ocisac transmit`` have in common, chips or tones."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+
+def npy_bytes(values: npt.ArrayLike) -> bytes:
+    """A .npy file."""
+    buffer = io.BytesIO()
+    np.save(buffer, values)
+    return buffer.getvalue()
+
+
+def csv_bytes(index: str, column: str, values: Sequence[object], rate: float | None) -> bytes:
+    """One value a line after its number (named ``index``) or, where the rate is known, its time in seconds."""
+    if rate is None:
+        lines = [f"{index},{column}", *(f"{k},{value}" for k, value in enumerate(values))]
+    else:
+        lines = [f"time_s,{column}", *(f"{k / rate!r},{value}" for k, value in enumerate(values))]
+    return "\n".join(lines).encode() + b"\n"
