@@ -12,7 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast import Camera, LightSource, SquareWave, Tone, detect_sources, integrate_exposure
+from ocisac_fast import (
+    Camera,
+    Chips,
+    LightSource,
+    SquareWave,
+    Tone,
+    Waveform,
+    detect_sources,
+    encode_line_code,
+    integrate_exposure,
+)
 
 ROWS, COLUMNS, ROW_TIME = 720, 960, 1e-5
 CAMERA = Camera(ROW_TIME, exposure=2e-5)
@@ -74,6 +84,59 @@ def scene(random: np.random.Generator, lights: int, kind: str) -> tuple[np.ndarr
         )
     stored = np.clip(np.rint(picture + noise * random.standard_normal(picture.shape)), 0, 255).astype(np.uint8)
     return stored, truth, noise
+
+
+CODES: dict[str, str | tuple[str, ...]] = {
+    "NRZ": "none",
+    "Manchester": "manchester",
+    "4-PPM": ("1000", "0100", "0010", "0001"),
+}
+
+
+def data_scene(random: np.random.Generator, code: str, kind: str) -> tuple[np.ndarray, dict[str, float]]:
+    """Bytes with one light that sends random bits, or a tone of as many cycles as Manchester code has chips of two;
+    and where it is."""
+    noise = float(np.exp(random.uniform(np.log(1.0), np.log(4.0))))
+    size = float(np.exp(random.uniform(np.log(80.0), np.log(400.0))))
+    rows_per_chip = float(np.exp(random.uniform(np.log(3.0), np.log(min(size / 16.0, 12.0)))))
+    swing = float(np.exp(random.uniform(np.log(20.0), np.log(120.0))))
+    row, column = random.uniform(size / 2, ROWS - size / 2), random.uniform(size / 2, COLUMNS - size / 2)
+    chip = rows_per_chip * ROW_TIME
+    if code == "tone":
+        wave: Waveform = SquareWave(0.5 / chip, phase=random.uniform(0, 2 * np.pi))
+    else:
+        chips = encode_line_code(random.integers(0, 2, 1024), CODES[code])
+        wave = Chips(chips.astype(float).tolist(), 1 / chip)
+    light = integrate_exposure(wave, CAMERA, ROWS, 20 * chip)
+    y, x = np.ogrid[:ROWS, :COLUMNS]
+    inside = (y - row) ** 2 + (x - column) ** 2 < (size / 2) ** 2
+    picture = np.where(inside, 20.0 + swing * light[:, None], ground(kind, random))
+    stored = np.clip(np.rint(picture + noise * random.standard_normal(picture.shape)), 0, 255).astype(np.uint8)
+    return stored, {"row": row, "column": column, "size": size, "chip": rows_per_chip, "ratio": swing / 2 / noise}
+
+
+def data_lights(count: int) -> dict[str, dict[str, float]]:
+    """By code: shares of the lights that are found (a box about their middle, at least half as high), that are found
+    and told to send data, and other boxes a picture."""
+    result = {}
+    for code in ("tone", *CODES):
+        found = told = others = 0
+        for seed in range(count):
+            random = np.random.default_rng(40_000 + seed)
+            frame, light = data_scene(random, code, GROUNDS[seed % len(GROUNDS)])
+            boxes = [s for s in detect_sources(frame, CAMERA) if s.reflection_of is None]
+            own = [
+                s
+                for s in boxes
+                if abs(s.y + s.height / 2 - light["row"]) < light["size"] / 4
+                and abs(s.x + s.width / 2 - light["column"]) < light["size"] / 4
+                and s.height >= light["size"] / 2
+            ]
+            found += bool(own)
+            told += bool(own) and own[0].carries_data
+            others += len(boxes) - bool(own)
+        result[code] = {"found": found / count, "data": told / count, "others": others / count}
+    return result
 
 
 def judge(found: list[LightSource], truth: list[dict[str, float]]) -> tuple[list[bool], list[bool]]:

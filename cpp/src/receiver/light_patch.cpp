@@ -16,8 +16,9 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t most_groups = 64;  // of columns in a patch
-constexpr std::size_t widest_sharp = 8;  // columns in a group of a small light
+constexpr std::size_t most_groups = 64;   // of columns in a patch
+constexpr std::size_t most_columns = 32;  // read for a mean
+constexpr std::size_t widest_sharp = 8;   // columns in a group of a small light
 
 // Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
 template <class T>
@@ -61,7 +62,29 @@ std::vector<double> group_means(const Patch& patch, const std::vector<double>& v
   return means;
 }
 
-kernels::Carrier view(const auto& rows) { return {rows.real.data(), rows.imaginary.data()}; }
+using CarrierRows = Demodulator::Rows;
+
+// For the rows from `reach` before the first to `reach` after the last of `rows`.
+CarrierRows carrier(double frequency, std::size_t rows, std::size_t reach) {
+  CarrierRows out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
+  for (std::size_t i = 0; i < out.real.size(); ++i) {
+    const Complex turn = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
+    out.real[i] = turn.real(), out.imaginary[i] = turn.imag();
+  }
+  return out;
+}
+
+// One carrier times another, or with sign −1 its conjugate.
+CarrierRows product(const CarrierRows& a, const CarrierRows& b, double sign) {
+  CarrierRows out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
+  for (std::size_t i = 0; i < out.real.size(); ++i) {
+    out.real[i] = a.real[i] * b.real[i] - sign * a.imaginary[i] * b.imaginary[i];
+    out.imaginary[i] = a.imaginary[i] * b.real[i] + sign * a.real[i] * b.imaginary[i];
+  }
+  return out;
+}
+
+kernels::Carrier carrier_view(const CarrierRows& rows) { return {rows.real.data(), rows.imaginary.data()}; }
 
 }  // namespace
 
@@ -81,13 +104,12 @@ PatchRange Patch::range(const Box& box) const {
   return out;
 }
 
-Patch patch_of(const AnyFramesView& frames, std::size_t frame, double dark, const Box& box, std::size_t margin,
-               double floor) {
-  const Shape shape = shape_of(frames);
-  const std::size_t left = box.column - std::min(box.column, margin);
-  const std::size_t right = std::min(shape.columns, box.column + box.width + margin);
-  const std::size_t top = box.row - std::min(box.row, margin);
-  const std::size_t bottom = std::min(shape.rows, box.row + box.height + margin);
+Patch patch_of(const LitFrame& frame, const Box& box, const Margins& margins) {
+  const Shape shape = shape_of(frame.frames);
+  const std::size_t left = box.column - std::min(box.column, margins.columns);
+  const std::size_t right = std::min(shape.columns, box.column + box.width + margins.columns);
+  const std::size_t top = box.row - std::min(box.row, margins.rows);
+  const std::size_t bottom = std::min(shape.rows, box.row + box.height + margins.rows);
   const std::size_t wanted = std::max<std::size_t>((right - left + most_groups - 1) / most_groups,
                                                    std::clamp<std::size_t>(box.width / 16, 1, widest_sharp));
   const std::size_t group = std::min(wanted, right - left);
@@ -99,13 +121,62 @@ Patch patch_of(const AnyFramesView& frames, std::size_t frame, double dark, cons
   std::visit(
       [&](const auto& view) {
         if (std::abs(view.row_stride) < std::abs(view.column_stride))
-          read_columns(view, frame, dark, patch);
+          read_columns(view, frame.index, frame.dark, patch);
         else
-          read_rows(view, frame, dark, patch);
+          read_rows(view, frame.index, frame.dark, patch);
       },
-      frames);
-  kernels::logarithms(patch.light.data(), patch.light.size(), floor, patch.logs.data());
+      frame.frames);
+  kernels::logarithms(patch.light.data(), patch.light.size(), frame.floor, patch.logs.data());
   return patch;
+}
+
+std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::size_t end, std::size_t first,
+                               std::size_t last) {
+  const std::size_t step = (end - begin + most_columns - 1) / most_columns, count = (end - begin + step - 1) / step;
+  std::vector<double> mean(last - first, -frame.dark);
+  const double share = 1 / static_cast<double>(count);
+  std::visit(
+      [&](const auto& view) {
+        for (std::size_t n = 0; n < mean.size(); ++n)
+          for (std::size_t c = 0; c < count; ++c)
+            mean[n] += static_cast<double>(view(frame.index, first + n, begin + c * step)) * share;
+      },
+      frame.frames);
+  return mean;
+}
+
+std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
+                                std::size_t length) {
+  const auto bin = 1 / static_cast<double>(length);
+  const CarrierRows step = carrier(bin, rows, length / 2), still = product(step, step, -1);
+  const CarrierRows back = product(still, step, -1), turns = carrier(bin, rows, 0);
+  std::vector<double> means(values.size()), unused(values.size());
+  kernels::hann_demodulate({values.data(), rows, stride}, std::vector<double>(stride).data(),
+                           {carrier_view(back), carrier_view(still), carrier_view(step), carrier_view(turns), length},
+                           means.data(), unused.data());
+  return means;
+}
+
+std::vector<double> fast_logs(const Patch& patch, double frequency) {
+  std::vector<double> slow = local_means(patch.logs, patch.rows, patch.stride, hann_length(frequency));
+  std::ranges::transform(patch.logs, slow, slow.begin(), std::minus{});
+  return slow;
+}
+
+double noise_variance(const Patch& patch, const PatchRange& core) {
+  std::vector<double> differences;
+  differences.reserve(core.size());
+  const std::size_t end_row = std::min(core.end_row, patch.rows - 1), end = std::min(core.end_group, patch.groups - 1);
+  for (std::size_t n = core.first_row; n < end_row; ++n)
+    for (std::size_t g = core.first_group; g < end; ++g) {
+      const double* at = &patch.logs[n * patch.stride + g];
+      differences.push_back(std::abs(at[0] - at[1] - at[patch.stride] + at[patch.stride + 1]));
+    }
+  if (differences.empty()) return 0;
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+  std::ranges::nth_element(differences, middle);
+  constexpr double median_of_normal = 0.6745;
+  return *middle * *middle / (4 * median_of_normal * median_of_normal);
 }
 
 Complex turned(double cycles) {
@@ -114,26 +185,6 @@ Complex turned(double cycles) {
 }
 
 std::size_t hann_length(double frequency) { return static_cast<std::size_t>(std::lround(1 / frequency)) * 2 + 1; }
-
-// For the rows from `reach` before the first to `reach` after the last of `rows`.
-Demodulator::Rows Demodulator::carrier(double frequency, std::size_t rows, std::size_t reach) {
-  Rows out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
-  for (std::size_t i = 0; i < out.real.size(); ++i) {
-    const Complex turn = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
-    out.real[i] = turn.real(), out.imaginary[i] = turn.imag();
-  }
-  return out;
-}
-
-// One carrier times another, or with sign −1 its conjugate.
-Demodulator::Rows Demodulator::product(const Rows& a, const Rows& b, double sign) {
-  Rows out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
-  for (std::size_t i = 0; i < out.real.size(); ++i) {
-    out.real[i] = a.real[i] * b.real[i] - sign * a.imaginary[i] * b.imaginary[i];
-    out.imaginary[i] = a.imaginary[i] * b.real[i] + sign * a.real[i] * b.imaginary[i];
-  }
-  return out;
-}
 
 Demodulator::Demodulator(double frequency, std::size_t rows)
     : length_(hann_length(frequency)),
@@ -145,20 +196,11 @@ Demodulator::Demodulator(double frequency, std::size_t rows)
 
 SwingMap Demodulator::swing(const Patch& patch, const std::vector<double>& values) const {
   SwingMap map{std::vector<double>(values.size()), std::vector<double>(values.size())};
-  const kernels::HannWindow window{view(below_), view(tone_), view(above_), view(turns_), length_};
+  const kernels::HannWindow window{carrier_view(below_), carrier_view(tone_), carrier_view(above_),
+                                   carrier_view(turns_), length_};
   kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, group_means(patch, values).data(), window,
                            map.real.data(), map.imaginary.data());
   return map;
-}
-
-std::vector<double> Demodulator::fast(const Patch& patch) const {
-  const Rows still = product(step_, step_, -1), back = product(still, step_, -1);
-  const kernels::HannWindow window{view(back), view(still), view(step_), view(turns_), length_};
-  std::vector<double> slow(patch.logs.size()), unused(patch.logs.size());
-  kernels::hann_demodulate({patch.logs.data(), patch.rows, patch.stride}, std::vector<double>(patch.stride).data(),
-                           window, slow.data(), unused.data());
-  std::ranges::transform(patch.logs, slow, slow.begin(), std::minus{});
-  return slow;
 }
 
 }  // namespace ocisac

@@ -31,10 +31,28 @@ struct Patch {
   [[nodiscard]] PatchRange range(const Box& box) const;
 };
 
-// The box and `margin` more on each side, as far as the frame goes. As many columns a group as keep their number
+// A frame as lights are looked for in it. `dark`: DN of no light; `floor`: of the logarithm, DN.
+struct LitFrame {
+  const AnyFramesView& frames;
+  std::size_t index;
+  double dark, floor;
+};
+
+// The box and margins more on each side, as far as the frame goes. As many columns a group as keep their number
 // bounded, and small lights sharp.
-Patch patch_of(const AnyFramesView& frames, std::size_t frame, double dark, const Box& box, std::size_t margin,
-               double floor);
+struct Margins {
+  std::size_t columns, rows;
+};
+Patch patch_of(const LitFrame& frame, const Box& box, const Margins& margins);
+
+// Mean of at most 32 columns evenly spaced over [begin, end), in rows [first, last): light above dark.
+std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::size_t end, std::size_t first,
+                               std::size_t last);
+
+// Means of values (rows × stride) down the rows under a Hann window of `length` rows, an odd number; rows before and
+// after repeat the first and the last. stride: a multiple of 8.
+std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
+                                std::size_t length);
 
 // z of every element: (rows × stride).
 struct SwingMap {
@@ -43,11 +61,18 @@ struct SwingMap {
   [[nodiscard]] std::complex<double> operator[](std::size_t i) const { return {real[i], imaginary[i]}; }
 };
 
+// Of an element of log light, from the median of mixed differences over neighbouring rows and groups: edges and strokes
+// are few enough not to count.
+double noise_variance(const Patch& patch, const PatchRange& core);
+
 // Rows of a Hann window of two cycles of `frequency`, cycles per row: an odd number.
 std::size_t hann_length(double frequency);
 
 // e^{−j2πx}
 std::complex<double> turned(double cycles);
+
+// Log light less its local mean over two cycles, which holds nothing of the tone.
+std::vector<double> fast_logs(const Patch& patch, double frequency);
 
 // Means under a Hann window of two cycles that goes down the rows of a patch.
 class Demodulator {
@@ -57,16 +82,11 @@ class Demodulator {
   // Local mean of x·e^{−j2πfn}, n the patch's row and x less its mean in the group, of light or its logarithm.
   [[nodiscard]] SwingMap swing(const Patch& patch, const std::vector<double>& values) const;
 
-  // Log light less its local mean, which holds nothing of the tone.
-  [[nodiscard]] std::vector<double> fast(const Patch& patch) const;
-
- private:
   struct Rows {
     std::vector<double> real, imaginary;
   };
-  static Rows carrier(double frequency, std::size_t rows, std::size_t reach);
-  static Rows product(const Rows& a, const Rows& b, double sign);
 
+ private:
   std::size_t length_;
   Rows step_, tone_, below_, above_, turns_;
 };

@@ -7,23 +7,17 @@
 #include <span>
 #include <vector>
 
-#include "ocisac/camera/linear_light.hpp"
+#include "receiver/light_patch.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr std::size_t most_columns = 32;                         // read for a swing
 constexpr double least_beside = 0.8, least_above = 0.9;          // correlation of swings
 constexpr double least_between = 0.4, least_rows_between = 0.7;  // swing between parts, of the fainter part's
 constexpr std::size_t touching = 8;                              // columns apart
 
-struct Frame {
-  const AnyFramesView& frames;
-  std::size_t index;
-  const ToneCurve& curve;
-  double floor;
-};
+using Frame = LitFrame;
 
 struct Span {
   std::size_t begin, end;
@@ -39,30 +33,10 @@ std::size_t mean_length(const LightPart& a, const LightPart& b) {
   return 2 * static_cast<std::size_t>(std::floor(1 / std::min(a.frequency, b.frequency) + 0.5)) + 1;
 }
 
-// Light of some rows, mean over at most 32 columns evenly spaced.
-std::vector<double> mean_light(const Frame& frame, const Span& columns, const Span& rows) {
-  const std::size_t step = (columns.size() + most_columns - 1) / most_columns;
-  const std::size_t count = (columns.size() + step - 1) / step;
-  const AnyFramesView part = std::visit(
-      [&](auto view) -> AnyFramesView {
-        view.data = view.at(frame.index, rows.begin, columns.begin);
-        view.frames = 1;
-        view.rows = rows.size();
-        view.columns = count;
-        view.column_stride *= static_cast<std::ptrdiff_t>(step);
-        return view;
-      },
-      frame.frames);
-  const std::vector<double> signals = column_signals(part, 0, 0, count, frame.curve);
-  std::vector<double> mean(rows.size());
-  for (std::size_t c = 0; c < count; ++c)
-    for (std::size_t n = 0; n < mean.size(); ++n) mean[n] += signals[c * mean.size() + n] / static_cast<double>(count);
-  return mean;
-}
-
-// Its logarithm less the running mean over `length` rows; rows before and after repeat the first and the last.
+// Logarithm of the mean light less its running mean over `length` rows; rows before and after repeat the first and the
+// last.
 std::vector<double> swing(const Frame& frame, const Span& columns, const Span& rows, std::size_t length) {
-  std::vector<double> logs = mean_light(frame, columns, rows);
+  std::vector<double> logs = mean_light(frame, columns.begin, columns.end, rows.begin, rows.end);
   for (double& value : logs) value = std::log(std::max(value, 0.0) + frame.floor);
   const std::size_t reach = length / 2, count = logs.size();
   std::vector<double> sums(count + 2 * reach + 1);
@@ -125,15 +99,15 @@ bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
 
 }  // namespace
 
-bool one_light_across(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, double floor,
-                      const LightPart& a, const LightPart& b) {
-  const Frame in{frames, frame, curve, floor};
+bool one_light_across(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
+                      const LightPart& b) {
+  const Frame in{frames, frame, dark, floor};
   return a.column <= b.column ? beside(in, a, b) : beside(in, b, a);
 }
 
-bool one_light_down(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, double floor,
-                    const LightPart& a, const LightPart& b) {
-  const Frame in{frames, frame, curve, floor};
+bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
+                    const LightPart& b) {
+  const Frame in{frames, frame, dark, floor};
   return a.row <= b.row ? above(in, a, b) : above(in, b, a);
 }
 

@@ -140,28 +140,10 @@ double uneven_variance(const Patch& patch, const PatchRange& core, const std::ve
   return total > 0 ? std::abs(tone) / total : 0;
 }
 
-// Of an element of log light, from the median of mixed differences over neighbouring rows and groups: edges and strokes
-// are few enough not to count.
-double noise_variance(const Patch& patch, const PatchRange& core) {
-  std::vector<double> differences;
-  differences.reserve(core.size());
-  const std::size_t end_row = std::min(core.end_row, patch.rows - 1), end = std::min(core.end_group, patch.groups - 1);
-  for (std::size_t n = core.first_row; n < end_row; ++n)
-    for (std::size_t g = core.first_group; g < end; ++g) {
-      const double* at = &patch.logs[n * patch.stride + g];
-      differences.push_back(std::abs(at[0] - at[1] - at[patch.stride] + at[patch.stride + 1]));
-    }
-  if (differences.empty()) return 0;
-  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
-  std::ranges::nth_element(differences, middle);
-  constexpr double median_of_normal = 0.6745;
-  return *middle * *middle / (4 * median_of_normal * median_of_normal);
-}
-
 // Weighted with the local swing in log light, in the box and two cycles more on each side.
 Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Box& box, double frequency) {
   const SwingMap swing = demodulator.swing(patch, patch.logs);
-  const std::vector<double> fast = demodulator.fast(patch);
+  const std::vector<double> fast = fast_logs(patch, frequency);
   const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
   const PatchRange core = patch.range(box), wide = patch.range(widened(box, 2 * cycle));
   Complex sum = 0;
@@ -244,7 +226,8 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
   Box box{suspect.column, suspect.row, suspect.width, suspect.height};
   double frequency = suspect.frequency;
   for (int round = 1;; ++round) {
-    const Patch patch = patch_of(frames, frame, dark, box, hann_length(frequency) + 2, floor);
+    const std::size_t margin = hann_length(frequency) + 2;
+    const Patch patch = patch_of({frames, frame, dark, floor}, box, {margin, margin});
     const Demodulator demodulator(frequency, patch.rows);
     const auto lit = lit_box(patch, demodulator.swing(patch, patch.light), box);
     if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||

@@ -6,6 +6,7 @@
 
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/estimation/tone_gain.hpp"
+#include "ocisac/receiver/data_light.hpp"
 #include "ocisac/receiver/source_merging.hpp"
 #include "ocisac/receiver/source_refinement.hpp"
 #include "ocisac/receiver/source_screening.hpp"
@@ -22,6 +23,8 @@ constexpr double most_uneven = 0.25;
 constexpr double data_periodic = 0.7;     // a tone or a square wave has more
 constexpr double largest_spread = 0.05;   // relative standard error of a frequency that was told at all
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more are of a light that sends data
+constexpr double most_data_uneven = 0.6;
+constexpr double settled_cycles = 5;
 constexpr double faint_level = 0.1;
 constexpr double reflection_level = 0.5;  // a light as strong as this share of another is one of its own
 
@@ -80,8 +83,22 @@ double least_amplitude(const AnyFramesView& frames) {
   return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T> ? 1.0 : 0.0; }, frames);
 }
 
+// The same of data: on 400 other such pictures edges with more evidence are rarer as e^(−evidence/1.2), and the rate is
+// a quarter of the one asked for.
+double data_evidence_for(std::size_t suspects, double false_alarms) {
+  return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.2 * std::log(false_alarms) + 3;
+}
+
 // Texture beside the periodic swing; lines of text have more. Few columns are alike by chance.
 double most_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
+
+bool accepted(const DataLight& data, const LightLimits& limits, double least_evidence) {
+  const RefinedLight& light = data.light;
+  return static_cast<double>(light.height) >= limits.rows && 0.5 * static_cast<double>(data.edges) >= limits.cycles &&
+         light.amplitude >= limits.amplitude && data.evidence >= least_evidence && light.snr >= 1 &&
+         light.texture <= 0.5 * most_texture(light) &&
+         !(light.texture > 0.25 && std::abs(light.uneven) > most_data_uneven);
+}
 
 // Texture that comes and goes with the rows is no picture under a light.
 bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > most_uneven; }
@@ -91,6 +108,14 @@ bool accepted(const RefinedLight& light, const LightLimits& limits, double least
   return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
          evidence(light) >= least_evidence && light.texture <= most_texture(light) && !like_text(light) &&
          light.periodic >= least_periodic && light.frequency_std <= largest_spread * light.frequency;
+}
+
+bool clean(const Found& one) { return !one.data && one.light.periodic >= data_periodic; }
+
+// No part of a light that sends data: its chips alternate for fewer cycles.
+bool settled(const Found& one) {
+  return one.data || one.known ||
+         (clean(one) && static_cast<double>(one.light.height) * one.light.frequency >= settled_cycles);
 }
 
 // Texture under a faint reflection pulls at its frequency by more than the scatter among its cycles tells.
@@ -255,27 +280,23 @@ class Look {
     return true;
   }
 
-  // Lights of a region, but those that were found before; of `frequencies`, in cycles per row, unless there are none.
+  // Lights of a region, but those that were found before: tones, then data where no tone explains a suspect; of
+  // `frequencies`, in cycles per row, unless there are none.
   void search(const FrameRegion& region, std::span<const double> frequencies = {}) {
     auto suspects = screen_sources(part(region), 0, stored_, options_.false_alarms);
     suspects.resize(std::min(suspects.size(), most_suspects));
-    const double least_evidence = evidence_for(suspects.size(), options_.false_alarms);
-    for (Suspect& suspect : suspects) {
-      if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
-        continue;
-      suspect.column += region.x, suspect.row += region.y;
-      if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
-      const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (light && accepted(*light, limits_, least_evidence))
-        found_.push_back({.light = *light, .box = part_of(*light)});
-    }
+    for (Suspect& suspect : suspects) suspect.column += region.x, suspect.row += region.y;
+    find_tones(suspects, frequencies);
+    find_data(suspects);
   }
 
   std::vector<Found> lights() {
     auto found = without_doubles(std::move(found_));
     found.resize(std::min(found.size(), options_.most));
     const auto of = [&](auto same) {
-      return [&, same](const LightPart& a, const LightPart& b) { return same(frames_, frame_, stored_, floor_, a, b); };
+      return [&, same](const LightPart& a, const LightPart& b) {
+        return same(frames_, frame_, stored_.dark_level, floor_, a, b);
+      };
     };
     join_parts(found, of(one_light_across), of(one_light_down));
     find_reflections(found);
@@ -283,6 +304,49 @@ class Look {
   }
 
  private:
+  void find_tones(const std::vector<Suspect>& suspects, std::span<const double> frequencies) {
+    const double least_evidence = evidence_for(suspects.size(), options_.false_alarms);
+    for (const Suspect& suspect : suspects) {
+      if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
+        continue;
+      if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
+      const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
+      if (light && accepted(*light, limits_, least_evidence))
+        found_.push_back({.light = *light, .box = part_of(*light)});
+    }
+  }
+
+  void find_data(const std::vector<Suspect>& suspects) {
+    const double least_evidence = data_evidence_for(suspects.size(), options_.false_alarms);
+    std::vector<RefinedLight> tones;  // that made a light
+    for (const Suspect& suspect : suspects) {
+      const auto explains = [&](const RefinedLight& light) { return explained(suspect, light); };
+      if (std::ranges::any_of(tones, explains) ||
+          std::ranges::any_of(found_, [&](const Found& one) { return settled(one) && explains(one.light); }))
+        continue;
+      const auto data = find_data_light(frames_, frame_, stored_.dark_level, floor_, suspect);
+      if (!data) continue;
+      const RefinedLight& light = data->light;
+      if (!accepted(*data, limits_, least_evidence)) continue;
+      if (made_of_tones(light)) {
+        tones.push_back(light);
+        continue;
+      }
+      const auto part = [&](const Found& one) { return !one.known && overlap(one.light, light) > 0.5; };
+      const std::size_t parts = std::erase_if(found_, part);
+      found_.push_back({.light = light, .box = part_of(light), .merged = parts, .data = true});
+    }
+  }
+
+  // A tone, and lamps above each other, swing alike in all their columns too.
+  [[nodiscard]] bool made_of_tones(const RefinedLight& light) const {
+    std::size_t rows = 0;
+    for (const Found& one : found_)
+      if (clean(one) && overlap(one.light.column, one.light.width, light.column, light.width) > 0)
+        rows += overlap(one.light.row, one.light.height, light.row, light.height);
+    return 2 * rows > light.height;
+  }
+
   [[nodiscard]] AnyFramesView part(const FrameRegion& region) const {
     return std::visit(
         [&](auto view) -> AnyFramesView {

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera import Camera
 from ocisac_fast.flags import Flag
+from ocisac_fast.reference.data_light import FREQUENCY_REACH, DataLight, find_data_light
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.source_merging import one_light_across, one_light_down
 from ocisac_fast.sources import LightSource
@@ -33,6 +34,7 @@ MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, MOST_UNEVEN, DATA_PERIO
     0.05,
 )
 FAINT_LEVEL, REFLECTION_LEVEL, ONE_FREQUENCY = 0.1, 0.5, 0.04
+SETTLED_CYCLES, MOST_DATA_UNEVEN = 5, 0.6
 
 
 class Suspect(NamedTuple):
@@ -85,34 +87,93 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
     floor = _floor(frame, light, camera)
     suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
     least_evidence = math.log(max(len(suspects), 1)) - 1.6 * math.log(false_alarms) - 1.4
-    lights: list[Light] = []
+    least_amplitude = 1.0 if whole else 0.0
+    lights: list[Found] = []
     for suspect in suspects:
-        if any(_explained(suspect.box, other) for other in lights):
+        if any(_explained(suspect.box, other.light) for other in lights):
             continue
-        found = refine(light, suspect, floor, min_cycles, 1.0 if whole else 0.0)
+        found = refine(light, suspect, floor, min_cycles, least_amplitude)
         if found is None:
             continue
         cycles = found.box[3] * found.frequency
         if (
             found.box[3] >= LEAST_ROWS
             and cycles >= min_cycles
-            and found.amplitude >= (1.0 if whole else 0.0)
+            and found.amplitude >= least_amplitude
             and math.log1p(found.snr) * cycles >= least_evidence
             and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
             and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
             and found.periodic >= LEAST_PERIODIC
             and found.std <= LARGEST_SPREAD * found.frequency
         ):
-            lights.append(found)
+            lights.append(Found(found, found.box))
+    least_evidence = math.log(max(len(suspects), 1)) - 1.2 * math.log(false_alarms) + 3
+    lights = _with_data(light, floor, suspects, lights, (least_evidence, min_cycles, least_amplitude))
     kept: list[Found] = []
-    for one in sorted(lights, key=lambda a: -a.amplitude * math.sqrt(a.box[2] * a.box[3])):
+    for one in sorted(lights, key=lambda a: -a.light.amplitude * math.sqrt(a.light.box[2] * a.light.box[3])):
         for k, other in enumerate(kept):
-            if _overlap(one.box, other.box) > 0.5 * min(one.box[2] * one.box[3], other.box[2] * other.box[3]):
+            if _share(one.box, other.box) > 0.5:
                 kept[k] = other._replace(merged=other.merged + 1)
                 break
         else:
-            kept.append(Found(one, one.box))
+            kept.append(one)
     return kept
+
+
+def _with_data(
+    light: Array, floor: float, suspects: list[Suspect], lights: list[Found], least: tuple[float, float, float]
+) -> list[Found]:
+    """What no tone explains may send data; its periodic parts are merged into it."""
+    tones: list[Light] = []
+    for suspect in suspects:
+        known = [one.light for one in lights if _settled(one)] + tones
+        if any(_explained(suspect.box, one) for one in known):
+            continue
+        data = find_data_light(light, floor, suspect.box, suspect.frequency)
+        if data is None or not _accepted_data(data, *least):
+            continue
+        lower, upper = suspect.frequency * (1 - FREQUENCY_REACH), min(suspect.frequency * (1 + FREQUENCY_REACH), 0.499)
+        frequency = _peak(data.waveform, lower, upper)
+        std = _jackknife(data.waveform, frequency, data.box[3] * frequency, lower, upper)
+        rows = data.box[1] + np.arange(data.waveform.size)
+        phase = float(np.angle(np.sum(data.waveform * np.exp(-2j * np.pi * frequency * rows))))
+        one = Light(data.box, frequency, std, phase, data.snr, data.amplitude, 0.0, data.texture, data.uneven)
+        clean = [other.light.box for other in lights if not other.data and other.light.periodic >= DATA_PERIODIC]
+        if 2 * sum(_rows_in(box, data.box) for box in clean) > data.box[3]:
+            tones.append(one)
+            continue
+        rest = [other for other in lights if _share(other.light.box, data.box) <= 0.5]
+        lights = [*rest, Found(one, data.box, merged=len(lights) - len(rest), data=True)]
+    return lights
+
+
+def _accepted_data(data: DataLight, least_evidence: float, min_cycles: float, least_amplitude: float) -> bool:
+    return (
+        data.box[3] >= LEAST_ROWS
+        and data.edges / 2 >= min_cycles
+        and data.amplitude >= least_amplitude
+        and data.evidence >= least_evidence
+        and data.snr >= 1
+        and data.texture <= 0.5 * MOST_TEXTURE * min(1.0, data.box[2] / 24)
+        and not (data.texture > 0.25 and abs(data.uneven) > MOST_DATA_UNEVEN)
+    )
+
+
+def _settled(one: Found) -> bool:
+    """No part of a light that sends data: its chips alternate for fewer cycles."""
+    light = one.light
+    return one.data or (light.periodic >= DATA_PERIODIC and light.box[3] * light.frequency >= SETTLED_CYCLES)
+
+
+def _rows_in(box: Box, other: Box) -> int:
+    """Rows in common of boxes that have columns in common."""
+    beside = min(box[0] + box[2], other[0] + other[2]) <= max(box[0], other[0])
+    return 0 if beside else max(min(box[1] + box[3], other[1] + other[3]) - max(box[1], other[1]), 0)
+
+
+def _share(a: Box, b: Box) -> float:
+    """Overlap over the smaller one."""
+    return _overlap(a, b) / min(a[2] * a[3], b[2] * b[3])
 
 
 def _floor(frame: Array, light: Array, camera: Camera) -> float:

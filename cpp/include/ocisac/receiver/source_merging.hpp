@@ -3,7 +3,6 @@
 
 #include <cstddef>
 
-#include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/views.hpp"
 
 namespace ocisac {
@@ -16,14 +15,14 @@ struct LightPart {
 
 // Whether parts beside each other are of one light: log light, less its mean over two cycles, swings alike (correlation
 // 0.8) in the rows of both, and in the columns between. Parts farther apart than they are wide are not looked at.
-// `floor`: of the logarithm, DN.
-bool one_light_across(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, double floor,
-                      const LightPart& a, const LightPart& b);
+// `dark`: DN of no light; `floor`: of the logarithm, DN.
+bool one_light_across(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
+                      const LightPart& b);
 
 // The same of parts above each other, in much the same columns: the rows between, at least a cycle, swing alike in the
 // left and the right half (0.9), and at least 0.7 times as far as the parts. A tone would have been found as a whole:
 // such a light sends data. Parts farther apart than they are high together are not looked at.
-bool one_light_down(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, double floor,
-                    const LightPart& a, const LightPart& b);
+bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
+                    const LightPart& b);
 
 }  // namespace ocisac

@@ -29,9 +29,10 @@ struct RefinedLight {
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which takes out the mean, gives the map
 // of the light's swing. Its box is where the swing has the phase of its sum. The frequency maximises the energy of f,
 // 2f and 3f in log light weighted by the local swing: an envelope that is real and positive moves no peak, however few
-// cycles there are. Its standard error is a jackknife over groups of cycles. `dark`: DN of no light; a tone curve, which
-// has no memory, keeps every period. `floor`: of the logarithm, DN. Nothing where box or amplitude is below 0.7 of the
-// limits on the way. `rounds`: one is enough where the suspect's box and frequency are those of the frame before.
+// cycles there are. Its standard error is a jackknife over groups of cycles. `dark`: DN of no light; a tone curve,
+// which has no memory, keeps every period. `floor`: of the logarithm, DN. Nothing where box or amplitude is below 0.7
+// of the limits on the way. `rounds`: one is enough where the suspect's box and frequency are those of the frame
+// before.
 std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
                                           const Suspect& suspect, double floor, const LightLimits& limits,
                                           int rounds = 2);
