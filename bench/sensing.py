@@ -78,8 +78,17 @@ def find(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
         # what so many pictures tell: the rate set, and two standard errors of its count
         most = rate + 2 * np.sqrt(rate / frames)
         measures.append(Measure("find", f"false lights a picture, {rate} set, worst ground", max(row.values()), most))
+    by_code = light_scenes.data_lights(20 if options.quick else 100)
+    for code, row in by_code.items():
+        measures.append(Measure("find", f"recall: {code}, 16 chips and more, any ground", row["found"]))
     measures += [Measure("find", f"ms, 33 megapixels, {name}", value, 60.0) for name, value in speed().items()]
-    details = {"lights": len(lights), "asked": len(asked), "by_ground": by_ground, "false_lights": rates}
+    details = {
+        "lights": len(lights),
+        "asked": len(asked),
+        "by_ground": by_ground,
+        "false_lights": rates,
+        "by_code": by_code,
+    }
     return measures, {**details, "recall_over": recall, "precision_over": precision}
 
 

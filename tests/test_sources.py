@@ -8,7 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ocisac_fast import Camera, Chips, SquareWave, Tone, detect_sources, integrate_exposure, reference
+from ocisac_fast import (
+    Camera,
+    Chips,
+    SquareWave,
+    Tone,
+    detect_sources,
+    encode_line_code,
+    integrate_exposure,
+    reference,
+)
 
 ROW_TIME = 1e-5
 CAMERA = Camera(ROW_TIME, exposure=3e-5)
@@ -120,6 +129,45 @@ def test_parts_of_a_light_that_sends_data_become_one(seed):
     assert light.merged >= 1
     assert light.height > 170
     assert_same(sources, reference.detect_sources(frame, CAMERA))
+
+
+def lamp_of_chips(seed, code, rows_per_chip=6.0, size=220):
+    """A large square lamp among boxes that sends random bits."""
+    picture, random = scene(640, 480, seed)
+    for _ in range(12):
+        top, left, height, width = random.integers((0, 0, 10, 10), (600, 440, 150, 150))
+        picture[top : top + height, left : left + width] += random.uniform(10, 60)
+    chips = encode_line_code(random.integers(0, 2, 256), code).astype(float)
+    light = integrate_exposure(Chips(chips.tolist(), 1 / (rows_per_chip * ROW_TIME)), CAMERA, 640)
+    picture[200 : 200 + size, 130 : 130 + size] = 20 + 100 * light[200 : 200 + size, None]
+    return stored(picture + 2.0 * random.standard_normal(picture.shape))
+
+
+@pytest.mark.parametrize("code", ["none", "manchester", ("1000", "0100", "0010", "0001")])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lights_that_send_data_are_found_whole(code, seed):
+    frame = lamp_of_chips(seed, code)
+    sources = detect_sources(frame, CAMERA)
+    (light,) = [s for s in sources if s.carries_data]
+    assert abs(light.x - 130) <= 12
+    assert abs(light.x + light.width - 350) <= 12
+    assert abs(light.y - 200) <= 45  # rows are told by a window of four of its cycles
+    assert abs(light.y + light.height - 420) <= 45
+    assert light.amplitude == pytest.approx(45, rel=0.35)
+    if seed == 1 and code != "manchester":
+        assert_same(sources, reference.detect_sources(frame, CAMERA))
+
+
+def test_edges_without_a_clock_are_no_data():
+    """As many edges as a lamp has, in all its columns: a stack of bars of random heights and greys."""
+    random = np.random.default_rng(3)
+    picture = 60.0 + 2.0 * random.standard_normal((640, 480))
+    top = 200
+    while top < 420:
+        height = int(random.integers(20, 70))
+        picture[top : top + height, 130:350] = random.uniform(20, 200)
+        top += height
+    assert detect_sources(stored(picture), CAMERA) == []
 
 
 @pytest.mark.parametrize(

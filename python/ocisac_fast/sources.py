@@ -28,9 +28,9 @@ class LightSource:
         phase: of the fundamental at the end of row 0's exposure, rad, as of :func:`tone_gain`.
         mean: light in the box, DN above dark.
         snr: power of the periodic swing over that of what it does not explain, in the logarithm of the light: texture
-            and other light count as noise; a plain ratio.
-        amplitude: of the fundamental where it is brightest, DN.
-        periodic: share of the swing common to all columns that is periodic.
+            and other light count as noise; a plain ratio. Of data found by their waveform: of all common swing.
+        amplitude: of the fundamental where it is brightest, DN; of data found by their waveform its root mean square.
+        periodic: share of the swing common to all columns that is periodic; 0 for data found by their waveform.
         carries_data: that share is below 0.7, or no tone goes through all its parts: not a tone or a square wave.
         reflection_of: index in the list of the frame's lights of a stronger one that this one reflects; else None.
         reason: why it is taken for a reflection ("frequency and phase", or "frequency" where too many rows lie between
@@ -74,7 +74,8 @@ def detect_sources(
     A light multiplies a picture: p(row, column) = light(row) picture(row, column), so that the logarithm of
     neighbouring columns swings together, each about its own mean. Tiles of 32 rows and three groups of columns at
     several scales are screened for a tone common to the groups; what passes gets its box by demodulation and its
-    frequency by the largest energy of f, 2f and 3f in log light weighted by the local swing.
+    frequency by the largest energy of f, 2f and 3f in log light weighted by the local swing. What is no tone is a light
+    that sends data where all its columns have one waveform, with more edges and a better clock than a picture has.
 
     Args:
         frames: (rows, columns) or (frames, rows, columns), rows in time order, DN; at least 32 rows, or nothing is

@@ -171,13 +171,17 @@ double clock_evidence(std::span<const std::size_t> edges) {
   const double interval = std::max(static_cast<double>(intervals[1]), 2.0);
   const double slowest = slowest_chip / interval, fastest = std::min(fastest_chip / interval, largest_clock);
   const auto span = static_cast<double>(edges.back() - edges.front());
-  double best = 0;
-  for (std::size_t i = 0; slowest + 0.25 * static_cast<double>(i) / span < fastest; ++i) {
-    std::complex<double> sum = 0;
-    const double clock = slowest + 0.25 * static_cast<double>(i) / span;
-    for (const std::size_t edge : edges) sum += turned(clock * static_cast<double>(edge));
-    best = std::max(best, std::norm(sum) / static_cast<double>(edges.size()));
+  const double step = 0.25 / span;
+  const auto count = static_cast<std::size_t>(std::max(std::ceil((fastest - slowest) / step), 0.0));
+  std::vector<std::complex<double>> sums(count);
+  for (const std::size_t edge : edges) {
+    const auto at = static_cast<double>(edge);
+    const Turns turns = turns_of(step * at, count);
+    const auto start = turned(slowest * at);
+    for (std::size_t i = 0; i < count; ++i) sums[i] += product(start, {turns.real[i], turns.imaginary[i]});
   }
+  double best = 0;
+  for (const auto& sum : sums) best = std::max(best, std::norm(sum) / static_cast<double>(edges.size()));
   return std::max(best - std::log(std::max((fastest - slowest) * span, 1.0)), 0.0);
 }
 

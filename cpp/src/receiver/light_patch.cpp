@@ -1,6 +1,7 @@
 #include "receiver/light_patch.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
@@ -62,21 +63,9 @@ std::vector<double> group_means(const Patch& patch, const std::vector<double>& v
   return means;
 }
 
-using CarrierRows = Demodulator::Rows;
-
-// For the rows from `reach` before the first to `reach` after the last of `rows`.
-CarrierRows carrier(double frequency, std::size_t rows, std::size_t reach) {
-  CarrierRows out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
-  for (std::size_t i = 0; i < out.real.size(); ++i) {
-    const Complex turn = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
-    out.real[i] = turn.real(), out.imaginary[i] = turn.imag();
-  }
-  return out;
-}
-
 // One carrier times another, or with sign −1 its conjugate.
-CarrierRows product(const CarrierRows& a, const CarrierRows& b, double sign) {
-  CarrierRows out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
+Turns times(const Turns& a, const Turns& b, double sign) {
+  Turns out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
   for (std::size_t i = 0; i < out.real.size(); ++i) {
     out.real[i] = a.real[i] * b.real[i] - sign * a.imaginary[i] * b.imaginary[i];
     out.imaginary[i] = a.imaginary[i] * b.real[i] + sign * a.real[i] * b.imaginary[i];
@@ -84,7 +73,7 @@ CarrierRows product(const CarrierRows& a, const CarrierRows& b, double sign) {
   return out;
 }
 
-kernels::Carrier carrier_view(const CarrierRows& rows) { return {rows.real.data(), rows.imaginary.data()}; }
+kernels::Carrier carrier_view(const Turns& rows) { return {rows.real.data(), rows.imaginary.data()}; }
 
 }  // namespace
 
@@ -148,12 +137,14 @@ std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::si
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length) {
   const auto bin = 1 / static_cast<double>(length);
-  const CarrierRows step = carrier(bin, rows, length / 2), still = product(step, step, -1);
-  const CarrierRows back = product(still, step, -1), turns = carrier(bin, rows, 0);
+  const Turns step = turns_of(bin, rows, length / 2), still = times(step, step, -1);
+  const Turns back = times(still, step, -1);
+  const kernels::Carrier forth = carrier_view(step);
+  const kernels::Carrier turns{forth.real + length / 2, forth.imaginary + length / 2};
   std::vector<double> means(values.size()), unused(values.size());
   kernels::hann_demodulate({values.data(), rows, stride}, std::vector<double>(stride).data(),
-                           {carrier_view(back), carrier_view(still), carrier_view(step), carrier_view(turns), length},
-                           means.data(), unused.data());
+                           {carrier_view(back), carrier_view(still), forth, turns, length}, means.data(),
+                           unused.data());
   return means;
 }
 
@@ -184,15 +175,30 @@ Complex turned(double cycles) {
   return {std::cos(angle), std::sin(angle)};
 }
 
+Turns turns_of(double frequency, std::size_t rows, std::size_t reach) {
+  constexpr std::size_t step = 16;
+  std::array<Complex, step> fine;
+  for (std::size_t i = 0; i < step; ++i) fine[i] = turned(frequency * static_cast<double>(i));
+  Turns out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
+  Complex coarse;
+  for (std::size_t i = 0; i < out.real.size(); ++i) {
+    if (i % step == 0) coarse = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
+    const Complex& turn = fine[i % step];
+    out.real[i] = coarse.real() * turn.real() - coarse.imag() * turn.imag();
+    out.imaginary[i] = coarse.real() * turn.imag() + coarse.imag() * turn.real();
+  }
+  return out;
+}
+
 std::size_t hann_length(double frequency) { return static_cast<std::size_t>(std::lround(1 / frequency)) * 2 + 1; }
 
 Demodulator::Demodulator(double frequency, std::size_t rows)
     : length_(hann_length(frequency)),
-      step_(carrier(1 / static_cast<double>(length_), rows, length_ / 2)),
-      tone_(carrier(frequency, rows, length_ / 2)),
-      below_(product(tone_, step_, -1)),
-      above_(product(tone_, step_, 1)),
-      turns_(carrier(1 / static_cast<double>(length_), rows, 0)) {}
+      step_(turns_of(1 / static_cast<double>(length_), rows, length_ / 2)),
+      tone_(turns_of(frequency, rows, length_ / 2)),
+      below_(times(tone_, step_, -1)),
+      above_(times(tone_, step_, 1)),
+      turns_(turns_of(1 / static_cast<double>(length_), rows, 0)) {}
 
 SwingMap Demodulator::swing(const Patch& patch, const std::vector<double>& values) const {
   SwingMap map{std::vector<double>(values.size()), std::vector<double>(values.size())};

@@ -71,6 +71,17 @@ std::size_t hann_length(double frequency);
 // e^{−j2πx}
 std::complex<double> turned(double cycles);
 
+// Without the detour that infinities take in the standard's.
+inline std::complex<double> product(std::complex<double> a, std::complex<double> b) {
+  return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
+}
+
+// e^{−j2πfn} for n from −reach to rows + reach − 1: sixteen and those of every sixteenth give all.
+struct Turns {
+  std::vector<double> real, imaginary;
+};
+Turns turns_of(double frequency, std::size_t rows, std::size_t reach = 0);
+
 // Log light less its local mean over two cycles, which holds nothing of the tone.
 std::vector<double> fast_logs(const Patch& patch, double frequency);
 
@@ -82,13 +93,9 @@ class Demodulator {
   // Local mean of x·e^{−j2πfn}, n the patch's row and x less its mean in the group, of light or its logarithm.
   [[nodiscard]] SwingMap swing(const Patch& patch, const std::vector<double>& values) const;
 
-  struct Rows {
-    std::vector<double> real, imaginary;
-  };
-
  private:
   std::size_t length_;
-  Rows step_, tone_, below_, above_, turns_;
+  Turns step_, tone_, below_, above_, turns_;
 };
 
 }  // namespace ocisac

@@ -23,11 +23,6 @@ constexpr double frequency_reach = 0.12;  // relative, in a round
 
 constexpr std::size_t most_orders = 9;  // of a periodic light's harmonics
 
-// Without the detour that infinities take in the standard's.
-Complex product(Complex a, Complex b) {
-  return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
-}
-
 // Without the care of the standard's for what is close to the ends of the exponents.
 double size(Complex z) { return std::sqrt(std::norm(z)); }
 

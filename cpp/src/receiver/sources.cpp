@@ -24,7 +24,7 @@ constexpr double data_periodic = 0.7;     // a tone or a square wave has more
 constexpr double largest_spread = 0.05;   // relative standard error of a frequency that was told at all
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more are of a light that sends data
 constexpr double most_data_uneven = 0.6;
-constexpr double settled_cycles = 5;
+constexpr double settled_cycles = 5, settled_periodic = 0.95;
 constexpr double faint_level = 0.1;
 constexpr double reflection_level = 0.5;  // a light as strong as this share of another is one of its own
 
@@ -115,7 +115,8 @@ bool clean(const Found& one) { return !one.data && one.light.periodic >= data_pe
 // No part of a light that sends data: its chips alternate for fewer cycles.
 bool settled(const Found& one) {
   return one.data || one.known ||
-         (clean(one) && static_cast<double>(one.light.height) * one.light.frequency >= settled_cycles);
+         (clean(one) && (one.light.periodic >= settled_periodic ||
+                         static_cast<double>(one.light.height) * one.light.frequency >= settled_cycles));
 }
 
 // Texture under a faint reflection pulls at its frequency by more than the scatter among its cycles tells.
@@ -137,6 +138,13 @@ bool explained(const Suspect& suspect, const RefinedLight& light) {
 // A suspect's frequency is known to half a cycle of no fewer than 2.5.
 bool may_show(const Suspect& suspect, double frequency) {
   return std::abs(suspect.frequency - frequency) <= 0.25 * frequency;
+}
+
+// A coarse suspect around a light of its frequency.
+bool holds(const Suspect& suspect, const RefinedLight& light) {
+  const std::size_t both = overlap(suspect.column, suspect.width, light.column, light.width) *
+                           overlap(suspect.row, suspect.height, light.row, light.height);
+  return 2 * both > light.width * light.height && may_show(suspect, light.frequency);
 }
 
 LightPart part_of(const RefinedLight& light) {
@@ -280,14 +288,14 @@ class Look {
     return true;
   }
 
-  // Lights of a region, but those that were found before: tones, then data where no tone explains a suspect; of
-  // `frequencies`, in cycles per row, unless there are none.
+  // Lights of a region, but those that were found before: tones of `frequencies`, in cycles per row; if none are given,
+  // any tones, and data where no tone explains a suspect.
   void search(const FrameRegion& region, std::span<const double> frequencies = {}) {
     auto suspects = screen_sources(part(region), 0, stored_, options_.false_alarms);
     suspects.resize(std::min(suspects.size(), most_suspects));
     for (Suspect& suspect : suspects) suspect.column += region.x, suspect.row += region.y;
     find_tones(suspects, frequencies);
-    find_data(suspects);
+    if (frequencies.empty()) find_data(suspects);
   }
 
   std::vector<Found> lights() {
@@ -320,7 +328,9 @@ class Look {
     const double least_evidence = data_evidence_for(suspects.size(), options_.false_alarms);
     std::vector<RefinedLight> tones;  // that made a light
     for (const Suspect& suspect : suspects) {
-      const auto explains = [&](const RefinedLight& light) { return explained(suspect, light); };
+      const auto explains = [&](const RefinedLight& light) {
+        return explained(suspect, light) || holds(suspect, light);
+      };
       if (std::ranges::any_of(tones, explains) ||
           std::ranges::any_of(found_, [&](const Found& one) { return settled(one) && explains(one.light); }))
         continue;

@@ -34,7 +34,7 @@ MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, MOST_UNEVEN, DATA_PERIO
     0.05,
 )
 FAINT_LEVEL, REFLECTION_LEVEL, ONE_FREQUENCY = 0.1, 0.5, 0.04
-SETTLED_CYCLES, MOST_DATA_UNEVEN = 5, 0.6
+SETTLED_CYCLES, SETTLED_PERIODIC, MOST_DATA_UNEVEN = 5, 0.95, 0.6
 
 
 class Suspect(NamedTuple):
@@ -127,7 +127,7 @@ def _with_data(
     tones: list[Light] = []
     for suspect in suspects:
         known = [one.light for one in lights if _settled(one)] + tones
-        if any(_explained(suspect.box, one) for one in known):
+        if any(_explained(suspect.box, one) or _holds(suspect, one) for one in known):
             continue
         data = find_data_light(light, floor, suspect.box, suspect.frequency)
         if data is None or not _accepted_data(data, *least):
@@ -162,7 +162,17 @@ def _accepted_data(data: DataLight, least_evidence: float, min_cycles: float, le
 def _settled(one: Found) -> bool:
     """No part of a light that sends data: its chips alternate for fewer cycles."""
     light = one.light
-    return one.data or (light.periodic >= DATA_PERIODIC and light.box[3] * light.frequency >= SETTLED_CYCLES)
+    cycles = light.box[3] * light.frequency
+    return (
+        one.data or light.periodic >= SETTLED_PERIODIC or (light.periodic >= DATA_PERIODIC and cycles >= SETTLED_CYCLES)
+    )
+
+
+def _holds(suspect: Suspect, light: Light) -> bool:
+    """A coarse suspect around a light of its frequency."""
+    area = light.box[2] * light.box[3]
+    near = abs(suspect.frequency - light.frequency) <= 0.25 * light.frequency
+    return 2 * _overlap(suspect.box, light.box) > area and near
 
 
 def _rows_in(box: Box, other: Box) -> int:
