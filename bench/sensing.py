@@ -52,7 +52,7 @@ class Measure:
     def reached(self) -> bool | None:
         if self.aim is None:
             return None
-        return self.value >= self.aim if self.least else self.value <= self.aim
+        return bool(self.value >= self.aim if self.least else self.value <= self.aim)
 
 
 def find(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
@@ -76,7 +76,7 @@ def find(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
     ]
     for rate, row in rates.items():
         # what so many pictures tell: the rate set, and two standard errors of its count
-        most = rate + 2 * np.sqrt(rate / frames)
+        most = rate + 2 * float(np.sqrt(rate / frames))
         measures.append(Measure("find", f"false lights a picture, {rate} set, worst ground", max(row.values()), most))
     by_code = light_scenes.data_lights(20 if options.quick else 100)
     for code, row in by_code.items():

@@ -34,7 +34,7 @@ MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, MOST_UNEVEN, DATA_PERIO
     0.05,
 )
 FAINT_LEVEL, REFLECTION_LEVEL, ONE_FREQUENCY = 0.1, 0.5, 0.04
-SETTLED_CYCLES, SETTLED_PERIODIC, MOST_DATA_UNEVEN = 5, 0.95, 0.6
+SETTLED_CYCLES, SETTLED_PERIODIC, MOST_DATA_UNEVEN, TELLING_SNR = 5, 0.95, 0.6, 6
 
 
 class Suspect(NamedTuple):
@@ -86,7 +86,7 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
     whole = frame.dtype.kind == "u"
     floor = _floor(frame, light, camera)
     suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
-    least_evidence = math.log(max(len(suspects), 1)) - 1.6 * math.log(false_alarms) - 1.4
+    least_evidence = math.log(max(len(suspects), 1)) - 1.6 * math.log(false_alarms) - 1
     least_amplitude = 1.0 if whole else 0.0
     lights: list[Found] = []
     for suspect in suspects:
@@ -100,7 +100,7 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
             found.box[3] >= LEAST_ROWS
             and cycles >= min_cycles
             and found.amplitude >= least_amplitude
-            and math.log1p(found.snr) * cycles >= least_evidence
+            and math.log1p(min(found.snr, TELLING_SNR)) * cycles >= least_evidence
             and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
             and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
             and found.periodic >= LEAST_PERIODIC
