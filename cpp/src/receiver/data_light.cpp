@@ -189,33 +189,17 @@ double clock_evidence(std::span<const std::size_t> edges) {
 struct Waveform {
   std::vector<double> values;  // (rows): Σ weight × log swing, over the root of Σ of squared weights
   double energy = 0, common = 0, noise = 0;
-  double uneven = 0;  // correlation of the rows' variance across the columns with the waveform
 };
-
-double correlation(std::span<const double> a, std::span<const double> b) {
-  const auto count = static_cast<double>(a.size());
-  const double x = std::reduce(a.begin(), a.end()) / count, y = std::reduce(b.begin(), b.end()) / count;
-  double xx = 0, yy = 0, xy = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    xx += (a[i] - x) * (a[i] - x);
-    yy += (b[i] - y) * (b[i] - y);
-    xy += (a[i] - x) * (b[i] - y);
-  }
-  return xx > 0 && yy > 0 ? xy / std::sqrt(xx * yy) : 0;
-}
 
 Waveform waveform_of(const Patch& patch, std::size_t length) {
   std::vector<double> fast = local_means(patch.logs, patch.rows, patch.stride, length);
   std::ranges::transform(patch.logs, fast, fast.begin(), std::minus{});
-  std::vector<double> weights(fast.size()), variance(patch.rows);
+  std::vector<double> weights(fast.size());
   const auto count = static_cast<double>(patch.groups);
   for (std::size_t n = 0; n < patch.rows; ++n) {
     const std::span row(&fast[n * patch.stride], patch.groups);
     const double mean = std::accumulate(row.begin(), row.end(), 0.0) / count;
-    for (std::size_t g = 0; g < patch.groups; ++g) {
-      weights[n * patch.stride + g] = row[g] * mean;
-      variance[n] += (row[g] - mean) * (row[g] - mean) / count;
-    }
+    for (std::size_t g = 0; g < patch.groups; ++g) weights[n * patch.stride + g] = row[g] * mean;
   }
   weights = local_means(weights, patch.rows, patch.stride, length);
   Waveform out;
@@ -231,7 +215,6 @@ Waveform waveform_of(const Patch& patch, std::size_t length) {
     out.common += out.values.back() * out.values.back();
   }
   out.noise = static_cast<double>(patch.rows * patch.groups) * noise_variance(patch, {0, patch.rows, 0, patch.groups});
-  out.uneven = correlation(variance, out.values);
   return out;
 }
 
@@ -291,7 +274,7 @@ std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_
                            share,
                            0,
                            rest / std::max(waveform.common, 1e-300),
-                           waveform.uneven};
+                           0};
   return DataLight{light, edges.size(), edge_evidence * static_cast<double>(edges.size()) + clock_evidence(edges)};
 }
 

@@ -26,7 +26,6 @@ class DataLight(NamedTuple):
     snr: float
     amplitude: float
     texture: float
-    uneven: float
     edges: int
     evidence: float
 
@@ -63,8 +62,6 @@ def find_data_light(light: Array, floor: float, suspect: Box, frequency: float) 
     share = min(common / energy, 1.0)
     mixed = np.sort(np.abs(np.diff(np.diff(logs, axis=0), axis=1)), axis=None)
     noise = logs.size * (mixed[mixed.size // 2] / 0.6745) ** 2 / 4 if mixed.size else 0.0
-    variance = fast.var(axis=1)
-    uneven = float(np.corrcoef(variance, waveform)[0, 1]) if variance.std() > 0 else 0.0
     mean = patch.mean(axis=1, keepdims=True)
     return DataLight(
         box,
@@ -72,7 +69,6 @@ def find_data_light(light: Array, floor: float, suspect: Box, frequency: float) 
         share / max(1 - share, 1e-12),
         float(np.sqrt(np.mean((mean - _local_means(mean, length)) ** 2))),
         max(energy * (1 - share) - noise, 0.0) / max(common, 1e-300),
-        uneven,
         len(edges),
         EDGE_EVIDENCE * len(edges) + _clock_evidence(edges),
     )

@@ -34,7 +34,7 @@ MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, MOST_UNEVEN, DATA_PERIO
     0.05,
 )
 FAINT_LEVEL, REFLECTION_LEVEL, ONE_FREQUENCY = 0.1, 0.5, 0.04
-SETTLED_CYCLES, SETTLED_PERIODIC, MOST_DATA_UNEVEN, TELLING_SNR = 5, 0.95, 0.6, 6
+SETTLED_CYCLES, SETTLED_PERIODIC, DATA_TEXTURE = 5, 0.95, 0.3
 
 
 class Suspect(NamedTuple):
@@ -86,7 +86,8 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
     whole = frame.dtype.kind == "u"
     floor = _floor(frame, light, camera)
     suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
-    least_evidence = math.log(max(len(suspects), 1)) - 1.6 * math.log(false_alarms) - 1
+    rare = -1.6 * math.log(false_alarms) - min(math.log(false_alarms / 0.02), 0.0)
+    least_evidence = math.log(max(len(suspects), 1)) + rare - 1.1
     least_amplitude = 1.0 if whole else 0.0
     lights: list[Found] = []
     for suspect in suspects:
@@ -100,7 +101,7 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
             found.box[3] >= LEAST_ROWS
             and cycles >= min_cycles
             and found.amplitude >= least_amplitude
-            and math.log1p(min(found.snr, TELLING_SNR)) * cycles >= least_evidence
+            and math.log1p(found.snr) * cycles >= least_evidence
             and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
             and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
             and found.periodic >= LEAST_PERIODIC
@@ -137,7 +138,7 @@ def _with_data(
         std = _jackknife(data.waveform, frequency, data.box[3] * frequency, lower, upper)
         rows = data.box[1] + np.arange(data.waveform.size)
         phase = float(np.angle(np.sum(data.waveform * np.exp(-2j * np.pi * frequency * rows))))
-        one = Light(data.box, frequency, std, phase, data.snr, data.amplitude, 0.0, data.texture, data.uneven)
+        one = Light(data.box, frequency, std, phase, data.snr, data.amplitude, 0.0, data.texture, 0.0)
         clean = [other.light.box for other in lights if not other.data and other.light.periodic >= DATA_PERIODIC]
         if 2 * sum(_rows_in(box, data.box) for box in clean) > data.box[3]:
             tones.append(one)
@@ -154,8 +155,7 @@ def _accepted_data(data: DataLight, least_evidence: float, min_cycles: float, le
         and data.amplitude >= least_amplitude
         and data.evidence >= least_evidence
         and data.snr >= 1
-        and data.texture <= 0.5 * MOST_TEXTURE * min(1.0, data.box[2] / 24)
-        and not (data.texture > 0.25 and abs(data.uneven) > MOST_DATA_UNEVEN)
+        and data.texture <= DATA_TEXTURE * MOST_TEXTURE * min(1.0, data.box[2] / 24)
     )
 
 
