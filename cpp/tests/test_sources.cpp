@@ -84,7 +84,7 @@ TEST_CASE("a light is followed in its box, and searched for in its region where 
   const auto pixels = picture(true);
   const auto view = dense_view(pixels.data(), 1, rows, columns);
   const LightSource whole = detect_sources(view, camera()).front();
-  const FrameRegion all{0, 0, columns, rows}, box{whole.x, whole.y, whole.width, whole.height}, away{0, 0, 40, 40};
+  const Region all{0, 0, columns, rows}, box{whole.x, whole.y, whole.width, whole.height}, away{0, 0, 40, 40};
   for (const ExpectedLight& expected :
        {ExpectedLight{box, 8000, all, true, false},
         ExpectedLight{{box.x + 6, box.y - 8, 60, 70}, 8100, all, true, false},
@@ -105,7 +105,7 @@ TEST_CASE("a light is followed in its box, and searched for in its region where 
 TEST_CASE("lights cannot be expected beyond the frame or without a frequency") {
   const auto pixels = picture(true);
   const auto view = dense_view(pixels.data(), 1, rows, columns);
-  const FrameRegion all{0, 0, columns, rows}, beyond{300, 10, 30, 20}, none{5, 5, 0, 20};
+  const Region all{0, 0, columns, rows}, beyond{300, 10, 30, 20}, none{5, 5, 0, 20};
   for (const ExpectedLight& expected :
        {ExpectedLight{beyond, 8000, all, true, false}, ExpectedLight{all, 8000, none, true, false},
         ExpectedLight{all, 0, all, true, false}, ExpectedLight{all, 50000, all, true, false}})

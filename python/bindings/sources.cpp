@@ -38,13 +38,16 @@ py::list detect(const py::array& frames, const Camera& camera, double false_alar
 }
 
 // As of ExpectedLight.
-using Region = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
-using Expected = std::tuple<Region, double, Region, bool, bool>;
+using Corners = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
+using Expected = std::tuple<Corners, double, Corners, bool, bool>;
 
 py::list follow(const py::array& frame, const Camera& camera, const std::vector<Expected>& expected,
                 double false_alarms, double min_cycles) {
   const AnyFramesView view = any_view(frame);
-  const auto region = [](const Region& r) { return std::make_from_tuple<FrameRegion>(r); };
+  const auto region = [](const Corners& corners) {
+    const auto& [x, y, width, height] = corners;
+    return Region{x, y, width, height};
+  };
   std::vector<ExpectedLight> lights;
   for (const auto& [box, frequency, where, seen, data] : expected)
     lights.push_back({region(box), frequency, region(where), seen, data});

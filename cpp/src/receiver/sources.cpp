@@ -279,7 +279,7 @@ class Look {
   }
 
   // Whether the light is where it is expected, and nothing else has been found there.
-  bool find_expected(const FrameRegion& box, double cycles_per_row) {
+  bool find_expected(const Region& box, double cycles_per_row) {
     const Suspect suspect{box.x, box.y, box.width, box.height, cycles_per_row, 1, 0};
     const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
     if (!light || !accepted(*light, limits_, evidence_for(1, options_.false_alarms))) return false;
@@ -291,8 +291,8 @@ class Look {
 
   // Lights of a region, but those that were found before: tones of `frequencies`, in cycles per row; if none are given,
   // any tones, and data where no tone explains a suspect.
-  void search(const FrameRegion& region, std::span<const double> frequencies = {}) {
-    auto suspects = screen_sources(part(region), 0, stored_, options_.false_alarms);
+  void search(const Region& region, std::span<const double> frequencies = {}) {
+    auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms);
     suspects.resize(std::min(suspects.size(), most_suspects));
     for (Suspect& suspect : suspects) suspect.column += region.x, suspect.row += region.y;
     find_tones(suspects, frequencies);
@@ -358,18 +358,6 @@ class Look {
     return 2 * rows > light.height;
   }
 
-  [[nodiscard]] AnyFramesView part(const FrameRegion& region) const {
-    return std::visit(
-        [&](auto view) -> AnyFramesView {
-          view.data = view.at(frame_, region.y, region.x);
-          view.frames = 1;
-          view.rows = region.height;
-          view.columns = region.width;
-          return view;
-        },
-        frames_);
-  }
-
   const AnyFramesView& frames_;
   std::size_t frame_;
   const DetectOptions& options_;
@@ -381,7 +369,7 @@ class Look {
 
 // Where to search, and for what: nothing given, for any frequency.
 struct Search {
-  FrameRegion region;
+  Region region;
   std::vector<double> frequencies;
 };
 
@@ -389,7 +377,7 @@ struct Search {
 std::vector<Search> united(std::vector<Search> searches) {
   for (std::size_t i = 0; i < searches.size(); ++i)
     for (std::size_t k = i + 1; k < searches.size();) {
-      FrameRegion &a = searches[i].region, &b = searches[k].region;
+      Region &a = searches[i].region, &b = searches[k].region;
       if (overlap(a.x, a.width, b.x, b.width) == 0 || overlap(a.y, a.height, b.y, b.height) == 0) {
         ++k;
         continue;
@@ -409,7 +397,7 @@ std::vector<Search> united(std::vector<Search> searches) {
   return searches;
 }
 
-void check(const FrameRegion& region, const Shape& shape, const char* name) {
+void check(const Region& region, const Shape& shape, const char* name) {
   const auto fits = [](std::size_t first, std::size_t count, std::size_t all) {
     return count > 0 && first < all && count <= all - first;
   };

@@ -43,18 +43,13 @@ struct LightSource {
 std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
                                         const DetectOptions& options = {});
 
-// Pixels of a frame: columns from x, rows from y.
-struct FrameRegion {
-  std::size_t x, y, width, height;
-};
-
 // A light of a frame before.
 struct ExpectedLight {
-  FrameRegion box;     // where it should be, if it was seen in the last frame
-  double frequency;    // Hz, below half the row rate
-  FrameRegion region;  // where it may be
-  bool seen;           // in the last frame, so that its box is known to a cycle or two
-  bool data;           // shows other frequencies too
+  Region box;        // where it should be, if it was seen in the last frame
+  double frequency;  // Hz, below half the row rate
+  Region region;     // where it may be
+  bool seen;         // in the last frame, so that its box is known to a cycle or two
+  bool data;         // shows other frequencies too
 };
 
 // The lights that are expected in one frame: a tone that was just seen in its box, others, and those that are not in
