@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_sources import CAMERA, add_lamp, scene, stored
 
-from ocisac_fast import SourceTracker, SquareWave, detect_sources
+from ocisac_fast import Chips, SourceTracker, SquareWave, detect_sources
 
 
 def frame_with(places, seed=0, shape=(360, 480)):
@@ -106,6 +106,19 @@ def test_a_light_that_turns_or_jumps_is_found_in_its_region():
         (track,) = tracker.update(frame_with([(180, column, 9000.0, 120.0)], seed=k))
         assert track.visible == (k != 5)  # farther than its reach: its region grows
         assert not track.visible or abs(track.source.x + track.source.width / 2 - column) < 6
+
+
+@pytest.mark.parametrize("full_every", [1, 4])
+def test_a_light_that_sends_data_keeps_its_identity(full_every):
+    tracker, random = SourceTracker(CAMERA, full_every=full_every), np.random.default_rng(0)
+    for k in range(8):
+        picture, _ = scene(480, 480, seed=k)
+        bits = random.integers(0, 2, 100)
+        add_lamp(picture, 240, 200 + 8 * k, 110, Chips(bits.astype(float).tolist(), 1 / (6 * CAMERA.row_time)))
+        tracks = tracker.update(stored(picture))
+    assert tracks[0].identity == 0
+    assert tracks[0].hidden < 4
+    assert abs(tracks[0].source.x + tracks[0].source.width / 2 - 250) < 40
 
 
 def test_frames_may_become_smaller():

@@ -185,6 +185,27 @@ def test_lamps_beside_and_above_each_other_stay_apart(above, frequency, apart):
     assert all(s.reason != "waveform" for s in sources)
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [((5000.0, 0.0), (6500.0, 0.0)), ((8000.0, 0.0), (11000.0, 0.0)), ((8000.0, 0.0), (8000.0, 2.0))],
+)
+def test_lamps_that_touch_side_by_side_are_told_apart(first, second):
+    picture, _ = scene()
+    for k, (frequency, phase) in enumerate((first, second)):
+        light = integrate_exposure(SquareWave(frequency, phase=phase), CAMERA, 480)
+        picture[100:260, 150 + 110 * k : 260 + 110 * k] = 20 + 120 * light[100:260, None]
+    frame = stored(picture)
+    sources = detect_sources(frame, CAMERA)
+    assert len(sources) == 2
+    for (frequency, _), source, left in zip(
+        (first, second), sorted(sources, key=lambda s: s.x), (150, 260), strict=True
+    ):
+        assert abs(source.x - left) <= 16
+        assert abs(source.x + source.width - left - 110) <= 16
+        assert source.frequency == pytest.approx(frequency, rel=0.02)
+    assert_same(sources, reference.detect_sources(frame, CAMERA))
+
+
 @pytest.mark.parametrize("shape", [(1,), (7,), (31, 5), (32, 1), (33, 2), (40, 3), (64, 17), (97, 16)])
 def test_small_frames_of_noise_hold_nothing(shape):
     frame = np.random.default_rng(1).integers(90, 110, shape).astype(np.uint8)

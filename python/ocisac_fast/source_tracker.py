@@ -52,10 +52,10 @@ class Track:
 class SourceTracker:
     """Keeps the identity of lights over the frames of a video.
 
-    A light found is the one expected nearest to it among those of its frequency; a track that is hidden goes on with
-    its velocity for ``patience`` frames, its region growing. Between full looks a light that was just seen is looked
-    for where its velocity takes it, to within two of its cycles; only where it is not, or sends data, is its region
-    searched.
+    A light found is the one expected nearest to it among those of its frequency, or of those that send data if it does;
+    a track that is hidden goes on with its velocity for ``patience`` frames, its region growing. Between full looks a
+    light that was just seen is looked for where its velocity takes it, to within two of its cycles; only where it is
+    not, or sends data, is its region searched.
 
     Args:
         camera: as for :func:`detect_sources`.
@@ -137,16 +137,20 @@ class SourceTracker:
         return self.tracks
 
     def _distance(self, track: Track, source: LightSource) -> float:
-        """From where the track is expected, as a share of what is allowed; infinite for another frequency."""
+        """From where the track is expected, as a share of what is allowed; infinite for another frequency.
+
+        Data have none: between data and a tone half of what is allowed is added.
+        """
         spread = _DEVIATIONS * math.hypot(track.frequency_std, source.frequency_std) + 0.005 * track.frequency
-        if abs(source.frequency - track.frequency) > spread:
+        data = track.source.carries_data, source.carries_data
+        if not any(data) and abs(source.frequency - track.frequency) > spread:
             return math.inf
         steps = track.hidden + 1
         x, y = _centre(track.source)
         dx = source.x + source.width / 2 - x - steps * track.velocity[0]
         dy = source.y + source.height / 2 - y - steps * track.velocity[1]
         size = max(track.source.width, track.source.height)
-        return math.hypot(dx, dy) / (self._reach * size * steps)
+        return math.hypot(dx, dy) / (self._reach * size * steps) + 0.5 * (data[0] != data[1])
 
     def _next(self, track: Track, source: LightSource | None, shape: tuple[int, int]) -> Track:
         if source is None:

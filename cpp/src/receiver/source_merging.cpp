@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "receiver/light_patch.hpp"
+#include "receiver/profile_frequency.hpp"
 
 namespace ocisac {
 
@@ -15,6 +16,8 @@ namespace {
 
 constexpr double least_beside = 0.8, least_above = 0.9;          // correlation of swings
 constexpr double least_between = 0.4, least_rows_between = 0.7;  // swing between parts, of the fainter part's
+constexpr double least_alike = 0.5;                              // correlation of lamps that touch
+constexpr std::size_t least_strip = 8, most_strips = 24;         // columns; strips of a box
 constexpr std::size_t touching = 8;                              // columns apart
 
 using Frame = LitFrame;
@@ -109,6 +112,40 @@ bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark,
                     const LightPart& b) {
   const Frame in{frames, frame, dark, floor};
   return a.row <= b.row ? above(in, a, b) : above(in, b, a);
+}
+
+std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
+                                    const LightPart& box) {
+  const Frame in{frames, frame, dark, floor};
+  const Span rows = rows_of(box);
+  const std::size_t length = mean_length(box, box), end = box.column + box.width, quarter = box.width / 4;
+  if (box.width < 2 * least_strip || likeness(swing(in, {box.column, box.column + quarter}, rows, length),
+                                              swing(in, {end - quarter, end}, rows, length)) >= least_alike)
+    return {};
+  const std::size_t strips = std::min(box.width / least_strip, most_strips);
+  const auto edge = [&](std::size_t strip) { return box.column + strip * box.width / strips; };
+  std::vector<LightPart> parts;
+  std::vector<double> run = swing(in, {edge(0), edge(1)}, rows, length);
+  const auto close = [&](std::size_t first, std::size_t last) {
+    if (5 * (edge(last) - edge(first)) < box.width) return;
+    const double upper = std::min(2 * box.frequency, 0.499);
+    parts.push_back({edge(first), box.row, edge(last) - edge(first), box.height,
+                     strongest_frequency(run, 0.5 * box.frequency, upper)});
+  };
+  std::size_t first = 0;
+  for (std::size_t strip = 1; strip < strips; ++strip) {
+    const auto next = swing(in, {edge(strip), edge(strip + 1)}, rows, length);
+    if (likeness(run, next) >= least_alike) {
+      std::ranges::transform(run, next, run.begin(), std::plus{});
+      continue;
+    }
+    close(first, strip);
+    first = strip;
+    run = next;
+  }
+  close(first, strips);
+  if (parts.size() < 2) parts.clear();
+  return parts;
 }
 
 }  // namespace ocisac

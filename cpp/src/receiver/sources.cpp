@@ -320,9 +320,23 @@ class Look {
         continue;
       if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
       const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (light && accepted(*light, limits_, least_evidence))
-        found_.push_back({.light = *light, .box = part_of(*light)});
+      if (light && accepted(*light, limits_, least_evidence)) add_tone(*light, least_evidence);
     }
+  }
+
+  // A light, or the lamps that touch and were found as one: each looked at in its own columns.
+  void add_tone(const RefinedLight& light, double least_evidence) {
+    std::vector<RefinedLight> lamps;
+    for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, part_of(light))) {
+      const auto columns = part_of(frames_, {part.column, 0, part.width, shape_of(frames_).rows});
+      const Suspect suspect{0, part.row, part.width, part.height, part.frequency, 1, 0};
+      auto lamp = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
+      if (!lamp || !accepted(*lamp, limits_, least_evidence)) continue;
+      lamp->column += part.column;
+      lamps.push_back(*lamp);
+    }
+    if (lamps.size() < 2) lamps.assign(1, light);
+    for (const RefinedLight& lamp : lamps) found_.push_back({.light = lamp, .box = part_of(lamp)});
   }
 
   void find_data(const std::vector<Suspect>& suspects) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -15,6 +16,7 @@ MOST_COLUMNS = 32
 LEAST_BESIDE, LEAST_ABOVE = 0.8, 0.9  # correlation of swings
 LEAST_BETWEEN, LEAST_ROWS_BETWEEN = 0.4, 0.7  # swing between parts, of the fainter part's
 TOUCHING = 8  # columns apart
+LEAST_ALIKE, LEAST_STRIP, MOST_STRIPS = 0.5, 8, 24  # of lamps that touch
 
 
 Part = tuple[Box, float]  # with its cycles per row
@@ -28,6 +30,34 @@ def one_light_across(light: Array, floor: float, a: Part, b: Part) -> bool:
 def one_light_down(light: Array, floor: float, a: Part, b: Part) -> bool:
     """Whether parts above each other are of one light, which then sends data."""
     return _above(light, floor, *sorted((a, b), key=lambda part: part[0][1]))
+
+
+def runs_beside(light: Array, floor: float, box: Box, frequency: float) -> list[tuple[int, int, Array]]:
+    """First column, end and swing of runs of columns that swing unlike the run before, a fifth of the box or more each;
+    none where the outer quarters swing alike."""
+    column, row, width, height = box
+
+    def swing(left: int, right: int) -> Array:
+        return _swing(light, floor, left, right, row, row + height, _length(frequency, frequency))
+
+    quarter = width // 4
+    if width < 2 * LEAST_STRIP:
+        return []
+    outer = swing(column, column + quarter), swing(column + width - quarter, column + width)
+    if _likeness(*outer) >= LEAST_ALIKE:
+        return []
+    strips = min(width // LEAST_STRIP, MOST_STRIPS)
+    edges = [column + k * width // strips for k in range(strips + 1)]
+    runs = [(edges[0], edges[1], swing(edges[0], edges[1]))]
+    for left, right in itertools.pairwise(edges[1:]):
+        first, _, run = runs[-1]
+        wave = swing(left, right)
+        if _likeness(run, wave) >= LEAST_ALIKE:
+            runs[-1] = first, right, run + wave
+        else:
+            runs.append((left, right, wave))
+    wide = [run for run in runs if 5 * (run[1] - run[0]) >= width]
+    return wide if len(wide) > 1 else []
 
 
 def _beside(light: Array, floor: float, before: Part, behind: Part) -> bool:

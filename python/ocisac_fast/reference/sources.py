@@ -14,7 +14,7 @@ from ocisac_fast.camera import Camera
 from ocisac_fast.flags import Flag
 from ocisac_fast.reference.data_light import FREQUENCY_REACH, DataLight, find_data_light
 from ocisac_fast.reference.gain import tone_gain
-from ocisac_fast.reference.source_merging import one_light_across, one_light_down
+from ocisac_fast.reference.source_merging import one_light_across, one_light_down, runs_beside
 from ocisac_fast.sources import LightSource
 
 Array = npt.NDArray[Any]
@@ -96,18 +96,9 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
         found = refine(light, suspect, floor, min_cycles, least_amplitude)
         if found is None:
             continue
-        cycles = found.box[3] * found.frequency
-        if (
-            found.box[3] >= LEAST_ROWS
-            and cycles >= min_cycles
-            and found.amplitude >= least_amplitude
-            and math.log1p(found.snr) * cycles >= least_evidence
-            and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
-            and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
-            and found.periodic >= LEAST_PERIODIC
-            and found.std <= LARGEST_SPREAD * found.frequency
-        ):
-            lights.append(Found(found, found.box))
+        least = (least_evidence, min_cycles, least_amplitude)
+        if _accepted(found, *least):
+            lights += [Found(one, one.box) for one in _lamps(light, floor, found, least)]
     least_evidence = math.log(max(len(suspects), 1)) - 1.2 * math.log(false_alarms) + 3
     lights = _with_data(light, floor, suspects, lights, (least_evidence, min_cycles, least_amplitude))
     kept: list[Found] = []
@@ -146,6 +137,33 @@ def _with_data(
         rest = [other for other in lights if _share(other.light.box, data.box) <= 0.5]
         lights = [*rest, Found(one, data.box, merged=len(lights) - len(rest), data=True)]
     return lights
+
+
+def _accepted(found: Light, least_evidence: float, min_cycles: float, least_amplitude: float) -> bool:
+    cycles = found.box[3] * found.frequency
+    return (
+        found.box[3] >= LEAST_ROWS
+        and cycles >= min_cycles
+        and found.amplitude >= least_amplitude
+        and math.log1p(found.snr) * cycles >= least_evidence
+        and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
+        and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
+        and found.periodic >= LEAST_PERIODIC
+        and found.std <= LARGEST_SPREAD * found.frequency
+    )
+
+
+def _lamps(light: Array, floor: float, found: Light, least: tuple[float, float, float]) -> list[Light]:
+    """The light, or lamps that touch and were found as one, each in its own columns."""
+    lamps = []
+    for left, right, swing in runs_beside(light, floor, found.box, found.frequency):
+        frequency = _peak(swing, 0.5 * found.frequency, min(2 * found.frequency, 0.499))
+        suspect = Suspect((0, found.box[1], right - left, found.box[3]), frequency, 0.0)
+        lamp = refine(light[:, left:right], suspect, floor, least[1], least[2])
+        if lamp is not None and _accepted(lamp, *least):
+            x, y, width, height = lamp.box
+            lamps.append(lamp._replace(box=(x + left, y, width, height)))
+    return lamps if len(lamps) > 1 else [found]
 
 
 def _accepted_data(data: DataLight, least_evidence: float, min_cycles: float, least_amplitude: float) -> bool:

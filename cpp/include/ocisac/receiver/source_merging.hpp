@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 #include "ocisac/views.hpp"
 
@@ -24,5 +25,11 @@ bool one_light_across(const AnyFramesView& frames, std::size_t frame, double dar
 // such a light sends data. Parts farther apart than they are high together are not looked at.
 bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
                     const LightPart& b);
+
+// Lamps that touch, found as one: runs of columns whose log light swings unlike (correlation below 0.5) that of the run
+// before, each at least a fifth of the box, and the strongest frequency in each between half and twice the box's.
+// Nothing where the outer quarters swing alike, or fewer than two runs are wide enough.
+std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
+                                    const LightPart& box);
 
 }  // namespace ocisac
