@@ -80,6 +80,40 @@ TEST_CASE("screening gives the place and, roughly, the frequency") {
   CHECK(suspects.front().column + suspects.front().width >= 172);
 }
 
+// Columns 60 to 259 of rows 40 to 199 lit by `light(row, column)`, on even ground.
+template <class Light>
+std::vector<std::uint8_t> lit_picture(Light light) {
+  auto pixels = picture(false);
+  for (std::size_t n = 40; n < 200; ++n)
+    for (std::size_t c = 60; c < 260; ++c)
+      pixels[n * columns + c] = static_cast<std::uint8_t>(pixels[n * columns + c] + light(n, c));
+  return pixels;
+}
+
+TEST_CASE("random chips of five rows are found as data") {
+  constexpr std::uint64_t chips = 0x9a5c3b17e6d24f81ULL;
+  const auto pixels =
+      lit_picture([](std::size_t n, std::size_t) { return (chips >> (n / 5 % 64) & 1) != 0 ? 120 : 0; });
+  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  REQUIRE(found.size() == 1);
+  CHECK(found.front().carries_data);
+  CHECK(found.front().x <= 64);
+  CHECK(found.front().x + found.front().width >= 252);
+  CHECK(found.front().height >= 140);
+}
+
+TEST_CASE("lamps that touch are told apart by their frequencies") {
+  const auto pixels = lit_picture([](std::size_t n, std::size_t c) {
+    return 60 + 60 * std::cos(2 * std::numbers::pi * (c < 160 ? 0.06 : 0.08) * static_cast<double>(n));
+  });
+  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  REQUIRE(found.size() == 2);
+  for (const LightSource& light : found) {
+    CHECK(light.frequency == doctest::Approx(light.x < 140 ? 6000 : 8000).epsilon(0.01));
+    CHECK(std::abs(static_cast<double>(light.width) - 100) <= 16);
+  }
+}
+
 TEST_CASE("a light is followed in its box, and searched for in its region where it is not") {
   const auto pixels = picture(true);
   const auto view = dense_view(pixels.data(), 1, rows, columns);
