@@ -74,7 +74,7 @@ class Columns:
         self, share: FloatArray, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf
     ) -> tuple[FloatArray, FloatArray]:
         rows, certainty = self._kernels.refine_row_light(
-            self.light[None], self.variance[None], share, rows, 6, basis, deviation
+            self.light[None], self.variance[None], share, rows, 6 if basis is None else 24, basis, deviation
         )
         return rows, certainty / max(float(certainty.max()), 1e-300)
 
@@ -86,7 +86,7 @@ def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, mode
     picture = Columns(light, variance, kernels)
     rows, weight = picture.free()
     if model in ("auto", "tone"):
-        tone = _tone(rows, weight, camera, always=model == "tone")
+        tone = _tone(picture, rows, weight, camera, always=model == "tone")
         if tone is not None:
             return tone
     if model in ("auto", "chips"):
@@ -154,6 +154,39 @@ def _without_trend(rows: FloatArray) -> FloatArray:
     return np.asarray(rows / np.maximum(trend, 0.1 * float(rows.mean())))
 
 
+def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
+    """(rows, terms) cosines, and then sines, of those below half the row rate, phases from the middle row."""
+    order = np.arange(1, harmonics + 1)
+    order = order[order * frequency < 0.5]
+    cycles = 2 * np.pi * (np.outer(np.arange(rows) - 0.5 * (rows - 1), order * frequency) % 1.0)
+    return np.concatenate([np.cos(cycles), np.sin(cycles)], axis=1)
+
+
+def _tone_of_picture(
+    picture: Columns, light: FloatArray, harmonics: int, frequency: float
+) -> tuple[FloatArray, float]:
+    """The tone that fits the picture best, and its frequency by one Gauss-Newton step: d/df of a tone is t times it."""
+    rows = len(light)
+    periodic = _harmonics(rows, harmonics, frequency)
+    half, time = periodic.shape[1] // 2, np.arange(rows) - 0.5 * (rows - 1)
+    drift = time[:, None] * periodic[:, [0, half]] / rows
+    basis = np.concatenate([np.ones((rows, 1)), periodic, drift], axis=1)
+    fitted = np.linalg.lstsq(basis, picture.refined(light, basis)[0], rcond=None)[0]
+    cosine, sine = fitted[1], fitted[1 + half]
+    change = (fitted[-2] * sine - fitted[-1] * cosine) / (2 * np.pi * rows * max(cosine**2 + sine**2, 1e-300))
+    if abs(change) * rows > 0.25:  # cycles: beyond what a step can tell
+        change = 0.0
+    basis[:, 1:-2] = _harmonics(rows, harmonics, frequency + change)
+    return _fully_modulated(basis[:, 1:-2] @ fitted[1:-2]), frequency + change
+
+
+def _fully_modulated(tone: FloatArray) -> FloatArray:
+    """Mean 1 and the darkest row dark."""
+    swing = tone - tone.mean()
+    darkest = -float(swing.min())
+    return 1.0 + swing / darkest if darkest > 1e-9 else np.ones_like(tone)
+
+
 def explained(rows: FloatArray, model: FloatArray, weight: FloatArray) -> float:
     """Share of the rows' swing."""
     mean = float(np.average(rows, weights=weight))
@@ -161,24 +194,24 @@ def explained(rows: FloatArray, model: FloatArray, weight: FloatArray) -> float:
     return 1.0 - float(weight @ (rows - model) ** 2) / swing if swing > 0.0 else 0.0
 
 
-def _tone(rows: FloatArray, weight: FloatArray, camera: Camera, always: bool) -> RowLight | None:
-    """Mean, harmonics and slow terms by least squares at the frequency found; None where that is not the light."""
+def _tone(picture: Columns, rows: FloatArray, weight: FloatArray, camera: Camera, always: bool) -> RowLight | None:
+    """Mean, harmonics and slow terms by least squares at the frequency found; None where that is not the light.
+
+    Texture that repeats is in the rows as well; its edges are few, so the tone is fitted to the picture itself then.
+    """
     from ocisac_fast.frequency import find_frequency
 
     found = find_frequency(rows[:, None], Camera(row_time=1.0))
     if not np.isfinite(found.frequency) or (Flag.NO_TONE in found.flags and not always):
         return None
-    order = np.arange(1, found.harmonics + 1)
-    order = order[order * found.frequency < 0.5]
-    cycles = 2 * np.pi * (np.outer(np.arange(len(rows)), order * found.frequency) % 1.0)
-    periodic = np.concatenate([np.cos(cycles), np.sin(cycles)], axis=1)
+    frequency = found.frequency
+    periodic = _harmonics(len(rows), found.harmonics, frequency)
     basis = np.concatenate([_slow(len(rows)), periodic], axis=1)
     root = np.sqrt(weight)
     fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
     if not always and explained(rows, basis @ fitted, weight) < _ENOUGH_OF_TONE:
         return None
-    tone = periodic @ fitted[-periodic.shape[1] :]
-    tone -= tone.mean()
-    darkest = -float(tone.min())
-    light = 1.0 + tone / darkest if darkest > 1e-9 else np.ones_like(tone)
-    return RowLight(light, float(light.max()), "tone", found.frequency / camera.row_time)
+    light = _fully_modulated(periodic @ fitted[-periodic.shape[1] :])
+    for _ in range(2):
+        light, frequency = _tone_of_picture(picture, light, found.harmonics, frequency)
+    return RowLight(light, float(light.max()), "tone", frequency / camera.row_time)
