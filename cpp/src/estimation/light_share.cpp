@@ -33,10 +33,17 @@ constexpr std::array<Step, 13> plan{{{0.5, 48},
 // have to reach; between frames the lag does not count.
 constexpr double edge_of_lag = 0.025, least_edge = 0.03, most_edge = 0.25, edge_of_frames = 0.15;
 constexpr double hold = 1000;                   // evidence with which a share holds to that of the step before
-constexpr double lags_of_reach = 2;             // at least, along the columns
+constexpr double lags_of_reach = 2;             // at least
 constexpr double lags_of_guide = 4;             // along which edges of the columns are told from noise
 constexpr double edge_noise = 9;                // in variances, so that noise is no edge
 constexpr double texture_between_frames = 0.2;  // of that between rows: a still scene has none, but for small motion
+
+// Where a lamp's light ends, what it leaves out, the steady light c·(1 − q/q_most), goes on.
+constexpr int rounds_at_lamp_edges = 3;
+constexpr double texture_at_lamp_edges = 0.05, reach_of_steady = 12, edge_of_steady = 0.15;
+constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is added up
+constexpr double least_gain = 3;       // of log likelihood, before the other is taken
+constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // windows three times as wide each: 12 pixels each way
 
 // What one picture, cleaned with the present shares, says of them.
 struct Evidence {
@@ -169,6 +176,8 @@ class ShareEstimator {
     share_.assign(pixels_, std::min(0.5 * most_, 1.0));
     for (int k = 0; k < 4; ++k) step_of_all();
     for (const Step& step : plan) step_of_each(step);
+    // frames of a still scene tell every pixel's share by itself
+    for (int k = 0; picture_.frames == 1 && k < rounds_at_lamp_edges; ++k) step_at_lamp_edges();
     return std::move(share_);
   }
 
@@ -198,25 +207,115 @@ class ShareEstimator {
     gather(step.texture);
     find_passages(step.reach);
     for (std::size_t i = 0; i < pixels_; ++i) evidence_.pull[i] += evidence_.weight[i] * share_[i];
-    for (std::vector<double>* values : {&evidence_.pull, &evidence_.weight}) {
-      spreader_.along_columns(down_, *values);
-      spreader_.along_rows(across_, *values);
-      spreader_.along_rows(across_, *values);
-      spreader_.along_columns(down_, *values);
-    }
+    spread(evidence_.pull);
+    spread(evidence_.weight);
     for (std::size_t i = 0; i < pixels_; ++i)
       share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, most_);
+  }
+
+  void spread(std::vector<double>& values) {
+    spreader_.along_columns(down_, values);
+    spreader_.along_rows(across_, values);
+    spreader_.along_rows(across_, values);
+    spreader_.along_columns(down_, values);
+  }
+
+  // Another share for each pixel, as if steady light were that of the surroundings; taken where the picture says so.
+  void step_at_lamp_edges() {
+    gather(texture_at_lamp_edges);
+    finish_guide(guide_);
+    const double lag = static_cast<double>(lag_);
+    for (std::size_t i = 0; i < pixels_; ++i) {
+      const double off = std::max(1 - share_[i] / most_, 0.0);
+      now_.light[i] = guide_.light[i] * off;
+      now_.variance[i] = guide_.variance[i];
+    }
+    passages(now_, picture_.columns, std::max(reach_of_steady, lags_of_reach * lag), edge_of_steady, down_);
+    passages(now_, 1, reach_of_steady, edge_of_steady, across_);
+    for (std::size_t i = 0; i < pixels_; ++i) {
+      evidence_.weight[i] += 1;
+      evidence_.pull[i] = evidence_.weight[i] * now_.light[i];
+    }
+    spread(evidence_.pull);
+    spread(evidence_.weight);
+    std::vector<double>& other = now_.light;
+    for (std::size_t i = 0; i < pixels_; ++i) {
+      const double steady = evidence_.pull[i] / evidence_.weight[i];
+      other[i] = guide_.light[i] > 0 ? most_ * (1 - steady / guide_.light[i]) : share_[i];
+    }
+    keep_in_range(other);
+    evidence_.pull.assign(pixels_, 0);
+    add_gains(other);
+    std::fill(down_.begin(), down_.end(), std::exp(-1 / std::max(reach_of_choice, lag)));
+    std::fill(across_.begin(), across_.end(), std::exp(-1 / reach_of_choice));
+    spread(evidence_.pull);
+    for (std::size_t i = 0; i < pixels_; ++i)
+      if (evidence_.pull[i] > least_gain) share_[i] = other[i];
+  }
+
+  // Between the least and the largest share within 12 pixels.
+  void keep_in_range(std::vector<double>& values) {
+    std::vector<double>& extreme = evidence_.pull;
+    for (const bool least : {true, false}) {
+      extreme = share_;
+      for (const std::size_t step : steps_of_range) {
+        take_extremes(step, least, true, extreme);
+        take_extremes(step, least, false, extreme);
+      }
+      for (std::size_t i = 0; i < pixels_; ++i)
+        values[i] = least ? std::max(values[i], extreme[i]) : std::min(values[i], extreme[i]);
+    }
+  }
+
+  // Of each value and those `step` rows (columns) before and after, or the first and the last.
+  void take_extremes(std::size_t step, bool least, bool of_rows, std::vector<double>& values) {
+    now_.slope = values;
+    const std::size_t count = of_rows ? picture_.rows : picture_.columns;
+    const std::size_t stride = of_rows ? picture_.columns : 1;
+    const std::vector<double>& from = now_.slope;
+    for (std::size_t i = 0; i < pixels_; ++i) {
+      const std::size_t place = i / stride % count;
+      const double before = from[i - std::min(step, place) * stride];
+      const double after = from[i + std::min(step, count - 1 - place) * stride];
+      values[i] = least ? std::min({values[i], before, after}) : std::max({values[i], before, after});
+    }
+  }
+
+  // Log likelihood of pairs of rows with the other shares, less that with the present ones.
+  void add_gains(const std::vector<double>& other) {
+    const std::size_t columns = picture_.columns;
+    for (std::size_t row = 0; row + lag_ < picture_.rows; ++row)
+      for (std::size_t a = row * columns; a < (row + 1) * columns; ++a) {
+        const std::size_t b = a + lag_ * columns;
+        const double with = misfit(a, light_left(other[a], change_[row]), b, light_left(other[b], change_[row + lag_]));
+        const double without =
+            misfit(a, light_left(share_[a], change_[row]), b, light_left(share_[b], change_[row + lag_]));
+        if (!std::isfinite(with) || !std::isfinite(without)) continue;
+        const double gain = 0.25 * std::log(without / with);
+        evidence_.pull[a] += gain;
+        evidence_.pull[b] += gain;
+      }
+  }
+
+  // Squared relative difference of two pixels of equal texture, divided by the light left in them; infinite: says
+  // nothing.
+  double misfit(std::size_t a, double left_a, std::size_t b, double left_b) const {
+    const double one = picture_.light[a] / left_a, two = picture_.light[b] / left_b, mean = 0.5 * (one + two);
+    const double noise = picture_.variance[a] / (left_a * left_a) + picture_.variance[b] / (left_b * left_b);
+    constexpr double texture = texture_at_lamp_edges * texture_at_lamp_edges;
+    return mean > 0 ? texture + ((two - one) * (two - one) + noise) / (mean * mean) : INFINITY;
   }
 
   void find_passages(double reach) {
     now_ = guide_;
     finish_guide(now_);
+    reach = std::max(reach, lags_of_reach * static_cast<double>(lag_));
     passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), edge_, down_);
     spreader_.along_columns(down_, guide_.light);
     spreader_.along_columns(down_, guide_.variance);
     finish_guide(guide_);
     passages(guide_, 1, reach, edge_, across_);
-    passages(now_, picture_.columns, std::max(reach, lags_of_reach * static_cast<double>(lag_)), edge_, down_);
+    passages(now_, picture_.columns, reach, edge_, down_);
   }
 
   const BandedPicture& picture_;

@@ -6,6 +6,7 @@ sums and a band; results agree to rounding.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -104,13 +105,56 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) 
     for texture, reach in PLAN:
         pull, weight, sums, certain = gather(q, texture)
         down = _passage(*means(sums, certain), 4 * lag, edge, 0)
+        reach = max(reach, 2 * lag)
         across = _passage(*means(_spread(sums, down, 0), _spread(certain, down, 0)), reach, edge, 1)
-        down = _passage(*means(sums, certain), max(reach, 2 * lag), edge, 0)
+        down = _passage(*means(sums, certain), reach, edge, 0)
         pull = pull + weight * q
-        for passage, axis in ((down, 0), (across, 1), (across, 1), (down, 0)):
-            pull, weight = _spread(pull, passage, axis), _spread(weight, passage, axis)
+        pull, weight = (_spread_twice(values, down, across) for values in (pull, weight))
         q = np.clip((pull + 1000 * q) / (weight + 1000), 0, most)
+    for _ in range(3 if len(light) == 1 else 0):
+        _, weight, sums, certain = gather(q, 0.05)
+        c, var = means(sums, certain)
+        steady = c * np.maximum(1 - q / most, 0)
+        down, across = (_passage(steady, var, reach, 0.15, axis) for axis, reach in ((0, max(12, 2 * lag)), (1, 12)))
+        around = _spread_twice((weight + 1) * steady, down, across) / _spread_twice(weight + 1, down, across)
+        other = np.where(c > 0, most * (1 - around / np.where(c > 0, c, 1.0)), q)
+        other = np.minimum(np.maximum(other, _extreme(q, np.min)), _extreme(q, np.max))
+        gain = _gain(light[0], variance[0], change[0, :, None], lag, q, other)
+        down, across = np.full_like(down, np.exp(-1 / max(3, lag))), np.full_like(across, np.exp(-1 / 3))
+        q = np.where(_spread_twice(gain, down, across) > 3, other, q)
     return q
+
+
+def _spread_twice(values: FloatArray, down: FloatArray, across: FloatArray) -> FloatArray:
+    for passage, axis in ((down, 0), (across, 1), (across, 1), (down, 0)):
+        values = _spread(values, passage, axis)
+    return values
+
+
+def _extreme(values: FloatArray, of: Callable[..., FloatArray]) -> FloatArray:
+    """Within 12 pixels each way."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, 12, "edge"), (25, 25))
+    return of(windows, axis=(2, 3))
+
+
+def _gain(
+    light: FloatArray, variance: FloatArray, change: FloatArray, lag: int, share: FloatArray, other: FloatArray
+) -> FloatArray:
+    """Log likelihood of pairs of rows with the other shares less that with these, half of it at each pixel."""
+
+    def misfit(q: FloatArray) -> FloatArray:
+        left = np.maximum(1 + q * change, LEAST_LIGHT)
+        c, var = light / left, variance / left**2
+        mean, difference, noise = (c[:-lag] + c[lag:]) / 2, c[lag:] - c[:-lag], var[:-lag] + var[lag:]
+        return np.where(mean > 0, 0.05**2 + (difference**2 + noise) / np.where(mean > 0, mean, 1.0) ** 2, np.inf)
+
+    with_other, without = misfit(other), misfit(share)
+    told = np.isfinite(with_other) & np.isfinite(without)
+    half = 0.25 * np.log(np.where(told, without, 1.0) / np.where(told, with_other, 1.0))
+    gain = np.zeros_like(share)
+    gain[:-lag] += half
+    gain[lag:] += half
+    return gain
 
 
 def refine_row_light(
