@@ -309,13 +309,14 @@ class ShareEstimator {
   void find_passages(double reach) {
     now_ = guide_;
     finish_guide(now_);
-    reach = std::max(reach, lags_of_reach * static_cast<double>(lag_));
+    const double of_rows = std::max(reach, lags_of_reach * static_cast<double>(lag_));
+    if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not count
     passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), edge_, down_);
     spreader_.along_columns(down_, guide_.light);
     spreader_.along_columns(down_, guide_.variance);
     finish_guide(guide_);
     passages(guide_, 1, reach, edge_, across_);
-    passages(now_, picture_.columns, reach, edge_, down_);
+    passages(now_, picture_.columns, of_rows, edge_, down_);
   }
 
   const BandedPicture& picture_;

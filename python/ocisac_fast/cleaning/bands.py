@@ -100,8 +100,8 @@ def remove_bands(
         start: end of the first row's exposure, s, for a waveform; frames follow at ``camera.frame_time``.
         model: what is taken for a light that is not given. ``"tone"``: a tone with its harmonics; ``"chips"``: the
             chips that :func:`ocisac_fast.receive` finds, with the response that the rows show; ``"rows"``: any course;
-            ``"auto"``: a tone that explains 50 % of the swing that rows have in common, else chips that explain 92 %,
-            else any course. Changes slower than 128 rows are the picture's.
+            ``"auto"``: a tone that explains 90 % of the swing that rows have in common, else chips that explain 92 %,
+            else a tone that explains 50 %, else any course. Changes slower than 128 rows are the picture's.
         keep: ``"picture"``, or ``"bands"``: the modulated light alone, c q L_n.
         level: of the steady light: ``"full"``: the brightest rows'; ``"mean"``: its mean over the rows.
         still: the frames show one scene that does not move: shares are found from all of them together. A frame

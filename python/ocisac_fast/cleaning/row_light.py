@@ -17,6 +17,7 @@ FloatArray = npt.NDArray[np.float64]
 MODELS = ("auto", "tone", "chips", "rows")
 _MOST_COLUMNS = 192
 _SLOWEST_ROWS = 128  # a light that changes slower than this cannot be told from the picture
+_SURELY_TONE = 0.9  # the same before chips are looked for
 _ENOUGH_OF_TONE = 0.5  # share of the rows' swing that a tone explains before it is taken for the light
 
 
@@ -48,7 +49,7 @@ class Columns:
         self._kernels = kernels
 
     def refined(
-        self, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf
+        self, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf, steps: int = 6
     ) -> tuple[FloatArray, FloatArray]:
         """Light of each row from a light of mean 1, scaled like it, and the certainty of each, at most 1.
 
@@ -59,7 +60,7 @@ class Columns:
         most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
         # One for a column: with a share of its own, a group of rows could have any swing.
         share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)
-        return self._refined(share, np.maximum(1 + most * (rows - 1), 0.0), basis, deviation)
+        return self._refined(share, np.maximum(1 + most * (rows - 1), 0.0), basis, deviation, steps)
 
     def free(self) -> tuple[FloatArray, FloatArray]:
         """The same with nothing known of the rows."""
@@ -71,10 +72,15 @@ class Columns:
         return scaled(_without_trend(rows)), certainty
 
     def _refined(
-        self, share: FloatArray, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf
+        self,
+        share: FloatArray,
+        rows: FloatArray,
+        basis: FloatArray | None = None,
+        deviation: float = np.inf,
+        steps: int = 6,
     ) -> tuple[FloatArray, FloatArray]:
         rows, certainty = self._kernels.refine_row_light(
-            self.light[None], self.variance[None], share, rows, 6 if basis is None else 24, basis, deviation
+            self.light[None], self.variance[None], share, rows, steps, basis, deviation
         )
         return rows, certainty / max(float(certainty.max()), 1e-300)
 
@@ -86,13 +92,17 @@ def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, mode
     picture = Columns(light, variance, kernels)
     rows, weight = picture.free()
     if model in ("auto", "tone"):
-        tone = _tone(picture, rows, weight, camera, always=model == "tone")
+        tone = _tone(picture, rows, weight, camera, _SURELY_TONE if model == "auto" else None)
         if tone is not None:
             return tone
     if model in ("auto", "chips"):
         chips = chip_light(picture, rows, weight, camera.row_time, always=model == "chips")
         if chips is not None:
             return RowLight(chips.light, float(np.quantile(chips.light, 0.95)), "chips", chips.rate)
+    if model == "auto":
+        tone = _tone(picture, rows, weight, camera, _ENOUGH_OF_TONE)
+        if tone is not None:
+            return tone
     return RowLight(rows, float(np.quantile(rows, 0.95)), "rows", float("nan"))
 
 
@@ -162,16 +172,14 @@ def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
     return np.concatenate([np.cos(cycles), np.sin(cycles)], axis=1)
 
 
-def _tone_of_picture(
-    picture: Columns, light: FloatArray, harmonics: int, frequency: float
-) -> tuple[FloatArray, float]:
+def _tone_of_picture(picture: Columns, light: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
     """The tone that fits the picture best, and its frequency by one Gauss-Newton step: d/df of a tone is t times it."""
     rows = len(light)
     periodic = _harmonics(rows, harmonics, frequency)
     half, time = periodic.shape[1] // 2, np.arange(rows) - 0.5 * (rows - 1)
     drift = time[:, None] * periodic[:, [0, half]] / rows
     basis = np.concatenate([np.ones((rows, 1)), periodic, drift], axis=1)
-    fitted = np.linalg.lstsq(basis, picture.refined(light, basis)[0], rcond=None)[0]
+    fitted = np.linalg.lstsq(basis, picture.refined(light, basis, steps=24)[0], rcond=None)[0]
     cosine, sine = fitted[1], fitted[1 + half]
     change = (fitted[-2] * sine - fitted[-1] * cosine) / (2 * np.pi * rows * max(cosine**2 + sine**2, 1e-300))
     if abs(change) * rows > 0.25:  # cycles: beyond what a step can tell
@@ -194,7 +202,9 @@ def explained(rows: FloatArray, model: FloatArray, weight: FloatArray) -> float:
     return 1.0 - float(weight @ (rows - model) ** 2) / swing if swing > 0.0 else 0.0
 
 
-def _tone(picture: Columns, rows: FloatArray, weight: FloatArray, camera: Camera, always: bool) -> RowLight | None:
+def _tone(
+    picture: Columns, rows: FloatArray, weight: FloatArray, camera: Camera, enough: float | None
+) -> RowLight | None:
     """Mean, harmonics and slow terms by least squares at the frequency found; None where that is not the light.
 
     Texture that repeats is in the rows as well; its edges are few, so the tone is fitted to the picture itself then.
@@ -202,14 +212,14 @@ def _tone(picture: Columns, rows: FloatArray, weight: FloatArray, camera: Camera
     from ocisac_fast.frequency import find_frequency
 
     found = find_frequency(rows[:, None], Camera(row_time=1.0))
-    if not np.isfinite(found.frequency) or (Flag.NO_TONE in found.flags and not always):
+    if not np.isfinite(found.frequency) or (Flag.NO_TONE in found.flags and enough is not None):
         return None
     frequency = found.frequency
     periodic = _harmonics(len(rows), found.harmonics, frequency)
     basis = np.concatenate([_slow(len(rows)), periodic], axis=1)
     root = np.sqrt(weight)
     fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
-    if not always and explained(rows, basis @ fitted, weight) < _ENOUGH_OF_TONE:
+    if enough is not None and explained(rows, basis @ fitted, weight) < enough:
         return None
     light = _fully_modulated(periodic @ fitted[-periodic.shape[1] :])
     for _ in range(2):

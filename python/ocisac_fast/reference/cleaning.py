@@ -105,9 +105,10 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) 
     for texture, reach in PLAN:
         pull, weight, sums, certain = gather(q, texture)
         down = _passage(*means(sums, certain), 4 * lag, edge, 0)
-        reach = max(reach, 2 * lag)
+        of_rows = max(reach, 2 * lag)
+        reach = of_rows if len(light) == 1 else reach
         across = _passage(*means(_spread(sums, down, 0), _spread(certain, down, 0)), reach, edge, 1)
-        down = _passage(*means(sums, certain), reach, edge, 0)
+        down = _passage(*means(sums, certain), of_rows, edge, 0)
         pull = pull + weight * q
         pull, weight = (_spread_twice(values, down, across) for values in (pull, weight))
         q = np.clip((pull + 1000 * q) / (weight + 1000), 0, most)
