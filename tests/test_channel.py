@@ -321,6 +321,15 @@ def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
         assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
 
 
+@pytest.mark.parametrize(("rows_per_chip", "seed"), [(4.0, 14), (4.0, 17), (7.0, 13)])
+def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
+    column = Column(seed, rows_per_chip, 7, 0.04)
+    found = ocisac.find_channel(column.rows, rows_per_chip=rows_per_chip, exposure=column.exposure)
+    middle = [(540 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
+    assert errors_of(column, found, round(middle[0] - middle[1])) == 0
+    assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
+
+
 def test_a_detector_that_answers_wrongly_is_refused():
     column = Column(0, 4.0, 2.0)
     start = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())

@@ -15,7 +15,6 @@ namespace ocisac {
 namespace {
 
 constexpr double kUnsureFrame = 0.3;   // chips; with a larger standard error at the frame's ends clocks are compared
-constexpr double kCloseSequences = 6;  // half the distance of the closest pair over the noise
 constexpr double kExposureStep = 0.5;  // chips, of the exposures to begin with
 constexpr int kExposureSteps = 2;      // on either side
 constexpr double kGrowth = 1.35;       // of the rows from one round to the next
@@ -88,19 +87,10 @@ std::vector<ChannelEstimate> turn_each(const TurnContext& context, std::span<con
   return turned;
 }
 
-// Whether the clock may slip a chip unseen: not sure at the frame's ends, and chips easily taken for others.
-bool may_slip(const ChannelEstimate& start, std::size_t rows) {
-  const ChipClock& clock = start.clock;
-  const double noise = start.noise / std::max(start.swing_at(0.5 * static_cast<double>(rows), rows), 1e-300);
-  return end_error(start, {0, rows}) > kUnsureFrame &&
-         closest_pair_distance(clock.rows_per_chip, std::max(clock.exposure, kShortestExposure)) <
-             2 * kCloseSequences * noise;
-}
-
-// Of a start whose clock is not sure at the frame's ends, the clock near it whose chips of the whole frame leave least.
-std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, const ChannelEstimate& start) {
-  std::vector<ChannelEstimate> clocks = first_clocks(context, start);
-  RowRange rows = start.rows;
+// Of clocks followed side by side from some rows, the one whose chips of the whole frame leave least.
+std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, std::vector<ChannelEstimate> clocks,
+                                               RowRange rows) {
+  if (clocks.empty()) return std::nullopt;
   for (int whole = 0; whole < kWholeRounds && !context.is_used_up(); whole += rows.size() == context.signal.size()) {
     rows = longer(rows, context.signal.size());
     auto turned = turn_each(context, clocks, rows, whole == 0);
@@ -112,13 +102,28 @@ std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, const
 
 }  // namespace
 
+double closeness(const ChannelEstimate& channel, std::size_t frame_rows) {
+  const ChipClock& clock = channel.clock;
+  const double swing = channel.swing_at(0.5 * static_cast<double>(frame_rows), frame_rows);
+  const double distance = closest_pair_distance(clock.rows_per_chip, std::max(clock.exposure, kShortestExposure));
+  return 0.5 * distance * swing / std::max(channel.noise, 1e-300);
+}
+
+std::optional<RefinedChannel> follow_side_by_side(const TurnContext& context, std::vector<ChannelEstimate> clocks,
+                                                  RowRange rows) {
+  const auto clock = likeliest_clock(context, std::move(clocks), rows);
+  auto found = clock ? grow(context, *clock, kLeastGrowth) : std::nullopt;
+  if (found) found->even = is_even(residual_windows(context.signal, *found), found->channel.clock);
+  return found;
+}
+
 std::optional<RefinedChannel> likelier(const TurnContext& context, const ChannelEstimate& start,
                                        std::optional<RefinedChannel> found) {
-  if (context.is_used_up() || !may_slip(start, context.signal.size())) return found;
-  const auto clock = likeliest_clock(context, start);
-  auto other = clock ? grow(context, *clock, kLeastGrowth) : std::nullopt;
+  const bool may_slip =
+      end_error(start, context.frame()) > kUnsureFrame && closeness(start, context.signal.size()) < kCloseSequences;
+  if (context.is_used_up() || !may_slip) return found;
+  auto other = follow_side_by_side(context, first_clocks(context, start), start.rows);
   if (!other || (found && found->channel.noise <= other->channel.noise)) return found;
-  other->even = is_even(residual_windows(context.signal, *other), other->channel.clock);
   return other;
 }
 

@@ -16,14 +16,18 @@ namespace {
 constexpr double kSearchChips = 36;    // in the part of the frame searched, beside the exposure
 constexpr double kSearchSlack = 0.15;  // chips by which the grid of starts may miss
 constexpr int kSearchRounds = 4;
-constexpr double kRateErrors = 3, kMostRateError = 0.01;  // standard errors, share
-constexpr std::size_t kSearchParts = 3;                   // parts of the frame that are tried
-constexpr std::size_t kGuessesTried = 6;                  // of an exposure
-constexpr std::size_t kStartsRefined = 10;                // the best of all parts and exposures
+constexpr double kRateErrors = 3, kMostRateError = 0.01;          // standard errors, share
+constexpr std::size_t kSearchParts = 3;                           // parts of the frame that are tried
+constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // of the exposure; of each where it is not known
+constexpr std::size_t kStartsRefined = 3;                         // the best of all parts and exposures
+constexpr std::size_t kStartsCompared = 8;                        // of each part
+constexpr double kSureGrowth = 1.35;                      // of the residual, from the best part to the whole frame
+constexpr double kHopeless = 1.5;                         // half the distance of the closest pair over the noise
 constexpr double kFirstNoise = 0.05;                      // of the swing
 constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, from a part to the whole frame
 
 struct Start {
+  RowRange part;
   ChannelEstimate channel;
   double score = std::numeric_limits<double>::infinity();  // residual over swing
 };
@@ -66,14 +70,14 @@ std::optional<ChannelEstimate> first_channel(std::span<const double> signal, Row
 std::optional<Start> try_start(const TurnContext& context, RowRange part, const ChipClock& clock) {
   auto channel = first_channel(context.signal, part, clock);
   if (!channel) return std::nullopt;
-  Start best;
+  Start best{part, {}};
   for (int round = 0; round < kSearchRounds; ++round) {
     auto turn = take_turn(context, *channel, part);
     if (!turn) break;
     channel = std::move(turn->channel);
     const double score = channel->noise / channel->swing[0];
     if (!(score < 0.999 * best.score)) break;
-    best = {*channel, score};
+    best = {part, *channel, score};
   }
   if (!std::isfinite(best.score)) return std::nullopt;
   return best;
@@ -134,13 +138,63 @@ std::vector<double> exposures(const ChannelSearch& search) {
 // The best first.
 std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
+  const std::size_t most = search.exposure ? kGuessesTried : kGuessesOfUnknown;
   for (const double exposure : exposures(search)) {
     const auto guessed = guesses(context, search, exposure);
-    for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), kGuessesTried)))
+    for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), most)))
       if (auto start = try_start(context, made.part, made.clock)) starts.push_back(std::move(*start));
   }
   std::ranges::stable_sort(starts, {}, &Start::score);
   return starts;
+}
+
+// What is left of the rows over the swing.
+double score_of(const RefinedChannel& found) { return found.channel.noise / found.channel.swing[0]; }
+
+// From the starts one after the other, until one gets through the frame as well as through its part.
+std::optional<RefinedChannel> try_starts(const TurnContext& context, std::span<const Start> starts,
+                                         const ChannelSearch& search) {
+  std::optional<RefinedChannel> best;
+  for (const Start& start : starts) {
+    auto grown = grow_to_frame(context, start.channel);
+    if (!grown || is_other_rate(grown->channel, search)) continue;
+    const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
+    if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
+    if (sure) break;
+  }
+  return best;
+}
+
+// Whether more is left of the frame than of its best part, where chips are easily taken for others; not where no chip
+// can be told.
+bool may_be_wrong(const RefinedChannel& found, double least_score, std::size_t frame_rows) {
+  const double close = closeness(found.channel, frame_rows);
+  return score_of(found) > kSureGrowth * least_score && close < kCloseSequences && close > kHopeless;
+}
+
+// From the starts of each part side by side, while what was found may be wrong.
+std::optional<RefinedChannel> compare_starts(const TurnContext& context, std::span<const Start> starts,
+                                             const ChannelSearch& search, std::optional<RefinedChannel> found) {
+  std::vector<std::pair<RowRange, std::vector<ChannelEstimate>>> parts;
+  for (const Start& start : starts) {
+    auto part = std::ranges::find(parts, start.part.begin, [](const auto& known) { return known.first.begin; });
+    if (part == parts.end()) part = parts.insert(part, {start.part, {}});
+    if (part->second.size() < kStartsCompared) part->second.push_back(start.channel);
+  }
+  // With half of the effort that is left: what is found is to be read as well.
+  RefineOptions options = context.options;
+  const double kept = options.effort == nullptr ? 0.0 : 0.5 * options.effort->rows;
+  SearchEffort share{kept};
+  if (options.effort != nullptr) options.effort = &share;
+  const TurnContext limited{context.signal, context.detect, options};
+  for (auto& [part, clocks] : parts) {
+    if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
+    auto other = follow_side_by_side(limited, std::move(clocks), part);
+    if (!other || is_other_rate(other->channel, search)) continue;
+    if (score_of(*other) < score_of(*found)) found = std::move(other);
+  }
+  if (context.options.effort != nullptr) context.options.effort->rows = kept + share.rows;
+  return found;
 }
 
 }  // namespace
@@ -153,28 +207,13 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   for (double value : signal) require_finite("signal", value);
   RefineOptions fixed = options;
   fixed.exposure_known = options.exposure_known || search.exposure.has_value();
-  const TurnContext context{signal, detect, options}, context_fixed{signal, detect, fixed};
-  const auto starts = find_starts(context_fixed, search);
-  std::optional<RefinedChannel> best;
-  std::size_t best_start = 0;
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < std::min(starts.size(), kStartsRefined); ++k) {
-    auto refined = grow_to_frame(context_fixed, starts[k].channel);
-    if (refined && options.exposure_known != fixed.exposure_known) refined = grow_to_frame(context, refined->channel);
-    if (!refined || is_other_rate(refined->channel, search)) continue;
-    const double score = refined->channel.noise / refined->channel.swing[0];
-    const double growth = refined->even ? kEvenGrowth : kUnevenGrowth;
-    const bool sure = refined->settled && score < growth * starts[k].score;
-    if (score < least) {
-      least = score;
-      best = std::move(refined);
-      best_start = k;
-    }
-    if (sure) break;
-  }
-  if (!best) return std::nullopt;
-  auto other = likelier(context, starts[best_start].channel, best);
-  return is_other_rate(other->channel, search) ? best : other;
+  const TurnContext context{signal, detect, fixed};
+  const auto starts = find_starts(context, search);
+  auto found = try_starts(context, std::span(starts).first(std::min(starts.size(), kStartsRefined)), search);
+  if (found) found = compare_starts(context, starts, search, std::move(found));
+  if (!found || options.exposure_known == fixed.exposure_known) return found;
+  auto refined = grow_to_frame({signal, detect, options}, found->channel);
+  return refined && !is_other_rate(refined->channel, search) ? refined : found;
 }
 
 }  // namespace ocisac
