@@ -270,14 +270,17 @@ class ShareEstimator {
   // Of each value and those `step` rows (columns) before and after, or the first and the last.
   void take_extremes(std::size_t step, bool least, bool of_rows, std::vector<double>& values) {
     now_.slope = values;
-    const std::size_t count = of_rows ? picture_.rows : picture_.columns;
-    const std::size_t stride = of_rows ? picture_.columns : 1;
     const std::vector<double>& from = now_.slope;
-    for (std::size_t i = 0; i < pixels_; ++i) {
-      const std::size_t place = i / stride % count;
-      const double before = from[i - std::min(step, place) * stride];
-      const double after = from[i + std::min(step, count - 1 - place) * stride];
-      values[i] = least ? std::min({values[i], before, after}) : std::max({values[i], before, after});
+    const std::size_t rows = picture_.rows, columns = picture_.columns;
+    for (std::size_t row = 0; row < rows; ++row) {
+      const std::size_t above = of_rows ? row - std::min(step, row) : row;
+      const std::size_t below = of_rows ? std::min(row + step, rows - 1) : row;
+      for (std::size_t column = 0; column < columns; ++column) {
+        const double before = from[above * columns + (of_rows ? column : column - std::min(step, column))];
+        const double after = from[below * columns + (of_rows ? column : std::min(column + step, columns - 1))];
+        double& value = values[row * columns + column];
+        value = least ? std::min({value, before, after}) : std::max({value, before, after});
+      }
     }
   }
 
