@@ -128,7 +128,7 @@ def test_times_are_ratios_of_neighbouring_calls(monkeypatch):
 def test_the_fastest_tenth_is_what_no_other_work_slows(monkeypatch):
     clock = Clock(monkeypatch)
     slowed = [30.0 if k % 3 else 1.0 for k in range(40)]  # the calls fall on other items in turn
-    timing = measuring.in_turn(clock.call(0.01), clock.call(0.005), slowed + [1.0], 60.0, (5, 400))
+    timing = measuring.in_turn(clock.call(0.01), clock.call(0.005), [*slowed, 1.0], 60.0, (5, 400))
     assert timing.undisturbed == pytest.approx(2.0)
 
 

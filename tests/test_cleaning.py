@@ -25,7 +25,7 @@ from ocisac_fast import (
     subtract_still,
 )
 from ocisac_fast._light import linear_light
-from ocisac_fast.cleaning.row_light import scaled
+from ocisac_fast.cleaning.columns import scaled
 from ocisac_fast.cleaning.stored import to_stored
 from ocisac_fast.cleaning.toe import lifted, lowered, slope
 from ocisac_fast.cli.application import ocisac

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from ocisac_fast._arrays import as_columns
 from ocisac_fast._light import linear_light
 from ocisac_fast.camera import Camera
-from ocisac_fast.cleaning.row_light import MODELS, Kernels, RowLight, find_row_light, lit_channels
+from ocisac_fast.cleaning.columns import Kernels, lit_channels
+from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
 from ocisac_fast.cleaning.stored import light_per_step, to_stored, white_level
 from ocisac_fast.cleaning.toe import find_toe, lifted, lowered, slope
 from ocisac_fast.waveforms import Waveform, integrate_exposure

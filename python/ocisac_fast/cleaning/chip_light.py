@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ocisac_fast.camera import Camera
-from ocisac_fast.cleaning.row_light import Columns, FloatArray, explained, scaled
+from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, scaled
 from ocisac_fast.flags import Flag
 
 _ENOUGH = 0.92  # share of the rows' swing, tops levelled, that chips explain before they are taken for the light

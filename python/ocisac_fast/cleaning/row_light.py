@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ocisac_fast import _core
 from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
-
-FloatArray = npt.NDArray[np.float64]
+from ocisac_fast.cleaning.chip_light import chip_light
+from ocisac_fast.cleaning.columns import Columns, FloatArray, Kernels
+from ocisac_fast.cleaning.tone_light import tone_light
 
 MODELS = ("auto", "tone", "chips", "rows")
-_MOST_COLUMNS = 192
-_SLOWEST_ROWS = 128  # a light that changes slower than this cannot be told from the picture
-_SURELY_TONE = 0.9  # the same before chips are looked for
 _ENOUGH_OF_TONE = 0.5  # share of the rows' swing that a tone explains before it is taken for the light
+_SURELY_TONE = 0.9  # the same before chips are looked for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,197 +26,22 @@ class RowLight:
     frequency: float
 
 
-@dataclass(frozen=True, slots=True)
-class Kernels:
-    """The core's, or the reference's."""
-
-    light_share: Callable[[FloatArray, FloatArray, FloatArray], FloatArray] = _core.light_share
-    refine_row_light: Callable[
-        [FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray | None, float], tuple[FloatArray, FloatArray]
-    ] = _core.refine_row_light
-
-
-class Columns:
-    """A picture in at most 192 bundles of columns, and the light of its rows that fits them best."""
-
-    def __init__(self, light: FloatArray, variance: FloatArray, kernels: Kernels) -> None:
-        self.light, self.variance = _bundled(light, variance)
-        self._kernels = kernels
-
-    def refined(
-        self, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf, steps: int = 6
-    ) -> tuple[FloatArray, FloatArray]:
-        """Light of each row from a light of mean 1, scaled like it, and the certainty of each, at most 1.
-
-        ``basis`` (rows, terms): nothing else is added; ``deviation``: from ``rows``, about.
-        """
-        lit = np.maximum(rows, 0.0)[None]
-        of_columns = self._kernels.light_share(self.light[None], self.variance[None], lit).mean(axis=0)
-        most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
-        # One for a column: with a share of its own, a group of rows could have any swing.
-        share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)
-        return self._refined(share, np.maximum(1 + most * (rows - 1), 0.0), basis, deviation, steps)
-
-    def free(self) -> tuple[FloatArray, FloatArray]:
-        """The same with nothing known of the rows."""
-        rows = _without_trend(_row_means(self.light, self.variance))
-        share = np.ones(self.light.shape)  # relative to the columns that show the light most
-        rows, certainty = self._refined(share, rows / rows.mean())
-        for _ in range(2):
-            rows, certainty = self.refined(scaled(_without_trend(rows)))
-        return scaled(_without_trend(rows)), certainty
-
-    def _refined(
-        self,
-        share: FloatArray,
-        rows: FloatArray,
-        basis: FloatArray | None = None,
-        deviation: float = np.inf,
-        steps: int = 6,
-    ) -> tuple[FloatArray, FloatArray]:
-        rows, certainty = self._kernels.refine_row_light(
-            self.light[None], self.variance[None], share, rows, steps, basis, deviation
-        )
-        return rows, certainty / max(float(certainty.max()), 1e-300)
-
-
 def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str, kernels: Kernels) -> RowLight:
     """From one channel of linear light (rows, columns) and its noise variance (infinite: tells nothing)."""
-    from ocisac_fast.cleaning.chip_light import chip_light
-
     picture = Columns(light, variance, kernels)
     rows, weight = picture.free()
-    if model in ("auto", "tone"):
-        tone = _tone(picture, rows, weight, camera, _SURELY_TONE if model == "auto" else None)
-        if tone is not None:
-            return tone
-    if model in ("auto", "chips"):
-        chips = chip_light(picture, rows, weight, camera.row_time, always=model == "chips")
-        if chips is not None:
-            return RowLight(chips.light, float(np.quantile(chips.light, 0.95)), "chips", chips.rate)
-    if model == "auto":
-        tone = _tone(picture, rows, weight, camera, _ENOUGH_OF_TONE)
-        if tone is not None:
-            return tone
+    tries = {
+        "tone": (("tone", None),),
+        "chips": (("chips", None),),
+        "auto": (("tone", _SURELY_TONE), ("chips", None), ("tone", _ENOUGH_OF_TONE)),
+    }
+    for kind, enough in tries.get(model, ()):
+        if kind == "tone":
+            tone = tone_light(picture, rows, weight, camera.row_time, enough)
+            if tone is not None:
+                return RowLight(tone.light, float(tone.light.max()), "tone", tone.frequency)
+        else:
+            chips = chip_light(picture, rows, weight, camera.row_time, always=model == "chips")
+            if chips is not None:
+                return RowLight(chips.light, float(np.quantile(chips.light, 0.95)), "chips", chips.rate)
     return RowLight(rows, float(np.quantile(rows, 0.95)), "rows", float("nan"))
-
-
-def lit_channels(light: FloatArray, variance: FloatArray) -> list[int]:
-    """Of (rows, columns, channels) those to add up: the one that swings most, and those that swing with it as deep."""
-    rows = np.stack([_row_means(light[..., k], variance[..., k]) for k in range(light.shape[2])])
-    basis = _slow(rows.shape[1])
-    swings = rows - (basis @ np.linalg.lstsq(basis, rows.T, rcond=None)[0]).T
-    deviation = np.sqrt(np.mean(swings**2, axis=1)) + 1e-100
-    depth = deviation / np.maximum(rows.mean(axis=1), 1e-300)
-    best = int(np.argmax(deviation))
-    alike = swings @ swings[best] / len(basis) / (deviation * deviation[best])
-    return [k for k in range(len(rows)) if k == best or (alike[k] > 0.9 and depth[k] > 0.7 * depth[best])]
-
-
-def scaled(rows: FloatArray) -> FloatArray:
-    """Mean 1 and the darkest rows dark: as much of the light as is sure to be modulated."""
-    rows = np.minimum(rows, 1.5 * np.quantile(rows, 0.95))  # no single row is brighter than the light
-    low, mean = float(np.quantile(rows, 0.02)), float(rows.mean())
-    if mean - low < 1e-9 * max(abs(mean), 1e-300):
-        return np.ones_like(rows)
-    dark = np.maximum((rows - low) / (mean - low), 0.0)
-    return np.asarray(dark / dark.mean())
-
-
-def _bundled(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Neighbouring columns added: the light of a row is the same in all."""
-    width = -(-light.shape[1] // _MOST_COLUMNS)
-    if width == 1:
-        return np.ascontiguousarray(light), np.ascontiguousarray(variance)
-    starts = np.arange(0, light.shape[1], width)
-    counts = np.diff(np.append(starts, light.shape[1]))
-    return np.add.reduceat(light, starts, axis=1) / counts, np.add.reduceat(variance, starts, axis=1) / counts**2
-
-
-def _row_means(light: FloatArray, variance: FloatArray) -> FloatArray:
-    """Of the columns that tell something in most rows."""
-    useful = np.isfinite(variance)
-    columns = useful.mean(axis=0) >= min(0.9, float(useful.mean(axis=0).max()))
-    kept = useful & columns
-    count = kept.sum(axis=1)
-    means = np.where(kept, light, 0.0).sum(axis=1) / np.maximum(count, 1)
-    at = np.flatnonzero(count)
-    return np.maximum(np.interp(np.arange(len(means)), at, means[at]), 0.0) if len(at) else np.ones(len(means))
-
-
-def _slow(rows: int) -> FloatArray:
-    """(rows, terms) cosines of periods above the slowest that the light may have."""
-    place = (np.arange(rows) + 0.5) / rows
-    return np.cos(np.pi * np.outer(place, np.arange(1 + 2 * rows // _SLOWEST_ROWS)))
-
-
-def _without_trend(rows: FloatArray) -> FloatArray:
-    """Divided by what changes slowly along the column: the picture, not the light."""
-    if not float(rows.mean()) > 0.0:
-        return np.ones_like(rows)
-    basis = _slow(len(rows))
-    trend = basis @ np.linalg.lstsq(basis, rows, rcond=None)[0]
-    return np.asarray(rows / np.maximum(trend, 0.1 * float(rows.mean())))
-
-
-def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
-    """(rows, terms) cosines, and then sines, of those below half the row rate, phases from the middle row."""
-    order = np.arange(1, harmonics + 1)
-    order = order[order * frequency < 0.5]
-    cycles = 2 * np.pi * (np.outer(np.arange(rows) - 0.5 * (rows - 1), order * frequency) % 1.0)
-    return np.concatenate([np.cos(cycles), np.sin(cycles)], axis=1)
-
-
-def _tone_of_picture(picture: Columns, light: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
-    """The tone that fits the picture best, and its frequency by one Gauss-Newton step: d/df of a tone is t times it."""
-    rows = len(light)
-    periodic = _harmonics(rows, harmonics, frequency)
-    half, time = periodic.shape[1] // 2, np.arange(rows) - 0.5 * (rows - 1)
-    drift = time[:, None] * periodic[:, [0, half]] / rows
-    basis = np.concatenate([np.ones((rows, 1)), periodic, drift], axis=1)
-    fitted = np.linalg.lstsq(basis, picture.refined(light, basis, steps=24)[0], rcond=None)[0]
-    cosine, sine = fitted[1], fitted[1 + half]
-    change = (fitted[-2] * sine - fitted[-1] * cosine) / (2 * np.pi * rows * max(cosine**2 + sine**2, 1e-300))
-    if abs(change) * rows > 0.25:  # cycles: beyond what a step can tell
-        change = 0.0
-    basis[:, 1:-2] = _harmonics(rows, harmonics, frequency + change)
-    return _fully_modulated(basis[:, 1:-2] @ fitted[1:-2]), frequency + change
-
-
-def _fully_modulated(tone: FloatArray) -> FloatArray:
-    """Mean 1 and the darkest row dark."""
-    swing = tone - tone.mean()
-    darkest = -float(swing.min())
-    return 1.0 + swing / darkest if darkest > 1e-9 else np.ones_like(tone)
-
-
-def explained(rows: FloatArray, model: FloatArray, weight: FloatArray) -> float:
-    """Share of the rows' swing."""
-    mean = float(np.average(rows, weights=weight))
-    swing = float(weight @ (rows - mean) ** 2)
-    return 1.0 - float(weight @ (rows - model) ** 2) / swing if swing > 0.0 else 0.0
-
-
-def _tone(
-    picture: Columns, rows: FloatArray, weight: FloatArray, camera: Camera, enough: float | None
-) -> RowLight | None:
-    """Mean, harmonics and slow terms by least squares at the frequency found; None where that is not the light.
-
-    Texture that repeats is in the rows as well; its edges are few, so the tone is fitted to the picture itself then.
-    """
-    from ocisac_fast.frequency import find_frequency
-
-    found = find_frequency(rows[:, None], Camera(row_time=1.0))
-    if not np.isfinite(found.frequency) or (Flag.NO_TONE in found.flags and enough is not None):
-        return None
-    frequency = found.frequency
-    periodic = _harmonics(len(rows), found.harmonics, frequency)
-    basis = np.concatenate([_slow(len(rows)), periodic], axis=1)
-    root = np.sqrt(weight)
-    fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
-    if enough is not None and explained(rows, basis @ fitted, weight) < enough:
-        return None
-    light = _fully_modulated(periodic @ fitted[-periodic.shape[1] :])
-    for _ in range(2):
-        light, frequency = _tone_of_picture(picture, light, found.harmonics, frequency)
-    return RowLight(light, float(light.max()), "tone", frequency / camera.row_time)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.cleaning.chip_light import unexplained
-from ocisac_fast.cleaning.row_light import Columns, Kernels, lit_channels
+from ocisac_fast.cleaning.columns import Columns, Kernels, lit_channels
 
 FloatArray = npt.NDArray[np.float64]
 

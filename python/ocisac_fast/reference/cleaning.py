@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera import Camera
 from ocisac_fast.cleaning.bands import CleanedFrames, Options, clean_frames
-from ocisac_fast.cleaning.row_light import Kernels
+from ocisac_fast.cleaning.columns import Kernels
 from ocisac_fast.reference.light import linear_light
 from ocisac_fast.waveforms import Waveform
 

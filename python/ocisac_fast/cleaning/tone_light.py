@@ -1,0 +1,77 @@
+"""The light of every row of a banded picture where it is a tone with harmonics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ocisac_fast.camera import Camera
+from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, slow_terms
+from ocisac_fast.flags import Flag
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToneLight:
+    """Light of each row, mean 1, and frequency, Hz."""
+
+    light: FloatArray
+    frequency: float
+
+
+def tone_light(
+    picture: Columns, rows: FloatArray, weight: FloatArray, row_time: float, enough: float | None
+) -> ToneLight | None:
+    """Mean, harmonics and slow terms by least squares at the frequency found; None where that is not the light.
+
+    ``enough``: share of the rows' swing that it must explain, or None for always.
+
+    Texture that repeats is in the rows as well; its edges are few, so the tone is fitted to the picture itself then.
+    """
+    from ocisac_fast.frequency import find_frequency
+
+    found = find_frequency(rows[:, None], Camera(row_time=1.0))
+    if not np.isfinite(found.frequency) or (Flag.NO_TONE in found.flags and enough is not None):
+        return None
+    frequency = found.frequency
+    periodic = _harmonics(len(rows), found.harmonics, frequency)
+    basis = np.concatenate([slow_terms(len(rows)), periodic], axis=1)
+    root = np.sqrt(weight)
+    fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
+    if enough is not None and explained(rows, basis @ fitted, weight) < enough:
+        return None
+    light = _fully_modulated(periodic @ fitted[-periodic.shape[1] :])
+    for _ in range(2):
+        light, frequency = _tone_of_picture(picture, light, found.harmonics, frequency)
+    return ToneLight(light, frequency / row_time)
+
+
+def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
+    """(rows, terms) cosines, and then sines, of those below half the row rate, phases from the middle row."""
+    order = np.arange(1, harmonics + 1)
+    order = order[order * frequency < 0.5]
+    cycles = 2 * np.pi * (np.outer(np.arange(rows) - 0.5 * (rows - 1), order * frequency) % 1.0)
+    return np.concatenate([np.cos(cycles), np.sin(cycles)], axis=1)
+
+
+def _tone_of_picture(picture: Columns, light: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
+    """The tone that fits the picture best, and its frequency by one Gauss-Newton step: d/df of a tone is t times it."""
+    rows = len(light)
+    periodic = _harmonics(rows, harmonics, frequency)
+    half, time = periodic.shape[1] // 2, np.arange(rows) - 0.5 * (rows - 1)
+    drift = time[:, None] * periodic[:, [0, half]] / rows
+    basis = np.concatenate([np.ones((rows, 1)), periodic, drift], axis=1)
+    fitted = np.linalg.lstsq(basis, picture.refined(light, basis, steps=24)[0], rcond=None)[0]
+    cosine, sine = fitted[1], fitted[1 + half]
+    change = (fitted[-2] * sine - fitted[-1] * cosine) / (2 * np.pi * rows * max(cosine**2 + sine**2, 1e-300))
+    if abs(change) * rows > 0.25:  # cycles: beyond what a step can tell
+        change = 0.0
+    basis[:, 1:-2] = _harmonics(rows, harmonics, frequency + change)
+    return _fully_modulated(basis[:, 1:-2] @ fitted[1:-2]), frequency + change
+
+
+def _fully_modulated(tone: FloatArray) -> FloatArray:
+    """Mean 1 and the darkest row dark."""
+    swing = tone - tone.mean()
+    darkest = -float(swing.min())
+    return 1.0 + swing / darkest if darkest > 1e-9 else np.ones_like(tone)
