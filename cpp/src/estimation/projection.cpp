@@ -24,6 +24,33 @@ void put_weight(std::int32_t& pair, std::size_t group, int weight) {
   pair = static_cast<std::int32_t>(static_cast<std::uint32_t>(pair) | (group % 2 == 0 ? half : half << 16));
 }
 
+// Of an output's weights.
+struct Magnitudes {
+  double sum, largest;
+};
+
+Magnitudes magnitudes(std::span<const double> weights) {
+  Magnitudes found{};
+  for (const double weight : weights) {
+    found.sum += std::abs(weight);
+    found.largest = std::max(found.largest, std::abs(weight));
+  }
+  return found;
+}
+
+// That of a limb, as large as the sums have room for.
+double largest_integer(const std::vector<Magnitudes>& outputs, std::size_t rows, int row_group, int limbs) {
+  if (rows > kernels::kRowsPerChunk) return kernels::kLargestWeight;
+  const auto groups = static_cast<double>(rows / static_cast<std::size_t>(row_group));
+  // Rounding adds up to half a unit a row.
+  const double room = kernels::kLargestSum / (255.0 * row_group) - 0.5 * groups;
+  double largest = kernels::kLargestOfFewRows;
+  if (limbs > 1) largest = std::min(largest, room / groups);  // further limbs know no shape
+  for (const Magnitudes& of : outputs)
+    if (of.sum > 0) largest = std::min(largest, room * of.largest / of.sum);
+  return std::max<double>(std::floor(largest), kernels::kLargestWeight);
+}
+
 }  // namespace
 
 RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std::size_t rows, int row_group, int limbs)
@@ -35,10 +62,12 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
   require(weights.size() == outputs * groups_, "weights", weights.size(), "outputs·(rows/row_group) values");
   for (const double w : weights) require_finite("weights", w);
 
-  largest_ = largest_integer();
+  std::vector<Magnitudes> of_outputs;
+  for (std::size_t o = 0; o < outputs; ++o) of_outputs.push_back(magnitudes(weights.subspan(o * groups_, groups_)));
+  largest_ = largest_integer(of_outputs, rows, row_group, limbs);
   pairs_.assign(outputs * static_cast<std::size_t>(limbs) * pair_count(), 0);
   for (std::size_t o = 0; o < outputs; ++o) {
-    const double largest = magnitudes(o).largest;
+    const double largest = of_outputs[o].largest;
     scales_.push_back(largest > 0 ? largest / largest_ : 1.0);
     for (std::size_t g = 0; g < groups_; ++g) {
       double rest = weights_[o * groups_ + g] / scales_[o];
@@ -51,27 +80,6 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
     }
   }
   fold();
-}
-
-RowWeights::Magnitudes RowWeights::magnitudes(std::size_t output) const {
-  Magnitudes found{};
-  for (std::size_t g = 0; g < groups_; ++g) {
-    const double magnitude = std::abs(weights_[output * groups_ + g]);
-    found.sum += magnitude;
-    found.largest = std::max(found.largest, magnitude);
-  }
-  return found;
-}
-
-double RowWeights::largest_integer() const {
-  if (rows_ > kernels::kRowsPerChunk) return kernels::kLargestWeight;
-  // Rounding adds up to half a unit a row.
-  const double room = kernels::kLargestSum / (255.0 * row_group_) - 0.5 * static_cast<double>(groups_);
-  double largest = kernels::kLargestOfFewRows;
-  if (limbs_ > 1) largest = std::min(largest, room / static_cast<double>(groups_));  // further limbs know no shape
-  for (std::size_t o = 0; o < outputs_; ++o)
-    if (const Magnitudes of = magnitudes(o); of.sum > 0) largest = std::min(largest, room * of.largest / of.sum);
-  return std::max<double>(std::floor(largest), kernels::kLargestWeight);
 }
 
 int RowWeights::integer_weight(std::size_t part, std::size_t group) const {

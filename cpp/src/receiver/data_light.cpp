@@ -256,9 +256,6 @@ std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_
   const double upper = std::min(suspect.frequency * (1 + frequency_reach), 0.499);
   const double frequency = strongest_frequency(waveform.values, lower, upper);
   const double share = std::min(waveform.common / waveform.energy, 1.0);
-  std::complex<double> at_start = 0;
-  for (std::size_t n = 0; n < patch.rows; ++n)
-    at_start += waveform.values[n] * turned(frequency * static_cast<double>(box.row + n));
   const double error =
       jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency, lower, upper);
   const double rest = std::max(waveform.energy * (1 - share) - waveform.noise, 0.0);
@@ -268,7 +265,7 @@ std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_
                            box.height,
                            frequency,
                            error,
-                           std::arg(at_start),
+                           phase_at_start(waveform.values, frequency, box.row),
                            share / std::max(1 - share, 1e-12),
                            swing_of_light(patch, length),
                            share,

@@ -111,14 +111,6 @@ class Cutter {
 
 }  // namespace
 
-std::size_t shared_pixels(const Region& a, const Region& b) {
-  const auto overlap = [](std::size_t from, std::size_t length, std::size_t other, std::size_t other_length) {
-    const std::size_t begin = std::max(from, other), end = std::min(from + length, other + other_length);
-    return end > begin ? end - begin : 0;
-  };
-  return overlap(a.x, a.width, b.x, b.width) * overlap(a.y, a.height, b.y, b.height);
-}
-
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve) {
   const Shape shape = shape_of(frame);
   const Region whole{0, 0, shape.columns, shape.rows};

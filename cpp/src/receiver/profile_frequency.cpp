@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <numbers>
 
 #include "receiver/light_patch.hpp"
@@ -115,6 +116,13 @@ double jackknife_std(std::span<const double> profile, double frequency, double c
   for (const double f : found) mean += f / static_cast<double>(groups);
   for (const double f : found) square += (f - mean) * (f - mean);
   return std::sqrt(square * static_cast<double>(groups - 1) / static_cast<double>(groups));
+}
+
+double phase_at_start(std::span<const double> profile, double frequency, std::size_t first_row) {
+  std::complex<double> sum = 0;
+  for (std::size_t n = 0; n < profile.size(); ++n)
+    sum += profile[n] * turned(frequency * static_cast<double>(first_row + n));
+  return std::arg(sum);
 }
 
 }  // namespace ocisac

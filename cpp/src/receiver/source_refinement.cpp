@@ -195,9 +195,6 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Box& box,
   const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
   const double periodic = periodic_share(profile, frequency);
   const double explained = common * periodic;
-  Complex at_start = 0;
-  for (std::size_t n = 0; n < patch.rows; ++n)
-    at_start += profile.matched[n] * turned(frequency * static_cast<double>(patch.first_row + n));
   return {
       box.column,
       box.row,
@@ -205,7 +202,7 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Box& box,
       box.height,
       frequency,
       error,
-      std::arg(at_start),
+      phase_at_start(profile.matched, frequency, patch.first_row),
       explained / std::max(1 - explained, 1e-12),
       amplitude,
       common,

@@ -56,15 +56,16 @@ double size_of(const RefinedLight& light) {
   return light.amplitude * std::sqrt(static_cast<double>(light.width * light.height));
 }
 
-std::size_t overlap(std::size_t a, std::size_t a_size, std::size_t b, std::size_t b_size) {
-  const std::size_t begin = std::max(a, b), end = std::min(a + a_size, b + b_size);
-  return end > begin ? end - begin : 0;
+// Box of a light, a suspect or a part.
+template <class T>
+Region region_of(const T& of) {
+  return {of.column, of.row, of.width, of.height};
 }
 
 // Overlap of two boxes over the smaller one.
 double overlap(const RefinedLight& a, const RefinedLight& b) {
-  const std::size_t both = overlap(a.column, a.width, b.column, b.width) * overlap(a.row, a.height, b.row, b.height);
-  return static_cast<double>(both) / static_cast<double>(std::min(a.width * a.height, b.width * b.height));
+  return static_cast<double>(shared_pixels(region_of(a), region_of(b))) /
+         static_cast<double>(std::min(a.width * a.height, b.width * b.height));
 }
 
 // −ln of the odds that texture looks so periodic: its variation in a box is taken as one independent cell a cycle.
@@ -131,9 +132,8 @@ bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
 bool explained(const Suspect& suspect, const RefinedLight& light) {
   const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
   const std::size_t left = light.column - std::min(light.column, cycle), top = light.row - std::min(light.row, cycle);
-  const std::size_t both = overlap(suspect.column, suspect.width, left, light.width + 2 * cycle) *
-                           overlap(suspect.row, suspect.height, top, light.height + 2 * cycle);
-  return 2 * both > suspect.width * suspect.height;
+  const Region about{left, top, light.width + 2 * cycle, light.height + 2 * cycle};
+  return 2 * shared_pixels(region_of(suspect), about) > suspect.width * suspect.height;
 }
 
 // A suspect's frequency is known to half a cycle of no fewer than 2.5.
@@ -143,9 +143,8 @@ bool may_show(const Suspect& suspect, double frequency) {
 
 // A coarse suspect around a light of its frequency.
 bool holds(const Suspect& suspect, const RefinedLight& light) {
-  const std::size_t both = overlap(suspect.column, suspect.width, light.column, light.width) *
-                           overlap(suspect.row, suspect.height, light.row, light.height);
-  return 2 * both > light.width * light.height && may_show(suspect, light.frequency);
+  return 2 * shared_pixels(region_of(suspect), region_of(light)) > light.width * light.height &&
+         may_show(suspect, light.frequency);
 }
 
 LightPart part_of(const RefinedLight& light) {
@@ -173,10 +172,8 @@ std::vector<Found> without_doubles(std::vector<Found> lights) {
 }
 
 void extend(LightPart& box, const LightPart& by) {
-  const std::size_t right = std::max(box.column + box.width, by.column + by.width);
-  const std::size_t bottom = std::max(box.row + box.height, by.row + by.height);
-  box.column = std::min(box.column, by.column), box.row = std::min(box.row, by.row);
-  box.width = right - box.column, box.height = bottom - box.row;
+  const Region both = region_around(region_of(box), region_of(by));
+  box = {both.x, both.y, both.width, both.height, box.frequency};
 }
 
 // A light that sends data is periodic here and there: its parts become one, again with what has been joined so far.
@@ -225,23 +222,15 @@ void find_reflections(std::vector<Found>& found) {
     }
 }
 
-// The part of the frame in the light's box.
-AnyFramesView box_view(const AnyFramesView& frames, std::size_t frame, const RefinedLight& light) {
-  return std::visit(
-      [&](auto view) -> AnyFramesView {
-        view.data = view.at(frame, light.row, light.column);
-        view.frames = 1;
-        view.rows = light.height;
-        view.columns = light.width;
-        return view;
-      },
-      frames);
+AnyFramesView frame_of(const AnyFramesView& frames, std::size_t frame) {
+  return std::visit([&](const auto& view) -> AnyFramesView { return view.frame(frame); }, frames);
 }
 
 LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Found& found) {
   const RefinedLight& light = found.light;
   const double frequency = light.frequency / camera.row_time;
-  const ToneGain gain = pooled_tone_gain(box_view(frames, frame, light), camera, std::span(&frequency, 1));
+  const ToneGain gain =
+      pooled_tone_gain(part_of(frame_of(frames, frame), region_of(light)), camera, std::span(&frequency, 1));
   const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.row), 1.0);
   LightSource source;
   source.frame = frame;
@@ -367,8 +356,8 @@ class Look {
   [[nodiscard]] bool made_of_tones(const RefinedLight& light) const {
     std::size_t rows = 0;
     for (const Found& one : found_)
-      if (clean(one) && overlap(one.light.column, one.light.width, light.column, light.width) > 0)
-        rows += overlap(one.light.row, one.light.height, light.row, light.height);
+      if (clean(one) && shared_length(one.light.column, one.light.width, light.column, light.width) > 0)
+        rows += shared_length(one.light.row, one.light.height, light.row, light.height);
     return 2 * rows > light.height;
   }
 
@@ -391,15 +380,13 @@ struct Search {
 std::vector<Search> united(std::vector<Search> searches) {
   for (std::size_t i = 0; i < searches.size(); ++i)
     for (std::size_t k = i + 1; k < searches.size();) {
-      Region &a = searches[i].region, &b = searches[k].region;
-      if (overlap(a.x, a.width, b.x, b.width) == 0 || overlap(a.y, a.height, b.y, b.height) == 0) {
+      Region& a = searches[i].region;
+      const Region& b = searches[k].region;
+      if (shared_pixels(a, b) == 0) {
         ++k;
         continue;
       }
-      const std::size_t right = std::max(a.x + a.width, b.x + b.width);
-      const std::size_t bottom = std::max(a.y + a.height, b.y + b.height);
-      a.x = std::min(a.x, b.x), a.y = std::min(a.y, b.y);
-      a.width = right - a.x, a.height = bottom - a.y;
+      a = region_around(a, b);
       auto &all = searches[i].frequencies, &more = searches[k].frequencies;
       if (all.empty() || more.empty())
         all.clear();

@@ -7,12 +7,9 @@ dim. No light stays none.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from ocisac_fast.cleaning.chip_light import unexplained
-from ocisac_fast.cleaning.columns import Columns, Kernels, lit_channels
-
-FloatArray = npt.NDArray[np.float64]
+from ocisac_fast.cleaning.columns import Columns, FloatArray, Kernels, lit_channels
 
 _LADDER = (1 / 32, 1 / 8)  # tried in turn; what is cleaned hardly differs in between
 _LESS_LEFT = 0.6  # of what chips leave unexplained without a toe: noise of the rows alone may leave 0.64
@@ -44,10 +41,12 @@ def slope(stored: FloatArray, toe: float, white: float) -> FloatArray:
 def find_toe(light: FloatArray, variance: FloatArray, white: float, kernels: Kernels) -> float:
     """Toe of one frame (rows, columns, channels) under chips: the one with which they explain most, or 0."""
 
+    lit = lit_channels(light, variance)
+    light, variance = light[..., lit], variance[..., lit]
+
     def left(toe: float) -> float:
-        lit = lit_channels(light, variance)
-        both = lifted(light[..., lit], toe, white), variance[..., lit] * slope(light[..., lit], toe, white) ** 2
-        picture = Columns(both[0].sum(axis=2), both[1].sum(axis=2), kernels)
+        certain = variance * slope(light, toe, white) ** 2
+        picture = Columns(lifted(light, toe, white).sum(axis=2), certain.sum(axis=2), kernels)
         return unexplained(*picture.free())
 
     without = least = left(0.0)

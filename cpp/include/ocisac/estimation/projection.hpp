@@ -54,11 +54,6 @@ class RowWeights {
   std::vector<double> weights_;
   double largest_ = 0;          // integer of a limb
   std::vector<double> scales_;  // largest magnitude of an output's weights over the largest integer
-  struct Magnitudes {
-    double sum, largest;
-  };
-  [[nodiscard]] Magnitudes magnitudes(std::size_t output) const;
-  [[nodiscard]] double largest_integer() const;
   [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
   [[nodiscard]] bool has_symmetry(std::size_t part, int sign) const;
   void fold();

@@ -15,7 +15,4 @@ namespace ocisac {
 // Lights that touch above each other are not told apart.
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve);
 
-// Pixels that two regions share.
-std::size_t shared_pixels(const Region& a, const Region& b);
-
 }  // namespace ocisac
