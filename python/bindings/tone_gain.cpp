@@ -36,7 +36,20 @@ py::array_t<T> as_array(const std::vector<T>& values, const std::vector<py::ssiz
   return array;
 }
 
-// (5, tones, frames, columns): gain, gain_std, phase, mean, snr; and flags (tones, frames, columns).
+// The axis of the tones where there is one, then those of the columns without rows (and without columns, if pooled).
+std::vector<py::ssize_t> result_shape(const DoubleArray& frequencies, const py::array& columns, bool pooled) {
+  std::vector<py::ssize_t> shape(frequencies.shape(), frequencies.shape() + frequencies.ndim());
+  if (columns.ndim() == 3) shape.push_back(columns.shape(0));
+  if (columns.ndim() > 1 && !pooled) shape.push_back(columns.shape(columns.ndim() - 1));
+  return shape;
+}
+
+template <class T>
+std::span<T> span_of(py::array_t<T>& array) {
+  return {array.mutable_data(), static_cast<std::size_t>(array.size())};
+}
+
+// gain, gain_std, phase, mean, snr, flags. frequencies: () or (tones,).
 py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const DoubleArray& frequencies,
                            const std::string& method, const std::string& waveform, double duty,
                            const DoubleArray& background, double efficiency, int threads, bool pooled) {
@@ -48,13 +61,11 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
                                 {background.data(), static_cast<std::size_t>(background.size())},
                                 efficiency,
                                 threads};
-  const auto [frames, width] = std::visit([](const auto& v) { return std::pair(v.frames, v.columns); }, view);
-  const std::array shape{tones.size(), frames, pooled ? 1 : width};
-  const std::size_t size = shape[0] * shape[1] * shape[2];
-  py::array_t<double> values({std::size_t{5}, shape[0], shape[1], shape[2]});
+  const auto shape = result_shape(frequencies, columns, pooled);
+  py::array_t<double> gain(shape), gain_std(shape), phase(shape), mean(shape), snr(shape);
   py::array_t<Flags> flags(shape);
-  const auto part = [&, data = values.mutable_data()](std::size_t i) { return std::span(data + i * size, size); };
-  const ToneGainView result{part(0), part(1), part(2), part(3), part(4), {flags.mutable_data(), size}};
+  const ToneGainView result{span_of(gain), span_of(gain_std), span_of(phase),
+                            span_of(mean), span_of(snr),      span_of(flags)};
   {
     const py::gil_scoped_release unlocked;
     if (pooled)
@@ -62,7 +73,7 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
     else
       tone_gain(view, camera, tones, options, result);
   }
-  return py::make_tuple(values, flags);
+  return py::make_tuple(gain, gain_std, phase, mean, snr, flags);
 }
 
 // (frames, columns) arrays: gain, gain_std, mean, bias, bias_std, flags.

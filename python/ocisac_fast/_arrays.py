@@ -33,7 +33,11 @@ def as_columns(columns: npt.ArrayLike, name: str = "columns") -> Columns:
         )
     if array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row and column")
-    whole_strides = all(stride % array.itemsize == 0 for stride in array.strides)
-    if array.dtype in _KINDS and array.flags.aligned and whole_strides:
+    flags = array.flags
+    if array.dtype in _KINDS and flags.aligned and (flags.c_contiguous or _whole_strides(array)):
         return array
     return np.array(array, dtype=np.float64 if array.dtype not in _KINDS else array.dtype.newbyteorder("="))
+
+
+def _whole_strides(array: Columns) -> bool:
+    return all(stride % array.itemsize == 0 for stride in array.strides)

@@ -36,7 +36,7 @@ def tone_gain(
     efficiency: float,
     threads: int,
     pooled: bool,
-) -> tuple[Any, Any]: ...
+) -> tuple[Any, Any, Any, Any, Any, Any]: ...
 def varying_tone_gain(
     columns: npt.NDArray[Any],
     camera: Camera,

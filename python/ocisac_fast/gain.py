@@ -93,10 +93,10 @@ def tone_gain(
     tones = np.asarray(frequency, dtype=np.float64)
     if tones.ndim > 1:
         raise ValueError(f"frequency: got shape {tones.shape}, allowed: one value or (tones,)")
-    values, flags = _core.tone_gain(
+    results = _core.tone_gain(
         columns=array,
         camera=camera._handle,
-        frequencies=np.atleast_1d(tones),
+        frequencies=tones,
         method=method,
         waveform=waveform,
         duty=duty,
@@ -105,24 +105,22 @@ def tone_gain(
         threads=threads,
         pooled=pooled,
     )
-    shape = tones.shape + result_shape(array, pooled)
-    values = values.reshape((5, *shape))
-    gain, gain_std, phase, mean, snr = (values[i, ...] for i in range(5))
-    return ToneGain(gain, gain_std, phase, mean, snr, flags.reshape(shape))
+    return ToneGain(*results)
 
 
-def result_shape(columns: npt.NDArray[Any], pooled: bool) -> tuple[int, ...]:
-    """Shape of a result with one value a column (or a frame, if pooled)."""
-    frames = columns.shape[:-2]
-    return frames if pooled else frames + columns.shape[-1:] * (columns.ndim > 1)
+def result_shape(columns: npt.NDArray[Any]) -> tuple[int, ...]:
+    """Shape of a result with one value a column."""
+    return columns.shape[:-2] + columns.shape[-1:] * (columns.ndim > 1)
 
 
 def background_values(background: npt.ArrayLike, columns: npt.NDArray[Any]) -> FloatArray:
     """The background as the core takes it: one value, or one for each column of each frame."""
+    if isinstance(background, float):
+        return np.array((background,))
     values = np.asarray(background, dtype=np.float64)
     if values.size == 1:
         return values.reshape(1)
-    shape = result_shape(columns, pooled=False)
+    shape = result_shape(columns)
     try:
         return np.ascontiguousarray(np.broadcast_to(values, shape)).reshape(-1)
     except ValueError:

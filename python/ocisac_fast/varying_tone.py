@@ -87,5 +87,5 @@ def varying_tone_gain(
         background=background_values(background, array),
         threads=threads,
     )
-    shape = result_shape(array, pooled=False)
+    shape = result_shape(array)
     return VaryingToneGain(*(values.reshape(shape) for values in results))

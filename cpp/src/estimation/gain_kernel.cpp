@@ -33,18 +33,18 @@ HWY_INLINE Vector product(Vector start, const double* HWY_RESTRICT row, const do
   return sum;
 }
 
-// One vector of columns. kEstimates: 3, those of one tone, or 0: fit.estimates.
+// One vector of columns of `fit`, written `stride` apart. kEstimates: 3, those of one tone, or 0: fit.estimates.
 template <std::size_t kEstimates>
-HWY_INLINE void solve_columns(const FitSums& fit, const double* HWY_RESTRICT totals, const double* HWY_RESTRICT sums,
-                              const double* HWY_RESTRICT squares, std::size_t stride, double* HWY_RESTRICT parameters,
-                              double* HWY_RESTRICT noise) {
+HWY_INLINE void solve_columns(const FitSums& fit, std::size_t column, std::size_t stride,
+                              double* HWY_RESTRICT parameters, double* HWY_RESTRICT noise) {
   const std::size_t size = kEstimates ? kEstimates : fit.estimates;
-  const Vector total = hn::LoadU(d64, totals);
+  const Vector total = hn::LoadU(d64, fit.totals + column);
   for (std::size_t i = 0; i < size; ++i) {
     const double* row = fit.transform + i * size;
-    hn::StoreU(product(hn::Mul(constant(*row), total), row + 1, sums, size - 1, stride), d64, parameters + i * stride);
+    hn::StoreU(product(hn::Mul(constant(*row), total), row + 1, fit.sums + column, size - 1, fit.stride), d64,
+               parameters + i * stride);
   }
-  const Vector all = hn::LoadU(d64, squares);
+  const Vector all = hn::LoadU(d64, fit.squares + column);
   Vector rest = all;
   for (std::size_t i = 0; i < size; ++i)
     rest = hn::NegMulAdd(hn::LoadU(d64, parameters + i * stride),
@@ -58,8 +58,7 @@ void parameters_of_estimates(const FitSums& fit, double* parameters, double* noi
   const std::size_t lanes = hn::Lanes(d64);
   std::size_t c = 0;
   for (; c + lanes <= fit.count; c += lanes)
-    solve_columns<kEstimates>(fit, fit.totals + c, fit.sums + c, fit.squares + c, fit.count, parameters + c,
-                              noise_variance + c);
+    solve_columns<kEstimates>(fit, c, fit.count, parameters + c, noise_variance + c);
   if (c == fit.count) return;
   // What is left, in padded copies.
   const std::size_t rest = fit.count - c;
@@ -70,9 +69,10 @@ void parameters_of_estimates(const FitSums& fit, double* parameters, double* noi
   double* noise = result + fit.estimates * lanes;
   std::copy_n(fit.totals + c, rest, sums);
   for (std::size_t i = 1; i < fit.estimates; ++i)
-    std::copy_n(fit.sums + (i - 1) * fit.count + c, rest, sums + i * lanes);
+    std::copy_n(fit.sums + (i - 1) * fit.stride + c, rest, sums + i * lanes);
   std::copy_n(fit.squares + c, rest, squares);
-  solve_columns<kEstimates>(fit, sums, sums + lanes, squares, lanes, result, noise);
+  const FitSums few{fit.estimates, lanes, lanes, sums, sums + lanes, squares, fit.transform, fit.gram, fit.freedom};
+  solve_columns<kEstimates>(few, 0, lanes, result, noise);
   for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(result + i * lanes, rest, parameters + i * fit.count + c);
   std::copy_n(noise, rest, noise_variance + c);
 }

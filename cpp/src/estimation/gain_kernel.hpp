@@ -5,12 +5,12 @@
 
 namespace ocisac::kernels {
 
-// What a fit's weights made of many columns: totals (count,), sums (estimates − 1 × count) and squares (count,), the
-// sum of a column's squared samples. The parameters are transform·(totals, sums) (transform: estimates × estimates),
-// and what they leave of the squares, parametersᵀ·gram·parameters taken off, over `freedom` is the variance of a row's
-// noise.
+// What a fit's weights made of many columns: totals (count,), sums (estimates − 1 × count, `stride` apart) and squares
+// (count,), the sum of a column's squared samples. The parameters are transform·(totals, sums) (transform: estimates ×
+// estimates), and what they leave of the squares, parametersᵀ·gram·parameters taken off, over `freedom` is the variance
+// of a row's noise.
 struct FitSums {
-  std::size_t estimates, count;
+  std::size_t estimates, count, stride;
   const double *totals, *sums, *squares;
   const double *transform, *gram;
   double freedom;

@@ -41,7 +41,8 @@ Magnitudes magnitudes(std::span<const double> weights) {
 // That of a limb, as large as the sums have room for.
 double largest_integer(const std::vector<Magnitudes>& outputs, std::size_t rows, int row_group, int limbs) {
   if (rows > kernels::kRowsPerChunk) return kernels::kLargestWeight;
-  const auto groups = static_cast<double>(rows / static_cast<std::size_t>(row_group));
+  const std::size_t whole_groups = rows / static_cast<std::size_t>(row_group);
+  const auto groups = static_cast<double>(whole_groups);
   // Rounding adds up to half a unit a row.
   const double room = kernels::kLargestSum / (255.0 * row_group) - 0.5 * groups;
   double largest = kernels::kLargestOfFewRows;
@@ -54,7 +55,7 @@ double largest_integer(const std::vector<Magnitudes>& outputs, std::size_t rows,
 }  // namespace
 
 RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std::size_t rows, int row_group, int limbs)
-    : rows_(rows), outputs_(outputs), row_group_(row_group), limbs_(limbs), weights_(weights.begin(), weights.end()) {
+    : rows_(rows), outputs_(outputs), row_group_(row_group), weights_(weights.begin(), weights.end()) {
   require(row_group == 1 || row_group == 2 || row_group == 4 || row_group == 8, "row_group", row_group, "1, 2, 4 or 8");
   require(limbs >= 1 && limbs <= 3, "limbs", limbs, "1, 2 or 3");
   groups_ = rows / static_cast<std::size_t>(row_group);
@@ -64,17 +65,17 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
 
   std::vector<Magnitudes> of_outputs;
   for (std::size_t o = 0; o < outputs; ++o) of_outputs.push_back(magnitudes(weights.subspan(o * groups_, groups_)));
-  largest_ = largest_integer(of_outputs, rows, row_group, limbs);
+  const double integer = largest_integer(of_outputs, rows, row_group, limbs);
   pairs_.assign(outputs * static_cast<std::size_t>(limbs) * pair_count(), 0);
   for (std::size_t o = 0; o < outputs; ++o) {
-    const double largest = of_outputs[o].largest;
-    scales_.push_back(largest > 0 ? largest / largest_ : 1.0);
+    const double scale = of_outputs[o].largest > 0 ? of_outputs[o].largest / integer : 1.0;
+    const std::size_t first = units_.size();
+    for (int limb = 0; limb < limbs; ++limb) units_.push_back(scale * std::pow(2 * integer, -limb));
     for (std::size_t g = 0; g < groups_; ++g) {
-      double rest = weights_[o * groups_ + g] / scales_[o];
-      for (int limb = 0; limb < limbs; ++limb) {
-        const double whole = std::clamp(std::nearbyint(rest), -largest_, largest_);
-        rest = (rest - whole) * 2 * largest_;
-        const std::size_t part = o * static_cast<std::size_t>(limbs) + static_cast<std::size_t>(limb);
+      double rest = weights_[o * groups_ + g] / scale;
+      for (std::size_t part = first; part < units_.size(); ++part) {
+        const double whole = std::clamp(std::nearbyint(rest), -integer, integer);
+        rest = (rest - whole) * 2 * integer;
         put_weight(pairs_[part * pair_count() + g / 2], g, static_cast<int>(whole));
       }
     }
@@ -94,35 +95,31 @@ bool RowWeights::has_symmetry(std::size_t part, int sign) const {
 }
 
 void RowWeights::fold() {
-  places_.resize(parts());
-  std::iota(places_.begin(), places_.end(), std::size_t{0});
+  order_.resize(units_.size());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
   if (groups_ % 2 == 1) return;
-  std::vector<std::size_t> order;  // of the parts
-  for (std::size_t part = 0; part < parts(); ++part)
+  std::vector<std::size_t> order;
+  for (const std::size_t part : order_)
     if (has_symmetry(part, 1)) order.push_back(part);
   const std::size_t even = order.size();
-  for (std::size_t part = 0; part < parts(); ++part)
+  for (const std::size_t part : order_)
     if (!has_symmetry(part, 1) && has_symmetry(part, -1)) order.push_back(part);
-  if (order.size() < parts()) return;
+  if (order.size() < order_.size()) return;
   even_parts_ = even;
-  folded_pairs_.assign(parts() * folded_pair_count(), 0);
-  for (std::size_t place = 0; place < parts(); ++place) {
-    places_[order[place]] = place;
+  folded_pairs_.assign(order.size() * folded_pair_count(), 0);
+  for (std::size_t place = 0; place < order.size(); ++place) {
     for (std::size_t g = 0; g < groups_ / 2; ++g)
       put_weight(folded_pairs_[place * folded_pair_count() + g / 2], g, integer_weight(order[place], g));
   }
+  folded_order_ = std::move(order);
 }
-
-double RowWeights::unit(std::size_t output, int limb) const { return scales_[output] * std::pow(2 * largest_, -limb); }
 
 std::vector<double> RowWeights::byte_weights() const {
   std::vector<double> values(outputs_ * groups_);
-  for (std::size_t o = 0; o < outputs_; ++o)
+  const std::size_t limbs = units_.size() / outputs_;
+  for (std::size_t part = units_.size(); part-- > 0;)  // an output's smallest limb first
     for (std::size_t g = 0; g < groups_; ++g)
-      for (int limb = limbs_ - 1; limb >= 0; --limb) {
-        const auto part = o * static_cast<std::size_t>(limbs_) + static_cast<std::size_t>(limb);
-        values[o * groups_ + g] += unit(o, limb) * integer_weight(part, g);
-      }
+      values[part / limbs * groups_ + g] += units_[part] * integer_weight(part, g);
   return values;
 }
 
@@ -146,17 +143,8 @@ void for_each_dense_block(const FramesView<const T>& view, std::size_t frame, st
   }
 }
 
-// Where the kernel adds up: sums of all parts of the weights, in the kernel's order.
-struct OwnByteSums {
-  std::vector<double> parts, totals, squares;
-  std::vector<std::uint8_t> maximum;
-  OwnByteSums(std::size_t part_count, std::size_t columns)
-      : parts(part_count * columns), totals(columns), squares(columns), maximum(columns) {}
-  kernels::ByteSums view() { return {parts.data(), totals.data(), squares.data(), maximum.data()}; }
-};
-
 void add_folded(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                const RowWeights& weights, const kernels::ByteSums& sums) {
+                const RowWeights& weights, const kernels::ProjectionSums& sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   const std::size_t half = weights.groups() / 2;
   const std::size_t most = kernels::kRowsPerChunk / (2 * group);
@@ -164,43 +152,20 @@ void add_folded(const FramesView<const std::uint8_t>& view, std::size_t frame, s
     kernels::project_bytes({view.at(frame, g * group, first), view.at(frame, (weights.groups() - 1 - g) * group, first),
                             view.row_stride, std::min(most, half - g), count},
                            {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
-                            weights.parts(), weights.even_parts()},
+                            weights.folded_order(), weights.even_parts()},
                            sums);
 }
 
 void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                 const RowWeights& weights, const kernels::ByteSums& sums) {
+                 const RowWeights& weights, const kernels::ProjectionSums& sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   for_each_dense_block(view, frame, first, count, weights.groups() * group, kernels::kRowsPerChunk,
                        [&](const std::uint8_t* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
                          kernels::project_bytes({pixels, nullptr, stride, rows / group, count},
                                                 {weights.row_group(), weights.pairs().data() + row / (2 * group),
-                                                 weights.pair_count(), weights.parts(), weights.parts()},
+                                                 weights.pair_count(), weights.order(), weights.order().size()},
                                                 sums);
                        });
-}
-
-Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first,
-                         std::size_t count, const RowWeights& weights) {
-  OwnByteSums sums(weights.parts(), count);
-  const bool folded = !weights.folded_pairs().empty() && (view.column_stride == 1 || count == 1);
-  if (folded)
-    add_folded(view, frame, first, count, weights, sums.view());
-  else
-    add_plainly(view, frame, first, count, weights, sums.view());
-  Projection result{std::vector<double>(weights.outputs() * count),
-                    std::move(sums.totals),
-                    std::move(sums.squares),
-                    {sums.maximum.begin(), sums.maximum.end()}};
-  // Limbs from the smallest on; the sums are whole numbers and exact.
-  for (std::size_t o = 0; o < weights.outputs(); ++o)
-    for (int limb = weights.limbs() - 1; limb >= 0; --limb) {
-      const std::size_t place = folded ? weights.place_of(o, limb)
-                                       : o * static_cast<std::size_t>(weights.limbs()) + static_cast<std::size_t>(limb);
-      const double unit = weights.unit(o, limb);
-      for (std::size_t c = 0; c < count; ++c) result.sums[o * count + c] += unit * sums.parts[place * count + c];
-    }
-  return result;
 }
 
 Projection empty_projection(std::size_t outputs, std::size_t count) {
@@ -208,20 +173,54 @@ Projection empty_projection(std::size_t outputs, std::size_t count) {
           std::vector<double>(count, -std::numeric_limits<double>::infinity())};
 }
 
+kernels::ProjectionSums sums_of(Projection& result) {
+  return {result.sums.data(), {result.totals.data(), result.squares.data(), result.maximum.data()}};
+}
+
+// From sums of parts, which are whole numbers and exact, to those of outputs, in place; the smallest limb first.
+void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double>& sums) {
+  const std::span units = weights.units();
+  const std::size_t limbs = units.size() / weights.outputs();
+  for (std::size_t o = 0; o < weights.outputs(); ++o) {
+    const std::span<double> joined = std::span(sums).subspan(o * count, count);
+    if (limbs == 1) {
+      const double unit = units[o];
+      for (double& sum : joined) sum *= unit;
+      continue;
+    }
+    for (std::size_t c = 0; c < count; ++c) {
+      double sum = 0;
+      for (std::size_t part = (o + 1) * limbs; part-- > o * limbs;) sum += units[part] * sums[part * count + c];
+      joined[c] = sum;
+    }
+  }
+  sums.resize(weights.outputs() * count);
+}
+
+Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first,
+                         std::size_t count, const RowWeights& weights) {
+  const std::size_t parts = weights.units().size();
+  Projection result = empty_projection(parts, count);
+  if (!weights.folded_pairs().empty() && (view.column_stride == 1 || count == 1))
+    add_folded(view, frame, first, count, weights, sums_of(result));
+  else
+    add_plainly(view, frame, first, count, weights, sums_of(result));
+  join_limbs(weights, count, result.sums);
+  return result;
+}
+
 template <class T>
 Projection project_samples(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
                            const RowWeights& weights) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   Projection result = empty_projection(weights.outputs(), count);
-  const kernels::SampleSums sums{result.sums.data(),
-                                 {result.totals.data(), result.squares.data(), result.maximum.data()}};
-  for_each_dense_block(
-      view, frame, first, count, weights.groups() * group, weights.groups() * group,
-      [&](const T* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
-        kernels::project_samples<T>(
-            {pixels, stride, rows / group, count},
-            {weights.row_group(), weights.weights().data() + row / group, weights.groups(), weights.outputs()}, sums);
-      });
+  for_each_dense_block(view, frame, first, count, weights.groups() * group, weights.groups() * group,
+                       [&](const T* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
+                         kernels::project_samples<T>({pixels, stride, rows / group, count},
+                                                     {weights.row_group(), weights.weights().data() + row / group,
+                                                      weights.groups(), weights.outputs()},
+                                                     sums_of(result));
+                       });
   return result;
 }
 

@@ -26,12 +26,12 @@ constexpr std::size_t kRowsPerBlock = 32;
 #if HWY_TARGET == HWY_SCALAR
 
 // Without vectors: the loops as they are meant.
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to) {
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   const auto group = static_cast<std::size_t>(weights.row_group);
   const auto sum_of_group = [&](const std::uint8_t* pixels, std::size_t c) {
     std::int32_t sum = 0;
     for (std::size_t r = 0; r < group; ++r, pixels += block.row_stride) {
-      to.maximum[c] = std::max(to.maximum[c], pixels[c]);
+      to.moments.maximum[c] = std::max(to.moments.maximum[c], static_cast<double>(pixels[c]));
       sum += pixels[c];
     }
     return sum;
@@ -41,13 +41,13 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Byte
       const auto rows = static_cast<std::ptrdiff_t>(g * group) * block.row_stride;
       const std::int32_t near = sum_of_group(block.pixels + rows, c);
       const std::int32_t far = block.mirrored ? sum_of_group(block.mirrored - rows, c) : 0;
-      for (std::size_t o = 0; o < weights.outputs; ++o) {
-        const auto pair = static_cast<std::uint32_t>(weights.pairs[o * weights.stride + g / 2]);
+      for (std::size_t p = 0; p < weights.parts.size(); ++p) {
+        const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + g / 2]);
         const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
-        to.sums[o * block.columns + c] += weight * (o < weights.even ? near + far : near - far);
+        to.sums[weights.parts[p] * block.columns + c] += weight * (p < weights.even ? near + far : near - far);
       }
-      to.totals[c] += near + far;
-      to.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
+      to.moments.totals[c] += near + far;
+      to.moments.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
     }
 }
 
@@ -123,7 +123,7 @@ struct Rows {
   std::ptrdiff_t ahead;  // to the next block; backwards for the mirrored ones
 };
 
-// Where a strip is added up. sums: kVectors vectors of an output, one output after the other, then the squares, then
+// Where a strip is added up. sums: kVectors vectors of a part, one part after the other, then the squares, then
 // the totals. The totals of the last rows are kept in 16 bits, even and odd columns apart, until they might overflow.
 struct Strip {
   std::int32_t* sums;
@@ -131,7 +131,7 @@ struct Strip {
   std::uint8_t* maximum;
 };
 
-constexpr std::size_t kOwnSums = 2;         // squares and totals, beside the outputs
+constexpr std::size_t kOwnSums = 2;         // squares and totals, beside the parts
 constexpr std::size_t kRowsPerTotal = 256;  // 255·kRowsPerTotal < 2^16
 
 // Strips side by side.
@@ -139,18 +139,18 @@ struct Strips {
   hwy::AlignedFreeUniquePtr<std::int32_t[]> sums;
   hwy::AlignedFreeUniquePtr<std::uint16_t[]> totals;
   std::vector<std::uint8_t> maximum;
-  std::size_t outputs;
+  std::size_t parts;
 
-  Strips(std::size_t count, std::size_t of_outputs)
-      : sums(hwy::AllocateAligned<std::int32_t>(count * (of_outputs + kOwnSums) * hn::Lanes(d8))),
+  Strips(std::size_t count, std::size_t of_parts)
+      : sums(hwy::AllocateAligned<std::int32_t>(count * (of_parts + kOwnSums) * hn::Lanes(d8))),
         totals(hwy::AllocateAligned<std::uint16_t>(count * hn::Lanes(d8))),
         maximum(count * hn::Lanes(d8)),
-        outputs(of_outputs) {
-    std::fill_n(sums.get(), count * (outputs + kOwnSums) * hn::Lanes(d8), 0);
+        parts(of_parts) {
+    std::fill_n(sums.get(), count * (parts + kOwnSums) * hn::Lanes(d8), 0);
     std::fill_n(totals.get(), maximum.size(), std::uint16_t{0});
   }
   [[nodiscard]] Strip at(std::size_t column) {
-    return {sums.get() + column * (outputs + kOwnSums), totals.get() + column, maximum.data() + column};
+    return {sums.get() + column * (parts + kOwnSums), totals.get() + column, maximum.data() + column};
   }
 };
 
@@ -217,7 +217,7 @@ HWY_INLINE void add_all_outputs(const Pair16 (&pairs)[kPairs][kVectors], const s
 template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
 HWY_INLINE void add_strip(const Rows& rows, const ByteWeights& weights, const Strip& strip) {
   const std::size_t per_output = kVectors * hn::Lanes(d32);
-  std::int32_t* squares = strip.sums + weights.outputs * per_output;
+  std::int32_t* squares = strip.sums + weights.parts.size() * per_output;
   Pair16 near[kPairs][kVectors];
   Pair16 differences[kFold ? kPairs : 1][kVectors];
   Sum32 square[kVectors];
@@ -235,10 +235,10 @@ HWY_INLINE void add_strip(const Rows& rows, const ByteWeights& weights, const St
   hn::Store(total.even, d16, strip.totals);
   hn::Store(total.odd, d16, strip.totals + hn::Lanes(d16));
   store_sums(square, squares);
-  add_all_outputs(near, weights.pairs, weights.stride, kFold ? weights.even : weights.outputs, strip.sums);
+  add_all_outputs(near, weights.pairs, weights.stride, kFold ? weights.even : weights.parts.size(), strip.sums);
   if constexpr (kFold)
     add_all_outputs(differences, weights.pairs + weights.even * weights.stride, weights.stride,
-                    weights.outputs - weights.even, strip.sums + weights.even * per_output);
+                    weights.parts.size() - weights.even, strip.sums + weights.even * per_output);
 }
 
 // Copies `rows` rows of the last, narrower strip, which leaves the rest of a vector 0.
@@ -277,7 +277,7 @@ void widen_totals(std::size_t columns, Strips& strips) {
     const EvenOdd none{hn::Zero(d16), hn::Zero(d16)};
     Pair16 wide[kVectors];
     interleave({hn::Load(d16, strip.totals), hn::Load(d16, strip.totals + hn::Lanes(d16))}, none, wide);
-    std::int32_t* to = strip.sums + (strips.outputs + 1) * kVectors * hn::Lanes(d32);
+    std::int32_t* to = strip.sums + (strips.parts + 1) * kVectors * hn::Lanes(d32);
     Sum32 sums[kVectors];
     load_sums(to, sums);
     for (std::size_t v = 0; v < kVectors; ++v) sums[v] = hn::Add(sums[v], hn::BitCast(d32, wide[v]));
@@ -358,21 +358,24 @@ HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit,
   }
 }
 
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to) {
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   const std::size_t width = hn::Lanes(d8);
-  Strips strips((block.columns + width - 1) / width, weights.outputs);
+  Strips strips((block.columns + width - 1) / width, weights.parts.size());
   if (weights.row_group == 1) project_any<1>(block, weights, strips);
   if (weights.row_group == 2) project_any<2>(block, weights, strips);
   if (weights.row_group == 4) project_any<4>(block, weights, strips);
   if (weights.row_group == 8) project_any<8>(block, weights, strips);
-  for (std::size_t c = 0; c < block.columns; ++c) to.maximum[c] = std::max(to.maximum[c], strips.maximum[c]);
+  for (std::size_t c = 0; c < block.columns; ++c)
+    to.moments.maximum[c] = std::max(to.moments.maximum[c], static_cast<double>(strips.maximum[c]));
   for (std::size_t c = 0; c < block.columns; c += width) {
     const std::size_t here = std::min(width, block.columns - c);
     const std::int32_t* from = strips.at(c).sums;
-    for (std::size_t o = 0; o < weights.outputs; ++o, from += width)
-      add_in_order(from, 1, to.sums + o * block.columns + c, here);
-    add_in_order(from, block.mirrored ? 0.5 : 1, to.squares + c, here);
-    add_in_order(from + width, 1, to.totals + c, here);
+    for (const std::size_t part : weights.parts) {
+      add_in_order(from, 1, to.sums + part * block.columns + c, here);
+      from += width;
+    }
+    add_in_order(from, block.mirrored ? 0.5 : 1, to.moments.squares + c, here);
+    add_in_order(from + width, 1, to.moments.totals + c, here);
   }
 }
 
@@ -395,7 +398,7 @@ HWY_INLINE Sum64 load_samples(const std::uint16_t* p) {
 template <int kOutputs, class T>
 HWY_INLINE void add_sample_outputs(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, int row_group,
                                    std::size_t groups, const double* HWY_RESTRICT weights, std::size_t weights_stride,
-                                   double* HWY_RESTRICT sums, std::size_t per_output, const SampleMoments* moments) {
+                                   double* HWY_RESTRICT sums, std::size_t per_output, const Moments* moments) {
   Sum64 out[std::max(kOutputs, 1)];
   for (int o = 0; o < kOutputs; ++o) out[o] = hn::LoadU(d64, sums + static_cast<std::size_t>(o) * per_output);
   Sum64 total = hn::Zero(d64), square = total, top = total;
@@ -428,7 +431,7 @@ HWY_INLINE void add_sample_outputs(const T* HWY_RESTRICT pixels, std::ptrdiff_t 
 template <class T>
 void add_sample_strip(const T* pixels, std::ptrdiff_t stride, int row_group, std::size_t groups, const double* weights,
                       std::size_t weights_stride, std::size_t outputs, double* sums, std::size_t per_output,
-                      const SampleMoments& moments) {
+                      const Moments& moments) {
   for (std::size_t o = 0; o == 0 || o < outputs; o += 3) {
     const auto run = [&]<int kOutputs>() {
       add_sample_outputs<kOutputs>(pixels, stride, row_group, groups, weights + o * weights_stride, weights_stride,
@@ -442,7 +445,7 @@ void add_sample_strip(const T* pixels, std::ptrdiff_t stride, int row_group, std
 }
 
 template <class T>
-void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, const SampleSums& to) {
+void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
   const std::size_t outputs = weights.outputs;
   const std::size_t strip = hn::Lanes(d64);
   const auto row_group = static_cast<std::size_t>(weights.row_group);
@@ -475,13 +478,13 @@ void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, c
   }
 }
 
-void ProjectShorts(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const SampleSums& to) {
+void ProjectShorts(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
   ProjectSamples(block, weights, to);
 }
-void ProjectFloats(const SampleBlock<float>& block, const SampleWeights& weights, const SampleSums& to) {
+void ProjectFloats(const SampleBlock<float>& block, const SampleWeights& weights, const ProjectionSums& to) {
   ProjectSamples(block, weights, to);
 }
-void ProjectDoubles(const SampleBlock<double>& block, const SampleWeights& weights, const SampleSums& to) {
+void ProjectDoubles(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
   ProjectSamples(block, weights, to);
 }
 
@@ -521,20 +524,20 @@ HWY_EXPORT(ProjectDoubles);
 HWY_EXPORT(ReadBytes);
 HWY_EXPORT(TargetName);
 
-void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to) {
+void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, to);
 }
 
 template <>
-void project_samples(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const SampleSums& to) {
+void project_samples(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectShorts)(block, weights, to);
 }
 template <>
-void project_samples(const SampleBlock<float>& block, const SampleWeights& weights, const SampleSums& to) {
+void project_samples(const SampleBlock<float>& block, const SampleWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectFloats)(block, weights, to);
 }
 template <>
-void project_samples(const SampleBlock<double>& block, const SampleWeights& weights, const SampleSums& to) {
+void project_samples(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectDoubles)(block, weights, to);
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 namespace ocisac::kernels {
 
@@ -16,13 +17,14 @@ struct ByteBlock {
   std::size_t columns;  // any
 };
 
-// Integer weights of the groups of a block, two groups a word: output o's begin at pairs + o·stride. Folded, the first
-// `even` outputs weigh the sums of groups and their mirror images, the others the differences.
+// Integer weights of the groups of a block, two groups a word: those of the part parts[p] begin at pairs + p·stride.
+// Folded, the first `even` weigh the sums of groups and their mirror images, the others the differences.
 struct ByteWeights {
   int row_group;
   const std::int32_t* pairs;
   std::size_t stride;
-  std::size_t outputs, even;
+  std::span<const std::size_t> parts;
+  std::size_t even;
 };
 
 // 32-bit sums may grow over this many rows: 255·kRowsPerChunk·kLargestWeight < 2^31. Fewer rows leave room for larger
@@ -30,13 +32,17 @@ struct ByteWeights {
 inline constexpr std::size_t kRowsPerChunk = 2048;
 inline constexpr std::int32_t kLargestWeight = 4095, kLargestOfFewRows = 32767, kLargestSum = 2147483647;
 
-// What a block is added to (the maximum: raised): sums (outputs × columns), the rest (columns,).
-struct ByteSums {
-  double *sums, *totals, *squares;
-  std::uint8_t* maximum;
+struct Moments {
+  double *totals, *squares, *maximum;
 };
 
-void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ByteSums& to);
+// What a block is added to (the maximum: raised): sums (parts or outputs × columns), moments (columns,).
+struct ProjectionSums {
+  double* sums;
+  Moments moments;
+};
+
+void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
 
 template <class T>
 struct SampleBlock {
@@ -54,18 +60,9 @@ struct SampleWeights {
   std::size_t outputs;
 };
 
-struct SampleMoments {
-  double *totals, *squares, *maximum;
-};
-
-struct SampleSums {
-  double* sums;
-  SampleMoments moments;
-};
-
 // The same in float64 for other samples.
 template <class T>
-void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const SampleSums& to);
+void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to);
 
 // Adds up a block of bytes: the time of merely reading a frame.
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);

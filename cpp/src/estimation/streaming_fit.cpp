@@ -7,7 +7,6 @@
 #include <list>
 #include <mutex>
 #include <numbers>
-#include <variant>
 
 #include "estimation/gain_kernel.hpp"
 #include "ocisac/estimation/harmonic_model.hpp"
@@ -175,15 +174,17 @@ std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const s
   return made;
 }
 
-StreamingFit::Columns StreamingFit::estimate(const AnyFramesView& frames, std::size_t frame, std::size_t first,
+Projection StreamingFit::sums(const AnyFramesView& frames, std::size_t frame, std::size_t first,
+                              std::size_t count) const {
+  return project(frames, frame, first, count, weights_);
+}
+
+StreamingFit::Columns StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t first,
                                              std::size_t count) const {
-  Projection projection = project(frames, frame, first, count, weights_);
-  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
-  Columns columns{std::vector<double>(estimates_ * count), std::vector<double>(count), std::move(projection.maximum)};
-  kernels::parameters_of_sums(
-      {estimates_, count, projection.totals.data(), projection.sums.data(), projection.squares.data(),
-       (bytes ? of_bytes_ : of_samples_).data(), gram_.data(), freedom_},
-      columns.parameters.data(), columns.noise_variance.data());
+  Columns columns{std::vector<double>(estimates_ * count), std::vector<double>(count)};
+  kernels::parameters_of_sums({estimates_, count, sums.totals.size(), &sums.totals[first], &sums.sums[first],
+                               &sums.squares[first], (bytes ? of_bytes_ : of_samples_).data(), gram_.data(), freedom_},
+                              columns.parameters.data(), columns.noise_variance.data());
   return columns;
 }
 

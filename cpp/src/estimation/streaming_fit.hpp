@@ -29,13 +29,16 @@ class StreamingFit {
   // Whether there are rows to spare and no tone is lost, slower than the frame or tangled with another.
   [[nodiscard]] bool well_posed() const { return well_posed_; }
 
+  // The pass over the pixels of columns [first, first + count).
+  [[nodiscard]] Projection sums(const AnyFramesView& frames, std::size_t frame, std::size_t first,
+                                std::size_t count) const;
+
   struct Columns {
     std::vector<double> parameters;      // (1 + 2·tones, count): c, a_1, b_1, …, in DN as stored
     std::vector<double> noise_variance;  // (count), of one row
-    std::vector<double> maximum;         // (count)
   };
-  [[nodiscard]] Columns estimate(const AnyFramesView& frames, std::size_t frame, std::size_t first,
-                                 std::size_t count) const;
+  // What its sums say of `count` columns from its column `first` on. bytes: it was a pass over bytes.
+  [[nodiscard]] Columns estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count) const;
 
   // Of the parameters, for rows with noise of variance 1.
   [[nodiscard]] double covariance(std::size_t i, std::size_t j) const { return covariance_[i * estimates_ + j]; }

@@ -29,6 +29,7 @@ constexpr double kNearNull = 0.05;               // |sinc| below which a gain is
 constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory is read best along rows
 constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
+constexpr std::size_t kColumnsAtOnce = 256;      // from sums to gains: few enough for the first cache
 
 // What a block of columns says of one tone, on the way to the gain: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
 struct Variances {  // for noise of variance 1
@@ -102,7 +103,12 @@ void mark_unknown(const ToneGainView& result, std::size_t index) {
 
 // Takes off what is not the source's.
 void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::span<double> mean) {
-  if (context.options->background.empty()) return;
+  const auto& background = context.options->background;
+  if (background.empty()) return;
+  if (background.size() == 1) {
+    for (double& value : mean) value -= background[0];
+    return;
+  }
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
 }
 
@@ -118,9 +124,9 @@ bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
 }
 
 // Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
-// `first` in the result on. saturated: (columns,).
+// `first` in the result on. of_pixels: (columns,), flags beside the tone's.
 void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
-                  std::span<const std::uint8_t> saturated, std::size_t first, const ToneGainView& result) {
+                  std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result) {
   const std::size_t count = estimates.mean.size();
   const Variances& variances = estimates.variances;
   std::vector<double> remarks(count);
@@ -129,8 +135,7 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
        variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
       {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], remarks.data()});
   std::copy(estimates.mean.begin(), estimates.mean.end(), result.mean.begin() + static_cast<std::ptrdiff_t>(first));
-  for (std::size_t i = 0; i < count; ++i)
-    result.flags[first + i] = tone.flags | (saturated[i] ? flag::saturated : Flags{0});
+  for (std::size_t i = 0; i < count; ++i) result.flags[first + i] = tone.flags | of_pixels[i];
   if (!any && !(tone.flags & flag::unresolvable)) return;
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
@@ -374,6 +379,7 @@ Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& colu
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
                   const ToneGainView& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
+  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
   // Threads share a frame in halves: one that starts late still finds work. The numbers do not depend on it.
   const std::size_t width = context.options->threads > 1 ? kColumnsPerStream / 2 : kColumnsPerStream;
   const std::size_t blocks = (context.shape.columns + width - 1) / width;
@@ -381,15 +387,19 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * width;
     const std::size_t count = std::min(width, context.shape.columns - first);
-    auto columns = fit.estimate(frames, frame, first, count);
-    const auto mean = std::span(columns.parameters).first(count);
-    for (double& value : mean) value -= context.camera->tone_curve.dark_level;
-    take_off_background(context, frame, first, mean);
-    std::vector<std::uint8_t> saturated(count);
-    for (std::size_t i = 0; i < count; ++i) saturated[i] = columns.maximum[i] >= level;
-    for (std::size_t k = 0; k < context.tones.size(); ++k)
-      write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), saturated,
-                   index_of(context, k, frame) + first, result);
+    const Projection sums = fit.sums(frames, frame, first, count);
+    for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
+      const std::size_t here = std::min(kColumnsAtOnce, count - done);
+      auto columns = fit.estimate(sums, bytes, done, here);
+      const auto mean = std::span(columns.parameters).first(here);
+      for (double& value : mean) value -= context.camera->tone_curve.dark_level;
+      take_off_background(context, frame, first + done, mean);
+      std::vector<Flags> of_pixels(here);
+      for (std::size_t i = 0; i < here; ++i) of_pixels[i] = sums.maximum[done + i] >= level ? flag::saturated : 0;
+      for (std::size_t k = 0; k < context.tones.size(); ++k)
+        write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), of_pixels,
+                     index_of(context, k, frame) + first + done, result);
+    }
   });
 }
 
@@ -474,12 +484,14 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto estimates = estimator->estimate(column_signals(frames, frame, first, count, camera.tone_curve));
-    std::vector<std::uint8_t> saturated(count);
+    std::vector<Flags> of_pixels(count);
     for (std::size_t i = 0; i < count; ++i)
-      saturated[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames);
+      of_pixels[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames)
+                         ? flag::saturated
+                         : 0;
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
-      write_result(context, context.tones[k], estimates[k].view(), saturated, index_of(context, k, frame) + first,
+      write_result(context, context.tones[k], estimates[k].view(), of_pixels, index_of(context, k, frame) + first,
                    result);
     }
   });
@@ -504,8 +516,8 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
     auto estimates = estimator->estimate(pooled.signal);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       estimates[k].mean[0] -= pooled.background;
-      write_result(context, context.tones[k], estimates[k].view(), std::array<std::uint8_t, 1>{pooled.saturated},
-                   k * context.shape.frames + frame, result);
+      write_result(context, context.tones[k], estimates[k].view(),
+                   std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame, result);
     }
   });
 }

@@ -26,40 +26,34 @@ class RowWeights {
   [[nodiscard]] std::size_t groups() const { return groups_; }
   [[nodiscard]] std::size_t outputs() const { return outputs_; }
   [[nodiscard]] int row_group() const { return row_group_; }
-  [[nodiscard]] int limbs() const { return limbs_; }
-  // Limbs of all outputs.
-  [[nodiscard]] std::size_t parts() const { return outputs_ * static_cast<std::size_t>(limbs_); }
   [[nodiscard]] std::span<const double> weights() const { return weights_; }
   // The weights that bytes are really multiplied with.
   [[nodiscard]] std::vector<double> byte_weights() const;
 
-  // For the kernels. Integer weights of groups 2i and 2i + 1 as one pair: (outputs·limbs × pairs).
+  // Value of one unit of each part: the limbs of output 0, those of output 1, …
+  [[nodiscard]] std::span<const double> units() const { return units_; }
+  // For the kernels. Integer weights of groups 2i and 2i + 1 as one pair: (parts × pairs). order(): which parts.
+  [[nodiscard]] std::span<const std::size_t> order() const { return order_; }
   [[nodiscard]] std::span<const std::int32_t> pairs() const { return pairs_; }
   [[nodiscard]] std::size_t pair_count() const { return (groups_ + 1) / 2; }
   // The same for the first half of the groups, where every output is symmetric or antisymmetric about the middle and
   // the groups are even in number; else empty. A fit's weights are: half the products do for it. The symmetric parts
-  // come first; place_of() tells where a part stands.
+  // come first.
+  [[nodiscard]] std::span<const std::size_t> folded_order() const { return folded_order_; }
   [[nodiscard]] std::span<const std::int32_t> folded_pairs() const { return folded_pairs_; }
   [[nodiscard]] std::size_t folded_pair_count() const { return (groups_ / 2 + 1) / 2; }
   [[nodiscard]] std::size_t even_parts() const { return even_parts_; }
-  [[nodiscard]] std::size_t place_of(std::size_t output, int limb) const {
-    return places_[output * static_cast<std::size_t>(limbs_) + static_cast<std::size_t>(limb)];
-  }
-  // Value of one unit of limb `limb` of output `output`.
-  [[nodiscard]] double unit(std::size_t output, int limb) const;
 
  private:
   std::size_t rows_, groups_, outputs_;
-  int row_group_, limbs_;
+  int row_group_;
   std::vector<double> weights_;
-  double largest_ = 0;          // integer of a limb
-  std::vector<double> scales_;  // largest magnitude of an output's weights over the largest integer
   [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
   [[nodiscard]] bool has_symmetry(std::size_t part, int sign) const;
   void fold();
-  std::vector<std::int32_t> pairs_;
-  std::vector<std::int32_t> folded_pairs_;
-  std::vector<std::size_t> places_;
+  std::vector<double> units_;
+  std::vector<std::size_t> order_, folded_order_;
+  std::vector<std::int32_t> pairs_, folded_pairs_;
   std::size_t even_parts_ = 0;
 };
 
