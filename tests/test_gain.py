@@ -20,7 +20,8 @@ def tone_columns(rows, cycles_per_row, columns=3, noise=1.0, seed=0, mean=100.0)
 
 
 def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=0.0):
-    error = {"gain": want.gain_std, "phase": want.gain_std / want.gain, "mean": want.gain_std * want.mean}
+    with np.errstate(divide="ignore", invalid="ignore"):  # a gain of 0 has any phase
+        error = {"gain": want.gain_std, "phase": want.gain_std / want.gain, "mean": want.gain_std * want.mean}
     for name in FIELDS:
         a, b = getattr(got, name), getattr(want, name)
         assert a.shape == b.shape, name
@@ -76,8 +77,10 @@ def test_agrees_with_the_reference(
         assert_agree(got, want, 1e-9, tolerance_of_noise=2e-3, standard_errors=1e-3)
     elif streamed:
         assert_agree(got, want, 1e-8, tolerance_of_noise=1e-5)
+    elif method == "dft":  # its noise is a difference of energies up to a thousand times as large
+        assert_agree(got, want, 1e-10, tolerance_of_noise=1e-8)
     else:
-        assert_agree(got, want, 1e-10 if method == "dft" else 1e-11)
+        assert_agree(got, want, 1e-11)
     np.testing.assert_array_equal(pixels, before)
 
 
