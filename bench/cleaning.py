@@ -10,7 +10,7 @@ On recordings, in linear light and of pixels that are not marked: how deep the f
 before over after (dB), beside what texture would leave of a light that is not there; the largest change of a fully lit
 row; and the energy of texture, after over before. For remove_bands, and for vertical blurs, which have to fail.
 
-usage: bench/cleaning.py [--recordings FOLDER] [--picture FILE] [--json] [--quick]
+usage: bench/cleaning.py [--recordings FOLDER] [--picture FILE] [--json] [--quick] [--each] [--seeds N ...]
 """
 
 from __future__ import annotations
@@ -72,9 +72,9 @@ def lamp(kind: str) -> tuple[np.ndarray, np.ndarray]:
     return np.full((ROWS, COLUMNS), 50.0), 6 + 84 / (1 + np.exp((x + 0.35 * y - 0.65 * COLUMNS) / 1.5))
 
 
-def scene(light: np.ndarray, ground: str, lamp_kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def scene(light: np.ndarray, ground: str, lamp_kind: str, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What is stored, the clean picture, and what the light leaves of it in each pixel."""
-    random = np.random.default_rng(1)
+    random = np.random.default_rng(seed)
     back = albedo(ground, random)
     steady, modulated = lamp(lamp_kind)
     clean = back * (steady + modulated)
@@ -101,8 +101,8 @@ def by_row_means(stored: np.ndarray) -> list[np.ndarray]:
     return [stored / np.maximum(scale, 0.01)[:, None] for scale in scales]
 
 
-def measured_scene(light: np.ndarray, ground: str, lamp_kind: str) -> dict[str, float]:
-    stored, clean, left = scene(light, ground, lamp_kind)
+def measured_scene(light: np.ndarray, ground: str, lamp_kind: str, seed: int = 1) -> dict[str, float]:
+    stored, clean, left = scene(light, ground, lamp_kind, seed)
     kept = (stored < 255) & (left > 0.1)
     given, found = (remove_bands(stored, CAMERA, light=rows, level="mean").frames for rows in (light, None))
     return {
@@ -189,6 +189,14 @@ def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
     return result
 
 
+def means(scenes: list[dict[str, float]]) -> dict[str, float]:
+    return {key: round(float(np.mean([one[key] for one in scenes])), 2) for key in scenes[0]}
+
+
+def behind_the_oracle(scenes: list[dict[str, float]]) -> dict[str, float]:
+    return means([{key: one["oracle"] - one[key] for key in ("given", "found")} for one in scenes])
+
+
 def draw(path: str) -> None:
     """Scenes side by side: stored, by row means, remove_bands, clean."""
     rows = []
@@ -213,12 +221,20 @@ def main() -> None:
     parser.add_argument("--picture")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--quick", action="store_true", help="boxes alone")
+    parser.add_argument("--each", action="store_true", help="dB behind the oracle of every scene as well")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="of texture and noise; means over all")
     options = parser.parse_args()
-    report: dict[str, Any] = {"scenes": {}, "recordings": {}}
+    report: dict[str, Any] = {"scenes": {}, "behind": {}, "recordings": {}}
     for name, light in lights().items():
         grounds = GROUNDS[1:2] if options.quick else GROUNDS
-        each = [measured_scene(light, ground, kind) for ground in grounds for kind in LAMPS]
-        report["scenes"][name] = {key: round(float(np.mean([one[key] for one in each])), 2) for key in each[0]}
+        each = {
+            f"{ground}, {kind}": [measured_scene(light, ground, kind, seed) for seed in options.seeds]
+            for ground in grounds
+            for kind in LAMPS
+        }
+        report["scenes"][name] = means([scene for seeds in each.values() for scene in seeds])
+        if options.each:
+            report["behind"][name] = {title: behind_the_oracle(seeds) for title, seeds in each.items()}
     for name in RECORDINGS if options.recordings else ():
         report["recordings"][name] = list(recording(options.recordings / name).values())
     if options.picture:
@@ -228,6 +244,9 @@ def main() -> None:
         return
     for name, values in report["scenes"].items():
         print(name, values)
+    for name, scenes in report["behind"].items():
+        for title, values in scenes.items():
+            print(f"{name}, {title}: dB behind the oracle", values)
     for name, found in report["recordings"].items():
         for values in found:
             print(name, values)

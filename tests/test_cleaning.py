@@ -80,7 +80,7 @@ def by_row_means(read: Array) -> list[Array]:
 
 
 @given(
-    st.sampled_from([(1, 8, 1), (1, 11, 7), (2, 16, 5), (1, 61, 13), (3, 32, 4)]),
+    st.sampled_from([(1, 8, 1), (1, 11, 7), (2, 16, 5), (1, 61, 13), (3, 32, 4), (1, 67, 43)]),
     st.integers(0, 2**32 - 1),
     st.booleans(),
 )
@@ -140,7 +140,7 @@ def test_rendered_scenes(kind: str, given_light: bool) -> None:
     got = psnr(done.frames, clean, kept)
     assert got > 6 + max(psnr(plain, clean, kept) for plain in by_row_means(read))
     if given_light:
-        assert got > psnr(read / left, clean, kept) - (2.5 if kind == "tone" else 5.5)  # a shadow's edge costs most
+        assert got > psnr(read / left, clean, kept) - 1.3  # a shadow's edge costs most
         assert done.model == ("given",)
     else:
         assert done.model[0] == ("chips" if kind == "chips" else "tone")

@@ -34,12 +34,13 @@ py::array_t<double> array_of(const std::vector<double>& values, const std::vecto
   return array;
 }
 
-py::array_t<double> run_light_share(const Doubles& light, const Doubles& variance, const Doubles& row_light) {
+py::array_t<double> run_light_share(const Doubles& light, const Doubles& variance, const Doubles& row_light,
+                                    bool smooth) {
   const BandedPicture picture = picture_of(light, variance);
   std::vector<double> share;
   {
     const py::gil_scoped_release released;
-    share = light_share(picture, span_of(row_light));
+    share = light_share(picture, span_of(row_light), smooth);
   }
   return array_of(share, {light.shape(1), light.shape(2)});
 }
@@ -60,7 +61,8 @@ py::tuple run_refine_row_light(const Doubles& light, const Doubles& variance, co
 }  // namespace
 
 void register_light_share(py::module_& module) {
-  module.def("light_share", &run_light_share, py::arg("light"), py::arg("variance"), py::arg("row_light"));
+  module.def("light_share", &run_light_share, py::arg("light"), py::arg("variance"), py::arg("row_light"),
+             py::arg("smooth") = true);
   module.def("refine_row_light", &run_refine_row_light, py::arg("light"), py::arg("variance"), py::arg("share"),
              py::arg("row_light"), py::arg("steps"), py::arg("basis") = py::none(),
              py::arg("deviation") = std::numeric_limits<double>::infinity());

@@ -258,7 +258,10 @@ def render_parts(
     out: npt.NDArray[Any],
 ) -> None: ...
 def light_share(
-    light: npt.NDArray[np.float64], variance: npt.NDArray[np.float64], row_light: npt.NDArray[np.float64]
+    light: npt.NDArray[np.float64],
+    variance: npt.NDArray[np.float64],
+    row_light: npt.NDArray[np.float64],
+    smooth: bool = True,
 ) -> npt.NDArray[np.float64]: ...
 def refine_row_light(
     light: npt.NDArray[np.float64],

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "cleaned_picture.hpp"
+#include "smooth_shares.hpp"
 
 namespace ocisac {
 
@@ -44,6 +45,9 @@ constexpr double texture_at_lamp_edges = 0.05, reach_of_steady = 12, edge_of_ste
 constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is added up
 constexpr double least_gain = 3;       // of log likelihood, before the other is taken
 constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // windows three times as wide each: 12 pixels each way
+
+constexpr int smooth_steps = 6;
+constexpr double smooth_texture = 0.05;
 
 // What one picture, cleaned with the present shares, says of them.
 struct Evidence {
@@ -172,12 +176,13 @@ class ShareEstimator {
     most_ = 1 / std::max(darkest, 1e-9);
   }
 
-  std::vector<double> estimate() {
+  std::vector<double> estimate(bool smooth) {
     share_.assign(pixels_, std::min(0.5 * most_, 1.0));
     for (int k = 0; k < 4; ++k) step_of_all();
     for (const Step& step : plan) step_of_each(step);
     // frames of a still scene tell every pixel's share by itself
     for (int k = 0; picture_.frames == 1 && k < rounds_at_lamp_edges; ++k) step_at_lamp_edges();
+    if (smooth) smooth_shares();
     return std::move(share_);
   }
 
@@ -218,6 +223,15 @@ class ShareEstimator {
     spreader_.along_rows(across_, values);
     spreader_.along_rows(across_, values);
     spreader_.along_columns(down_, values);
+  }
+
+  void smooth_shares() {
+    ShareSmoother smoother(picture_.rows, picture_.columns);
+    for (int k = 0; k < smooth_steps; ++k) {
+      gather(smooth_texture);
+      smoother.step(evidence_.pull, evidence_.weight, share_);
+      for (double& value : share_) value = std::clamp(value, 0.0, most_);
+    }
   }
 
   // Another share for each pixel, as if steady light were that of the surroundings; taken where the picture says so.
@@ -357,9 +371,9 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) 
   return lag;
 }
 
-std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light) {
+std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth) {
   check(picture, row_light);
-  return ShareEstimator(picture, row_light).estimate();
+  return ShareEstimator(picture, row_light).estimate(smooth);
 }
 
 }  // namespace ocisac

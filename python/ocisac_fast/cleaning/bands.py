@@ -273,7 +273,7 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
     pictures, marks, shares = [np.empty(stack.shape, kind) for kind in (stack.dtype, np.uint8, np.float32)]
     for channel in range(stack.shape[3]):
         one, spread = (np.ascontiguousarray(values[..., channel]) for values in (light, variance))
-        share = options.kernels.light_share(one, spread, rows)
+        share = options.kernels.light_share(one, spread, rows, True)
         for k, row_light in enumerate(found):
             values, mark = _restored(one[k], saturated[k, ..., channel], share, row_light, options)
             stored = to_stored(lowered(values, toe, white), camera, stack.dtype)

@@ -20,7 +20,7 @@ _SLOWEST_ROWS = 128  # a light that changes slower than this cannot be told from
 class Kernels:
     """The core's, or the reference's."""
 
-    light_share: Callable[[FloatArray, FloatArray, FloatArray], FloatArray] = _core.light_share
+    light_share: Callable[[FloatArray, FloatArray, FloatArray, bool], FloatArray] = _core.light_share
     refine_row_light: Callable[
         [FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray | None, float], tuple[FloatArray, FloatArray]
     ] = _core.refine_row_light
@@ -41,7 +41,7 @@ class Columns:
         ``basis`` (rows, terms): nothing else is added; ``deviation``: from ``rows``, about.
         """
         lit = np.maximum(rows, 0.0)[None]
-        of_columns = self._kernels.light_share(self.light[None], self.variance[None], lit).mean(axis=0)
+        of_columns = self._kernels.light_share(self.light[None], self.variance[None], lit, False).mean(axis=0)
         most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
         # One for a column: with a share of its own, a group of rows could have any swing.
         share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)

@@ -16,6 +16,7 @@ from ocisac_fast.camera import Camera
 from ocisac_fast.cleaning.bands import CleanedFrames, Options, clean_frames
 from ocisac_fast.cleaning.columns import Kernels
 from ocisac_fast.reference.light import linear_light
+from ocisac_fast.reference.share_smoothing import smoothing_step
 from ocisac_fast.waveforms import Waveform
 
 FloatArray = npt.NDArray[np.float64]
@@ -67,7 +68,7 @@ def _spread(values: FloatArray, passage: FloatArray, axis: int) -> FloatArray:
     return np.moveaxis(total, 0, axis)
 
 
-def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) -> FloatArray:
+def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray, smooth: bool = True) -> FloatArray:
     """Share of the light in every pixel, (rows, columns), of (frames, rows, columns) and (frames, rows) of mean 1."""
     change = row_light - 1
     lag = comparison_lag(row_light)
@@ -123,6 +124,11 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray) 
         gain = _gain(light[0], variance[0], change[0, :, None], lag, q, other)
         down, across = np.full_like(down, np.exp(-1 / max(3, lag))), np.full_like(across, np.exp(-1 / 3))
         q = np.where(_spread_twice(gain, down, across) > 3, other, q)
+    trend: Parts = (np.zeros(q.shape), np.zeros(q.shape))
+    for _ in range(6 if smooth else 0):
+        pull, weight, *_ = gather(q, 0.05)
+        more, trend = smoothing_step(pull, weight, q, trend)
+        q = np.clip(q + more, 0, most)
     return q
 
 

@@ -1,0 +1,233 @@
+#include "smooth_shares.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+namespace ocisac {
+
+namespace {
+
+constexpr double variation = 40;       // λ, in log likelihood: as much as 20 pixels say of 1 of share
+constexpr double least_slope = 1e-3;   // ε, per pixel
+constexpr std::size_t block = 8;       // pixels of one trend
+constexpr double reach_of_trend = 40;  // pixels
+constexpr double least_weight = 1e-3;  // holds what no pixel tells
+constexpr std::array<int, 4> iterations{8, 12, 20, 40};  // of each level; the coarsest takes the last
+constexpr std::size_t least_side = 8;                    // of a level that is reduced further
+
+double scalar_product(const double* a, const double* b, std::size_t count) {
+  std::array<double, 4> sums{};  // independent, so that none waits for the last
+  std::size_t i = 0;
+  for (; i + 4 <= count; i += 4)
+    for (std::size_t k = 0; k < 4; ++k) sums[k] += a[i + k] * b[i + k];
+  double sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  for (; i < count; ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+// Sums over a line of `count` values `stride` apart, each times keep to the power of its distance. In place.
+void spread(double* values, std::size_t count, std::size_t stride, double keep, std::vector<double>& back) {
+  back.assign(count, 0);
+  for (std::size_t n = count - 1; n-- > 0;) back[n] = keep * (values[(n + 1) * stride] + back[n + 1]);
+  for (std::size_t n = 1; n < count; ++n) values[n * stride] += keep * values[(n - 1) * stride];
+  for (std::size_t n = 0; n < count; ++n) values[n * stride] += back[n];
+}
+
+}  // namespace
+
+ShareSmoother::Level::Level(std::size_t rows_of, std::size_t columns_of) : rows(rows_of), columns(columns_of) {
+  for (auto* values : {&weight, &down, &across, &right, &change, &direction, &product, &inverse})
+    values->assign(size(), 0);
+}
+
+void ShareSmoother::Level::take_from(const Level& finer) {
+  for (auto* values : {&weight, &down, &across, &right}) std::fill(values->begin(), values->end(), 0);
+  for (std::size_t row = 0; row < finer.rows; ++row)
+    for (std::size_t column = 0; column < finer.columns; ++column) {
+      const std::size_t from = row * finer.columns + column, to = row / 2 * columns + column / 2;
+      weight[to] += finer.weight[from];
+      right[to] += finer.right[from];
+      if (row % 2 == 1) down[to] += finer.down[from];
+      if (column % 2 == 1) across[to] += finer.across[from];
+    }
+}
+
+void ShareSmoother::Level::start_from(const Level& coarser) {
+  for (std::size_t row = 0; row < rows; ++row)
+    for (std::size_t column = 0; column < columns; ++column)
+      change[row * columns + column] = coarser.change[row / 2 * coarser.columns + column / 2];
+}
+
+void ShareSmoother::Level::invert_diagonal() {
+  for (std::size_t i = 0; i < size(); ++i) {
+    double sum = weight[i] + down[i] + across[i];
+    if (i >= columns) sum += down[i - columns];
+    if (i > 0) sum += across[i - 1];  // 0 from the end of the row before
+    inverse[i] = 1 / sum;
+  }
+}
+
+// One row of what the equations make of x.
+void ShareSmoother::Level::apply(const std::vector<double>& x, std::size_t row, std::vector<double>& out) const {
+  const std::size_t first = row * columns, end = first + columns;
+  for (std::size_t i = first; i < end; ++i) out[i] = weight[i] * x[i];
+  if (row > 0)
+    for (std::size_t i = first; i < end; ++i) out[i] += down[i - columns] * (x[i] - x[i - columns]);
+  if (row + 1 < rows)
+    for (std::size_t i = first; i < end; ++i) out[i] += down[i] * (x[i] - x[i + columns]);
+  for (std::size_t i = first; i + 1 < end; ++i) out[i] += across[i] * (x[i] - x[i + 1]);
+  for (std::size_t i = first + 1; i < end; ++i) out[i] += across[i - 1] * (x[i] - x[i - 1]);
+}
+
+double ShareSmoother::Level::multiply(double keep) {
+  double sum = 0;
+  for (std::size_t row = 0; row <= rows; ++row) {
+    if (row < rows)
+      for (std::size_t i = row * columns; i < (row + 1) * columns; ++i)
+        direction[i] = right[i] * inverse[i] + keep * direction[i];
+    if (row == 0) continue;
+    apply(direction, row - 1, product);
+    const std::size_t first = (row - 1) * columns;
+    sum += scalar_product(&direction[first], &product[first], columns);
+  }
+  return sum;
+}
+
+double ShareSmoother::Level::advance(double step) {
+  double sum = 0;
+  for (std::size_t first = 0; first < size(); first += columns) {
+    for (std::size_t i = first; i < first + columns; ++i) {
+      change[i] += step * direction[i];
+      right[i] -= step * product[i];
+      product[i] = right[i] * inverse[i];
+    }
+    sum += scalar_product(&right[first], &product[first], columns);
+  }
+  return sum;
+}
+
+void ShareSmoother::Level::solve(int count) {
+  invert_diagonal();
+  for (std::size_t row = 0; row < rows; ++row) apply(change, row, product);
+  std::fill(direction.begin(), direction.end(), 0);
+  for (std::size_t i = 0; i < size(); ++i) right[i] -= product[i];
+  double residual = advance(0), keep = 0;
+  const double negligible = 1e-24 * residual;
+  for (int k = 0; k < count && residual > negligible; ++k) {
+    const double before = std::exchange(residual, advance(residual / multiply(keep)));
+    keep = residual / before;
+  }
+}
+
+ShareSmoother::ShareSmoother(std::size_t rows, std::size_t columns)
+    : block_rows_((rows + block - 1) / block), block_columns_((columns + block - 1) / block) {
+  trend_.down.assign(block_rows_ * block_columns_, 0);
+  trend_.across = trend_.down;
+  levels_.emplace_back(rows, columns);
+  while (levels_.size() < iterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= least_side)
+    levels_.emplace_back((levels_.back().rows + 1) / 2, (levels_.back().columns + 1) / 2);
+}
+
+double ShareSmoother::trend_down(std::size_t row, std::size_t column) const {
+  return trend_.down[row / block * block_columns_ + column / block];
+}
+
+double ShareSmoother::trend_across(std::size_t row, std::size_t column) const {
+  return trend_.across[row / block * block_columns_ + column / block];
+}
+
+void ShareSmoother::couple(std::span<const double> share) {
+  Level& level = levels_.front();
+  const std::size_t rows = level.rows, columns = level.columns;
+  std::vector<double>& slope = level.product;  // squared, less the trend: twice the mean of both sides
+  std::fill(slope.begin(), slope.end(), 0);
+  const auto add = [&](std::size_t i, std::size_t next, double trend) {
+    const double difference = share[next] - share[i] - trend, square = difference * difference;
+    slope[i] += square;
+    slope[next] += square;
+  };
+  for (std::size_t row = 0; row < rows; ++row)
+    for (std::size_t column = 0; column < columns; ++column) {
+      const std::size_t i = row * columns + column;
+      if (column + 1 < columns) add(i, i + 1, trend_across(row, column));
+      if (row + 1 < rows) add(i, i + columns, trend_down(row, column));
+    }
+  const auto coupling = [&](std::size_t i, std::size_t next) {
+    return variation / std::sqrt(least_slope * least_slope + 0.25 * (slope[i] + slope[next]));
+  };
+  for (std::size_t row = 0; row < rows; ++row)
+    for (std::size_t i = row * columns; i + 1 < (row + 1) * columns; ++i) level.across[i] = coupling(i, i + 1);
+  for (std::size_t i = 0; i + columns < level.size(); ++i) level.down[i] = coupling(i, i + columns);
+}
+
+void ShareSmoother::smooth_blocks(std::vector<double>& values) const {
+  const double keep = std::exp(-static_cast<double>(block) / reach_of_trend);
+  std::vector<double> back;
+  for (int time = 0; time < 2; ++time) {
+    for (std::size_t column = 0; column < block_columns_; ++column)
+      spread(&values[column], block_rows_, block_columns_, keep, back);
+    for (std::size_t row = 0; row < block_rows_; ++row)
+      spread(&values[row * block_columns_], block_columns_, 1, keep, back);
+  }
+}
+
+// Mean slopes, each counting as much as it is coupled, which makes their median of it.
+void ShareSmoother::find_trend(std::span<const double> share) {
+  const Level& level = levels_.front();
+  const auto find = [&](const std::vector<double>& coupling, std::size_t next, std::vector<double>& trend) {
+    std::vector<double> sums(trend.size()), counts(trend.size());
+    for (std::size_t row = 0; row < level.rows; ++row)
+      for (std::size_t column = 0; column < level.columns; ++column) {
+        const std::size_t i = row * level.columns + column, to = row / block * block_columns_ + column / block;
+        if (!(coupling[i] > 0)) continue;
+        sums[to] += coupling[i] * (share[i + next] - share[i]);
+        counts[to] += coupling[i];
+      }
+    smooth_blocks(sums);
+    smooth_blocks(counts);
+    for (std::size_t k = 0; k < trend.size(); ++k) trend[k] = counts[k] > 0 ? sums[k] / counts[k] : 0;
+  };
+  find(level.down, level.columns, trend_.down);
+  find(level.across, 1, trend_.across);
+}
+
+// pull + the divergence of coupling·(∇q − t).
+void ShareSmoother::find_right(std::span<const double> pull, std::span<const double> share) {
+  Level& level = levels_.front();
+  const std::size_t columns = level.columns;
+  level.right.assign(pull.begin(), pull.end());
+  for (std::size_t row = 0; row < level.rows; ++row)
+    for (std::size_t column = 0; column < columns; ++column) {
+      const std::size_t i = row * columns + column;
+      if (column + 1 < columns) {
+        const double flow = level.across[i] * (share[i + 1] - share[i] - trend_across(row, column));
+        level.right[i] += flow;
+        level.right[i + 1] -= flow;
+      }
+      if (row + 1 < level.rows) {
+        const double flow = level.down[i] * (share[i + columns] - share[i] - trend_down(row, column));
+        level.right[i] += flow;
+        level.right[i + columns] -= flow;
+      }
+    }
+}
+
+void ShareSmoother::step(std::span<const double> pull, std::span<const double> weight, std::span<double> share) {
+  Level& finest = levels_.front();
+  couple(share);
+  find_trend(share);
+  find_right(pull, share);
+  for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + least_weight;
+  for (std::size_t k = 1; k < levels_.size(); ++k) levels_[k].take_from(levels_[k - 1]);
+  std::fill(levels_.back().change.begin(), levels_.back().change.end(), 0);
+  for (std::size_t k = levels_.size(); k-- > 0;) {
+    if (k + 1 < levels_.size()) levels_[k].start_from(levels_[k + 1]);
+    levels_[k].solve(k + 1 < levels_.size() ? iterations[k] : iterations.back());
+  }
+  for (std::size_t i = 0; i < share.size(); ++i) share[i] += finest.change[i];
+}
+
+}  // namespace ocisac
