@@ -146,6 +146,23 @@ def test_rendered_scenes(kind: str, given_light: bool) -> None:
         assert done.model[0] == ("chips" if kind == "chips" else "tone")
 
 
+@pytest.mark.parametrize("seed", [7, 8])
+def test_lines_of_text_do_not_pass_for_a_harmonic(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    albedo = np.full((360, 480), 0.8)
+    for top in range(20, 320, 30):  # twice a cycle of the tone
+        for left in range(20, 440, 12):
+            stroke = random.integers(0, 4)
+            albedo[top : top + 16, left + 2 * stroke : left + 2 * stroke + 3] = 0.12
+            albedo[top + 4 * stroke : top + 4 * stroke + 3, left : left + 9] = 0.12
+    light = 1 + 0.9 * np.cos(2 * np.pi * np.arange(360) / 60)
+    read = 144 * albedo * (1 + 0.6 * (light[:, None] - 1)) + 1.5 * random.standard_normal(albedo.shape)
+    done = remove_bands(read, CAMERA, model="tone", level="mean")
+    second = np.abs(np.fft.rfft(done.light))[12] / np.abs(np.fft.rfft(done.light))[6]
+    assert second < 0.06  # 0.2 to 0.3 where the fit starts with the rows' harmonics
+    assert psnr(done.frames, 144 * albedo, np.full(albedo.shape, True)) > 38
+
+
 def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
     """What a blur along the columns removes of the bands, it takes from the picture, and puts into lit rows."""
     light = row_light("chips")

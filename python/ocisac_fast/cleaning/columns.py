@@ -14,6 +14,8 @@ FloatArray = npt.NDArray[np.float64]
 
 _MOST_COLUMNS = 192
 _SLOWEST_ROWS = 128  # a light that changes slower than this cannot be told from the picture
+_TEXTURE = 0.05  # relative difference of neighbours below which nothing is told
+_LEAST_LEFT = 0.02  # of a light, where it is divided by
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +42,24 @@ class Columns:
 
         ``basis`` (rows, terms): nothing else is added; ``deviation``: from ``rows``, about.
         """
-        lit = np.maximum(rows, 0.0)[None]
-        of_columns = self._kernels.light_share(self.light[None], self.variance[None], lit, False).mean(axis=0)
+        of_columns = self._share_of_columns(rows)
         most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
         # One for a column: with a share of its own, a group of rows could have any swing.
         share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)
         return self._refined(share, np.maximum(1 + most * (rows - 1), 0.0), basis, deviation, steps)
+
+    def misfit(self, rows: FloatArray, lag: int) -> float:
+        """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart, divided by a light of mean 1: lower is
+        likelier. Edges of the picture are few and count little."""
+        left = np.maximum(1 + self._share_of_columns(rows) * (rows[:, None] - 1), _LEAST_LEFT)
+        light, variance = self.light / left, self.variance / left**2
+        difference, mean = light[lag:] - light[:-lag], 0.5 * (light[lag:] + light[:-lag])
+        square = (difference**2 + variance[lag:] + variance[:-lag]) / np.maximum(mean, 1e-300) ** 2
+        return float(np.mean(np.log(_TEXTURE**2 + square[np.isfinite(square)])))
+
+    def _share_of_columns(self, rows: FloatArray) -> FloatArray:
+        lit = np.maximum(rows, 0.0)[None]
+        return np.asarray(self._kernels.light_share(self.light[None], self.variance[None], lit, False).mean(axis=0))
 
     def free(self) -> tuple[FloatArray, FloatArray]:
         """The same with nothing known of the rows."""

@@ -10,6 +10,8 @@ from ocisac_fast.camera import Camera
 from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, slow_terms
 from ocisac_fast.flags import Flag
 
+_MUCH_LIKELIER = 0.01  # less of the misfit
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToneLight:
@@ -40,10 +42,35 @@ def tone_light(
     fitted = np.linalg.lstsq(basis * root[:, None], rows * root, rcond=None)[0]
     if enough is not None and explained(rows, basis @ fitted, weight) < enough:
         return None
-    light = _fully_modulated(periodic @ fitted[-periodic.shape[1] :])
-    for _ in range(2):
-        light, frequency = _tone_of_picture(picture, light, found.harmonics, frequency)
+    tones = periodic * fitted[-periodic.shape[1] :]
+    fundamental = tones[:, [0, periodic.shape[1] // 2]]
+    light, frequency = _likeliest(picture, tones.sum(axis=1), fundamental.sum(axis=1), found.harmonics, frequency)
     return ToneLight(light, frequency / row_time)
+
+
+def _likeliest(
+    picture: Columns, all_of_rows: FloatArray, fundamental: FloatArray, harmonics: int, frequency: float
+) -> tuple[FloatArray, float]:
+    """The fundamental alone, or with harmonics where these are much likelier: texture that repeats may pass for them,
+    and does where the fit starts with those of the rows."""
+    best = _fitted_to(picture, fundamental, 1, frequency)
+    if harmonics == 1:
+        return best
+    lag = max(round(0.25 / frequency), 1)
+    least = picture.misfit(best[0], lag)
+    for start in (fundamental, all_of_rows):
+        tried = _fitted_to(picture, start, harmonics, frequency)
+        misfit = picture.misfit(tried[0], lag)
+        if misfit < least - _MUCH_LIKELIER:
+            best, least = tried, misfit
+    return best
+
+
+def _fitted_to(picture: Columns, start: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
+    light = _fully_modulated(start)
+    for _ in range(2):
+        light, frequency = _tone_of_picture(picture, light, harmonics, frequency)
+    return light, frequency
 
 
 def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
