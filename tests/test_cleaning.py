@@ -383,10 +383,14 @@ def test_command(tmp_path: Path, name: str) -> None:
     result = CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False)
     assert result.exit_code == 0
     assert result.output.count('"model": "tone"') == len(frames)
+    assert result.output.count('"toe": 0.0') == len(frames)
     cleaned = read_frames(target, colour=True).frames
     expected = remove_bands(frames.swapaxes(1, 2)[:, ::-1], Camera(1e-5)).frames[:, ::-1].swapaxes(1, 2)
     np.testing.assert_array_equal(cleaned, expected)
     assert read_frames(marks).frames.shape == frames.shape[:3]
+    told = CliRunner().invoke(ocisac, [*line, "--toe", "0.125"], catch_exceptions=False)
+    assert told.output.count('"toe": 0.125') == len(frames)
+    assert str(CliRunner().invoke(ocisac, [*line, "--toe", "2"]).exception) == "toe: got 2.0, allowed: 0 to 1"
 
 
 RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")

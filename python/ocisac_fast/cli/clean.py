@@ -15,7 +15,7 @@ from ocisac_fast.cli.pictures import PictureOptions, arrange, json_option, pictu
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
 
-_HEADER = ("frame", "light", "frequency or chip rate", "share", "saturated", "too dark")
+_HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturated", "too dark")
 
 
 @click.command(short_help="The picture without the light's bands, or the bands alone.")
@@ -39,6 +39,9 @@ _HEADER = ("frame", "light", "frequency or chip rate", "share", "saturated", "to
 @click.option("--fill", is_flag=True, help="Interpolate what was too dark to restore.")
 @click.option("--still", is_flag=True, help="The frames show a scene that does not move: clean them together.")
 @click.option("--most-gain", type=float, default=8.0, show_default=True, help="Rows that need more are too dark.")
+@click.option(
+    "--toe", type=float, help="Of the tone curve, 0 to 1: dim light stored darker than it says. Default: found."
+)
 @click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
 @picture_options
 @json_option
@@ -113,6 +116,7 @@ class _Cleaner:
                     "model": done.model[k],
                     "frequency_hz": float(done.frequency[k]),
                     "share": float(done.share[k].mean()),
+                    "toe": float(done.toe[k]),
                     "saturated": float((marks == Mark.SATURATED).mean()),
                     "too_dark": float((marks == Mark.DARK).mean()),
                 }
@@ -134,5 +138,7 @@ def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
         str(facts["frame"]),
         facts["model"],
         quantity(facts["frequency_hz"], "Hz" if in_hertz else "", 5),
-        *(f"{100 * facts[name]:.3g} %" for name in ("share", "saturated", "too_dark")),
+        f"{100 * facts['share']:.3g} %",
+        f"{facts['toe']:.3g}",
+        *(f"{100 * facts[name]:.3g} %" for name in ("saturated", "too_dark")),
     ]
