@@ -83,17 +83,18 @@ def by_row_means(read: Array) -> list[Array]:
     st.sampled_from([(1, 8, 1), (1, 11, 7), (2, 16, 5), (1, 61, 13), (3, 32, 4), (1, 67, 43)]),
     st.integers(0, 2**32 - 1),
     st.booleans(),
+    st.booleans(),
 )
-@settings(max_examples=12)
-def test_share_agrees_with_the_reference(shape: tuple[int, int, int], seed: int, lost: bool) -> None:
+@settings(max_examples=16)
+def test_share_agrees_with_the_reference(shape: tuple[int, int, int], seed: int, lost: bool, smooth: bool) -> None:
     random = np.random.default_rng(seed)
     light = random.uniform(20, 200, shape)
     variance = random.uniform(0.5, 4, shape)
     if lost:
         variance[random.random(shape) < 0.2] = np.inf
     rows = random.uniform(0, 2, shape[:2])
-    expected = cleaning.light_share(light, variance, rows)
-    np.testing.assert_allclose(_core.light_share(light, variance, rows), expected, rtol=0, atol=1e-10)
+    expected = cleaning.light_share(light, variance, rows, smooth)
+    np.testing.assert_allclose(_core.light_share(light, variance, rows, smooth), expected, rtol=0, atol=1e-10)
 
 
 @given(

@@ -21,20 +21,23 @@ struct Cleaned {
 
 inline double light_left(double share, double change) { return std::max(1 + share * change, least_light); }
 
+inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size_t row, std::span<const double> change,
+                      std::span<const double> share, Cleaned& out) {
+  const std::size_t first = row * picture.columns, offset = frame * picture.rows * picture.columns;
+  const double* light = picture.light.data() + offset;
+  const double* variance = picture.variance.data() + offset;
+  const double p = change[frame * picture.rows + row];
+  for (std::size_t i = first; i < first + picture.columns; ++i) {
+    const double left = light_left(share[i], p);
+    out.light[i] = light[i] / left;
+    out.slope[i] = p / left;
+    out.variance[i] = variance[i] / (left * left);
+  }
+}
+
 inline void clean(const BandedPicture& picture, std::size_t frame, std::span<const double> change,
                   std::span<const double> share, Cleaned& out) {
-  const std::size_t pixels = picture.rows * picture.columns;
-  const double* light = picture.light.data() + frame * pixels;
-  const double* variance = picture.variance.data() + frame * pixels;
-  for (std::size_t row = 0; row < picture.rows; ++row) {
-    const double p = change[frame * picture.rows + row];
-    for (std::size_t i = row * picture.columns; i < (row + 1) * picture.columns; ++i) {
-      const double left = light_left(share[i], p);
-      out.light[i] = light[i] / left;
-      out.slope[i] = p / left;
-      out.variance[i] = variance[i] / (left * left);
-    }
-  }
+  for (std::size_t row = 0; row < picture.rows; ++row) clean_row(picture, frame, row, change, share, out);
 }
 
 inline void check(const BandedPicture& picture, std::span<const double> row_light) {

@@ -7,6 +7,7 @@
 
 #include "cleaned_picture.hpp"
 #include "smooth_shares.hpp"
+#include "spreader.hpp"
 
 namespace ocisac {
 
@@ -46,6 +47,9 @@ constexpr double reach_of_choice = 3;  // pixels over which the evidence for one
 constexpr double least_gain = 3;       // of log likelihood, before the other is taken
 constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // windows three times as wide each: 12 pixels each way
 
+constexpr std::size_t wide = 6;             // steps of the plan, at first
+constexpr std::size_t merged_at_first = 4;  // columns, for these
+constexpr int rounds_before_smooth = 2;     // at lamp edges
 constexpr int smooth_steps = 6;
 constexpr double smooth_texture = 0.05;
 
@@ -68,9 +72,9 @@ inline Comparison compare(double c1, double g1, double var1, double c2, double g
   return {common * difference, common * mean * slope};
 }
 
-void compare_rows(const Cleaned& frame, std::size_t pixels, std::size_t apart, double texture, Evidence& evidence) {
-  for (std::size_t a = 0; a + apart < pixels; ++a) {
-    const std::size_t b = a + apart;
+void compare_rows(const Cleaned& frame, std::size_t columns, std::size_t first, std::size_t second, double texture,
+                  Evidence& evidence) {
+  for (std::size_t a = first * columns, b = second * columns; a < (first + 1) * columns; ++a, ++b) {
     const Comparison both = compare(frame.light[a], frame.slope[a], frame.variance[a], frame.light[b], frame.slope[b],
                                     frame.variance[b], texture);
     evidence.pull[a] += 0.5 * both.pull;
@@ -90,8 +94,8 @@ void compare_frames(const Cleaned& one, const Cleaned& next, double texture, Evi
 }
 
 // The frames cleaned and averaged by their certainty: `slope` is not used.
-void add_to_guide(const Cleaned& frame, Cleaned& sums) {
-  for (std::size_t i = 0; i < frame.light.size(); ++i) {
+void add_to_guide(const Cleaned& frame, std::size_t first, std::size_t end, Cleaned& sums) {
+  for (std::size_t i = first; i < end; ++i) {
     const double certainty = 1 / frame.variance[i];
     sums.light[i] += certainty * frame.light[i];
     sums.variance[i] += certainty;
@@ -116,55 +120,35 @@ void passages(const Cleaned& guide, std::size_t apart, double reach, double edge
   }
 }
 
-// Sums over all pixels of a column (a row), each times the product of the passages in between. In place.
-class Spreader {
- public:
-  Spreader(std::size_t rows, std::size_t columns) : rows_(rows), columns_(columns), back_(rows * columns) {}
-
-  void along_columns(const std::vector<double>& down, std::vector<double>& values) {
-    std::copy(values.begin(), values.end(), back_.begin());
-    for (std::size_t i = rows_ * columns_ - columns_; i-- > 0;) back_[i] += down[i] * back_[i + columns_];
-    for (std::size_t i = 0; i < values.size(); ++i) back_[i] -= values[i];
-    for (std::size_t i = 0; i < (rows_ - 1) * columns_; ++i) values[i + columns_] += down[i] * values[i];
-    for (std::size_t i = 0; i < values.size(); ++i) values[i] += back_[i];
+// Means of neighbouring columns' pixels that tell something.
+void merge_columns(const BandedPicture& picture, std::span<double> light, std::span<double> variance) {
+  const std::size_t lines = picture.frames * picture.rows, columns = light.size() / lines;
+  for (std::size_t k = 0; k < light.size(); ++k) {
+    const std::size_t line = k / columns * picture.columns, first = k % columns * merged_at_first;
+    double sum = 0, noise = 0, count = 0;
+    for (std::size_t i = line + first; i < line + std::min(first + merged_at_first, picture.columns); ++i) {
+      if (!std::isfinite(picture.variance[i])) continue;
+      sum += picture.light[i];
+      noise += picture.variance[i];
+      ++count;
+    }
+    light[k] = count > 0 ? sum / count : 0;
+    variance[k] = count > 0 ? noise / (count * count) : INFINITY;
   }
-
-  void along_rows(const std::vector<double>& across, std::vector<double>& values) {
-    for (std::size_t row = 0; row < rows_; row += together)
-      spread_rows(row, std::min(row + together, rows_), across, values);
-  }
-
- private:
-  static constexpr std::size_t together = 8;  // independent chains, so that none waits for the last product
-
-  void spread_rows(std::size_t first, std::size_t end, const std::vector<double>& across, std::vector<double>& values) {
-    for (std::size_t row = first; row < end; ++row) back_[(row + 1) * columns_ - 1] = 0;
-    for (std::size_t column = columns_ - 1; column-- > 0;)
-      for (std::size_t row = first; row < end; ++row) {
-        const std::size_t i = row * columns_ + column;
-        back_[i] = across[i] * (values[i + 1] + back_[i + 1]);
-      }
-    for (std::size_t column = 1; column < columns_; ++column)
-      for (std::size_t row = first; row < end; ++row) {
-        const std::size_t i = row * columns_ + column;
-        values[i] += across[i - 1] * values[i - 1];
-      }
-    for (std::size_t i = first * columns_; i < end * columns_; ++i) values[i] += back_[i];
-  }
-
-  std::size_t rows_, columns_;
-  std::vector<double> back_;
-};
+}
 
 class ShareEstimator {
  public:
-  ShareEstimator(const BandedPicture& picture, std::span<const double> row_light)
+  // `merged`: columns of the picture in each of these.
+  ShareEstimator(const BandedPicture& picture, std::span<const double> row_light, std::size_t merged = 1)
       : picture_(picture),
+        merged_(static_cast<double>(merged)),
         change_(row_light.begin(), row_light.end()),
         lag_(comparison_lag(row_light, picture.rows)),
         edge_(picture.frames > 1 ? edge_of_frames
                                  : std::clamp(edge_of_lag * static_cast<double>(lag_), least_edge, most_edge)),
         pixels_(picture.rows * picture.columns),
+        evidence_{std::vector<double>(pixels_), std::vector<double>(pixels_)},
         now_(pixels_),
         before_(picture.frames > 1 ? pixels_ : 0),
         guide_(pixels_),
@@ -176,33 +160,44 @@ class ShareEstimator {
     most_ = 1 / std::max(darkest, 1e-9);
   }
 
-  std::vector<double> estimate(bool smooth) {
-    share_.assign(pixels_, std::min(0.5 * most_, 1.0));
-    for (int k = 0; k < 4; ++k) step_of_all();
-    for (const Step& step : plan) step_of_each(step);
+  std::vector<double> estimate(std::span<const double> row_light, bool smooth) {
+    if (smooth)
+      take_wide_steps(row_light);
+    else
+      wide_steps();
+    for (std::size_t k = wide; k < plan.size(); ++k) step_of_each(plan[k]);
     // frames of a still scene tell every pixel's share by itself
-    for (int k = 0; picture_.frames == 1 && k < rounds_at_lamp_edges; ++k) step_at_lamp_edges();
+    const int rounds = picture_.frames == 1 ? (smooth ? rounds_before_smooth : rounds_at_lamp_edges) : 0;
+    for (int k = 0; k < rounds; ++k) step_at_lamp_edges();
     if (smooth) smooth_shares();
     return std::move(share_);
   }
 
  private:
-  void gather(double texture) {
-    evidence_.pull.assign(pixels_, 0);
-    evidence_.weight.assign(pixels_, 0);
-    std::fill(guide_.light.begin(), guide_.light.end(), 0);
-    std::fill(guide_.variance.begin(), guide_.variance.end(), 0);
+  // Row by row, while the rows to compare are near.
+  void gather(double texture, bool with_guide = true) {
+    const std::size_t columns = picture_.columns;
+    const auto clear = [&](std::vector<double>& values, std::size_t first) {
+      std::fill_n(values.begin() + static_cast<std::ptrdiff_t>(first), columns, 0);
+    };
     for (std::size_t frame = 0; frame < picture_.frames; ++frame) {
-      clean(picture_, frame, change_, share_, now_);
-      compare_rows(now_, pixels_, lag_ * picture_.columns, texture, evidence_);
+      for (std::size_t row = 0; row < picture_.rows; ++row) {
+        const std::size_t first = row * columns;
+        if (frame == 0)
+          for (auto* values : {&evidence_.pull, &evidence_.weight}) clear(*values, first);
+        if (frame == 0 && with_guide)
+          for (auto* values : {&guide_.light, &guide_.variance}) clear(*values, first);
+        clean_row(picture_, frame, row, change_, share_, now_);
+        if (row >= lag_) compare_rows(now_, columns, row - lag_, row, texture, evidence_);
+        if (with_guide) add_to_guide(now_, first, first + columns, guide_);
+      }
       if (frame > 0) compare_frames(before_, now_, texture_between_frames * texture, evidence_);
-      add_to_guide(now_, guide_);
       if (picture_.frames > 1) std::swap(now_, before_);
     }
   }
 
   void step_of_all() {
-    gather(plan.front().texture);
+    gather(plan.front().texture, false);
     const double pull = std::accumulate(evidence_.pull.begin(), evidence_.pull.end(), 0.0);
     const double weight = std::accumulate(evidence_.weight.begin(), evidence_.weight.end(), 0.0);
     if (weight > 0) std::fill(share_.begin(), share_.end(), std::clamp(share_[0] + pull / weight, 0.0, most_));
@@ -218,17 +213,30 @@ class ShareEstimator {
       share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, most_);
   }
 
-  void spread(std::vector<double>& values) {
-    spreader_.along_columns(down_, values);
-    spreader_.along_rows(across_, values);
-    spreader_.along_rows(across_, values);
-    spreader_.along_columns(down_, values);
+  void spread(std::vector<double>& values) { spreader_.all_around(down_, across_, values); }
+
+  void wide_steps() {
+    share_.assign(pixels_, std::min(0.5 * most_, 1.0));
+    for (int k = 0; k < 4; ++k) step_of_all();
+    for (std::size_t k = 0; k < wide; ++k) step_of_each(plan[k]);
+  }
+
+  // The same of columns added up.
+  void take_wide_steps(std::span<const double> row_light) {
+    const std::size_t columns = (picture_.columns + merged_at_first - 1) / merged_at_first;
+    std::vector<double> light(picture_.frames * picture_.rows * columns), variance(light.size());
+    merge_columns(picture_, light, variance);
+    ShareEstimator merged({light, variance, picture_.frames, picture_.rows, columns}, row_light, merged_at_first);
+    merged.wide_steps();
+    share_.resize(pixels_);
+    for (std::size_t i = 0; i < pixels_; ++i)
+      share_[i] = merged.share_[i / picture_.columns * columns + i % picture_.columns / merged_at_first];
   }
 
   void smooth_shares() {
     ShareSmoother smoother(picture_.rows, picture_.columns);
     for (int k = 0; k < smooth_steps; ++k) {
-      gather(smooth_texture);
+      gather(smooth_texture, false);
       smoother.step(evidence_.pull, evidence_.weight, share_);
       for (double& value : share_) value = std::clamp(value, 0.0, most_);
     }
@@ -283,7 +291,7 @@ class ShareEstimator {
 
   // Of each value and those `step` rows (columns) before and after, or the first and the last.
   void take_extremes(std::size_t step, bool least, bool of_rows, std::vector<double>& values) {
-    now_.slope = values;
+    std::swap(now_.slope, values);
     const std::vector<double>& from = now_.slope;
     const std::size_t rows = picture_.rows, columns = picture_.columns;
     for (std::size_t row = 0; row < rows; ++row) {
@@ -292,8 +300,8 @@ class ShareEstimator {
       for (std::size_t column = 0; column < columns; ++column) {
         const double before = from[above * columns + (of_rows ? column : column - std::min(step, column))];
         const double after = from[below * columns + (of_rows ? column : std::min(column + step, columns - 1))];
-        double& value = values[row * columns + column];
-        value = least ? std::min({value, before, after}) : std::max({value, before, after});
+        const double here = from[row * columns + column];
+        values[row * columns + column] = least ? std::min({here, before, after}) : std::max({here, before, after});
       }
     }
   }
@@ -324,7 +332,8 @@ class ShareEstimator {
   }
 
   void find_passages(double reach) {
-    now_ = guide_;
+    now_.light = guide_.light;
+    now_.variance = guide_.variance;
     finish_guide(now_);
     const double of_rows = std::max(reach, lags_of_reach * static_cast<double>(lag_));
     if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not count
@@ -332,11 +341,12 @@ class ShareEstimator {
     spreader_.along_columns(down_, guide_.light);
     spreader_.along_columns(down_, guide_.variance);
     finish_guide(guide_);
-    passages(guide_, 1, reach, edge_, across_);
+    passages(guide_, 1, reach / merged_, edge_, across_);
     passages(now_, picture_.columns, of_rows, edge_, down_);
   }
 
-  const BandedPicture& picture_;
+  const BandedPicture picture_;
+  double merged_;
   std::vector<double> change_;  // P
   std::size_t lag_;
   double edge_;
@@ -373,7 +383,7 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) 
 
 std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth) {
   check(picture, row_light);
-  return ShareEstimator(picture, row_light).estimate(smooth);
+  return ShareEstimator(picture, row_light).estimate(row_light, smooth);
 }
 
 }  // namespace ocisac

@@ -15,7 +15,7 @@ constexpr double least_slope = 1e-3;   // ε, per pixel
 constexpr std::size_t block = 8;       // pixels of one trend
 constexpr double reach_of_trend = 40;  // pixels
 constexpr double least_weight = 1e-3;  // holds what no pixel tells
-constexpr std::array<int, 4> iterations{8, 12, 20, 40};  // of each level; the coarsest takes the last
+constexpr std::array<int, 4> iterations{4, 12, 20, 40};  // of each level; the coarsest takes the last
 constexpr std::size_t least_side = 8;                    // of a level that is reduced further
 
 double scalar_product(const double* a, const double* b, std::size_t count) {
@@ -72,14 +72,24 @@ void ShareSmoother::Level::invert_diagonal() {
 
 // One row of what the equations make of x.
 void ShareSmoother::Level::apply(const std::vector<double>& x, std::size_t row, std::vector<double>& out) const {
-  const std::size_t first = row * columns, end = first + columns;
-  for (std::size_t i = first; i < end; ++i) out[i] = weight[i] * x[i];
-  if (row > 0)
-    for (std::size_t i = first; i < end; ++i) out[i] += down[i - columns] * (x[i] - x[i - columns]);
-  if (row + 1 < rows)
-    for (std::size_t i = first; i < end; ++i) out[i] += down[i] * (x[i] - x[i + columns]);
-  for (std::size_t i = first; i + 1 < end; ++i) out[i] += across[i] * (x[i] - x[i + 1]);
-  for (std::size_t i = first + 1; i < end; ++i) out[i] += across[i - 1] * (x[i] - x[i - 1]);
+  const std::size_t first = row * columns, above = row > 0 ? columns : 0, below = row + 1 < rows ? columns : 0;
+  const double* here = &x[first];
+  const double* up = here - above;
+  const double* under = here + below;
+  const double* from_up = &down[first] - above;  // in the first row times 0, as up is the row itself
+  const double* to_under = &down[first];
+  const double* beside = &across[first];
+  const double* held = &weight[first];
+  double* result = &out[first];
+  const auto of_column = [&](std::size_t i) {
+    return held[i] * here[i] + from_up[i] * (here[i] - up[i]) + to_under[i] * (here[i] - under[i]);
+  };
+  result[0] = of_column(0);
+  if (columns == 1) return;
+  result[0] += beside[0] * (here[0] - here[1]);
+  for (std::size_t i = 1; i + 1 < columns; ++i)
+    result[i] = of_column(i) + beside[i] * (here[i] - here[i + 1]) + beside[i - 1] * (here[i] - here[i - 1]);
+  result[columns - 1] = of_column(columns - 1) + beside[columns - 2] * (here[columns - 1] - here[columns - 2]);
 }
 
 double ShareSmoother::Level::multiply(double keep) {
@@ -98,13 +108,16 @@ double ShareSmoother::Level::multiply(double keep) {
 
 double ShareSmoother::Level::advance(double step) {
   double sum = 0;
-  for (std::size_t first = 0; first < size(); first += columns) {
-    for (std::size_t i = first; i < first + columns; ++i) {
+  std::array<double, 256> scaled{};
+  for (std::size_t first = 0; first < size(); first += scaled.size()) {
+    const std::size_t count = std::min(scaled.size(), size() - first);
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::size_t i = first + k;
       change[i] += step * direction[i];
       right[i] -= step * product[i];
-      product[i] = right[i] * inverse[i];
+      scaled[k] = right[i] * inverse[i];
     }
-    sum += scalar_product(&right[first], &product[first], columns);
+    sum += scalar_product(&right[first], scaled.data(), count);
   }
   return sum;
 }
@@ -142,25 +155,31 @@ double ShareSmoother::trend_across(std::size_t row, std::size_t column) const {
 void ShareSmoother::couple(std::span<const double> share) {
   Level& level = levels_.front();
   const std::size_t rows = level.rows, columns = level.columns;
-  std::vector<double>& slope = level.product;  // squared, less the trend: twice the mean of both sides
+  std::vector<double>& slope = level.product;  // squared: twice the mean of both sides
   std::fill(slope.begin(), slope.end(), 0);
-  const auto add = [&](std::size_t i, std::size_t next, double trend) {
-    const double difference = share[next] - share[i] - trend, square = difference * difference;
-    slope[i] += square;
-    slope[next] += square;
-  };
   for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t column = 0; column < columns; ++column) {
-      const std::size_t i = row * columns + column;
-      if (column + 1 < columns) add(i, i + 1, trend_across(row, column));
-      if (row + 1 < rows) add(i, i + columns, trend_down(row, column));
+    for (std::size_t first = 0; first < columns; first += block) {
+      const std::size_t begin = row * columns + first, end = row * columns + std::min(first + block, columns);
+      const double to_next = trend_across(row, first), to_under = trend_down(row, first);
+      for (std::size_t i = begin; i < (end == (row + 1) * columns ? end - 1 : end); ++i) {
+        const double difference = share[i + 1] - share[i] - to_next, square = difference * difference;
+        slope[i] += square;
+        slope[i + 1] += square;
+      }
+      for (std::size_t i = begin; row + 1 < rows && i < end; ++i) {
+        const double difference = share[i + columns] - share[i] - to_under, square = difference * difference;
+        slope[i] += square;
+        slope[i + columns] += square;
+      }
     }
   const auto coupling = [&](std::size_t i, std::size_t next) {
     return variation / std::sqrt(least_slope * least_slope + 0.25 * (slope[i] + slope[next]));
   };
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t i = row * columns; i + 1 < (row + 1) * columns; ++i) level.across[i] = coupling(i, i + 1);
-  for (std::size_t i = 0; i + columns < level.size(); ++i) level.down[i] = coupling(i, i + columns);
+  for (std::size_t row = 0; row < rows; ++row) {
+    const std::size_t first = row * columns, end = first + columns;
+    for (std::size_t i = first; i + 1 < end; ++i) level.across[i] = coupling(i, i + 1);
+    for (std::size_t i = first; row + 1 < rows && i < end; ++i) level.down[i] = coupling(i, i + columns);
+  }
 }
 
 void ShareSmoother::smooth_blocks(std::vector<double>& values) const {

@@ -25,6 +25,7 @@ LEAST_LIGHT = 0.05
 ROW_TEXTURES = (0.5, 0.3, 0.2, 0.1, 0.05)
 PLAN = [(0.5, 48)] * 3 + [(0.3, 32)] * 2 + [(0.2, 32)] + [(0.1, 24)] * 2
 PLAN += [(0.05, 16)] * 2 + [(0.05, 12)] + [(0.05, 8)] * 2
+WIDE, MERGED = 6, 4  # steps of the plan taken on columns added up, and how many of them, where shares are made smooth
 
 
 def comparison_lag(row_light: FloatArray) -> int:
@@ -68,23 +69,25 @@ def _spread(values: FloatArray, passage: FloatArray, axis: int) -> FloatArray:
     return np.moveaxis(total, 0, axis)
 
 
-def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray, smooth: bool = True) -> FloatArray:
-    """Share of the light in every pixel, (rows, columns), of (frames, rows, columns) and (frames, rows) of mean 1."""
-    change = row_light - 1
-    lag = comparison_lag(row_light)
-    edge = 0.15 if len(light) > 1 else float(np.clip(0.025 * lag, 0.03, 0.25))
-    most = 1 / max(-float(change.min()), 1e-9)
+class _Picture:
+    """Frames of linear light under a row light, `merged` columns of the camera in each of theirs."""
 
-    def gather(q: FloatArray, texture: float) -> tuple[FloatArray, ...]:
+    def __init__(self, light: FloatArray, variance: FloatArray, row_light: FloatArray, merged: int = 1) -> None:
+        self.light, self.variance, self.change, self.merged = light, variance, row_light - 1, merged
+        self.lag = comparison_lag(row_light)
+        self.edge = 0.15 if len(light) > 1 else float(np.clip(0.025 * self.lag, 0.03, 0.25))
+        self.most = 1 / max(-float(self.change.min()), 1e-9)
+
+    def gather(self, q: FloatArray, texture: float) -> tuple[FloatArray, ...]:
         pull, weight, certain, sums = (np.zeros(q.shape) for _ in range(4))
         before: tuple[FloatArray, ...] | None = None
-        for v, var, p in zip(light, variance, change[..., None], strict=True):
+        for v, var, p in zip(self.light, self.variance, self.change[..., None], strict=True):
             left = np.maximum(1 + q * p, LEAST_LIGHT)
             now = (v / left, p / left, var / left**2)
-            upper, lower = tuple(part[:-lag] for part in now), tuple(part[lag:] for part in now)
+            upper, lower = tuple(part[: -self.lag] for part in now), tuple(part[self.lag :] for part in now)
             for into, values in zip((pull, weight), _compare(upper, lower, texture), strict=True):
-                into[:-lag] += values / 2
-                into[lag:] += values / 2
+                into[: -self.lag] += values / 2
+                into[self.lag :] += values / 2
             if before is not None:
                 for into, values in zip((pull, weight), _compare(before, now, 0.2 * texture), strict=True):
                     into += values
@@ -93,43 +96,75 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray, 
             sums += now[0] / now[2]
         return pull, weight, sums, certain
 
-    def means(sums: FloatArray, certain: FloatArray) -> tuple[FloatArray, FloatArray]:
-        known = certain > 0
-        divisor = np.where(known, certain, 1.0)
-        return np.where(known, sums / divisor, 0.0), np.where(known, 1 / divisor, np.inf)
+    def of_all(self) -> FloatArray:
+        """One share for all pixels."""
+        q = np.full(self.light.shape[1:], min(0.5 * self.most, 1.0))
+        for _ in range(4):
+            pull, weight, *_ = self.gather(q, PLAN[0][0])
+            if weight.sum() > 0:
+                q[:] = np.clip(q + pull.sum() / weight.sum(), 0, self.most)
+        return q
 
-    q = np.full(light.shape[1:], min(0.5 * most, 1.0))
-    for _ in range(4):
-        pull, weight, *_ = gather(q, PLAN[0][0])
-        if weight.sum() > 0:
-            q[:] = np.clip(q + pull.sum() / weight.sum(), 0, most)
-    for texture, reach in PLAN:
-        pull, weight, sums, certain = gather(q, texture)
-        down = _passage(*means(sums, certain), 4 * lag, edge, 0)
-        of_rows = max(reach, 2 * lag)
-        reach = of_rows if len(light) == 1 else reach
-        across = _passage(*means(_spread(sums, down, 0), _spread(certain, down, 0)), reach, edge, 1)
-        down = _passage(*means(sums, certain), of_rows, edge, 0)
-        pull = pull + weight * q
-        pull, weight = (_spread_twice(values, down, across) for values in (pull, weight))
-        q = np.clip((pull + 1000 * q) / (weight + 1000), 0, most)
-    for _ in range(3 if len(light) == 1 else 0):
-        _, weight, sums, certain = gather(q, 0.05)
-        c, var = means(sums, certain)
-        steady = c * np.maximum(1 - q / most, 0)
-        down, across = (_passage(steady, var, reach, 0.15, axis) for axis, reach in ((0, max(12, 2 * lag)), (1, 12)))
+    def step(self, q: FloatArray, texture: float, reach: float) -> FloatArray:
+        pull, weight, sums, certain = self.gather(q, texture)
+        down = _passage(*_means(sums, certain), 4 * self.lag, self.edge, 0)
+        of_rows = max(reach, 2 * self.lag)
+        of_columns = (of_rows if len(self.light) == 1 else reach) / self.merged
+        along = _means(_spread(sums, down, 0), _spread(certain, down, 0))
+        across = _passage(*along, of_columns, self.edge, 1)
+        down = _passage(*_means(sums, certain), of_rows, self.edge, 0)
+        pull, weight = (_spread_twice(values, down, across) for values in (pull + weight * q, weight))
+        return np.clip((pull + 1000 * q) / (weight + 1000), 0, self.most)
+
+    def step_at_lamp_edges(self, q: FloatArray) -> FloatArray:
+        _, weight, sums, certain = self.gather(q, 0.05)
+        c, var = _means(sums, certain)
+        steady = c * np.maximum(1 - q / self.most, 0)
+        reaches = (0, max(12, 2 * self.lag)), (1, 12)
+        down, across = (_passage(steady, var, reach, 0.15, axis) for axis, reach in reaches)
         around = _spread_twice((weight + 1) * steady, down, across) / _spread_twice(weight + 1, down, across)
-        other = np.where(c > 0, most * (1 - around / np.where(c > 0, c, 1.0)), q)
+        other = np.where(c > 0, self.most * (1 - around / np.where(c > 0, c, 1.0)), q)
         other = np.minimum(np.maximum(other, _extreme(q, np.min)), _extreme(q, np.max))
-        gain = _gain(light[0], variance[0], change[0, :, None], lag, q, other)
-        down, across = np.full_like(down, np.exp(-1 / max(3, lag))), np.full_like(across, np.exp(-1 / 3))
-        q = np.where(_spread_twice(gain, down, across) > 3, other, q)
+        gain = _gain(self.light[0], self.variance[0], self.change[0, :, None], self.lag, q, other)
+        down, across = np.full_like(down, np.exp(-1 / max(3, self.lag))), np.full_like(across, np.exp(-1 / 3))
+        return np.where(_spread_twice(gain, down, across) > 3, other, q)
+
+
+def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray, smooth: bool = True) -> FloatArray:
+    """Share of the light in every pixel, (rows, columns), of (frames, rows, columns) and (frames, rows) of mean 1."""
+    picture = _Picture(light, variance, row_light)
+    merged = _Picture(*_merged(light, variance), row_light, MERGED) if smooth else picture
+    q = merged.of_all()
+    for texture, reach in PLAN[:WIDE]:
+        q = merged.step(q, texture, reach)
+    if smooth:
+        q = q.repeat(MERGED, axis=1)[:, : light.shape[2]]
+    for texture, reach in PLAN[WIDE:]:
+        q = picture.step(q, texture, reach)
+    if len(light) == 1:
+        for _ in range(2 if smooth else 3):
+            q = picture.step_at_lamp_edges(q)
     trend: Parts = (np.zeros(q.shape), np.zeros(q.shape))
     for _ in range(6 if smooth else 0):
-        pull, weight, *_ = gather(q, 0.05)
-        more, trend = smoothing_step(pull, weight, q, trend)
-        q = np.clip(q + more, 0, most)
+        pull, weight, *_ = picture.gather(q, 0.05)
+        change, trend = smoothing_step(pull, weight, q, trend)
+        q = np.clip(q + change, 0, picture.most)
     return q
+
+
+def _merged(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Means of neighbouring columns, of the pixels that tell something."""
+    known, starts = np.isfinite(variance), np.arange(0, light.shape[2], MERGED)
+    count = np.add.reduceat(known.astype(float), starts, axis=2)
+    sums, noise = (np.add.reduceat(np.where(known, values, 0.0), starts, axis=2) for values in (light, variance))
+    divisor = np.maximum(count, 1)
+    return sums / divisor, np.where(count > 0, noise / divisor**2, np.inf)
+
+
+def _means(sums: FloatArray, certain: FloatArray) -> tuple[FloatArray, FloatArray]:
+    known = certain > 0
+    divisor = np.where(known, certain, 1.0)
+    return np.where(known, sums / divisor, 0.0), np.where(known, 1 / divisor, np.inf)
 
 
 def _spread_twice(values: FloatArray, down: FloatArray, across: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 Pair = tuple[FloatArray, FloatArray]  # along the columns, along the rows
 
 VARIATION, LEAST_SLOPE, BLOCK, REACH = 40.0, 1e-3, 8, 40.0
-ITERATIONS = (8, 12, 20, 40)
+ITERATIONS = (4, 12, 20, 40)
 
 
 def smoothing_step(

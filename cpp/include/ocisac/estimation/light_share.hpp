@@ -31,10 +31,10 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows);
 // Iteratively reweighted least squares over pairs of pixels `comparison_lag` rows apart, and of the same pixel in
 // neighbouring frames; a pixel's share is that of its surroundings, within a reach that shrinks from 48 to 8 pixels
 // (at least 2 lags) and ends at the edges of the picture as cleaned so far. Then, for one frame, shares that go on with
-// the steady light around, as where a lamp's light ends, are tried against it. `smooth`: at last, total variation about
-// slow slopes is lowered, across the edges of the picture, as far as the pairs of pixels allow (for means over
-// columns the steps before will do). row_light: (frames × rows), finite, >= 0, mean about 1. Time in proportion to the
-// pixels; 24 buffers of their size.
+// the steady light around, as where a lamp's light ends, are tried against it. `smooth`: the widest steps are taken on
+// columns added up by fours, and at last the shares' total variation about slow slopes is lowered, across the edges of
+// the picture, as far as the pairs of pixels allow (for means over columns the steps before will do).
+// row_light: (frames × rows), finite, >= 0, mean about 1. Time in proportion to the pixels; 22 buffers of their size.
 std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth = true);
 
 struct RowLight {
