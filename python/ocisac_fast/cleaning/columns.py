@@ -54,8 +54,9 @@ class Columns:
         left = np.maximum(1 + self._share_of_columns(rows) * (rows[:, None] - 1), _LEAST_LEFT)
         light, variance = self.light / left, self.variance / left**2
         difference, mean = light[lag:] - light[:-lag], 0.5 * (light[lag:] + light[:-lag])
-        square = (difference**2 + variance[lag:] + variance[:-lag]) / np.maximum(mean, 1e-300) ** 2
-        return float(np.mean(np.log(_TEXTURE**2 + square[np.isfinite(square)])))
+        spread = difference**2 + variance[lag:] + variance[:-lag]
+        told = (mean > 0.0) & np.isfinite(spread)
+        return float(np.mean(np.log(_TEXTURE**2 + spread[told] / mean[told] ** 2))) if told.any() else 0.0
 
     def _share_of_columns(self, rows: FloatArray) -> FloatArray:
         lit = np.maximum(rows, 0.0)[None]
