@@ -620,10 +620,19 @@ def test_an_interrupt_is_quiet(tmp_path):
         "9999",
         *DARK,
     ]
-    child = subprocess.Popen([*command, "-o", output], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    while not list(tmp_path.iterdir()) and child.poll() is None:
-        time.sleep(0.02)
-    child.send_signal(signal.SIGINT)
-    out, err = child.communicate(timeout=30)
+    child = subprocess.Popen(
+        [*command, "-o", output],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        # A shell's background jobs are started with interrupts ignored, and their children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        while not list(tmp_path.iterdir()) and child.poll() is None:
+            time.sleep(0.02)
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    finally:
+        child.kill()
     assert (child.returncode, out, err) == (130, b"", b"")
     assert list(tmp_path.iterdir()) == []

@@ -83,6 +83,11 @@ class TestRestores:
         scale = np.abs(seen).max() + abs(slope) * rows + 1e-300
         assert np.abs(result - level - slope * np.arange(rows) * (rows > 1)).max() < 1e-12 * scale
 
+    @pytest.mark.parametrize("method", ["inverse", "wiener"])
+    def test_light_close_to_the_smallest_number(self, method: Any) -> None:
+        seen = 2.808444181528628e-148 * (np.arange(720) - 180)
+        assert np.all(np.isfinite(of.equalize(seen, camera(360.0), method)))
+
     def test_vignetting_does_not_ring(self) -> None:
         """A brightness that falls off smoothly: the plain circular DFT rings where its ends do not meet."""
         rows, exposure_rows = 720, 28.3

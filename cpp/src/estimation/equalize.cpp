@@ -139,7 +139,8 @@ class LightModel {
     const auto misfit = [&](const Candidate& c) { return std::abs(std::log(c.ratio / ratio)); };
     const auto& best = *std::ranges::min_element(candidates_, {}, misfit);
     std::vector<double> result(best.shape);
-    for (double& value : result) value = noise_power * best.power / (light * value);
+    const double noise_to_mean = noise_power / light;  // first: the light may be close to the smallest number
+    for (double& value : result) value = noise_to_mean * best.power / value;
     return result;
   }
 

@@ -128,4 +128,4 @@ def _noise_to_light(x: Float64s, f: Float64s, h: Float64s, exposure_rows: float,
     seen = shapes * h**2
     ratios = (seen * 4 * np.sin(np.pi * f * lag) ** 2).mean(axis=1) / seen.mean(axis=1)
     shape = shapes[np.argmin(np.abs(np.log(ratios / ratio)))]
-    return np.asarray(power * np.mean(h**2 * shape) / (light * shape))
+    return np.asarray(power / light * np.mean(h**2 * shape) / shape)
