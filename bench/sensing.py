@@ -166,13 +166,18 @@ def edges_apart(pictures: list[np.ndarray]) -> float:
 def clean(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
     measures, details = [], {}
     for name, light in cleaning.lights().items():
-        each = [cleaning.measured_scene(light, "boxes", lamp) for lamp in cleaning.LAMPS]
-        mean = {key: float(np.mean([one[key] for one in each])) for key in each[0]}
-        details[name] = mean
+        on = {}
+        for ground in ("boxes", "text", "clouds"):
+            each = [cleaning.measured_scene(light, ground, lamp) for lamp in cleaning.LAMPS]
+            on[ground] = {key: float(np.mean([one[key] for one in each])) for key in each[0]}
+        details[name], mean = on, on["boxes"]
         measures += [
             Measure("clean", f"dB over row means, {name} found", mean["found"] - mean["row_means"], 6.0, True),
             Measure("clean", f"dB behind the oracle, {name} found", mean["oracle"] - mean["found"], 1.0),
         ]
+        for ground in ("text", "clouds"):  # repeats as a light does; is as deep as one
+            behind = on[ground]["oracle"] - on[ground]["found"]
+            measures.append(Measure("clean", f"dB behind the oracle, {name} found, {ground}", behind))
     for name in cleaning.RECORDINGS if options.recordings else ():
         seen = cleaning.recording(options.recordings / name)
         done = seen.pop("remove_bands")
