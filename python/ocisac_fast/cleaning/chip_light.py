@@ -13,8 +13,8 @@ from ocisac_fast.flags import Flag
 _ENOUGH = 0.92  # share of the rows' swing, tops levelled, that chips explain before they are taken for the light
 _TOP_REACH, _LONGEST_RUN = 3, 48  # rows: within which a top is the largest; beyond which tops are not compared
 _LEAST_TOP = 0.3  # of the largest row within the longest run
-_KNOT_ROWS = 1.25  # from one knot of the response to the next, at most; and a quarter of a chip at most
-_OWN_SWING = 0.03  # deviation of a row from what the chips say: sharpening and the like follow no response
+_KNOT_ROWS = 0.8  # from one knot of the response to the next, at most; and a quarter of a chip at most
+_OWN_SWING = 0.015  # deviation of a row from what the chips say: sharpening and the like follow no response
 
 
 @dataclass(frozen=True, slots=True, eq=False)
