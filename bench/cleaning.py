@@ -190,7 +190,11 @@ def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
 
 
 def means(scenes: list[dict[str, float]]) -> dict[str, float]:
-    return {key: round(float(np.mean([one[key] for one in scenes])), 2) for key in scenes[0]}
+    return {key: float(np.mean([one[key] for one in scenes])) for key in scenes[0]}
+
+
+def rounded(values: dict[str, float]) -> dict[str, float]:
+    return {key: round(value, 2) for key, value in values.items()}
 
 
 def behind_the_oracle(scenes: list[dict[str, float]]) -> dict[str, float]:
@@ -232,9 +236,9 @@ def main() -> None:
             for ground in grounds
             for kind in LAMPS
         }
-        report["scenes"][name] = means([scene for seeds in each.values() for scene in seeds])
+        report["scenes"][name] = rounded(means([scene for seeds in each.values() for scene in seeds]))
         if options.each:
-            report["behind"][name] = {title: behind_the_oracle(seeds) for title, seeds in each.items()}
+            report["behind"][name] = {title: rounded(behind_the_oracle(seeds)) for title, seeds in each.items()}
     for name in RECORDINGS if options.recordings else ():
         report["recordings"][name] = list(recording(options.recordings / name).values())
     if options.picture:

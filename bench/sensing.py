@@ -166,10 +166,10 @@ def edges_apart(pictures: list[np.ndarray]) -> float:
 def clean(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
     measures, details = [], {}
     for name, light in cleaning.lights().items():
-        on = {}
-        for ground in ("boxes", "text", "clouds"):
-            each = [cleaning.measured_scene(light, ground, lamp) for lamp in cleaning.LAMPS]
-            on[ground] = {key: float(np.mean([one[key] for one in each])) for key in each[0]}
+        on = {
+            ground: cleaning.means([cleaning.measured_scene(light, ground, lamp) for lamp in cleaning.LAMPS])
+            for ground in cleaning.GROUNDS
+        }
         details[name], mean = on, on["boxes"]
         measures += [
             Measure("clean", f"dB over row means, {name} found", mean["found"] - mean["row_means"], 6.0, True),

@@ -28,14 +28,6 @@ double scalar_product(const double* a, const double* b, std::size_t count) {
   return sum;
 }
 
-// Sums over a line of `count` values `stride` apart, each times keep to the power of its distance. In place.
-void spread(double* values, std::size_t count, std::size_t stride, double keep, std::vector<double>& back) {
-  back.assign(count, 0);
-  for (std::size_t n = count - 1; n-- > 0;) back[n] = keep * (values[(n + 1) * stride] + back[n + 1]);
-  for (std::size_t n = 1; n < count; ++n) values[n * stride] += keep * values[(n - 1) * stride];
-  for (std::size_t n = 0; n < count; ++n) values[n * stride] += back[n];
-}
-
 }  // namespace
 
 ShareSmoother::Level::Level(std::size_t rows_of, std::size_t columns_of) : rows(rows_of), columns(columns_of) {
@@ -136,8 +128,11 @@ void ShareSmoother::Level::solve(int count) {
 }
 
 ShareSmoother::ShareSmoother(std::size_t rows, std::size_t columns)
-    : block_rows_((rows + block - 1) / block), block_columns_((columns + block - 1) / block) {
-  trend_.down.assign(block_rows_ * block_columns_, 0);
+    : block_rows_((rows + block - 1) / block),
+      block_columns_((columns + block - 1) / block),
+      blocks_(block_rows_, block_columns_),
+      passages_(block_rows_ * block_columns_, std::exp(-static_cast<double>(block) / reach_of_trend)) {
+  trend_.down.assign(passages_.size(), 0);
   trend_.across = trend_.down;
   levels_.emplace_back(rows, columns);
   while (levels_.size() < iterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= least_side)
@@ -182,17 +177,6 @@ void ShareSmoother::couple(std::span<const double> share) {
   }
 }
 
-void ShareSmoother::smooth_blocks(std::vector<double>& values) const {
-  const double keep = std::exp(-static_cast<double>(block) / reach_of_trend);
-  std::vector<double> back;
-  for (int time = 0; time < 2; ++time) {
-    for (std::size_t column = 0; column < block_columns_; ++column)
-      spread(&values[column], block_rows_, block_columns_, keep, back);
-    for (std::size_t row = 0; row < block_rows_; ++row)
-      spread(&values[row * block_columns_], block_columns_, 1, keep, back);
-  }
-}
-
 // Mean slopes, each counting as much as it is coupled, which makes their median of it.
 void ShareSmoother::find_trend(std::span<const double> share) {
   const Level& level = levels_.front();
@@ -205,8 +189,7 @@ void ShareSmoother::find_trend(std::span<const double> share) {
         sums[to] += coupling[i] * (share[i + next] - share[i]);
         counts[to] += coupling[i];
       }
-    smooth_blocks(sums);
-    smooth_blocks(counts);
+    for (auto* values : {&sums, &counts}) blocks_.all_around(passages_, passages_, *values);
     for (std::size_t k = 0; k < trend.size(); ++k) trend[k] = counts[k] > 0 ? sums[k] / counts[k] : 0;
   };
   find(level.down, level.columns, trend_.down);

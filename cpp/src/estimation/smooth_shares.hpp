@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "spreader.hpp"
+
 namespace ocisac {
 
 // Lowers ½·Σ weight·x² − Σ pull·x + λ·Σ √(ε² + |∇(q + x) − t|²) over changes x of the shares q: their total variation
@@ -46,11 +48,12 @@ class ShareSmoother {
   void couple(std::span<const double> share);
   void find_trend(std::span<const double> share);
   void find_right(std::span<const double> pull, std::span<const double> share);
-  void smooth_blocks(std::vector<double>& values) const;
   double trend_down(std::size_t row, std::size_t column) const;
   double trend_across(std::size_t row, std::size_t column) const;
 
   std::size_t block_rows_, block_columns_;
+  Spreader blocks_;
+  std::vector<double> passages_;  // of all blocks alike
   Trend trend_;
   std::vector<Level> levels_;  // the finest first
 };

@@ -15,7 +15,7 @@ from ocisac_fast.camera import Camera
 from ocisac_fast.cleaning.columns import Kernels, lit_channels
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
 from ocisac_fast.cleaning.stored import light_per_step, to_stored, white_level
-from ocisac_fast.cleaning.toe import find_toe, lifted, lowered, slope
+from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
 from ocisac_fast.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
@@ -261,12 +261,12 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
     noise[saturated] = np.inf
     white = white_level(camera, stack.dtype) - camera.dark_level
     toe = options.toe or 0.0
-    light, variance = _with_toe(stored_light, noise, toe, white)
+    light, variance = with_toe(stored_light, noise, toe, white)
     found = given or [_found(light[k], variance[k], camera, options) for k in range(len(stack))]
     if options.toe is None and camera.tone_curve != "linear" and found[0].model == "chips":
         toe = find_toe(stored_light[0], noise[0], white, options.kernels)
         if toe > 0.0:
-            light, variance = _with_toe(stored_light, noise, toe, white)
+            light, variance = with_toe(stored_light, noise, toe, white)
             always = replace(options, model="chips")
             found = [_found(light[k], variance[k], camera, always) for k in range(len(stack))]
     rows = np.stack([row_light.light for row_light in found])
@@ -282,10 +282,6 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
             marks[k, ..., channel] = mark
             shares[k, ..., channel] = share
     return pictures, marks, shares, found, toe
-
-
-def _with_toe(light: FloatArray, variance: FloatArray, toe: float, white: float) -> tuple[FloatArray, FloatArray]:
-    return lifted(light, toe, white), variance * slope(light, toe, white) ** 2 if toe > 0.0 else variance
 
 
 def _saturated(stack: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.bool_]:

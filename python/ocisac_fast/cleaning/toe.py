@@ -38,16 +38,20 @@ def slope(stored: FloatArray, toe: float, white: float) -> FloatArray:
     return np.asarray(0.5 + 0.5 * (s + 2 * toe * white) / np.sqrt(s * (s + 4 * toe * white)))
 
 
+def with_toe(light: FloatArray, variance: FloatArray, toe: float, white: float) -> tuple[FloatArray, FloatArray]:
+    """Light and its noise variance, both without the toe that they were stored with."""
+    return lifted(light, toe, white), variance * slope(light, toe, white) ** 2 if toe > 0.0 else variance
+
+
 def find_toe(light: FloatArray, variance: FloatArray, white: float, kernels: Kernels) -> float:
     """Toe of one frame (rows, columns, channels) under chips: the one with which they explain most, or 0."""
 
-    lit = lit_channels(light, variance)
-    light, variance = light[..., lit], variance[..., lit]
+    channels = lit_channels(light, variance)
+    light, variance = light[..., channels], variance[..., channels]
 
     def left(toe: float) -> float:
-        certain = variance * slope(light, toe, white) ** 2
-        picture = Columns(lifted(light, toe, white).sum(axis=2), certain.sum(axis=2), kernels)
-        return unexplained(*picture.free())
+        lit, certain = with_toe(light, variance, toe, white)
+        return unexplained(*Columns(lit.sum(axis=2), certain.sum(axis=2), kernels).free())
 
     without = least = left(0.0)
     best = 0.0
