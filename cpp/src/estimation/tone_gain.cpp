@@ -101,14 +101,16 @@ void mark_unknown(const ToneGainView& result, std::size_t index) {
   for (const auto& values : {result.gain, result.gain_std, result.phase, result.snr}) values[index] = kNaN;
 }
 
+void take_off(double light, std::span<double> mean) {
+  if (light == 0) return;
+  for (double& value : mean) value -= light;
+}
+
 // Takes off what is not the source's.
 void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::span<double> mean) {
   const auto& background = context.options->background;
   if (background.empty()) return;
-  if (background.size() == 1) {
-    for (double& value : mean) value -= background[0];
-    return;
-  }
+  if (background.size() == 1) return take_off(background[0], mean);
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
 }
 
@@ -380,8 +382,11 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
                   const ToneGainView& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
   const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
-  // Threads share a frame in halves: one that starts late still finds work. The numbers do not depend on it.
-  const std::size_t width = context.options->threads > 1 ? kColumnsPerStream / 2 : kColumnsPerStream;
+  // Whole rows are read faster; threads that have less than two frames each share them in halves. The numbers do not
+  // depend on it.
+  const bool halves = context.options->threads > 1 &&
+                      context.shape.frames < 2 * static_cast<std::size_t>(context.options->threads);
+  const std::size_t width = halves ? kColumnsPerStream / 2 : kColumnsPerStream;
   const std::size_t blocks = (context.shape.columns + width - 1) / width;
   for_each_block(context.shape.frames * blocks, context.options->threads, [&](std::size_t block) {
     const std::size_t frame = block / blocks;
@@ -392,7 +397,7 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
       const std::size_t here = std::min(kColumnsAtOnce, count - done);
       auto columns = fit.estimate(sums, bytes, done, here);
       const auto mean = std::span(columns.parameters).first(here);
-      for (double& value : mean) value -= context.camera->tone_curve.dark_level;
+      take_off(context.camera->tone_curve.dark_level, mean);
       take_off_background(context, frame, first + done, mean);
       std::vector<Flags> of_pixels(here);
       for (std::size_t i = 0; i < here; ++i) of_pixels[i] = sums.maximum[done + i] >= level ? flag::saturated : 0;
