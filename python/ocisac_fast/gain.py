@@ -97,9 +97,7 @@ def tone_gain(
         raise ValueError(f"frequency: got shape {tones.shape}, allowed: one value or (tones,)")
     light = background_values(background, array)
     # By position: names cost half as much again as the rest of the call.
-    results = _core.tone_gain(
-        array, camera._handle, tones, method, waveform, duty, light, efficiency, threads, pooled
-    )
+    results = _core.tone_gain(array, camera._handle, tones, method, waveform, duty, light, efficiency, threads, pooled)
     return ToneGain(*results)
 
 

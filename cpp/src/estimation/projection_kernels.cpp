@@ -84,8 +84,8 @@ struct EvenOdd {
   Sum16 even, odd;
 };
 
-// Asks for the rows of the next block while this one is worked on, in the order of memory: strip by strip, as they are
-// worked on, the same lines come at a third of the rate, since no prefetcher of the hardware follows.
+// Asks for rows before they are worked on, in the order of memory: strip by strip, as they are worked on, the same
+// lines come at a third of the rate, since none of the hardware's own prefetchers follows.
 class RowsAhead {
  public:
   RowsAhead(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t columns, std::size_t rows)
@@ -101,12 +101,31 @@ class RowsAhead {
     }
   }
 
+  void ask_for_all() {
+    while (rows_ > 0) ask_for(kLine);
+  }
+
  private:
   static constexpr std::size_t kLine = 64;
   const std::uint8_t *row_, *line_;
   std::ptrdiff_t stride_, columns_;
   std::size_t rows_;
 };
+
+// Rows of a block and their mirror images.
+struct BlockAhead {
+  RowsAhead near, far;
+};
+
+// Those after the first `done`, at most `most` of each. Mirror images follow one another backwards.
+template <int kGroup, bool kFold>
+BlockAhead rows_after(const ByteBlock& block, std::size_t done, std::size_t most) {
+  const std::size_t rows = std::min(block.groups * kGroup - done, most);
+  const auto offset = [&](std::size_t count) { return static_cast<std::ptrdiff_t>(count) * block.row_stride; };
+  const std::uint8_t* far = kFold ? block.mirrored + offset(kGroup) - offset(done + rows) : nullptr;
+  return {{block.pixels + offset(done), block.row_stride, block.columns, rows},
+          {far, block.row_stride, block.columns, kFold ? rows : 0}};
+}
 
 // Sum of kGroup rows of a strip; raises the maximum.
 template <int kGroup>
@@ -142,7 +161,7 @@ struct Rows {
   const std::uint8_t* near;
   const std::uint8_t* far;
   std::ptrdiff_t stride;
-  RowsAhead *near_ahead, *far_ahead;  // of the next block
+  BlockAhead* ahead;  // to ask for meanwhile
 };
 
 // Where a strip is added up. sums: kVectors vectors of a part, one part after the other, then the squares, then
@@ -211,14 +230,14 @@ HWY_INLINE void load_pair(const Rows& rows, std::size_t pair, EvenOdd& total, By
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(2 * pair) * second;
   const EvenOdd none{hn::Zero(d16), hn::Zero(d16)};
   constexpr std::size_t kBytes = 2 * kGroup * HWY_LANES(std::uint8_t);
-  rows.near_ahead->ask_for(kBytes);
+  rows.ahead->near.ask_for(kBytes);
   const EvenOdd a = sum_of_group<kGroup>(rows.near + first, rows.stride, top);
   const EvenOdd b = kLone ? none : sum_of_group<kGroup>(rows.near + first + second, rows.stride, top);
   if constexpr (!kFold) {
     total = total + (a + b);
     interleave(a, b, sums);
   } else {
-    rows.far_ahead->ask_for(kBytes);
+    rows.ahead->far.ask_for(kBytes);
     const EvenOdd c = sum_of_group<kGroup>(rows.far - first, rows.stride, top);
     const EvenOdd d = kLone ? none : sum_of_group<kGroup>(rows.far - first - second, rows.stride, top);
     const EvenOdd ac = a + c, bd = b + d;
@@ -275,20 +294,13 @@ HWY_INLINE void pad_strip(const std::uint8_t* from, std::ptrdiff_t stride, std::
 
 // Runs add_strip over all strips of a block of rows.
 template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
-void add_block(const ByteBlock& block, bool is_last, const ByteWeights& weights, Strips& strips) {
+void add_block(const ByteBlock& block, BlockAhead ahead, const ByteWeights& weights, Strips& strips) {
   constexpr std::size_t kRows = (kLone ? 1 : 2) * kGroup * kPairs;
   const std::size_t width = hn::Lanes(d8);
-  const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(kRows) * block.row_stride;
-  const std::size_t rows_ahead = is_last ? 0 : kRows;
-  RowsAhead near_ahead(block.pixels + rows, block.row_stride, block.columns, rows_ahead);
-  // A block that is folded goes on before it; its last group is the first that is worked on.
-  RowsAhead far_ahead(block.mirrored + (kFold ? kGroup * block.row_stride - 2 * rows : 0), block.row_stride, block.columns,
-                      kFold ? rows_ahead : 0);
   std::size_t c = 0;
   for (; c + width <= block.columns; c += width)
     add_strip<kGroup, kPairs, kFold, kLone>(
-        {block.pixels + c, kFold ? block.mirrored + c : nullptr, block.row_stride, &near_ahead, &far_ahead}, weights,
-        strips.at(c));
+        {block.pixels + c, kFold ? block.mirrored + c : nullptr, block.row_stride, &ahead}, weights, strips.at(c));
   if (c == block.columns) return;
   std::array<std::uint8_t, kRows * HWY_MAX_BYTES> near{};
   std::array<std::uint8_t, kFold ? kRows * HWY_MAX_BYTES : 1> far{};
@@ -297,7 +309,7 @@ void add_block(const ByteBlock& block, bool is_last, const ByteWeights& weights,
   if (kFold)
     pad_strip(block.mirrored - back * block.row_stride + c, block.row_stride, kRows, block.columns - c, far.data());
   const auto stride = static_cast<std::ptrdiff_t>(width);
-  add_strip<kGroup, kPairs, kFold, kLone>({near.data(), far.data() + (kFold ? back * stride : 0), stride, &near_ahead, &far_ahead},
+  add_strip<kGroup, kPairs, kFold, kLone>({near.data(), far.data() + (kFold ? back * stride : 0), stride, &ahead},
                                           weights, strips.at(c));
 }
 
@@ -322,6 +334,10 @@ template <int kGroup, bool kFold>
 void project_groups(ByteBlock rest, ByteWeights weights, Strips& strips) {
   constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   constexpr std::size_t kPairs = std::max<std::size_t>(kRowsPerBlock / kRowsPerPair, 1);
+  constexpr std::size_t kRows = 2 * kGroup * kPairs;  // of a whole block, mirror images not counted
+  BlockAhead first = rows_after<kGroup, kFold>(rest, 0, kRows);
+  first.near.ask_for_all();
+  first.far.ask_for_all();
   std::size_t rows_in_totals = 0;
   const auto make_room = [&](std::size_t pairs) {
     if (rows_in_totals + pairs * kRowsPerPair > kRowsPerTotal) {
@@ -339,15 +355,16 @@ void project_groups(ByteBlock rest, ByteWeights weights, Strips& strips) {
   };
   for (; rest.groups >= 2 * kPairs; advance(kPairs)) {
     make_room(kPairs);
-    add_block<kGroup, kPairs, kFold, false>(rest, rest.groups < 4 * kPairs, weights, strips);
+    add_block<kGroup, kPairs, kFold, false>(rest, rows_after<kGroup, kFold>(rest, kRows, kRows), weights, strips);
   }
+  const BlockAhead none = rows_after<kGroup, kFold>(rest, 0, 0);
   for (; rest.groups >= 2; advance(1)) {
     make_room(1);
-    add_block<kGroup, 1, kFold, false>(rest, true, weights, strips);
+    add_block<kGroup, 1, kFold, false>(rest, none, weights, strips);
   }
   if (rest.groups > 0) {
     make_room(1);
-    add_block<kGroup, 1, kFold, true>(rest, true, weights, strips);
+    add_block<kGroup, 1, kFold, true>(rest, none, weights, strips);
   }
   widen_totals(rest.columns, strips);
 }

@@ -384,8 +384,8 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
   const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
   // Whole rows are read faster; threads that have less than two frames each share them in halves. The numbers do not
   // depend on it.
-  const bool halves = context.options->threads > 1 &&
-                      context.shape.frames < 2 * static_cast<std::size_t>(context.options->threads);
+  const bool halves =
+      context.options->threads > 1 && context.shape.frames < 2 * static_cast<std::size_t>(context.options->threads);
   const std::size_t width = halves ? kColumnsPerStream / 2 : kColumnsPerStream;
   const std::size_t blocks = (context.shape.columns + width - 1) / width;
   for_each_block(context.shape.frames * blocks, context.options->threads, [&](std::size_t block) {
