@@ -84,8 +84,8 @@ struct EvenOdd {
   Sum16 even, odd;
 };
 
-// Asks for rows before they are worked on, in the order of memory: strip by strip, as they are worked on, the same
-// lines come at a third of the rate, since none of the hardware's own prefetchers follows.
+// Asks for rows before they are worked on, in the order of memory: strip by strip, as they are worked on, none of the
+// hardware's own prefetchers would follow (bench/README.md has the figures).
 class RowsAhead {
  public:
   RowsAhead(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t columns, std::size_t rows)
