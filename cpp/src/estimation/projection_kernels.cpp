@@ -229,7 +229,7 @@ HWY_INLINE void load_pair(const Rows& rows, std::size_t pair, EvenOdd& total, By
   const std::ptrdiff_t second = kGroup * rows.stride;
   const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(2 * pair) * second;
   const EvenOdd none{hn::Zero(d16), hn::Zero(d16)};
-  constexpr std::size_t kBytes = 2 * kGroup * HWY_LANES(std::uint8_t);
+  constexpr std::size_t kBytes = 2 * kGroup * hn::MaxLanes(d8);
   rows.ahead->near.ask_for(kBytes);
   const EvenOdd a = sum_of_group<kGroup>(rows.near + first, rows.stride, top);
   const EvenOdd b = kLone ? none : sum_of_group<kGroup>(rows.near + first + second, rows.stride, top);
