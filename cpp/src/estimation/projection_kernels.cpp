@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #undef HWY_TARGET_INCLUDE
@@ -19,8 +20,9 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Rows that are worked on at a time: few enough streams for the prefetcher, enough to spare the sums' way to L1.
-constexpr std::size_t kRowsPerBlock = 32;
+// Rows that are worked on at a time: few enough for the second cache to hold them and the next ones, enough to spare
+// the sums' way to the first; where there are more sums than those of one tone, more.
+constexpr std::size_t kRowsPerBlock = 32, kRowsForMore = 48;
 [[maybe_unused]] constexpr std::size_t kRowsPerSampleBlock = 16;  // wider samples
 
 #if HWY_TARGET == HWY_SCALAR
@@ -74,356 +76,620 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 #endif
 }
 
-// A strip of columns is as wide as a vector of bytes. Its sums of rows are kept for even and odd columns apart, which
-// costs a shift where widening would cost two shuffles.
+// A strip of columns is as wide as a vector of bytes.
 constexpr std::size_t kVectors = 4;  // of 32-bit sums a strip
 const hn::ScalableTag<std::uint8_t> d8;
 using Bytes = hn::Vec<decltype(d8)>;
 
-struct EvenOdd {
-  Sum16 even, odd;
-};
+// a₀ + a₁ and a₀ − a₁ in every 16-bit lane, whose bytes are (a₀, a₁).
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_SSSE3
 
-// Asks for rows before they are worked on, in the order of memory: strip by strip, as they are worked on, none of the
-// hardware's own prefetchers would follow (bench/README.md has the figures).
-class RowsAhead {
- public:
-  RowsAhead(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t columns, std::size_t rows)
-      : row_(first), line_(first), stride_(stride), columns_(static_cast<std::ptrdiff_t>(columns)), rows_(rows) {}
+const hn::ScalableTag<std::int8_t> d8s;
 
-  HWY_INLINE void ask_for(std::size_t bytes) {
-    for (std::size_t asked = 0; asked < bytes && rows_ > 0; asked += kLine) {
-      hwy::Prefetch(line_);
-      line_ += kLine;
-      if (line_ - row_ < columns_) continue;
-      line_ = row_ += stride_;
-      --rows_;
-    }
-  }
-
-  void ask_for_all() {
-    while (rows_ > 0) ask_for(kLine);
-  }
-
- private:
-  static constexpr std::size_t kLine = 64;
-  const std::uint8_t *row_, *line_;
-  std::ptrdiff_t stride_, columns_;
-  std::size_t rows_;
-};
-
-// Rows of a block and their mirror images.
-struct BlockAhead {
-  RowsAhead near, far;
-};
-
-// Those after the first `done`, at most `most` of each. Mirror images follow one another backwards.
-template <int kGroup, bool kFold>
-BlockAhead rows_after(const ByteBlock& block, std::size_t done, std::size_t most) {
-  const std::size_t rows = std::min(block.groups * kGroup - done, most);
-  const auto offset = [&](std::size_t count) { return static_cast<std::ptrdiff_t>(count) * block.row_stride; };
-  const std::uint8_t* far = kFold ? block.mirrored + offset(kGroup) - offset(done + rows) : nullptr;
-  return {{block.pixels + offset(done), block.row_stride, block.columns, rows},
-          {far, block.row_stride, block.columns, kFold ? rows : 0}};
+// vpmaddubsw
+HWY_INLINE Pair16 multiply_neighbours(Bytes a, hn::Vec<decltype(d8s)> b) {
+#if HWY_TARGET <= HWY_AVX3
+  return Pair16{_mm512_maddubs_epi16(a.raw, b.raw)};
+#elif HWY_TARGET == HWY_AVX2
+  return Pair16{_mm256_maddubs_epi16(a.raw, b.raw)};
+#else
+  return Pair16{_mm_maddubs_epi16(a.raw, b.raw)};
+#endif
 }
 
-// Sum of kGroup rows of a strip; raises the maximum.
+HWY_INLINE Pair16 sum_of_neighbours(Bytes a) { return multiply_neighbours(a, hn::Set(d8s, 1)); }
+HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
+  return multiply_neighbours(a, hn::BitCast(d8s, hn::Set(d16, 0xff01)));  // 1 and -1
+}
+
+#else
+
+HWY_INLINE Sum16 first_of_neighbours(Bytes a) { return hn::And(hn::BitCast(d16, a), hn::Set(d16, 255)); }
+HWY_INLINE Sum16 second_of_neighbours(Bytes a) { return hn::ShiftRight<8>(hn::BitCast(d16, a)); }
+HWY_INLINE Pair16 sum_of_neighbours(Bytes a) {
+  return hn::BitCast(d16s, hn::Add(first_of_neighbours(a), second_of_neighbours(a)));
+}
+HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
+  return hn::BitCast(d16s, hn::Sub(first_of_neighbours(a), second_of_neighbours(a)));
+}
+
+#endif
+
+constexpr std::size_t kLine = 64;  // of a cache
+
+// Lines asked for with every pair of groups, of either side.
 template <int kGroup>
-HWY_INLINE EvenOdd sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride, Bytes& maximum) {
-  Sum16 all = hn::Zero(d16);  // even + 256·odd, modulo 2^16
-  Sum16 odd = all;
-  for (int i = 0; i < kGroup; ++i, pixels += stride) {
-    const Bytes row = hn::LoadU(d8, pixels);
-    maximum = hn::Max(maximum, row);
-    all = hn::Add(all, hn::BitCast(d16, row));
-    odd = hn::Add(odd, hn::ShiftRight<8>(hn::BitCast(d16, row)));
+constexpr std::size_t kLinesPerPair = std::max<std::size_t>(2 * kGroup * hn::MaxLanes(d8) / kLine, 1);
+
+// Runs of `bytes` that cover a block of rows, the lowest first, as offsets from its lowest row; `count` of them, the
+// last repeated. Rows are asked for in this order, before they are worked on: strip by strip, as they are worked on,
+// none of the hardware's own prefetchers would follow (bench/README.md has the figures).
+std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::ptrdiff_t row_stride, std::size_t columns,
+                                    std::size_t count) {
+  const auto apart = static_cast<std::size_t>(std::abs(row_stride));
+  if (apart == columns) {
+    columns *= rows;
+    rows = 1;
   }
-  return {kGroup == 1 ? hn::And(all, hn::Set(d16, 255)) : hn::Sub(all, hn::ShiftLeft<8>(odd)), odd};
+  std::vector<std::ptrdiff_t> runs;
+  for (std::size_t row = 0; row < rows; ++row)
+    for (std::size_t c = 0; c < columns && runs.size() < count; c += bytes)
+      runs.push_back(static_cast<std::ptrdiff_t>(row * apart + std::min(c, columns - std::min(columns, bytes))));
+  runs.resize(count, runs.back());
+  return runs;
 }
 
-// The sums of two groups side by side in 32-bit lanes. lane_order() tells which column a lane is of.
-HWY_INLINE void interleave(const EvenOdd& a, const EvenOdd& b, Pair16* HWY_RESTRICT pairs) {
-  pairs[0] = hn::BitCast(d16s, hn::InterleaveLower(d16, a.even, b.even));
-  pairs[1] = hn::BitCast(d16s, hn::InterleaveUpper(d16, a.even, b.even));
-  pairs[2] = hn::BitCast(d16s, hn::InterleaveLower(d16, a.odd, b.odd));
-  pairs[3] = hn::BitCast(d16s, hn::InterleaveUpper(d16, a.odd, b.odd));
+// The lowest of the rows to ask for and of their mirror images, and the next run, of both.
+struct RowsAhead {
+  const std::uint8_t *near, *far;
+  const std::ptrdiff_t* run;
+};
+
+template <std::size_t kLines>
+HWY_INLINE void ask_for(const std::uint8_t* run) {
+  for (std::size_t i = 0; i < kLines; ++i) hwy::Prefetch(run + i * kLine);
 }
 
-HWY_INLINE EvenOdd operator+(const EvenOdd& a, const EvenOdd& b) {
-  return {hn::Add(a.even, b.even), hn::Add(a.odd, b.odd)};
-}
-HWY_INLINE EvenOdd operator-(const EvenOdd& a, const EvenOdd& b) {
-  return {hn::Sub(a.even, b.even), hn::Sub(a.odd, b.odd)};
-}
+// Two groups of rows of half a strip side by side in 32-bit lanes: as they are, or the sums with their mirror images
+// and the differences. Lane i of block b (of 128 bits) of vector v is column 16·b + 4·v + i of the strip, v counted
+// through both halves.
+constexpr std::size_t kPerHalf = kVectors / 2;
+struct Pairs {
+  Pair16 sums[kPerHalf];
+  Pair16 differences[kPerHalf];
+};
 
-// Where a strip's rows are, from the block's first on, and, mirrored, from its last group on backwards (or null).
+// Where a strip's rows are, from the block's first on, and, mirrored, from its last group on backwards (unfolded: not
+// used).
 struct Rows {
   const std::uint8_t* near;
   const std::uint8_t* far;
   std::ptrdiff_t stride;
-  BlockAhead* ahead;  // to ask for meanwhile
 };
 
-// Where a strip is added up. sums: kVectors vectors of a part, one part after the other, then the squares, then
-// the totals. The totals of the last rows are kept in 16 bits, even and odd columns apart, until they might overflow.
+// A row of a strip; raises the maximum.
+HWY_INLINE Bytes load_row(const std::uint8_t* HWY_RESTRICT pixels, Bytes& maximum) {
+  const Bytes row = hn::LoadU(d8, pixels);
+  maximum = hn::Max(maximum, row);
+  return row;
+}
+
+// The lower or the upper halves of the blocks, side by side.
+template <bool kUpper, class D, class V>
+HWY_INLINE V interleave(D d, V a, V b) {
+  return kUpper ? hn::InterleaveUpper(d, a, b) : hn::InterleaveLower(d, a, b);
+}
+
+// Two single rows and, folded, their mirror images; those as bytes of a lane, whose neighbours make sums and
+// differences. The maximum is raised once, with the lower half.
+template <bool kFold, bool kLone, bool kUpper>
+HWY_INLINE void load_rows(const Rows& rows, Bytes& top, Pairs& to) {
+  const Bytes none = hn::Zero(d8);
+  const auto load = [&top](const std::uint8_t* pixels) {
+    return kUpper ? hn::LoadU(d8, pixels) : load_row(pixels, top);
+  };
+  const Bytes a = load(rows.near);
+  const Bytes b = kLone ? none : load(rows.near + rows.stride);
+  const Bytes c = kFold ? load(rows.far) : none;
+  const Bytes d = kFold && !kLone ? load(rows.far - rows.stride) : none;
+  const Pair16 ac = hn::BitCast(d16s, interleave<kUpper>(d8, a, c));
+  const Pair16 bd = hn::BitCast(d16s, interleave<kUpper>(d8, b, d));
+  const Pair16 first = hn::InterleaveLower(d16s, ac, bd), second = hn::InterleaveUpper(d16s, ac, bd);
+  to.sums[0] = kFold ? sum_of_neighbours(hn::BitCast(d8, first)) : first;
+  to.sums[1] = kFold ? sum_of_neighbours(hn::BitCast(d8, second)) : second;
+  if constexpr (!kFold) return;
+  to.differences[0] = difference_of_neighbours(hn::BitCast(d8, first));
+  to.differences[1] = difference_of_neighbours(hn::BitCast(d8, second));
+}
+
+// Sums of a group of rows: those of columns that lie in the lower and in the upper halves of a vector's blocks.
+struct GroupSum {
+  Pair16 lower, upper;
+};
+
+template <int kGroup>
+HWY_INLINE GroupSum sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride, Bytes& maximum) {
+  GroupSum sum{hn::Zero(d16s), hn::Zero(d16s)};
+  for (int i = 0; i < kGroup; i += 2, pixels += 2 * stride) {
+    const Bytes a = load_row(pixels, maximum), b = load_row(pixels + stride, maximum);
+    sum.lower = hn::Add(sum.lower, sum_of_neighbours(hn::InterleaveLower(d8, a, b)));
+    sum.upper = hn::Add(sum.upper, sum_of_neighbours(hn::InterleaveUpper(d8, a, b)));
+  }
+  return sum;
+}
+
+HWY_INLINE void interleave_groups(const GroupSum& a, const GroupSum& b, Pair16* lower, Pair16* upper) {
+  lower[0] = hn::InterleaveLower(d16s, a.lower, b.lower);
+  lower[1] = hn::InterleaveUpper(d16s, a.lower, b.lower);
+  upper[0] = hn::InterleaveLower(d16s, a.upper, b.upper);
+  upper[1] = hn::InterleaveUpper(d16s, a.upper, b.upper);
+}
+
+// Two groups of rows and, folded, their mirror images, of both halves.
+template <int kGroup, bool kFold, bool kLone>
+HWY_INLINE void load_groups(const Rows& rows, Bytes& top, Pairs& lower, Pairs& upper) {
+  const std::ptrdiff_t second = kGroup * rows.stride;
+  const GroupSum none{hn::Zero(d16s), hn::Zero(d16s)};
+  const GroupSum a = sum_of_group<kGroup>(rows.near, rows.stride, top);
+  const GroupSum c = kFold ? sum_of_group<kGroup>(rows.far, rows.stride, top) : none;
+  const GroupSum b = kLone ? none : sum_of_group<kGroup>(rows.near + second, rows.stride, top);
+  const GroupSum d = kFold && !kLone ? sum_of_group<kGroup>(rows.far - second, rows.stride, top) : none;
+  interleave_groups({hn::Add(a.lower, c.lower), hn::Add(a.upper, c.upper)},
+                    {hn::Add(b.lower, d.lower), hn::Add(b.upper, d.upper)}, lower.sums, upper.sums);
+  if constexpr (!kFold) return;
+  interleave_groups({hn::Sub(a.lower, c.lower), hn::Sub(a.upper, c.upper)},
+                    {hn::Sub(b.lower, d.lower), hn::Sub(b.upper, d.upper)}, lower.differences, upper.differences);
+}
+
+// Strips of a vector's width that cover the columns; neighbours overlap instead of being cut. Where rows are a whole
+// number of vectors apart, all but the first lie on vectors' boundaries: loads across two lines of a cache take up to
+// 8 % of the time. With less arithmetic, where four rows or more are added, they lie half a vector beside them instead:
+// what the loads touch of the next line brings it near in time (frames from memory: 10 %).
+class StripGrid {
+ public:
+  StripGrid(const ByteBlock& block, int row_group) : columns_(static_cast<std::ptrdiff_t>(block.columns)) {
+    if (columns_ < kWidth) return;
+    const std::intptr_t beside = row_group < 4 ? 0 : kWidth / 2;
+    if (block.row_stride % kWidth == 0) before_ = (reinterpret_cast<std::intptr_t>(block.pixels) + beside) % kWidth;
+    count_ = static_cast<std::size_t>((columns_ + before_ + kWidth - 1) / kWidth);
+  }
+
+  [[nodiscard]] std::size_t count() const { return count_; }
+  // First column of strip i.
+  [[nodiscard]] HWY_INLINE std::ptrdiff_t first(std::size_t i) const {
+    const std::ptrdiff_t wanted = static_cast<std::ptrdiff_t>(i) * kWidth - before_;
+    return std::max<std::ptrdiff_t>(std::min(wanted, columns_ - kWidth), 0);
+  }
+  // Columns before the next strip.
+  [[nodiscard]] std::size_t own_columns(std::size_t i) const {
+    return static_cast<std::size_t>((i + 1 < count_ ? first(i + 1) : columns_) - first(i));
+  }
+
+ private:
+  static constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
+  std::ptrdiff_t columns_;
+  std::ptrdiff_t before_ = 0;  // columns of the first strip that would lie before the block
+  std::size_t count_ = 1;
+};
+
+// Where a strip is added up. sums: kVectors vectors of a part, one part after the other, then the squares. The totals
+// of the last rows are kept in 16 bits until they might overflow.
 struct Strip {
   std::int32_t* sums;
   std::uint16_t* totals;
   std::uint8_t* maximum;
 };
 
-constexpr std::size_t kOwnSums = 2;         // squares and totals, beside the parts
-constexpr std::size_t kRowsPerTotal = 256;  // 255·kRowsPerTotal < 2^16
+constexpr std::size_t kRowsPerTotal = 512;  // two groups of each pair apart: 255·kRowsPerTotal/2 < 2^16
+constexpr std::size_t kPerSum = kVectors * hn::MaxLanes(d32);
 
-// Strips side by side.
-struct Strips {
-  hwy::AlignedFreeUniquePtr<std::int32_t[]> sums;
-  hwy::AlignedFreeUniquePtr<std::uint16_t[]> totals;
-  std::vector<std::uint8_t> maximum;
-  std::size_t parts;
-
-  Strips(std::size_t count, std::size_t of_parts)
-      : sums(hwy::AllocateAligned<std::int32_t>(count * (of_parts + kOwnSums) * hn::Lanes(d8))),
-        totals(hwy::AllocateAligned<std::uint16_t>(count * hn::Lanes(d8))),
-        maximum(count * hn::Lanes(d8)),
-        parts(of_parts) {
-    std::fill_n(sums.get(), count * (parts + kOwnSums) * hn::Lanes(d8), 0);
-    std::fill_n(totals.get(), maximum.size(), std::uint16_t{0});
+// What is added to with every block lies side by side: it goes to the first cache and back each time.
+class Strips {
+ public:
+  Strips(const ByteBlock& block, const ByteWeights& weights)
+      : grid(block, weights.row_group),
+        parts_(weights.parts.size()),
+        memory_(hwy::AllocateAligned<std::int32_t>(size())) {
+    std::fill_n(memory_.get(), size(), 0);
   }
-  [[nodiscard]] Strip at(std::size_t column) {
-    return {sums.get() + column * (parts + kOwnSums), totals.get() + column, maximum.data() + column};
+
+  const StripGrid grid;
+
+  [[nodiscard]] HWY_INLINE Strip at(std::size_t i) {
+    std::int32_t* sums = memory_.get() + i * per_strip();
+    std::int32_t* totals = sums + (parts_ + 1) * kPerSum;
+    return {sums, reinterpret_cast<std::uint16_t*>(totals), reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
+  }
+  // Totals of strip i in 32 bits.
+  [[nodiscard]] std::int32_t* totals(std::size_t i) { return memory_.get() + grid.count() * per_strip() + i * kPerSum; }
+  [[nodiscard]] std::int32_t* spare() { return totals(grid.count()); }
+
+ private:
+  [[nodiscard]] std::size_t size() const { return grid.count() * (per_strip() + kPerSum) + kPerSum; }
+  [[nodiscard]] std::size_t per_strip() const { return (parts_ + 2) * kPerSum + kPerSum / kVectors; }
+
+  std::size_t parts_;
+  hwy::AlignedFreeUniquePtr<std::int32_t[]> memory_;
+};
+
+// What the pairs of half a strip are added to: squares, totals and the first output of either kind (unfolded: the
+// first two): as many as the registers hold. keep: where pairs go for further outputs.
+struct HalfOutputs {
+  const std::int32_t *first_weights, *second_weights;
+  std::int32_t *first, *second, *squares;
+  std::uint16_t* totals;
+  std::uint8_t* maximum;
+  Pairs* keep;
+};
+
+// load(p, top, pairs) makes those of the p-th of `count` pairs of groups and raises the maximum.
+template <bool kFold, bool kKeep, class Load>
+HWY_INLINE void add_half(std::size_t count, const HalfOutputs& to, Load load) {
+  Sum32 a[kPerHalf], b[kPerHalf], square[kPerHalf];
+  Sum16 total[kPerHalf];
+  for (std::size_t v = 0; v < kPerHalf; ++v) {
+    a[v] = hn::Load(d32, to.first + v * hn::Lanes(d32));
+    b[v] = hn::Load(d32, to.second + v * hn::Lanes(d32));
+    square[v] = hn::Load(d32, to.squares + v * hn::Lanes(d32));
+    total[v] = hn::Load(d16, to.totals + v * hn::Lanes(d16));
+  }
+  Bytes top = hn::LoadU(d8, to.maximum);
+#pragma GCC unroll 1  // else the compiler reorders the additions and spills
+  for (std::size_t p = 0; p < count; ++p) {
+    Pairs pairs;
+    load(p, top, pairs);
+    const Pair16 weight_a = hn::BitCast(d16s, hn::Set(d32, to.first_weights[p]));
+    const Pair16 weight_b = hn::BitCast(d16s, hn::Set(d32, to.second_weights[p]));
+    for (std::size_t v = 0; v < kPerHalf; ++v) {
+      const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
+      total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
+      a[v] = multiply_pairs(a[v], sum, weight_a);
+      b[v] = multiply_pairs(b[v], other, weight_b);
+      square[v] = multiply_pairs(square[v], sum, sum);
+      if (kFold) square[v] = multiply_pairs(square[v], other, other);
+    }
+    for (std::size_t v = 0; kKeep && v < kPerHalf; ++v) {
+      to.keep[p].sums[v] = pairs.sums[v];
+      if (kFold) to.keep[p].differences[v] = pairs.differences[v];
+    }
+  }
+  hn::StoreU(top, d8, to.maximum);
+  for (std::size_t v = 0; v < kPerHalf; ++v) {
+    hn::Store(a[v], d32, to.first + v * hn::Lanes(d32));
+    hn::Store(b[v], d32, to.second + v * hn::Lanes(d32));
+    hn::Store(square[v], d32, to.squares + v * hn::Lanes(d32));
+    hn::Store(total[v], d16, to.totals + v * hn::Lanes(d16));
+  }
+}
+
+// kOutputs more of one kind at a time, of half a strip.
+template <std::size_t kOutputs, bool kDifferences>
+HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
+                            std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
+  Sum32 out[kOutputs][kPerHalf];
+  for (std::size_t o = 0; o < kOutputs; ++o)
+    for (std::size_t v = 0; v < kPerHalf; ++v) out[o][v] = hn::Load(d32, sums + o * kPerSum + v * hn::Lanes(d32));
+#pragma GCC unroll 1
+  for (std::size_t p = 0; p < pairs.size(); ++p)
+    for (std::size_t o = 0; o < kOutputs; ++o) {
+      const Pair16 weight = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
+      for (std::size_t v = 0; v < kPerHalf; ++v)
+        out[o][v] = multiply_pairs(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
+    }
+  for (std::size_t o = 0; o < kOutputs; ++o)
+    for (std::size_t v = 0; v < kPerHalf; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
+}
+
+// Those of one kind from `first` up to `end`.
+template <bool kDifferences>
+HWY_INLINE void add_other_outputs(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
+                                  std::size_t end, std::int32_t* sums) {
+  const auto add = [&]<std::size_t kOutputs>() {
+    add_outputs<kOutputs, kDifferences>(pairs, weights.pairs + first * weights.stride, weights.stride,
+                                        sums + first * kPerSum);
+  };
+  for (; first + 3 <= end; first += 3) add.template operator()<3>();
+  if (first + 2 == end) add.template operator()<2>();
+  if (first + 1 == end) add.template operator()<1>();
+}
+
+// Pairs of groups of rows that are worked on at a time, and their rows, mirror images not counted.
+template <int kGroup, bool kFold, bool kMore>
+constexpr std::size_t kPairsPerBlock = std::max<std::size_t>((kMore ? kRowsForMore : kRowsPerBlock) /
+                                                                 ((kFold ? 4 : 2) * kGroup),
+                                                             1);
+template <int kGroup, bool kFold, bool kMore>
+constexpr std::size_t kRowsAhead = kPairsPerBlock<kGroup, kFold, kMore> * 2 * kGroup;
+
+// What all strips of a block have in common. The first output of a kind that has none is weighted by 0 and goes to
+// the spare.
+struct BlockPlan {
+  const ByteWeights& weights;
+  std::size_t count;   // pairs of groups
+  std::size_t second;  // the part where the second kind begins
+  std::int32_t* spare;
+
+  BlockPlan(const ByteWeights& of, std::size_t pairs, bool fold, std::int32_t* spare_sums)
+      : weights(of),
+        count(pairs),
+        second(fold ? of.even : std::min<std::size_t>(of.parts.size(), 1)),
+        spare(spare_sums) {}
+
+  [[nodiscard]] bool has_first() const { return second > 0; }
+  [[nodiscard]] bool has_second() const { return second < weights.parts.size(); }
+  [[nodiscard]] const std::int32_t* weights_of(std::size_t part, bool there) const {
+    static constexpr std::array<std::int32_t, kRowsForMore> kNone{};
+    return there ? weights.pairs + part * weights.stride : kNone.data();
+  }
+  [[nodiscard]] HWY_INLINE std::int32_t* sums_of(std::int32_t* sums, std::size_t part, bool there) const {
+    return there ? sums + part * kPerSum : spare;
   }
 };
 
-HWY_INLINE void load_sums(const std::int32_t* HWY_RESTRICT from, Sum32* HWY_RESTRICT sums) {
-  for (std::size_t v = 0; v < kVectors; ++v) sums[v] = hn::Load(d32, from + v * hn::Lanes(d32));
+// Whether there are outputs beside the first of either kind.
+bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size() > 2 || (fold && weights.even != 1); }
+
+// One half of a strip. `load` makes its pairs, as for add_half(), which keeps them in `kept` where kKeep; else they are
+// there. Folded, squares count twice.
+template <bool kFold, bool kMore, bool kKeep, bool kUpper, class Load>
+HWY_INLINE void add_half_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
+  const std::size_t parts = plan.weights.parts.size();
+  std::int32_t* sums = strip.sums + kUpper * kPerHalf * hn::Lanes(d32);
+  add_half<kFold, kKeep>(
+      plan.count,
+      {plan.weights_of(0, plan.has_first()), plan.weights_of(plan.second, plan.has_second()),
+       plan.sums_of(sums, 0, plan.has_first()), plan.sums_of(sums, plan.second, plan.has_second()),
+       sums + parts * kPerSum, strip.totals + kUpper * kPerHalf * hn::Lanes(d16), strip.maximum, kept},
+      load);
+  if constexpr (!kMore) return;
+  const std::span<const Pairs> pairs(kept, plan.count);
+  add_other_outputs<false>(pairs, plan.weights, 1, plan.second, sums);
+  add_other_outputs<kFold>(pairs, plan.weights, plan.second + 1, parts, sums);
 }
 
-HWY_INLINE void store_sums(const Sum32* HWY_RESTRICT sums, std::int32_t* HWY_RESTRICT to) {
-  for (std::size_t v = 0; v < kVectors; ++v) hn::Store(sums[v], d32, to + v * hn::Lanes(d32));
+// Pairs of single rows of one strip, straight from the pixels.
+template <bool kFold, bool kMore, bool kLone>
+HWY_INLINE void add_strip_of_rows(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
+  constexpr std::size_t kLines = kLinesPerPair<1>;
+  Pairs kept[kMore ? kPairsPerBlock<1, kFold, kMore> : 1];
+  const auto advance = [](Rows& at) {
+    at.near += 2 * at.stride;
+    if (kFold) at.far -= 2 * at.stride;
+  };
+  add_half_strip<kFold, kMore, kMore, false>(plan, strip, kept,
+                                             [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
+                                               ask_for<kLines>(ahead.near + ahead.run[p]);
+                                               load_rows<kFold, kLone, false>(at, top, pairs);
+                                               advance(at);
+                                             });
+  add_half_strip<kFold, kMore, kMore, true>(plan, strip, kept,
+                                            [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
+                                              if constexpr (kFold) ask_for<kLines>(ahead.far + ahead.run[p]);
+                                              load_rows<kFold, kLone, true>(at, top, pairs);
+                                              advance(at);
+                                            });
 }
 
-// kOutputs at a time: as many as the registers hold.
-template <std::size_t kOutputs, std::size_t kPairs>
-HWY_INLINE void add_outputs(const Pair16 (&pairs)[kPairs][kVectors], const std::int32_t* HWY_RESTRICT weights,
-                            std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
-  const std::size_t per_output = kVectors * hn::Lanes(d32);
-  Sum32 out[kOutputs][kVectors];
-  for (std::size_t o = 0; o < kOutputs; ++o) load_sums(sums + o * per_output, out[o]);
-#pragma GCC unroll 1  // else the compiler reorders the additions and spills
-  for (std::size_t p = 0; p < kPairs; ++p) {
-    Pair16 weight[kOutputs];
-    for (std::size_t o = 0; o < kOutputs; ++o)
-      weight[o] = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
-    for (std::size_t v = 0; v < kVectors; ++v)
-      for (std::size_t o = 0; o < kOutputs; ++o) out[o][v] = multiply_pairs(out[o][v], pairs[p][v], weight[o]);
-  }
-  for (std::size_t o = 0; o < kOutputs; ++o) store_sums(out[o], sums + o * per_output);
-}
-
-// Two groups of rows of a strip side by side: as they are, or the sums with their mirror images and the differences.
-// A lone group has no second.
-template <int kGroup, bool kFold, bool kLone>
-HWY_INLINE void load_pair(const Rows& rows, std::size_t pair, EvenOdd& total, Bytes& top, Pair16* HWY_RESTRICT sums,
-                          Pair16* HWY_RESTRICT differences) {
-  const std::ptrdiff_t second = kGroup * rows.stride;
-  const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(2 * pair) * second;
-  const EvenOdd none{hn::Zero(d16), hn::Zero(d16)};
-  constexpr std::size_t kBytes = 2 * kGroup * hn::MaxLanes(d8);
-  rows.ahead->near.ask_for(kBytes);
-  const EvenOdd a = sum_of_group<kGroup>(rows.near + first, rows.stride, top);
-  const EvenOdd b = kLone ? none : sum_of_group<kGroup>(rows.near + first + second, rows.stride, top);
-  if constexpr (!kFold) {
-    total = total + (a + b);
-    interleave(a, b, sums);
-  } else {
-    rows.ahead->far.ask_for(kBytes);
-    const EvenOdd c = sum_of_group<kGroup>(rows.far - first, rows.stride, top);
-    const EvenOdd d = kLone ? none : sum_of_group<kGroup>(rows.far - first - second, rows.stride, top);
-    const EvenOdd ac = a + c, bd = b + d;
-    total = total + (ac + bd);
-    interleave(ac, bd, sums);
-    interleave(a - c, b - d, differences);
-  }
-}
-
-template <std::size_t kPairs>
-HWY_INLINE void add_all_outputs(const Pair16 (&pairs)[kPairs][kVectors], const std::int32_t* weights,
-                                std::size_t weights_stride, std::size_t outputs, std::int32_t* sums) {
-  const std::size_t per_output = kVectors * hn::Lanes(d32);
-  std::size_t o = 0;
-  for (; o + 2 <= outputs; o += 2)
-    add_outputs<2>(pairs, weights + o * weights_stride, weights_stride, sums + o * per_output);
-  if (o < outputs) add_outputs<1>(pairs, weights + o * weights_stride, weights_stride, sums + o * per_output);
-}
-
-// One block of rows of one strip: the squares (twice, if folded), then all outputs.
-template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
-HWY_INLINE void add_strip(const Rows& rows, const ByteWeights& weights, const Strip& strip) {
-  const std::size_t per_output = kVectors * hn::Lanes(d32);
-  std::int32_t* squares = strip.sums + weights.parts.size() * per_output;
-  Pair16 near[kPairs][kVectors];
-  Pair16 differences[kFold ? kPairs : 1][kVectors];
-  Sum32 square[kVectors];
-  load_sums(squares, square);
+// Pairs of groups of one strip, by way of memory: their rows are read once.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+HWY_INLINE void add_strip_of_groups(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead,
+                                    const Strip& strip) {
+  constexpr std::size_t kLines = kLinesPerPair<kGroup>;
+  Pairs lower[kPairsPerBlock<kGroup, kFold, kMore>], upper[kPairsPerBlock<kGroup, kFold, kMore>];
   Bytes top = hn::LoadU(d8, strip.maximum);
-  EvenOdd total{hn::Load(d16, strip.totals), hn::Load(d16, strip.totals + hn::Lanes(d16))};
+  Rows at = rows;
 #pragma GCC unroll 1
-  for (std::size_t p = 0; p < kPairs; ++p) {
-    load_pair<kGroup, kFold, kLone>(rows, p, total, top, near[p], differences[kFold ? p : 0]);
-    for (std::size_t v = 0; v < kVectors; ++v) square[v] = multiply_pairs(square[v], near[p][v], near[p][v]);
-    for (std::size_t v = 0; kFold && v < kVectors; ++v)
-      square[v] = multiply_pairs(square[v], differences[p][v], differences[p][v]);
+  for (std::size_t p = 0; p < plan.count; ++p) {
+    ask_for<kLines>(ahead.near + ahead.run[p]);
+    if constexpr (kFold) ask_for<kLines>(ahead.far + ahead.run[p]);
+    load_groups<kGroup, kFold, kLone>(at, top, lower[p], upper[p]);
+    at.near += 2 * kGroup * at.stride;
+    if (kFold) at.far -= 2 * kGroup * at.stride;
   }
   hn::StoreU(top, d8, strip.maximum);
-  hn::Store(total.even, d16, strip.totals);
-  hn::Store(total.odd, d16, strip.totals + hn::Lanes(d16));
-  store_sums(square, squares);
-  add_all_outputs(near, weights.pairs, weights.stride, kFold ? weights.even : weights.parts.size(), strip.sums);
-  if constexpr (kFold)
-    add_all_outputs(differences, weights.pairs + weights.even * weights.stride, weights.stride,
-                    weights.parts.size() - weights.even, strip.sums + weights.even * per_output);
+  const auto from = [](const Pairs* made) {
+    return [made](std::size_t p, Bytes&, Pairs& pairs) {
+      for (std::size_t v = 0; v < kPerHalf; ++v) {
+        pairs.sums[v] = made[p].sums[v];
+        if (kFold) pairs.differences[v] = made[p].differences[v];
+      }
+    };
+  };
+  add_half_strip<kFold, kMore, false, false>(plan, strip, lower, from(lower));
+  add_half_strip<kFold, kMore, false, true>(plan, strip, upper, from(upper));
 }
 
-// Copies `rows` rows of the last, narrower strip, which leaves the rest of a vector 0.
-HWY_INLINE void pad_strip(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
-                          std::uint8_t* to) {
-  for (std::size_t r = 0; r < rows; ++r)
-    std::copy_n(from + static_cast<std::ptrdiff_t>(r) * stride, columns, to + r * hn::Lanes(d8));
+// The rows of a block that is narrower than a strip, which leave the rest of a vector 0.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+class PaddedRows {
+ public:
+  PaddedRows(const ByteBlock& block, std::size_t count) {
+    const std::size_t rows = (kLone ? 1 : 2) * kGroup * count;
+    const auto back = static_cast<std::ptrdiff_t>(rows - kGroup);  // from the last group to the first
+    copy(block.pixels, block, rows, near_.data());
+    if (kFold) copy(block.mirrored - back * block.row_stride, block, rows, far_.data());
+    rows_ = {near_.data(), far_.data() + (kFold ? back * kWidth : 0), kWidth};
+  }
+  PaddedRows(const PaddedRows&) = delete;
+  PaddedRows& operator=(const PaddedRows&) = delete;
+
+  [[nodiscard]] const Rows& rows() const { return rows_; }
+
+ private:
+  static constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
+  static constexpr std::size_t kBytes = kRowsAhead<kGroup, kFold, kMore> * hn::MaxLanes(d8);
+
+  static void copy(const std::uint8_t* from, const ByteBlock& block, std::size_t rows, std::uint8_t* to) {
+    for (std::size_t r = 0; r < rows; ++r)
+      std::copy_n(from + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns, to + r * hn::Lanes(d8));
+  }
+
+  std::array<std::uint8_t, kBytes> near_{};
+  std::array<std::uint8_t, kFold ? kBytes : 1> far_{};
+  Rows rows_{};
+};
+
+// All strips of a block.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+void add_strips(const Rows& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
+  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += plan.count) {
+    const std::ptrdiff_t first = strips.grid.first(i);
+    const Rows here{rows.near + first, rows.far + first, rows.stride};
+    if constexpr (kGroup == 1)
+      add_strip_of_rows<kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+    else
+      add_strip_of_groups<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+  }
 }
 
-// Runs add_strip over all strips of a block of rows.
-template <int kGroup, std::size_t kPairs, bool kFold, bool kLone>
-void add_block(const ByteBlock& block, BlockAhead ahead, const ByteWeights& weights, Strips& strips) {
-  constexpr std::size_t kRows = (kLone ? 1 : 2) * kGroup * kPairs;
-  const std::size_t width = hn::Lanes(d8);
-  std::size_t c = 0;
-  for (; c + width <= block.columns; c += width)
-    add_strip<kGroup, kPairs, kFold, kLone>(
-        {block.pixels + c, kFold ? block.mirrored + c : nullptr, block.row_stride, &ahead}, weights, strips.at(c));
-  if (c == block.columns) return;
-  std::array<std::uint8_t, kRows * HWY_MAX_BYTES> near{};
-  std::array<std::uint8_t, kFold ? kRows * HWY_MAX_BYTES : 1> far{};
-  const std::ptrdiff_t back = static_cast<std::ptrdiff_t>(kRows - kGroup);  // from the last group to the first
-  pad_strip(block.pixels + c, block.row_stride, kRows, block.columns - c, near.data());
-  if (kFold)
-    pad_strip(block.mirrored - back * block.row_stride + c, block.row_stride, kRows, block.columns - c, far.data());
-  const auto stride = static_cast<std::ptrdiff_t>(width);
-  add_strip<kGroup, kPairs, kFold, kLone>({near.data(), far.data() + (kFold ? back * stride : 0), stride, &ahead},
-                                          weights, strips.at(c));
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& ahead, Strips& strips) {
+  const Rows rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
+  if (block.columns < hn::Lanes(d8))
+    add_strips<kGroup, kFold, kMore, kLone>(PaddedRows<kGroup, kFold, kMore, kLone>(block, plan.count).rows(), plan,
+                                            ahead, strips);
+  else
+    add_strips<kGroup, kFold, kMore, kLone>(rows, plan, ahead, strips);
 }
 
 // Moves the totals from 16 to 32 bits.
-void widen_totals(std::size_t columns, Strips& strips) {
-  for (std::size_t c = 0; c < columns; c += hn::Lanes(d8)) {
-    const Strip strip = strips.at(c);
-    const EvenOdd none{hn::Zero(d16), hn::Zero(d16)};
-    Pair16 wide[kVectors];
-    interleave({hn::Load(d16, strip.totals), hn::Load(d16, strip.totals + hn::Lanes(d16))}, none, wide);
-    std::int32_t* to = strip.sums + (strips.parts + 1) * kVectors * hn::Lanes(d32);
-    Sum32 sums[kVectors];
-    load_sums(to, sums);
-    for (std::size_t v = 0; v < kVectors; ++v) sums[v] = hn::Add(sums[v], hn::BitCast(d32, wide[v]));
-    store_sums(sums, to);
-    hn::Store(none.even, d16, strip.totals);
-    hn::Store(none.odd, d16, strip.totals + hn::Lanes(d16));
+void widen_totals(Strips& strips) {
+  for (std::size_t i = 0; i < strips.grid.count(); ++i) {
+    const Strip strip = strips.at(i);
+    std::int32_t* to = strips.totals(i);
+    for (std::size_t v = 0; v < kVectors; ++v, to += hn::Lanes(d32)) {
+      std::uint16_t* from = strip.totals + v * hn::Lanes(d16);
+      const auto both = hn::BitCast(hn::ScalableTag<std::uint32_t>(), hn::Load(d16, from));
+      const auto one = hn::And(both, hn::Set(hn::ScalableTag<std::uint32_t>(), 0xffff));
+      const Sum32 sum = hn::BitCast(d32, hn::Add(one, hn::ShiftRight<16>(both)));
+      hn::Store(hn::Add(hn::Load(d32, to), sum), d32, to);
+      hn::Store(hn::Zero(d16), d16, from);
+    }
   }
 }
 
-template <int kGroup, bool kFold>
-void project_groups(ByteBlock rest, ByteWeights weights, Strips& strips) {
-  constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
-  constexpr std::size_t kPairs = std::max<std::size_t>(kRowsPerBlock / kRowsPerPair, 1);
-  constexpr std::size_t kRows = 2 * kGroup * kPairs;  // of a whole block, mirror images not counted
-  BlockAhead first = rows_after<kGroup, kFold>(rest, 0, kRows);
-  first.near.ask_for_all();
-  first.far.ask_for_all();
-  std::size_t rows_in_totals = 0;
-  const auto make_room = [&](std::size_t pairs) {
-    if (rows_in_totals + pairs * kRowsPerPair > kRowsPerTotal) {
-      widen_totals(rest.columns, strips);
-      rows_in_totals = 0;
+template <int kGroup, bool kFold, bool kMore>
+class BlockProjector {
+ public:
+  BlockProjector(const ByteBlock& block, const ByteWeights& weights, Strips& strips)
+      : rest_(block),
+        weights_(weights),
+        strips_(strips),
+        rows_ahead_(std::min(kRows, block.groups * kGroup)),
+        runs_(runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)) {}
+
+  void run() {
+    const RowsAhead first = rows_after(0);
+    for (const std::ptrdiff_t run : runs_) {
+      ask_for<kRun / kLine>(first.near + run);
+      if (kFold) ask_for<kRun / kLine>(first.far + run);
     }
-    rows_in_totals += pairs * kRowsPerPair;
-  };
-  const auto advance = [&](std::size_t pairs) {
-    const auto rows = static_cast<std::ptrdiff_t>(2 * kGroup * pairs) * rest.row_stride;
-    rest.pixels += rows;
-    if (kFold) rest.mirrored -= rows;
-    rest.groups -= 2 * pairs;
-    weights.pairs += pairs;
-  };
-  for (; rest.groups >= 2 * kPairs; advance(kPairs)) {
-    make_room(kPairs);
-    add_block<kGroup, kPairs, kFold, false>(rest, rows_after<kGroup, kFold>(rest, kRows, kRows), weights, strips);
+    while (rest_.groups >= 2) add<false>(std::min(rest_.groups / 2, kPairs));
+    if (rest_.groups > 0) add<true>(1);
+    widen_totals(strips_);
   }
-  const BlockAhead none = rows_after<kGroup, kFold>(rest, 0, 0);
-  for (; rest.groups >= 2; advance(1)) {
-    make_room(1);
-    add_block<kGroup, 1, kFold, false>(rest, none, weights, strips);
+
+ private:
+  static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
+  static constexpr std::size_t kPairs = kPairsPerBlock<kGroup, kFold, kMore>;
+  static constexpr std::size_t kRows = kRowsAhead<kGroup, kFold, kMore>;
+  static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
+
+  [[nodiscard]] std::ptrdiff_t offset(std::ptrdiff_t rows) const { return rows * rest_.row_stride; }
+
+  // The rows after the next `done`; at the end, where there are fewer, the last ones. Mirror images follow one another
+  // backwards.
+  [[nodiscard]] RowsAhead rows_after(std::size_t done) const {
+    const auto rows = static_cast<std::ptrdiff_t>(rows_ahead_);
+    const auto left = static_cast<std::ptrdiff_t>(rest_.groups * kGroup);
+    const std::ptrdiff_t first = std::min(static_cast<std::ptrdiff_t>(done), left - rows);
+    const std::ptrdiff_t to_lowest = std::min<std::ptrdiff_t>(offset(rows - 1), 0);
+    const std::uint8_t* near = rest_.pixels + offset(first) + to_lowest;
+    if (!kFold) return {near, near, runs_.data()};
+    return {near, rest_.mirrored + offset(kGroup - first - rows) + to_lowest, runs_.data()};
   }
-  if (rest.groups > 0) {
-    make_room(1);
-    add_block<kGroup, 1, kFold, true>(rest, none, weights, strips);
+
+  template <bool kLone>
+  void add(std::size_t count) {
+    if (rows_in_totals_ + count * kRowsPerPair > kRowsPerTotal) {
+      widen_totals(strips_);
+      rows_in_totals_ = 0;
+    }
+    rows_in_totals_ += count * kRowsPerPair;
+    add_block<kGroup, kFold, kMore, kLone>(rest_, {weights_, count, kFold, strips_.spare()},
+                                           rows_after(2 * kGroup * count), strips_);
+    const std::size_t groups = kLone ? 1 : 2 * count;
+    rest_.groups -= groups;
+    if (rest_.groups == 0) return;
+    const std::ptrdiff_t done = offset(static_cast<std::ptrdiff_t>(groups * kGroup));
+    rest_.pixels += done;
+    if (kFold) rest_.mirrored -= done;
+    weights_.pairs += count;
   }
-  widen_totals(rest.columns, strips);
+
+  ByteBlock rest_;
+  ByteWeights weights_;
+  Strips& strips_;
+  std::size_t rows_ahead_;
+  std::vector<std::ptrdiff_t> runs_;
+  std::size_t rows_in_totals_ = 0;
+};
+
+template <int kGroup, bool kFold>
+void project_folded(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  if (has_more(weights, kFold))
+    BlockProjector<kGroup, kFold, true>(block, weights, strips).run();
+  else
+    BlockProjector<kGroup, kFold, false>(block, weights, strips).run();
 }
 
 template <int kGroup>
 void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   if (block.mirrored)
-    project_groups<kGroup, true>(block, weights, strips);
+    project_folded<kGroup, true>(block, weights, strips);
   else
-    project_groups<kGroup, false>(block, weights, strips);
+    project_folded<kGroup, false>(block, weights, strips);
 }
 
-// Adds unit·sums of one output of a strip, put back into the order of its columns, to `columns` numbers.
+// Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers.
 HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to,
                              std::size_t columns) {
   constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes that interleaving keeps together
-  const hn::CappedTag<std::int32_t, kInBlock> d_quad;
   const hn::CappedTag<double, kInBlock> d_double;
   const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
-  HWY_ALIGN std::array<std::int32_t, kVectors * hn::MaxLanes(d32)> in_order;
-  for (std::size_t half = 0; half < 2; ++half) {  // of the columns that share a block
-    const Sum32 even = hn::Load(d32, from + half * hn::Lanes(d32));
-    const Sum32 odd = hn::Load(d32, from + (2 + half) * hn::Lanes(d32));
-    HWY_ALIGN std::array<std::int32_t, 2 * hn::MaxLanes(d32)> quads;
-    hn::Store(hn::InterleaveLower(d32, even, odd), d32, quads.data());
-    hn::Store(hn::InterleaveUpper(d32, even, odd), d32, quads.data() + hn::Lanes(d32));
-    for (std::size_t block = 0; block < hn::Lanes(d32) / kInBlock; ++block)
-      for (std::size_t quad = 0; quad < 2; ++quad)
-        hn::Store(hn::Load(d_quad, quads.data() + quad * hn::Lanes(d32) + block * kInBlock), d_quad,
-                  in_order.data() + (4 * block + 2 * half + quad) * kInBlock);
-  }
-  if (columns < in_order.size()) {
-    for (std::size_t c = 0; c < columns; ++c) to[c] += unit * in_order[c];
-    return;
-  }
-  for (std::size_t c = 0; c < columns; c += hn::Lanes(d_double)) {
-    const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, in_order.data() + c));
-    hn::StoreU(hn::Add(hn::LoadU(d_double, to + c), hn::Mul(hn::Set(d_double, unit), sums)), d_double, to + c);
+  for (std::size_t c = 0; c < columns; c += kInBlock) {
+    const std::int32_t* lanes = from + c / kInBlock % kVectors * hn::Lanes(d32) + c / (kVectors * kInBlock) * kInBlock;
+    if (c + kInBlock <= columns) {
+      for (std::size_t i = 0; i < kInBlock; i += hn::Lanes(d_double)) {
+        const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, lanes + i));
+        hn::StoreU(hn::Add(hn::LoadU(d_double, to + c + i), hn::Mul(hn::Set(d_double, unit), sums)), d_double,
+                   to + c + i);
+      }
+    } else {
+      for (std::size_t i = 0; c + i < columns; ++i) to[c + i] += unit * lanes[i];
+    }
   }
 }
 
 void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
-  const std::size_t width = hn::Lanes(d8);
-  Strips strips((block.columns + width - 1) / width, weights.parts.size());
+  Strips strips(block, weights);
   if (weights.row_group == 1) project_any<1>(block, weights, strips);
   if (weights.row_group == 2) project_any<2>(block, weights, strips);
   if (weights.row_group == 4) project_any<4>(block, weights, strips);
   if (weights.row_group == 8) project_any<8>(block, weights, strips);
-  for (std::size_t c = 0; c < block.columns; ++c)
-    to.moments.maximum[c] = std::max(to.moments.maximum[c], static_cast<double>(strips.maximum[c]));
-  for (std::size_t c = 0; c < block.columns; c += width) {
-    const std::size_t here = std::min(width, block.columns - c);
-    const std::int32_t* from = strips.at(c).sums;
+  for (std::size_t i = 0; i < strips.grid.count(); ++i) {
+    const auto first = static_cast<std::size_t>(strips.grid.first(i));
+    const std::size_t count = strips.grid.own_columns(i);
+    const Strip strip = strips.at(i);
+    const std::int32_t* from = strip.sums;
     for (const std::size_t part : weights.parts) {
-      add_in_order(from, 1, to.sums + part * block.columns + c, here);
-      from += width;
+      add_in_order(from, 1, to.sums + part * block.columns + first, count);
+      from += kPerSum;
     }
-    add_in_order(from, block.mirrored ? 0.5 : 1, to.moments.squares + c, here);
-    add_in_order(from + width, 1, to.moments.totals + c, here);
+    add_in_order(from, block.mirrored ? 0.5 : 1, to.moments.squares + first, count);
+    add_in_order(strips.totals(i), 1, to.moments.totals + first, count);
+    for (std::size_t c = 0; c < count; ++c)
+      to.moments.maximum[first + c] = std::max(to.moments.maximum[first + c], static_cast<double>(strip.maximum[c]));
   }
 }
 
