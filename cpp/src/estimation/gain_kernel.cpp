@@ -25,40 +25,53 @@ using Vector = hn::Vec<decltype(d64)>;
 
 HWY_INLINE Vector constant(double value) { return hn::Set(d64, value); }
 
-// start + row·values, values one vector of columns each.
-HWY_INLINE Vector product(Vector start, const double* HWY_RESTRICT row, const double* HWY_RESTRICT values,
-                          std::size_t size, std::size_t stride) {
-  Vector sum = start;
-  for (std::size_t j = 0; j < size; ++j) sum = hn::MulAdd(constant(row[j]), hn::LoadU(d64, values + j * stride), sum);
-  return sum;
-}
-
-// One vector of columns of `fit`, written `stride` apart. kEstimates: 3, those of one tone, or 0: fit.estimates.
-template <std::size_t kEstimates>
+// kVectors vectors of columns of `fit`, written `stride` apart. kEstimates: 3, those of one tone, or 0: fit.estimates.
+// Many columns at a time spare loads of the matrices.
+template <std::size_t kEstimates, std::size_t kVectors>
 HWY_INLINE void solve_columns(const FitSums& fit, std::size_t column, std::size_t stride,
                               double* HWY_RESTRICT parameters, double* HWY_RESTRICT noise) {
   const std::size_t size = kEstimates ? kEstimates : fit.estimates;
-  const Vector total = hn::LoadU(d64, fit.totals + column);
+  const std::size_t lanes = hn::Lanes(d64);
+  Vector sum[kVectors], rest[kVectors];
   for (std::size_t i = 0; i < size; ++i) {
     const double* row = fit.transform + i * size;
-    hn::StoreU(product(hn::Mul(constant(*row), total), row + 1, fit.sums + column, size - 1, fit.stride), d64,
-               parameters + i * stride);
+    for (std::size_t v = 0; v < kVectors; ++v)
+      sum[v] = hn::Mul(constant(*row), hn::LoadU(d64, fit.totals + column + v * lanes));
+    for (std::size_t j = 1; j < size; ++j)
+      for (std::size_t v = 0; v < kVectors; ++v)
+        sum[v] =
+            hn::MulAdd(constant(row[j]), hn::LoadU(d64, fit.sums + (j - 1) * fit.stride + column + v * lanes), sum[v]);
+    for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[v], d64, parameters + i * stride + v * lanes);
   }
-  const Vector all = hn::LoadU(d64, fit.squares + column);
-  Vector rest = all;
-  for (std::size_t i = 0; i < size; ++i)
-    rest = hn::NegMulAdd(hn::LoadU(d64, parameters + i * stride),
-                         product(hn::Zero(d64), fit.gram + i * size, parameters, size, stride), rest);
-  const auto more_than_rounding = hn::Gt(rest, hn::Mul(constant(kRoundingOfSquares), all));
-  hn::StoreU(hn::IfThenElseZero(more_than_rounding, hn::Mul(rest, constant(1 / fit.freedom))), d64, noise);
+  for (std::size_t v = 0; v < kVectors; ++v) rest[v] = hn::LoadU(d64, fit.squares + column + v * lanes);
+  for (std::size_t i = 0; i < size; ++i) {  // gram is symmetric: what is beside its diagonal counts twice
+    const double* row = fit.gram + i * size;
+    for (std::size_t v = 0; v < kVectors; ++v) sum[v] = hn::Zero(d64);
+    for (std::size_t j = i + 1; j < size; ++j)
+      for (std::size_t v = 0; v < kVectors; ++v)
+        sum[v] = hn::MulAdd(constant(2 * row[j]), hn::LoadU(d64, parameters + j * stride + v * lanes), sum[v]);
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      const Vector own = hn::LoadU(d64, parameters + i * stride + v * lanes);
+      rest[v] = hn::NegMulAdd(own, hn::MulAdd(constant(row[i]), own, sum[v]), rest[v]);
+    }
+  }
+  for (std::size_t v = 0; v < kVectors; ++v) {
+    const Vector all = hn::LoadU(d64, fit.squares + column + v * lanes);
+    const auto more_than_rounding = hn::Gt(rest[v], hn::Mul(constant(kRoundingOfSquares), all));
+    hn::StoreU(hn::IfThenElseZero(more_than_rounding, hn::Mul(rest[v], constant(1 / fit.freedom))), d64,
+               noise + v * lanes);
+  }
 }
 
 template <std::size_t kEstimates>
 void parameters_of_estimates(const FitSums& fit, double* parameters, double* noise_variance) {
+  constexpr std::size_t kAtOnce = 4;
   const std::size_t lanes = hn::Lanes(d64);
   std::size_t c = 0;
+  for (; c + kAtOnce * lanes <= fit.count; c += kAtOnce * lanes)
+    solve_columns<kEstimates, kAtOnce>(fit, c, fit.count, parameters + c, noise_variance + c);
   for (; c + lanes <= fit.count; c += lanes)
-    solve_columns<kEstimates>(fit, c, fit.count, parameters + c, noise_variance + c);
+    solve_columns<kEstimates, 1>(fit, c, fit.count, parameters + c, noise_variance + c);
   if (c == fit.count) return;
   // What is left, in padded copies.
   const std::size_t rest = fit.count - c;
@@ -72,7 +85,7 @@ void parameters_of_estimates(const FitSums& fit, double* parameters, double* noi
     std::copy_n(fit.sums + (i - 1) * fit.stride + c, rest, sums + i * lanes);
   std::copy_n(fit.squares + c, rest, squares);
   const FitSums few{fit.estimates, lanes, lanes, sums, sums + lanes, squares, fit.transform, fit.gram, fit.freedom};
-  solve_columns<kEstimates>(few, 0, lanes, result, noise);
+  solve_columns<kEstimates, 1>(few, 0, lanes, result, noise);
   for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(result + i * lanes, rest, parameters + i * fit.count + c);
   std::copy_n(noise, rest, noise_variance + c);
 }

@@ -179,13 +179,13 @@ Projection StreamingFit::sums(const AnyFramesView& frames, std::size_t frame, st
   return project(frames, frame, first, count, weights_);
 }
 
-StreamingFit::Columns StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t first,
-                                             std::size_t count) const {
-  Columns columns{std::vector<double>(estimates_ * count), std::vector<double>(count)};
+void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count,
+                            Columns& to) const {
+  to.parameters.resize(estimates_ * count);
+  to.noise_variance.resize(count);
   kernels::parameters_of_sums({estimates_, count, sums.totals.size(), &sums.totals[first], &sums.sums[first],
                                &sums.squares[first], (bytes ? of_bytes_ : of_samples_).data(), gram_.data(), freedom_},
-                              columns.parameters.data(), columns.noise_variance.data());
-  return columns;
+                              to.parameters.data(), to.noise_variance.data());
 }
 
 }  // namespace ocisac

@@ -37,8 +37,9 @@ class StreamingFit {
     std::vector<double> parameters;      // (1 + 2·tones, count): c, a_1, b_1, …, in DN as stored
     std::vector<double> noise_variance;  // (count), of one row
   };
-  // What its sums say of `count` columns from its column `first` on. bytes: it was a pass over bytes.
-  [[nodiscard]] Columns estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count) const;
+  // What its sums say of `count` columns from its column `first` on. bytes: it was a pass over bytes. `to` is
+  // overwritten and given the size: one for many calls spares their memory.
+  void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
   // Of the parameters, for rows with noise of variance 1.
   [[nodiscard]] double covariance(std::size_t i, std::size_t j) const { return covariance_[i * estimates_ + j]; }

@@ -126,12 +126,13 @@ bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
 }
 
 // Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
-// `first` in the result on. of_pixels: (columns,), flags beside the tone's.
+// `first` in the result on. of_pixels: (columns,), flags beside the tone's. remarks: memory to use.
 void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
-                  std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result) {
+                  std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result,
+                  std::vector<double>& remarks) {
   const std::size_t count = estimates.mean.size();
   const Variances& variances = estimates.variances;
-  std::vector<double> remarks(count);
+  remarks.resize(count);
   const bool any = kernels::gains_of_fit(
       {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
        variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
@@ -393,17 +394,20 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
     const std::size_t first = block % blocks * width;
     const std::size_t count = std::min(width, context.shape.columns - first);
     const Projection sums = fit.sums(frames, frame, first, count);
+    StreamingFit::Columns columns;
+    std::vector<Flags> of_pixels;
+    std::vector<double> remarks;
     for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
       const std::size_t here = std::min(kColumnsAtOnce, count - done);
-      auto columns = fit.estimate(sums, bytes, done, here);
+      fit.estimate(sums, bytes, done, here, columns);
       const auto mean = std::span(columns.parameters).first(here);
       take_off(context.camera->tone_curve.dark_level, mean);
       take_off_background(context, frame, first + done, mean);
-      std::vector<Flags> of_pixels(here);
+      of_pixels.resize(here);
       for (std::size_t i = 0; i < here; ++i) of_pixels[i] = sums.maximum[done + i] >= level ? flag::saturated : 0;
       for (std::size_t k = 0; k < context.tones.size(); ++k)
         write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), of_pixels,
-                     index_of(context, k, frame) + first + done, result);
+                     index_of(context, k, frame) + first + done, result, remarks);
     }
   });
 }
@@ -490,6 +494,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto estimates = estimator->estimate(column_signals(frames, frame, first, count, camera.tone_curve));
     std::vector<Flags> of_pixels(count);
+    std::vector<double> remarks;
     for (std::size_t i = 0; i < count; ++i)
       of_pixels[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames)
                          ? flag::saturated
@@ -497,7 +502,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
       write_result(context, context.tones[k], estimates[k].view(), of_pixels, index_of(context, k, frame) + first,
-                   result);
+                   result, remarks);
     }
   });
 }
@@ -519,10 +524,12 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
     auto estimates = estimator->estimate(pooled.signal);
+    std::vector<double> remarks;
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       estimates[k].mean[0] -= pooled.background;
       write_result(context, context.tones[k], estimates[k].view(),
-                   std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame, result);
+                   std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame, result,
+                   remarks);
     }
   });
 }
