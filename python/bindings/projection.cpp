@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <span>
 #include <string>
 
 #include "arrays.hpp"
@@ -22,7 +23,7 @@ RowWeights row_weights(const Weights& weights, std::size_t rows, int row_group, 
   return {{weights.data(), static_cast<std::size_t>(weights.size())}, outputs, rows, row_group, limbs};
 }
 
-py::array_t<double> as_array(const std::vector<double>& values, const std::vector<py::ssize_t>& shape) {
+py::array_t<double> as_array(std::span<const double> values, const std::vector<py::ssize_t>& shape) {
   py::array_t<double> array(shape);
   std::ranges::copy(values, array.mutable_data());
   return array;

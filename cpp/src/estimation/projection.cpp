@@ -144,23 +144,26 @@ void for_each_dense_block(const FramesView<const T>& view, std::size_t frame, st
 }
 
 void add_folded(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                const RowWeights& weights, const kernels::ProjectionSums& sums) {
+                const RowWeights& weights, kernels::ProjectionSums sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   const std::size_t half = weights.groups() / 2;
   const std::size_t most = kernels::kRowsPerChunk / (2 * group);
-  for (std::size_t g = 0; g < half; g += most)
+  for (std::size_t g = 0; g < half; g += most) {
+    sums.first = g == 0;
     kernels::project_bytes({view.at(frame, g * group, first), view.at(frame, (weights.groups() - 1 - g) * group, first),
                             view.row_stride, std::min(most, half - g), count},
                            {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
                             weights.folded_order(), weights.even_parts()},
                            sums);
+  }
 }
 
 void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                 const RowWeights& weights, const kernels::ProjectionSums& sums) {
+                 const RowWeights& weights, kernels::ProjectionSums sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   for_each_dense_block(view, frame, first, count, weights.groups() * group, kernels::kRowsPerChunk,
                        [&](const std::uint8_t* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
+                         sums.first = row == 0;
                          kernels::project_bytes({pixels, nullptr, stride, rows / group, count},
                                                 {weights.row_group(), weights.pairs().data() + row / (2 * group),
                                                  weights.pair_count(), weights.order(), weights.order().size()},
@@ -168,9 +171,13 @@ void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, 
                        });
 }
 
+Projection uncleared_projection(std::size_t outputs, std::size_t count) {
+  return {UnclearedDoubles(outputs * count), UnclearedDoubles(count), UnclearedDoubles(count), UnclearedDoubles(count)};
+}
+
 Projection empty_projection(std::size_t outputs, std::size_t count) {
-  return {std::vector<double>(outputs * count), std::vector<double>(count), std::vector<double>(count),
-          std::vector<double>(count, -std::numeric_limits<double>::infinity())};
+  return {UnclearedDoubles(outputs * count, 0.0), UnclearedDoubles(count, 0.0), UnclearedDoubles(count, 0.0),
+          UnclearedDoubles(count, -std::numeric_limits<double>::infinity())};
 }
 
 kernels::ProjectionSums sums_of(Projection& result) {
@@ -178,7 +185,7 @@ kernels::ProjectionSums sums_of(Projection& result) {
 }
 
 // From sums of parts, which are whole numbers and exact, to those of outputs, in place; the smallest limb first.
-void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double>& sums) {
+void join_limbs(const RowWeights& weights, std::size_t count, UnclearedDoubles& sums) {
   const std::span units = weights.units();
   const std::size_t limbs = units.size() / weights.outputs();
   for (std::size_t o = 0; o < weights.outputs(); ++o) {
@@ -199,8 +206,7 @@ void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double
 
 Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first,
                          std::size_t count, const RowWeights& weights) {
-  const std::size_t parts = weights.units().size();
-  Projection result = empty_projection(parts, count);
+  Projection result = uncleared_projection(weights.units().size(), count);
   if (!weights.folded_pairs().empty() && (view.column_stride == 1 || count == 1))
     add_folded(view, frame, first, count, weights, sums_of(result));
   else

@@ -30,6 +30,11 @@ constexpr std::size_t kRowsPerBlock = 32, kRowsForMore = 48;
 // Without vectors: the loops as they are meant.
 void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   const auto group = static_cast<std::size_t>(weights.row_group);
+  if (to.first) {
+    for (double* values : {to.moments.totals, to.moments.squares, to.moments.maximum})
+      std::fill_n(values, block.columns, 0.0);
+    for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * block.columns, block.columns, 0.0);
+  }
   const auto sum_of_group = [&](const std::uint8_t* pixels, std::size_t c) {
     std::int32_t sum = 0;
     for (std::size_t r = 0; r < group; ++r, pixels += block.row_stride) {
@@ -132,6 +137,7 @@ std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::pt
     rows = 1;
   }
   std::vector<std::ptrdiff_t> runs;
+  runs.reserve(count);
   for (std::size_t row = 0; row < rows; ++row)
     for (std::size_t c = 0; c < columns && runs.size() < count; c += bytes)
       runs.push_back(static_cast<std::ptrdiff_t>(row * apart + std::min(c, columns - std::min(columns, bytes))));
@@ -651,8 +657,9 @@ void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& str
     project_folded<kGroup, false>(block, weights, strips);
 }
 
-// Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers.
-HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to,
+// Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers, or writes them
+// there.
+HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, bool write, double* HWY_RESTRICT to,
                              std::size_t columns) {
   constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes that interleaving keeps together
   const hn::CappedTag<double, kInBlock> d_double;
@@ -661,12 +668,12 @@ HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit,
     const std::int32_t* lanes = from + c / kInBlock % kVectors * hn::Lanes(d32) + c / (kVectors * kInBlock) * kInBlock;
     if (c + kInBlock <= columns) {
       for (std::size_t i = 0; i < kInBlock; i += hn::Lanes(d_double)) {
-        const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, lanes + i));
-        hn::StoreU(hn::Add(hn::LoadU(d_double, to + c + i), hn::Mul(hn::Set(d_double, unit), sums)), d_double,
-                   to + c + i);
+        const auto sums = hn::Mul(hn::Set(d_double, unit), hn::PromoteTo(d_double, hn::Load(d_int, lanes + i)));
+        const auto before = write ? hn::Zero(d_double) : hn::LoadU(d_double, to + c + i);
+        hn::StoreU(hn::Add(before, sums), d_double, to + c + i);
       }
     } else {
-      for (std::size_t i = 0; c + i < columns; ++i) to[c + i] += unit * lanes[i];
+      for (std::size_t i = 0; c + i < columns; ++i) to[c + i] = (write ? 0 : to[c + i]) + unit * lanes[i];
     }
   }
 }
@@ -683,13 +690,14 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
     const Strip strip = strips.at(i);
     const std::int32_t* from = strip.sums;
     for (const std::size_t part : weights.parts) {
-      add_in_order(from, 1, to.sums + part * block.columns + first, count);
+      add_in_order(from, 1, to.first, to.sums + part * block.columns + first, count);
       from += kPerSum;
     }
-    add_in_order(from, block.mirrored ? 0.5 : 1, to.moments.squares + first, count);
-    add_in_order(strips.totals(i), 1, to.moments.totals + first, count);
+    add_in_order(from, block.mirrored ? 0.5 : 1, to.first, to.moments.squares + first, count);
+    add_in_order(strips.totals(i), 1, to.first, to.moments.totals + first, count);
+    double* maximum = to.moments.maximum + first;
     for (std::size_t c = 0; c < count; ++c)
-      to.moments.maximum[first + c] = std::max(to.moments.maximum[first + c], static_cast<double>(strip.maximum[c]));
+      maximum[c] = std::max(to.first ? 0 : maximum[c], static_cast<double>(strip.maximum[c]));
   }
 }
 

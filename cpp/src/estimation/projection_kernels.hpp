@@ -36,10 +36,12 @@ struct Moments {
   double *totals, *squares, *maximum;
 };
 
-// What a block is added to (the maximum: raised): sums (parts or outputs × columns), moments (columns,).
+// What a block is added to (the maximum: raised): sums (parts or outputs × columns), moments (columns,). Of bytes, the
+// first block of a pass is written there instead.
 struct ProjectionSums {
   double* sums;
   Moments moments;
+  bool first = false;
 };
 
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
