@@ -19,8 +19,8 @@ constexpr std::size_t kColumns = 640;
 const ocisac::Camera kCamera{22.2e-6, 1202e-6, {}, {}};
 
 // Results are added up, so that nothing is left out and a wrong sum shows.
-template <class T>
-double total(const std::vector<T>& values) {
+template <class Values>
+double total(const Values& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
 }
 
