@@ -171,6 +171,12 @@ struct Rows {
   const std::uint8_t* near;
   const std::uint8_t* far;
   std::ptrdiff_t stride;
+
+  template <bool kFold>
+  HWY_INLINE void advance(std::ptrdiff_t count) {
+    near += count * stride;
+    if (kFold) far -= count * stride;
+  }
 };
 
 // A row of a strip; raises the maximum.
@@ -458,22 +464,17 @@ template <bool kFold, bool kMore, bool kLone>
 HWY_INLINE void add_strip_of_rows(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
   constexpr std::size_t kLines = kLinesPerPair<1>;
   Pairs kept[kMore ? kPairsPerBlock<1, kFold, kMore> : 1];
-  const auto advance = [](Rows& at) {
-    at.near += 2 * at.stride;
-    if (kFold) at.far -= 2 * at.stride;
+  const auto add_half_of_rows = [&]<bool kUpper>() {
+    add_half_strip<kFold, kMore, kMore, kUpper>(plan, strip, kept,
+                                                [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
+                                                  if constexpr (kFold || !kUpper)
+                                                    ask_for<kLines>((kUpper ? ahead.far : ahead.near) + ahead.run[p]);
+                                                  load_rows<kFold, kLone, kUpper>(at, top, pairs);
+                                                  at.advance<kFold>(2);
+                                                });
   };
-  add_half_strip<kFold, kMore, kMore, false>(plan, strip, kept,
-                                             [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
-                                               ask_for<kLines>(ahead.near + ahead.run[p]);
-                                               load_rows<kFold, kLone, false>(at, top, pairs);
-                                               advance(at);
-                                             });
-  add_half_strip<kFold, kMore, kMore, true>(plan, strip, kept,
-                                            [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
-                                              if constexpr (kFold) ask_for<kLines>(ahead.far + ahead.run[p]);
-                                              load_rows<kFold, kLone, true>(at, top, pairs);
-                                              advance(at);
-                                            });
+  add_half_of_rows.template operator()<false>();
+  add_half_of_rows.template operator()<true>();
 }
 
 // Pairs of groups of one strip, by way of memory: their rows are read once.
@@ -489,8 +490,7 @@ HWY_INLINE void add_strip_of_groups(const Rows& rows, const BlockPlan& plan, con
     ask_for<kLines>(ahead.near + ahead.run[p]);
     if constexpr (kFold) ask_for<kLines>(ahead.far + ahead.run[p]);
     load_groups<kGroup, kFold, kLone>(at, top, lower[p], upper[p]);
-    at.near += 2 * kGroup * at.stride;
-    if (kFold) at.far -= 2 * kGroup * at.stride;
+    at.advance<kFold>(2 * kGroup);
   }
   hn::StoreU(top, d8, strip.maximum);
   const auto from = [](const Pairs* made) {
