@@ -20,9 +20,12 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// Vectors as wide as a line of a cache, and twice as many of them in the registers: AVX-512.
+constexpr bool kWide = HWY_TARGET <= HWY_AVX3;
+
 // Rows that are worked on at a time: few enough for the second cache to hold them and the next ones, enough to spare
 // the sums' way to the first; where there are more sums than those of one tone, more.
-constexpr std::size_t kRowsPerBlock = 32, kRowsForMore = 48;
+constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64 : 48;
 [[maybe_unused]] constexpr std::size_t kRowsPerSampleBlock = 16;  // wider samples
 
 #if HWY_TARGET == HWY_SCALAR
@@ -122,13 +125,19 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 
 constexpr std::size_t kLine = 64;  // of a cache
 
-// Lines asked for with every pair of groups, of either side.
+// Rows are asked for before they are worked on, in one of two ways (bench/README.md has the figures):
+//
+// * In runs of lines, in the order of memory, one block ahead. Strip by strip, none of the prefetchers of the hardware
+//   that this was made on (Zen 3) would follow.
+// * Wide vectors: every row asks for its own lines of the strips three and one ahead. Asked for once, some do not come.
+constexpr std::size_t kStripsAhead[] = {3, 1};
+
+// Lines of a run, asked for with every pair of groups, of either side.
 template <int kGroup>
 constexpr std::size_t kLinesPerPair = std::max<std::size_t>(2 * kGroup * hn::MaxLanes(d8) / kLine, 1);
 
 // Runs of `bytes` that cover a block of rows, the lowest first, as offsets from its lowest row; `count` of them, the
-// last repeated. Rows are asked for in this order, before they are worked on: strip by strip, as they are worked on,
-// none of the hardware's own prefetchers would follow (bench/README.md has the figures).
+// last repeated.
 std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::ptrdiff_t row_stride, std::size_t columns,
                                     std::size_t count) {
   const auto apart = static_cast<std::size_t>(std::abs(row_stride));
@@ -156,13 +165,25 @@ HWY_INLINE void ask_for(const std::uint8_t* run) {
   for (std::size_t i = 0; i < kLines; ++i) hwy::Prefetch(run + i * kLine);
 }
 
-// Two groups of rows of half a strip side by side in 32-bit lanes: as they are, or the sums with their mirror images
-// and the differences. Lane i of block b (of 128 bits) of vector v is column 16·b + 4·v + i of the strip, v counted
-// through both halves.
-constexpr std::size_t kPerHalf = kVectors / 2;
+template <int kGroup, bool kNear, bool kFar>
+HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
+  if constexpr (kWide) return;
+  if (kNear) ask_for<kLinesPerPair<kGroup> >(ahead.near + ahead.run[pair]);
+  if (kFar) ask_for<kLinesPerPair<kGroup> >(ahead.far + ahead.run[pair]);
+}
+
+// From a row of a strip to what it asks for.
+using LinesAhead = std::array<std::ptrdiff_t, kWide ? std::size(kStripsAhead) : 0>;
+
+// A strip is done in slices, as many as let all sums of one tone stay in registers.
+constexpr std::size_t kSlices = kWide ? 1 : 2, kPerSlice = kVectors / kSlices;
+
+// Two groups of rows of a slice of a strip side by side in 32-bit lanes: as they are, or the sums with their mirror
+// images and the differences. Lane i of block b (of 128 bits) of vector v is column 16·b + 4·v + i of the strip, v
+// counted through all slices.
 struct Pairs {
-  Pair16 sums[kPerHalf];
-  Pair16 differences[kPerHalf];
+  Pair16 sums[kPerSlice];
+  Pair16 differences[kPerSlice];
 };
 
 // Where a strip's rows are, from the block's first on, and, mirrored, from its last group on backwards (unfolded: not
@@ -171,6 +192,7 @@ struct Rows {
   const std::uint8_t* near;
   const std::uint8_t* far;
   std::ptrdiff_t stride;
+  LinesAhead near_ahead{}, far_ahead{};
 
   template <bool kFold>
   HWY_INLINE void advance(std::ptrdiff_t count) {
@@ -180,7 +202,8 @@ struct Rows {
 };
 
 // A row of a strip; raises the maximum.
-HWY_INLINE Bytes load_row(const std::uint8_t* HWY_RESTRICT pixels, Bytes& maximum) {
+HWY_INLINE Bytes load_row(const std::uint8_t* HWY_RESTRICT pixels, const LinesAhead& ahead, Bytes& maximum) {
+  for (const std::ptrdiff_t line : ahead) hwy::Prefetch(pixels + line);
   const Bytes row = hn::LoadU(d8, pixels);
   maximum = hn::Max(maximum, row);
   return row;
@@ -192,26 +215,37 @@ HWY_INLINE V interleave(D d, V a, V b) {
   return kUpper ? hn::InterleaveUpper(d, a, b) : hn::InterleaveLower(d, a, b);
 }
 
-// Two single rows and, folded, their mirror images; those as bytes of a lane, whose neighbours make sums and
-// differences. The maximum is raised once, with the lower half.
-template <bool kFold, bool kLone, bool kUpper>
+// Two rows and their mirror images.
+struct FourRows {
+  Bytes a, b, far_a, far_b;
+};
+
+// Half of a strip's pairs of single rows, of the lower or the upper halves of the blocks: those and their mirror images
+// as bytes of a lane, whose neighbours make sums and differences.
+template <bool kFold, bool kUpper>
+HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* differences) {
+  const Pair16 a = hn::BitCast(d16s, interleave<kUpper>(d8, rows.a, rows.far_a));
+  const Pair16 b = hn::BitCast(d16s, interleave<kUpper>(d8, rows.b, rows.far_b));
+  const Pair16 first = hn::InterleaveLower(d16s, a, b), second = hn::InterleaveUpper(d16s, a, b);
+  sums[0] = kFold ? sum_of_neighbours(hn::BitCast(d8, first)) : first;
+  sums[1] = kFold ? sum_of_neighbours(hn::BitCast(d8, second)) : second;
+  if constexpr (!kFold) return;
+  differences[0] = difference_of_neighbours(hn::BitCast(d8, first));
+  differences[1] = difference_of_neighbours(hn::BitCast(d8, second));
+}
+
+// Two single rows and, folded, their mirror images. The maximum is raised once, with the first slice.
+template <bool kFold, bool kLone, std::size_t kSlice>
 HWY_INLINE void load_rows(const Rows& rows, Bytes& top, Pairs& to) {
   const Bytes none = hn::Zero(d8);
-  const auto load = [&top](const std::uint8_t* pixels) {
-    return kUpper ? hn::LoadU(d8, pixels) : load_row(pixels, top);
+  const auto load = [&top](const std::uint8_t* pixels, const LinesAhead& ahead) {
+    return kSlice == 0 ? load_row(pixels, ahead, top) : hn::LoadU(d8, pixels);
   };
-  const Bytes a = load(rows.near);
-  const Bytes b = kLone ? none : load(rows.near + rows.stride);
-  const Bytes c = kFold ? load(rows.far) : none;
-  const Bytes d = kFold && !kLone ? load(rows.far - rows.stride) : none;
-  const Pair16 ac = hn::BitCast(d16s, interleave<kUpper>(d8, a, c));
-  const Pair16 bd = hn::BitCast(d16s, interleave<kUpper>(d8, b, d));
-  const Pair16 first = hn::InterleaveLower(d16s, ac, bd), second = hn::InterleaveUpper(d16s, ac, bd);
-  to.sums[0] = kFold ? sum_of_neighbours(hn::BitCast(d8, first)) : first;
-  to.sums[1] = kFold ? sum_of_neighbours(hn::BitCast(d8, second)) : second;
-  if constexpr (!kFold) return;
-  to.differences[0] = difference_of_neighbours(hn::BitCast(d8, first));
-  to.differences[1] = difference_of_neighbours(hn::BitCast(d8, second));
+  const FourRows four{load(rows.near, rows.near_ahead), kLone ? none : load(rows.near + rows.stride, rows.near_ahead),
+                      kFold ? load(rows.far, rows.far_ahead) : none,
+                      kFold && !kLone ? load(rows.far - rows.stride, rows.far_ahead) : none};
+  if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences);
+  if (kSlice + 1 == kSlices) pair_rows<kFold, true>(four, to.sums + kPerSlice - 2, to.differences + kPerSlice - 2);
 }
 
 // Sums of a group of rows: those of columns that lie in the lower and in the upper halves of a vector's blocks.
@@ -220,10 +254,11 @@ struct GroupSum {
 };
 
 template <int kGroup>
-HWY_INLINE GroupSum sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride, Bytes& maximum) {
+HWY_INLINE GroupSum sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride,
+                                 const LinesAhead& ahead, Bytes& maximum) {
   GroupSum sum{hn::Zero(d16s), hn::Zero(d16s)};
   for (int i = 0; i < kGroup; i += 2, pixels += 2 * stride) {
-    const Bytes a = load_row(pixels, maximum), b = load_row(pixels + stride, maximum);
+    const Bytes a = load_row(pixels, ahead, maximum), b = load_row(pixels + stride, ahead, maximum);
     sum.lower = hn::Add(sum.lower, sum_of_neighbours(hn::InterleaveLower(d8, a, b)));
     sum.upper = hn::Add(sum.upper, sum_of_neighbours(hn::InterleaveUpper(d8, a, b)));
   }
@@ -237,31 +272,35 @@ HWY_INLINE void interleave_groups(const GroupSum& a, const GroupSum& b, Pair16* 
   upper[1] = hn::InterleaveUpper(d16s, a.upper, b.upper);
 }
 
-// Two groups of rows and, folded, their mirror images, of both halves.
+// Two groups of rows and, folded, their mirror images, of a whole strip, whose last slice may be its first.
 template <int kGroup, bool kFold, bool kLone>
-HWY_INLINE void load_groups(const Rows& rows, Bytes& top, Pairs& lower, Pairs& upper) {
+HWY_INLINE void load_groups(const Rows& rows, Bytes& top, Pairs& first, Pairs& last) {
   const std::ptrdiff_t second = kGroup * rows.stride;
   const GroupSum none{hn::Zero(d16s), hn::Zero(d16s)};
-  const GroupSum a = sum_of_group<kGroup>(rows.near, rows.stride, top);
-  const GroupSum c = kFold ? sum_of_group<kGroup>(rows.far, rows.stride, top) : none;
-  const GroupSum b = kLone ? none : sum_of_group<kGroup>(rows.near + second, rows.stride, top);
-  const GroupSum d = kFold && !kLone ? sum_of_group<kGroup>(rows.far - second, rows.stride, top) : none;
+  const auto near = [&](const std::uint8_t* at) { return sum_of_group<kGroup>(at, rows.stride, rows.near_ahead, top); };
+  const auto far = [&](const std::uint8_t* at) { return sum_of_group<kGroup>(at, rows.stride, rows.far_ahead, top); };
+  const GroupSum a = near(rows.near);
+  const GroupSum c = kFold ? far(rows.far) : none;
+  const GroupSum b = kLone ? none : near(rows.near + second);
+  const GroupSum d = kFold && !kLone ? far(rows.far - second) : none;
+  constexpr std::size_t kUpper = kPerSlice - 2;
   interleave_groups({hn::Add(a.lower, c.lower), hn::Add(a.upper, c.upper)},
-                    {hn::Add(b.lower, d.lower), hn::Add(b.upper, d.upper)}, lower.sums, upper.sums);
+                    {hn::Add(b.lower, d.lower), hn::Add(b.upper, d.upper)}, first.sums, last.sums + kUpper);
   if constexpr (!kFold) return;
   interleave_groups({hn::Sub(a.lower, c.lower), hn::Sub(a.upper, c.upper)},
-                    {hn::Sub(b.lower, d.lower), hn::Sub(b.upper, d.upper)}, lower.differences, upper.differences);
+                    {hn::Sub(b.lower, d.lower), hn::Sub(b.upper, d.upper)}, first.differences,
+                    last.differences + kUpper);
 }
 
 // Strips of a vector's width that cover the columns; neighbours overlap instead of being cut. Where rows are a whole
 // number of vectors apart, all but the first lie on vectors' boundaries: loads across two lines of a cache take up to
-// 8 % of the time. With less arithmetic, where four rows or more are added, they lie half a vector beside them instead:
-// what the loads touch of the next line brings it near in time (frames from memory: 10 %).
+// 8 % of the time. With less arithmetic, where four rows or more are added, narrow ones lie half a vector beside them
+// instead: what the loads touch of the next line brings it near in time (frames from memory: 10 %).
 class StripGrid {
  public:
   StripGrid(const ByteBlock& block, int row_group) : columns_(static_cast<std::ptrdiff_t>(block.columns)) {
     if (columns_ < kWidth) return;
-    const std::intptr_t beside = row_group < 4 ? 0 : kWidth / 2;
+    const std::intptr_t beside = kWide || row_group < 4 ? 0 : kWidth / 2;
     if (block.row_stride % kWidth == 0) before_ = (reinterpret_cast<std::intptr_t>(block.pixels) + beside) % kWidth;
     count_ = static_cast<std::size_t>((columns_ + before_ + kWidth - 1) / kWidth);
   }
@@ -271,6 +310,11 @@ class StripGrid {
   [[nodiscard]] HWY_INLINE std::ptrdiff_t first(std::size_t i) const {
     const std::ptrdiff_t wanted = static_cast<std::ptrdiff_t>(i) * kWidth - before_;
     return std::max<std::ptrdiff_t>(std::min(wanted, columns_ - kWidth), 0);
+  }
+  // From strip i to the one `ahead` of it; after the last come those of the rows that lie `next_rows` on.
+  [[nodiscard]] std::ptrdiff_t step(std::size_t i, std::size_t ahead, std::ptrdiff_t next_rows) const {
+    const std::size_t to = i + ahead;
+    return to < count_ ? first(to) - first(i) : next_rows + first(std::min(to - count_, count_ - 1)) - first(i);
   }
   // Columns before the next strip.
   [[nodiscard]] std::size_t own_columns(std::size_t i) const {
@@ -324,9 +368,9 @@ class Strips {
   hwy::AlignedFreeUniquePtr<std::int32_t[]> memory_;
 };
 
-// What the pairs of half a strip are added to: squares, totals and the first output of either kind (unfolded: the
-// first two): as many as the registers hold. keep: where pairs go for further outputs.
-struct HalfOutputs {
+// What the pairs of a slice are added to: squares, totals and the outputs of one tone, the first of either kind
+// (unfolded: the first two), which is what the registers hold. Where there are more outputs, pairs are kept for all.
+struct SliceOutputs {
   const std::int32_t *first_weights, *second_weights;
   std::int32_t *first, *second, *squares;
   std::uint16_t* totals;
@@ -335,13 +379,13 @@ struct HalfOutputs {
 };
 
 // load(p, top, pairs) makes those of the p-th of `count` pairs of groups and raises the maximum.
-template <bool kFold, bool kKeep, class Load>
-HWY_INLINE void add_half(std::size_t count, const HalfOutputs& to, Load load) {
-  Sum32 a[kPerHalf], b[kPerHalf], square[kPerHalf];
-  Sum16 total[kPerHalf];
-  for (std::size_t v = 0; v < kPerHalf; ++v) {
-    a[v] = hn::Load(d32, to.first + v * hn::Lanes(d32));
-    b[v] = hn::Load(d32, to.second + v * hn::Lanes(d32));
+template <bool kFold, bool kTone, bool kKeep, class Load>
+HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
+  Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
+  Sum16 total[kPerSlice];
+  for (std::size_t v = 0; v < kPerSlice; ++v) {
+    if (kTone) a[v] = hn::Load(d32, to.first + v * hn::Lanes(d32));
+    if (kTone) b[v] = hn::Load(d32, to.second + v * hn::Lanes(d32));
     square[v] = hn::Load(d32, to.squares + v * hn::Lanes(d32));
     total[v] = hn::Load(d16, to.totals + v * hn::Lanes(d16));
   }
@@ -352,55 +396,56 @@ HWY_INLINE void add_half(std::size_t count, const HalfOutputs& to, Load load) {
     load(p, top, pairs);
     const Pair16 weight_a = hn::BitCast(d16s, hn::Set(d32, to.first_weights[p]));
     const Pair16 weight_b = hn::BitCast(d16s, hn::Set(d32, to.second_weights[p]));
-    for (std::size_t v = 0; v < kPerHalf; ++v) {
+    for (std::size_t v = 0; v < kPerSlice; ++v) {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
       total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
-      a[v] = multiply_pairs(a[v], sum, weight_a);
-      b[v] = multiply_pairs(b[v], other, weight_b);
+      if (kTone) a[v] = multiply_pairs(a[v], sum, weight_a);
+      if (kTone) b[v] = multiply_pairs(b[v], other, weight_b);
       square[v] = multiply_pairs(square[v], sum, sum);
       if (kFold) square[v] = multiply_pairs(square[v], other, other);
     }
-    for (std::size_t v = 0; kKeep && v < kPerHalf; ++v) {
+    for (std::size_t v = 0; kKeep && v < kPerSlice; ++v) {
       to.keep[p].sums[v] = pairs.sums[v];
       if (kFold) to.keep[p].differences[v] = pairs.differences[v];
     }
   }
   hn::StoreU(top, d8, to.maximum);
-  for (std::size_t v = 0; v < kPerHalf; ++v) {
-    hn::Store(a[v], d32, to.first + v * hn::Lanes(d32));
-    hn::Store(b[v], d32, to.second + v * hn::Lanes(d32));
+  for (std::size_t v = 0; v < kPerSlice; ++v) {
+    if (kTone) hn::Store(a[v], d32, to.first + v * hn::Lanes(d32));
+    if (kTone) hn::Store(b[v], d32, to.second + v * hn::Lanes(d32));
     hn::Store(square[v], d32, to.squares + v * hn::Lanes(d32));
     hn::Store(total[v], d16, to.totals + v * hn::Lanes(d16));
   }
 }
 
-// kOutputs more of one kind at a time, of half a strip.
+// kOutputs of one kind at a time, of a slice.
 template <std::size_t kOutputs, bool kDifferences>
 HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
                             std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
-  Sum32 out[kOutputs][kPerHalf];
+  Sum32 out[kOutputs][kPerSlice];
   for (std::size_t o = 0; o < kOutputs; ++o)
-    for (std::size_t v = 0; v < kPerHalf; ++v) out[o][v] = hn::Load(d32, sums + o * kPerSum + v * hn::Lanes(d32));
+    for (std::size_t v = 0; v < kPerSlice; ++v) out[o][v] = hn::Load(d32, sums + o * kPerSum + v * hn::Lanes(d32));
 #pragma GCC unroll 1
   for (std::size_t p = 0; p < pairs.size(); ++p)
     for (std::size_t o = 0; o < kOutputs; ++o) {
       const Pair16 weight = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
-      for (std::size_t v = 0; v < kPerHalf; ++v)
+      for (std::size_t v = 0; v < kPerSlice; ++v)
         out[o][v] = multiply_pairs(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
     }
   for (std::size_t o = 0; o < kOutputs; ++o)
-    for (std::size_t v = 0; v < kPerHalf; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
+    for (std::size_t v = 0; v < kPerSlice; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
 }
 
-// Those of one kind from `first` up to `end`.
+// All of one kind, from part `first` up to `end`.
 template <bool kDifferences>
-HWY_INLINE void add_other_outputs(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
-                                  std::size_t end, std::int32_t* sums) {
+HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
+                                    std::size_t end, std::int32_t* sums) {
   const auto add = [&]<std::size_t kOutputs>() {
     add_outputs<kOutputs, kDifferences>(pairs, weights.pairs + first * weights.stride, weights.stride,
                                         sums + first * kPerSum);
   };
-  for (; first + 3 <= end; first += 3) add.template operator()<3>();
+  for (; first + 4 <= end; first += 4) add.template operator()<4>();
+  if (first + 3 == end) add.template operator()<3>();
   if (first + 2 == end) add.template operator()<2>();
   if (first + 1 == end) add.template operator()<1>();
 }
@@ -438,71 +483,75 @@ struct BlockPlan {
   }
 };
 
-// Whether there are outputs beside the first of either kind.
+// Whether there are outputs beside those of one tone.
 bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size() > 2 || (fold && weights.even != 1); }
 
-// One half of a strip. `load` makes its pairs, as for add_half(), which keeps them in `kept` where kKeep; else they are
+// A slice of a strip. `load` makes its pairs, as for add_slice(), which keeps them in `kept` where kKeep; else they are
 // there. Folded, squares count twice.
-template <bool kFold, bool kMore, bool kKeep, bool kUpper, class Load>
-HWY_INLINE void add_half_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
+template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, class Load>
+HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
   const std::size_t parts = plan.weights.parts.size();
-  std::int32_t* sums = strip.sums + kUpper * kPerHalf * hn::Lanes(d32);
-  add_half<kFold, kKeep>(
+  std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
+  add_slice<kFold, !kMore, kKeep>(
       plan.count,
       {plan.weights_of(0, plan.has_first()), plan.weights_of(plan.second, plan.has_second()),
        plan.sums_of(sums, 0, plan.has_first()), plan.sums_of(sums, plan.second, plan.has_second()),
-       sums + parts * kPerSum, strip.totals + kUpper * kPerHalf * hn::Lanes(d16), strip.maximum, kept},
+       sums + parts * kPerSum, strip.totals + kSlice * kPerSlice * hn::Lanes(d16), strip.maximum, kept},
       load);
   if constexpr (!kMore) return;
   const std::span<const Pairs> pairs(kept, plan.count);
-  add_other_outputs<false>(pairs, plan.weights, 1, plan.second, sums);
-  add_other_outputs<kFold>(pairs, plan.weights, plan.second + 1, parts, sums);
+  add_outputs_of_kind<false>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
+  if (kFold) add_outputs_of_kind<true>(pairs, plan.weights, plan.second, parts, sums);
 }
 
-// Pairs of single rows of one strip, straight from the pixels.
-template <bool kFold, bool kMore, bool kLone>
-HWY_INLINE void add_strip_of_rows(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
-  constexpr std::size_t kLines = kLinesPerPair<1>;
-  Pairs kept[kMore ? kPairsPerBlock<1, kFold, kMore> : 1];
-  const auto add_half_of_rows = [&]<bool kUpper>() {
-    add_half_strip<kFold, kMore, kMore, kUpper>(plan, strip, kept,
-                                                [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
-                                                  if constexpr (kFold || !kUpper)
-                                                    ask_for<kLines>((kUpper ? ahead.far : ahead.near) + ahead.run[p]);
-                                                  load_rows<kFold, kLone, kUpper>(at, top, pairs);
-                                                  at.advance<kFold>(2);
-                                                });
-  };
-  add_half_of_rows.template operator()<false>();
-  add_half_of_rows.template operator()<true>();
+// Calls add<slice>() for every slice.
+template <class Add>
+HWY_INLINE void for_each_slice(Add add) {
+  add.template operator()<0>();
+  if constexpr (kSlices == 2) add.template operator()<1>();
 }
 
-// Pairs of groups of one strip, by way of memory: their rows are read once.
+// The pairs of one strip, straight from the pixels.
 template <int kGroup, bool kFold, bool kMore, bool kLone>
-HWY_INLINE void add_strip_of_groups(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead,
+HWY_INLINE void add_strip(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
+  Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
+  for_each_slice([&]<std::size_t kSlice>() {
+    add_slice_of_strip<kFold, kMore, kMore, kSlice>(plan, strip, kept,
+                                                    [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
+                                                      ask_for_run<kGroup, kSlice == 0, kFold && kSlice == 1>(ahead, p);
+                                                      if constexpr (kGroup == 1)
+                                                        load_rows<kFold, kLone, kSlice>(at, top, pairs);
+                                                      else
+                                                        load_groups<kGroup, kFold, kLone>(at, top, pairs, pairs);
+                                                      at.advance<kFold>(2 * kGroup);
+                                                    });
+  });
+}
+
+// Groups of rows by way of memory, so that the rows are read once for all slices.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+HWY_INLINE void add_strip_by_memory(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
-  constexpr std::size_t kLines = kLinesPerPair<kGroup>;
-  Pairs lower[kPairsPerBlock<kGroup, kFold, kMore>], upper[kPairsPerBlock<kGroup, kFold, kMore>];
+  Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
   Bytes top = hn::LoadU(d8, strip.maximum);
   Rows at = rows;
 #pragma GCC unroll 1
   for (std::size_t p = 0; p < plan.count; ++p) {
-    ask_for<kLines>(ahead.near + ahead.run[p]);
-    if constexpr (kFold) ask_for<kLines>(ahead.far + ahead.run[p]);
-    load_groups<kGroup, kFold, kLone>(at, top, lower[p], upper[p]);
+    ask_for_run<kGroup, true, kFold>(ahead, p);
+    load_groups<kGroup, kFold, kLone>(at, top, slices[0][p], slices[kSlices - 1][p]);
     at.advance<kFold>(2 * kGroup);
   }
   hn::StoreU(top, d8, strip.maximum);
-  const auto from = [](const Pairs* made) {
-    return [made](std::size_t p, Bytes&, Pairs& pairs) {
-      for (std::size_t v = 0; v < kPerHalf; ++v) {
-        pairs.sums[v] = made[p].sums[v];
-        if (kFold) pairs.differences[v] = made[p].differences[v];
-      }
-    };
-  };
-  add_half_strip<kFold, kMore, false, false>(plan, strip, lower, from(lower));
-  add_half_strip<kFold, kMore, false, true>(plan, strip, upper, from(upper));
+  for_each_slice([&]<std::size_t kSlice>() {
+    const Pairs* made = slices[kSlice];
+    add_slice_of_strip<kFold, kMore, false, kSlice>(plan, strip, slices[kSlice],
+                                                    [made](std::size_t p, Bytes&, Pairs& pairs) {
+                                                      for (std::size_t v = 0; v < kPerSlice; ++v) {
+                                                        pairs.sums[v] = made[p].sums[v];
+                                                        if (kFold) pairs.differences[v] = made[p].differences[v];
+                                                      }
+                                                    });
+  });
 }
 
 // The rows of a block that is narrower than a strip, which leave the rest of a vector 0.
@@ -538,13 +587,18 @@ class PaddedRows {
 // All strips of a block.
 template <int kGroup, bool kFold, bool kMore, bool kLone>
 void add_strips(const Rows& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
-  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += plan.count) {
+  const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>((kLone ? 1 : 2) * kGroup * plan.count) * rows.stride;
+  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += kWide ? 0 : plan.count) {
     const std::ptrdiff_t first = strips.grid.first(i);
-    const Rows here{rows.near + first, rows.far + first, rows.stride};
-    if constexpr (kGroup == 1)
-      add_strip_of_rows<kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+    Rows here{rows.near + first, rows.far + first, rows.stride};
+    for (std::size_t n = 0; n < here.near_ahead.size(); ++n) {
+      here.near_ahead[n] = strips.grid.step(i, kStripsAhead[n], next_rows);
+      here.far_ahead[n] = strips.grid.step(i, kStripsAhead[n], -next_rows);
+    }
+    if constexpr (kGroup == 1 || kSlices == 1)
+      add_strip<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
     else
-      add_strip_of_groups<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+      add_strip_by_memory<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
   }
 }
 
@@ -582,7 +636,8 @@ class BlockProjector {
         weights_(weights),
         strips_(strips),
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
-        runs_(runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)) {}
+        runs_(kWide ? std::vector<std::ptrdiff_t>()
+                    : runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)) {}
 
   void run() {
     const RowsAhead first = rows_after(0);
@@ -659,23 +714,43 @@ void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& str
 
 // Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers, or writes them
 // there.
-HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, bool write, double* HWY_RESTRICT to,
+template <bool kWrite>
+HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to,
                              std::size_t columns) {
   constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes that interleaving keeps together
   const hn::CappedTag<double, kInBlock> d_double;
   const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
-  for (std::size_t c = 0; c < columns; c += kInBlock) {
-    const std::int32_t* lanes = from + c / kInBlock % kVectors * hn::Lanes(d32) + c / (kVectors * kInBlock) * kInBlock;
-    if (c + kInBlock <= columns) {
-      for (std::size_t i = 0; i < kInBlock; i += hn::Lanes(d_double)) {
-        const auto sums = hn::Mul(hn::Set(d_double, unit), hn::PromoteTo(d_double, hn::Load(d_int, lanes + i)));
-        const auto before = write ? hn::Zero(d_double) : hn::LoadU(d_double, to + c + i);
-        hn::StoreU(hn::Add(before, sums), d_double, to + c + i);
-      }
-    } else {
-      for (std::size_t i = 0; c + i < columns; ++i) to[c + i] = (write ? 0 : to[c + i]) + unit * lanes[i];
-    }
+  if (columns == kPerSum) {
+    for (std::size_t b = 0; b < kPerSum / kVectors; b += kInBlock)
+      for (std::size_t v = 0; v < kVectors; ++v)
+        for (std::size_t i = 0; i < kInBlock; i += hn::Lanes(d_double), to += hn::Lanes(d_double)) {
+          const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, from + v * hn::Lanes(d32) + b + i));
+          const auto before = kWrite ? hn::Zero(d_double) : hn::LoadU(d_double, to);
+          hn::StoreU(hn::Add(before, hn::Mul(hn::Set(d_double, unit), sums)), d_double, to);
+        }
+    return;
   }
+  for (std::size_t c = 0; c < columns; ++c) {
+    const std::size_t block = c / kInBlock;
+    const std::size_t lane = block % kVectors * hn::Lanes(d32) + block / kVectors * kInBlock + c % kInBlock;
+    to[c] = (kWrite ? 0 : to[c]) + unit * from[lane];
+  }
+}
+
+// Of all outputs of a strip, in its first `count` columns, which lie at `first`.
+template <bool kWrite>
+void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const ByteWeights& weights, bool folded,
+                        const ProjectionSums& to, std::size_t first, std::size_t count, std::size_t columns) {
+  const std::int32_t* from = strip.sums;
+  for (const std::size_t part : weights.parts) {
+    add_in_order<kWrite>(from, 1, to.sums + part * columns + first, count);
+    from += kPerSum;
+  }
+  add_in_order<kWrite>(from, folded ? 0.5 : 1, to.moments.squares + first, count);
+  add_in_order<kWrite>(totals, 1, to.moments.totals + first, count);
+  double* maximum = to.moments.maximum + first;
+  for (std::size_t c = 0; c < count; ++c)
+    maximum[c] = std::max(kWrite ? 0 : maximum[c], static_cast<double>(strip.maximum[c]));
 }
 
 void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
@@ -687,17 +762,8 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
   for (std::size_t i = 0; i < strips.grid.count(); ++i) {
     const auto first = static_cast<std::size_t>(strips.grid.first(i));
     const std::size_t count = strips.grid.own_columns(i);
-    const Strip strip = strips.at(i);
-    const std::int32_t* from = strip.sums;
-    for (const std::size_t part : weights.parts) {
-      add_in_order(from, 1, to.first, to.sums + part * block.columns + first, count);
-      from += kPerSum;
-    }
-    add_in_order(from, block.mirrored ? 0.5 : 1, to.first, to.moments.squares + first, count);
-    add_in_order(strips.totals(i), 1, to.first, to.moments.totals + first, count);
-    double* maximum = to.moments.maximum + first;
-    for (std::size_t c = 0; c < count; ++c)
-      maximum[c] = std::max(to.first ? 0 : maximum[c], static_cast<double>(strip.maximum[c]));
+    const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
+    add(strips.at(i), strips.totals(i), weights, block.mirrored != nullptr, to, first, count, block.columns);
   }
 }
 
