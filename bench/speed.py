@@ -157,7 +157,7 @@ def choose_once(halves: np.ndarray) -> list[Any]:
 
 def two_threads(seconds: float) -> Iterator[Figure]:
     """One thread over two where arithmetic is the limit, and two threads against reading with two where memory is."""
-    small = np.ascontiguousarray(pool()[:2])  # 4 MB: in the cache of the last level
+    small = np.ascontiguousarray(pool()[:8])  # 16 MB: in the cache of the last level, and long beside starting a thread
     one, two = gains(FOUR, 1.0), gains(FOUR, 1.0, threads=2)
     if not np.array_equal(one(small), two(small), equal_nan=True):
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")
