@@ -171,13 +171,15 @@ void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, 
                        });
 }
 
-Projection uncleared_projection(std::size_t outputs, std::size_t count) {
-  return {UnclearedDoubles(outputs * count), UnclearedDoubles(count), UnclearedDoubles(count), UnclearedDoubles(count)};
+void make_room(std::size_t outputs, std::size_t count, Projection& result) {
+  result.sums.resize(outputs * count);
+  for (UnclearedDoubles* moments : {&result.totals, &result.squares, &result.maximum}) moments->resize(count);
 }
 
-Projection empty_projection(std::size_t outputs, std::size_t count) {
-  return {UnclearedDoubles(outputs * count, 0.0), UnclearedDoubles(count, 0.0), UnclearedDoubles(count, 0.0),
-          UnclearedDoubles(count, -std::numeric_limits<double>::infinity())};
+void clear(std::size_t outputs, std::size_t count, Projection& result) {
+  make_room(outputs, count, result);
+  for (UnclearedDoubles* values : {&result.sums, &result.totals, &result.squares}) std::ranges::fill(*values, 0.0);
+  std::ranges::fill(result.maximum, -std::numeric_limits<double>::infinity());
 }
 
 kernels::ProjectionSums sums_of(Projection& result) {
@@ -204,22 +206,21 @@ void join_limbs(const RowWeights& weights, std::size_t count, UnclearedDoubles& 
   sums.resize(weights.outputs() * count);
 }
 
-Projection project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first,
-                         std::size_t count, const RowWeights& weights) {
-  Projection result = uncleared_projection(weights.units().size(), count);
+void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
+                   const RowWeights& weights, Projection& result) {
+  make_room(weights.units().size(), count, result);
   if (!weights.folded_pairs().empty() && (view.column_stride == 1 || count == 1))
     add_folded(view, frame, first, count, weights, sums_of(result));
   else
     add_plainly(view, frame, first, count, weights, sums_of(result));
   join_limbs(weights, count, result.sums);
-  return result;
 }
 
 template <class T>
-Projection project_samples(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
-                           const RowWeights& weights) {
+void project_samples(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
+                     const RowWeights& weights, Projection& result) {
   const auto group = static_cast<std::size_t>(weights.row_group());
-  Projection result = empty_projection(weights.outputs(), count);
+  clear(weights.outputs(), count, result);
   for_each_dense_block(view, frame, first, count, weights.groups() * group, weights.groups() * group,
                        [&](const T* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
                          kernels::project_samples<T>({pixels, stride, rows / group, count},
@@ -227,7 +228,6 @@ Projection project_samples(const FramesView<const T>& view, std::size_t frame, s
                                                       weights.groups(), weights.outputs()},
                                                      sums_of(result));
                        });
-  return result;
 }
 
 void check(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
@@ -244,17 +244,24 @@ void check(const AnyFramesView& frames, std::size_t frame, std::size_t first, st
 
 }  // namespace
 
-Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                   const RowWeights& weights) {
+void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+             const RowWeights& weights, Projection& result) {
   check(frames, frame, first, count, weights);
-  return std::visit(
+  std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         if constexpr (std::is_same_v<T, std::uint8_t>)
-          return project_bytes(view, frame, first, count, weights);
+          project_bytes(view, frame, first, count, weights, result);
         else
-          return project_samples(view, frame, first, count, weights);
+          project_samples(view, frame, first, count, weights, result);
       },
       frames);
+}
+
+Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+                   const RowWeights& weights) {
+  Projection result;
+  project(frames, frame, first, count, weights, result);
+  return result;
 }
 
 Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
@@ -266,7 +273,8 @@ Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::
         const bool bytes = std::is_same_v<T, std::uint8_t>;
         const auto used =
             bytes ? weights.byte_weights() : std::vector<double>(weights.weights().begin(), weights.weights().end());
-        Projection result = empty_projection(weights.outputs(), count);
+        Projection result;
+        clear(weights.outputs(), count, result);
         for (std::size_t c = 0; c < count; ++c)
           for (std::size_t g = 0; g < weights.groups(); ++g) {
             double sum = 0;

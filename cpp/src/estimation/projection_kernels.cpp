@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <new>
 #include <numeric>
 #include <span>
 #include <vector>
@@ -339,25 +340,36 @@ struct Strip {
 constexpr std::size_t kRowsPerTotal = 512;  // two groups of each pair apart: 255·kRowsPerTotal/2 < 2^16
 constexpr std::size_t kPerSum = kVectors * hn::MaxLanes(d32);
 
+// Memory of a thread for so many numbers, kept from call to call.
+std::int32_t* kept_memory(std::size_t size) {
+  thread_local hwy::AlignedFreeUniquePtr<std::int32_t[]> memory;
+  thread_local std::size_t room = 0;
+  if (room < size) {
+    room = 0;
+    memory = hwy::AllocateAligned<std::int32_t>(size);
+    if (!memory) throw std::bad_alloc();
+    room = size;
+  }
+  return memory.get();
+}
+
 // What is added to with every block lies side by side: it goes to the first cache and back each time.
 class Strips {
  public:
   Strips(const ByteBlock& block, const ByteWeights& weights)
-      : grid(block, weights.row_group),
-        parts_(weights.parts.size()),
-        memory_(hwy::AllocateAligned<std::int32_t>(size())) {
-    std::fill_n(memory_.get(), size(), 0);
+      : grid(block, weights.row_group), parts_(weights.parts.size()), memory_(kept_memory(size())) {
+    std::fill_n(memory_, size(), 0);
   }
 
   const StripGrid grid;
 
   [[nodiscard]] HWY_INLINE Strip at(std::size_t i) {
-    std::int32_t* sums = memory_.get() + i * per_strip();
+    std::int32_t* sums = memory_ + i * per_strip();
     std::int32_t* totals = sums + (parts_ + 1) * kPerSum;
     return {sums, reinterpret_cast<std::uint16_t*>(totals), reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
   }
   // Totals of strip i in 32 bits.
-  [[nodiscard]] std::int32_t* totals(std::size_t i) { return memory_.get() + grid.count() * per_strip() + i * kPerSum; }
+  [[nodiscard]] std::int32_t* totals(std::size_t i) { return memory_ + grid.count() * per_strip() + i * kPerSum; }
   [[nodiscard]] std::int32_t* spare() { return totals(grid.count()); }
 
  private:
@@ -365,7 +377,7 @@ class Strips {
   [[nodiscard]] std::size_t per_strip() const { return (parts_ + 2) * kPerSum + kPerSum / kVectors; }
 
   std::size_t parts_;
-  hwy::AlignedFreeUniquePtr<std::int32_t[]> memory_;
+  std::int32_t* memory_;
 };
 
 // What the pairs of a slice are added to: squares, totals and the outputs of one tone, the first of either kind

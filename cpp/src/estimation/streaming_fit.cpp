@@ -174,9 +174,9 @@ std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const s
   return made;
 }
 
-Projection StreamingFit::sums(const AnyFramesView& frames, std::size_t frame, std::size_t first,
-                              std::size_t count) const {
-  return project(frames, frame, first, count, weights_);
+void StreamingFit::add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+                          Projection& to) const {
+  project(frames, frame, first, count, weights_, to);
 }
 
 void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count,

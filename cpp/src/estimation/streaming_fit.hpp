@@ -30,8 +30,8 @@ class StreamingFit {
   [[nodiscard]] bool well_posed() const { return well_posed_; }
 
   // The pass over the pixels of columns [first, first + count).
-  [[nodiscard]] Projection sums(const AnyFramesView& frames, std::size_t frame, std::size_t first,
-                                std::size_t count) const;
+  void add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+              Projection& to) const;
 
   struct Columns {
     std::vector<double> parameters;      // (1 + 2·tones, count): c, a_1, b_1, …, in DN as stored

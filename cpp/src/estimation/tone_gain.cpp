@@ -379,6 +379,15 @@ Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& colu
           {fit.covariance(0, 0), fit.covariance(a, a), fit.covariance(a + 1, a + 1), fit.covariance(0, a)}};
 }
 
+// Memory of a thread, kept from call to call: the C library may give it back to the system after every one, and taking
+// it anew then takes longer than the arithmetic (four tones in 80 rows: 125 instead of 55 µs).
+struct StreamMemory {
+  Projection sums;
+  StreamingFit::Columns columns;
+  std::vector<Flags> of_pixels;
+  std::vector<double> remarks;
+};
+
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
                   const ToneGainView& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
@@ -393,10 +402,9 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * width;
     const std::size_t count = std::min(width, context.shape.columns - first);
-    const Projection sums = fit.sums(frames, frame, first, count);
-    StreamingFit::Columns columns;
-    std::vector<Flags> of_pixels;
-    std::vector<double> remarks;
+    thread_local StreamMemory memory;
+    auto& [sums, columns, of_pixels, remarks] = memory;
+    fit.add_up(frames, frame, first, count, sums);
     for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
       const std::size_t here = std::min(kColumnsAtOnce, count - done);
       fit.estimate(sums, bytes, done, here, columns);

@@ -88,6 +88,9 @@ struct Projection {
 // One streaming pass along rows in memory order. Bit by bit the same for every split of the columns.
 Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
                    const RowWeights& weights);
+// The same in place of `result`: one for many calls spares their memory.
+void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+             const RowWeights& weights, Projection& result);
 
 // The plain loop that the kernels are held against; bytes are multiplied with byte_weights().
 Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
