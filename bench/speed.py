@@ -157,7 +157,7 @@ def choose_once(halves: np.ndarray) -> list[Any]:
 
 def two_threads(seconds: float) -> Iterator[Figure]:
     """One thread over two where arithmetic is the limit, and two threads against reading with two where memory is."""
-    small = np.ascontiguousarray(pool()[:8])  # 16 MB: in the cache of the last level, and long beside starting a thread
+    small = np.broadcast_to(pool()[0], (32, ROWS, COLUMNS))  # in the caches, and long beside starting a thread
     one, two = gains(FOUR, 1.0), gains(FOUR, 1.0, threads=2)
     if not np.array_equal(one(small), two(small), equal_nan=True):
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")
@@ -179,7 +179,7 @@ def two_threads(seconds: float) -> Iterator[Figure]:
         lone = in_turn(_core.read_bytes, read, stacks, seconds, (9, 200))
         yield figure_of("reading with one thread / two", lone)
         yield figure_of(
-            "arithmetic alone (best_exposure), one thread / two: what the processors give",
+            "arithmetic alone (best_exposure in threads of Python), one thread / two",
             in_turn(choose_once, lambda halves: list(workers.map(choose, halves)), [HALVES], seconds, (9, 200)),
         )
 
