@@ -119,8 +119,8 @@ HWY_INLINE Direction direction_of(Vector x, Vector y, Vector length) {
   const Vector reciprocal = hn::Div(constant(1), hn::Mul(along, length));
   const Vector t = hn::Mul(hn::Mul(beside, length), reciprocal);
   const Vector square = hn::Mul(t, t), fourth = hn::Mul(square, square);
-  Vector added = constant(1.0 / 21),
-         taken_off = constant(1.0 / 19);  // every second term: neither sum waits for the other
+  // Every second term is added, the others are taken off: neither sum waits for the other.
+  Vector added = constant(1.0 / 21), taken_off = constant(1.0 / 19);
   for (int n = 17; n > 0; n -= 4) added = hn::MulAdd(added, fourth, constant(1.0 / n));
   for (int n = 15; n > 0; n -= 4) taken_off = hn::MulAdd(taken_off, fourth, constant(1.0 / n));
   const Vector series = hn::NegMulAdd(square, taken_off, added);

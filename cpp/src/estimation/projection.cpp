@@ -171,15 +171,16 @@ void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, 
                        });
 }
 
+// What is there already stays as it is.
 void make_room(std::size_t outputs, std::size_t count, Projection& result) {
   result.sums.resize(outputs * count);
-  for (UnclearedDoubles* moments : {&result.totals, &result.squares, &result.maximum}) moments->resize(count);
+  for (std::vector<double>* moments : {&result.totals, &result.squares, &result.maximum}) moments->resize(count);
 }
 
 void clear(std::size_t outputs, std::size_t count, Projection& result) {
-  make_room(outputs, count, result);
-  for (UnclearedDoubles* values : {&result.sums, &result.totals, &result.squares}) std::ranges::fill(*values, 0.0);
-  std::ranges::fill(result.maximum, -std::numeric_limits<double>::infinity());
+  result.sums.assign(outputs * count, 0.0);
+  for (std::vector<double>* moments : {&result.totals, &result.squares}) moments->assign(count, 0.0);
+  result.maximum.assign(count, -std::numeric_limits<double>::infinity());
 }
 
 kernels::ProjectionSums sums_of(Projection& result) {
@@ -187,7 +188,7 @@ kernels::ProjectionSums sums_of(Projection& result) {
 }
 
 // From sums of parts, which are whole numbers and exact, to those of outputs, in place; the smallest limb first.
-void join_limbs(const RowWeights& weights, std::size_t count, UnclearedDoubles& sums) {
+void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double>& sums) {
   const std::span units = weights.units();
   const std::size_t limbs = units.size() / weights.outputs();
   for (std::size_t o = 0; o < weights.outputs(); ++o) {

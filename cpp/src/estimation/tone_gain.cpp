@@ -126,12 +126,12 @@ bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
 }
 
 // Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
-// `first` in the result on. of_pixels: (columns,), flags beside the tone's. remarks: memory to use.
+// `first` in the result on. of_pixels: (columns,), flags beside the tone's.
 void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
-                  std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result,
-                  std::vector<double>& remarks) {
+                  std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result) {
   const std::size_t count = estimates.mean.size();
   const Variances& variances = estimates.variances;
+  thread_local std::vector<double> remarks;  // kept from call to call, as StreamMemory is
   remarks.resize(count);
   const bool any = kernels::gains_of_fit(
       {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
@@ -385,7 +385,6 @@ struct StreamMemory {
   Projection sums;
   StreamingFit::Columns columns;
   std::vector<Flags> of_pixels;
-  std::vector<double> remarks;
 };
 
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
@@ -403,7 +402,7 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
     const std::size_t first = block % blocks * width;
     const std::size_t count = std::min(width, context.shape.columns - first);
     thread_local StreamMemory memory;
-    auto& [sums, columns, of_pixels, remarks] = memory;
+    auto& [sums, columns, of_pixels] = memory;
     fit.add_up(frames, frame, first, count, sums);
     for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
       const std::size_t here = std::min(kColumnsAtOnce, count - done);
@@ -415,7 +414,7 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
       for (std::size_t i = 0; i < here; ++i) of_pixels[i] = sums.maximum[done + i] >= level ? flag::saturated : 0;
       for (std::size_t k = 0; k < context.tones.size(); ++k)
         write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), of_pixels,
-                     index_of(context, k, frame) + first + done, result, remarks);
+                     index_of(context, k, frame) + first + done, result);
     }
   });
 }
@@ -502,7 +501,6 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto estimates = estimator->estimate(column_signals(frames, frame, first, count, camera.tone_curve));
     std::vector<Flags> of_pixels(count);
-    std::vector<double> remarks;
     for (std::size_t i = 0; i < count; ++i)
       of_pixels[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames)
                          ? flag::saturated
@@ -510,7 +508,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
       write_result(context, context.tones[k], estimates[k].view(), of_pixels, index_of(context, k, frame) + first,
-                   result, remarks);
+                   result);
     }
   });
 }
@@ -532,12 +530,10 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
     auto estimates = estimator->estimate(pooled.signal);
-    std::vector<double> remarks;
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       estimates[k].mean[0] -= pooled.background;
       write_result(context, context.tones[k], estimates[k].view(),
-                   std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame, result,
-                   remarks);
+                   std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame, result);
     }
   });
 }

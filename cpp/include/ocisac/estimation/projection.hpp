@@ -3,10 +3,8 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "ocisac/views.hpp"
@@ -59,30 +57,12 @@ class RowWeights {
   std::size_t even_parts_ = 0;
 };
 
-// std::allocator that leaves numbers without a value as they are: what is written once need not be cleared first.
-template <class T>
-struct UnclearedAllocator : std::allocator<T> {
-  template <class U>
-  struct rebind {
-    using other = UnclearedAllocator<U>;
-  };
-  template <class U>
-  void construct(U* at) noexcept {
-    ::new (static_cast<void*>(at)) U;
-  }
-  template <class U, class... Arguments>
-  void construct(U* at, Arguments&&... arguments) {
-    ::new (static_cast<void*>(at)) U(std::forward<Arguments>(arguments)...);
-  }
-};
-using UnclearedDoubles = std::vector<double, UnclearedAllocator<double>>;
-
 // What a pass over columns [first, first + count) of one frame brings, dense.
 struct Projection {
-  UnclearedDoubles sums;     // (outputs × count): Σ_j weight(output, j)·s(j, column), s: sum of a group of rows
-  UnclearedDoubles totals;   // (count,): Σ_j s(j, column)
-  UnclearedDoubles squares;  // (count,): Σ_j s(j, column)²
-  UnclearedDoubles maximum;  // (count,): largest sample of a column
+  std::vector<double> sums;     // (outputs × count): Σ_j weight(output, j)·s(j, column), s: sum of a group of rows
+  std::vector<double> totals;   // (count,): Σ_j s(j, column)
+  std::vector<double> squares;  // (count,): Σ_j s(j, column)²
+  std::vector<double> maximum;  // (count,): largest sample of a column
 };
 
 // One streaming pass along rows in memory order. Bit by bit the same for every split of the columns.
