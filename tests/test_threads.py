@@ -1,6 +1,8 @@
 """Every public function from eight threads at once: the results are those of one thread."""
 
 import dataclasses
+import os
+import subprocess
 import sys
 import sysconfig
 import threading
@@ -177,6 +179,32 @@ def test_an_object_that_threads_share_takes_one_call_at_a_time():
     with ThreadPoolExecutor(THREADS) as pool:
         numbers = [number for numbers in pool.map(push, range(THREADS)) for number in numbers]
     assert sorted(numbers) == list(range(3 * THREADS))
+
+
+FORKED = """
+import multiprocessing
+
+import numpy as np
+
+import ocisac_fast as ocisac
+
+frames = np.random.default_rng(1).integers(0, 256, (8, 720, 64), dtype=np.uint8)
+
+
+def gains(_):
+    return ocisac.tone_gain(frames, ocisac.Camera(22.2e-6, 1e-4), 500.0, threads=2).gain
+
+
+before = gains(0)
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    for after in pool.map(gains, range(6), chunksize=1):
+        assert np.array_equal(after, before)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_forked_child_computes_in_threads_too():
+    subprocess.run([sys.executable, "-c", FORKED], check=True, timeout=120)
 
 
 @pytest.mark.skipif(not sysconfig.get_config_var("Py_GIL_DISABLED"), reason="this Python has a lock of its own")

@@ -52,11 +52,11 @@ py::tuple project_once(const py::array& columns, const Weights& weights, int row
   return project_frame(columns, row_weights(weights, static_cast<std::size_t>(columns.shape(0)), row_group, limbs));
 }
 
-std::uint64_t read_array(const py::array_t<std::uint8_t>& array) {
+std::uint64_t read_array(const py::array_t<std::uint8_t>& array, int threads) {
   require((array.flags() & py::array::c_style) != 0, "array", "strides", "dense bytes");
   const std::span bytes(array.data(), static_cast<std::size_t>(array.size()));
   const py::gil_scoped_release unlocked;
-  return read_bytes(bytes);
+  return read_bytes(bytes, threads);
 }
 
 }  // namespace
@@ -66,7 +66,7 @@ void register_projection(py::module_& module) {
       .def(py::init(&row_weights), py::arg("weights"), py::arg("rows"), py::arg("row_group"), py::arg("limbs"));
   module.def("project", &project_frame, py::arg("columns"), py::arg("weights"));
   module.def("project", &project_once, py::arg("columns"), py::arg("weights"), py::arg("row_group"), py::arg("limbs"));
-  module.def("read_bytes", &read_array, py::arg("array").noconvert());
+  module.def("read_bytes", &read_array, py::arg("array").noconvert(), py::arg("threads") = 1);
   module.def("force_simd_target", &force_simd_target, py::arg("name"));
 }
 

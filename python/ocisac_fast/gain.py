@@ -82,7 +82,7 @@ def tone_gain(
             the fit in float64 to a thousandth of ``gain_std`` (weights for bytes have 13 bits or more: 1e-7 of the
             variance), uint16 to 1e-8. Floats at 1, tone curves, less than a cycle in the frame and tangled tones are
             fitted in float64, many times slower; bytes converted to float64 are a way to ask for that.
-        threads: threads to use, 1 or more; the result does not depend on it.
+        threads: to use at most, 1 to 1024, and never more than processors; the result does not depend on it.
         pooled: combine the columns of a frame into one first, weighted by brightness, without saturated columns.
 
     Returns:

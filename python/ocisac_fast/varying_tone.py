@@ -67,7 +67,7 @@ def varying_tone_gain(
         waveform: ``"tone"``, or ``"square"``: with its harmonics below half the row rate.
         duty: share of the period in which the square wave is bright, inside (0, 1).
         background: light that is not the source's, DN above dark: one value, or (columns,) or (frames, columns).
-        threads: threads to use, 1 or more; the result does not depend on it.
+        threads: to use at most, 1 to 1024, and never more than processors; the result does not depend on it.
 
     Returns:
         :class:`VaryingToneGain`. Values that cannot be told are NaN and flagged: UNRESOLVABLE where the rows are too

@@ -28,6 +28,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNearNull = 0.05;               // |sinc| below which a gain is called near a null
 constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory is read best along rows
+constexpr std::size_t kColumnsPerPart = 512;     // where threads share one
 constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
 constexpr std::size_t kColumnsAtOnce = 256;      // from sums to gains: few enough for the first cache
 
@@ -387,20 +388,31 @@ struct StreamMemory {
   std::vector<Flags> of_pixels;
 };
 
+// Columns that are done in one go.
+struct Piece {
+  std::size_t frame, first, count;
+};
+
+// Whole frames, whose rows are read best; the last one of each thread in parts, so that all end together. The numbers
+// do not depend on it.
+std::vector<Piece> pieces_of(const Shape& shape, int threads) {
+  std::vector<Piece> pieces;
+  for (std::size_t frame = 0; frame < shape.frames; ++frame) {
+    const bool last = threads > 1 && frame + static_cast<std::size_t>(threads) >= shape.frames;
+    const std::size_t width = last ? kColumnsPerPart : kColumnsPerStream;
+    for (std::size_t first = 0; first < shape.columns; first += width)
+      pieces.push_back({frame, first, std::min(width, shape.columns - first)});
+  }
+  return pieces;
+}
+
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
                   const ToneGainView& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
   const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
-  // Whole rows are read faster; threads that have less than two frames each share them in halves. The numbers do not
-  // depend on it.
-  const bool halves =
-      context.options->threads > 1 && context.shape.frames < 2 * static_cast<std::size_t>(context.options->threads);
-  const std::size_t width = halves ? kColumnsPerStream / 2 : kColumnsPerStream;
-  const std::size_t blocks = (context.shape.columns + width - 1) / width;
-  for_each_block(context.shape.frames * blocks, context.options->threads, [&](std::size_t block) {
-    const std::size_t frame = block / blocks;
-    const std::size_t first = block % blocks * width;
-    const std::size_t count = std::min(width, context.shape.columns - first);
+  const auto pieces = pieces_of(context.shape, context.options->threads);
+  for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
+    const auto [frame, first, count] = pieces[block];
     thread_local StreamMemory memory;
     auto& [sums, columns, of_pixels] = memory;
     fit.add_up(frames, frame, first, count, sums);

@@ -24,7 +24,7 @@ struct ToneGainOptions {
   double duty = 0.5;                             // of the square wave, inside (0, 1)
   std::span<const double> background;            // DN above dark: empty (0), one value, or (frames × columns)
   double efficiency = 1;                         // least share of the fit's efficiency to keep, (0, 1]
-  int threads = 1;
+  int threads = 1;                               // at most: see for_each_block in parallel.hpp
 };
 
 // Arrays (tones × frames × columns), dense. Values that cannot be told are NaN and flagged.
