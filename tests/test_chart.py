@@ -92,10 +92,11 @@ def test_projection_of_a_frame_is_the_matrix_product():
         _core.project(frame, weights, 3, 1)
 
 
-@pytest.mark.parametrize("size", [0, 1, 63, 4097])
+@pytest.mark.parametrize("size", [0, 1, 63, 4097, 3_000_000])
 def test_reading_adds_every_byte(size):
     values = np.random.default_rng(6).integers(0, 256, size, dtype=np.uint8)
-    assert _core.read_bytes(values) == int(values.sum(dtype=np.int64))
+    for threads in (1, 3):
+        assert _core.read_bytes(values, threads) == int(values.sum(dtype=np.int64))
     with pytest.raises(ValueError, match="array: got strides"):
         _core.read_bytes(np.zeros(20, np.uint8)[::2])
 
