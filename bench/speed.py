@@ -18,21 +18,17 @@ for _library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):  # one thread; read when Nu
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
 import argparse
-import contextlib
 import dataclasses
 import functools
-import hashlib
 import importlib.util
 import json
-import statistics
 import sys
-import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from peers import PEERS
+from processors import in_turn_on_two
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, best_exposure, integrate_exposure, reference, tone_gain
 from ocisac_fast.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn
@@ -41,6 +37,7 @@ ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
 CAMERA = Camera(ROW_TIME)
 SLOW, FAST = 12, 37  # cycles in the frame: f T_r = 0.011 (500 Hz) and 0.034
 FOUR = (12, 37, 61, 90)
+TWO_CORES = 1.7  # what the second processor of two cores gains at least
 GAIN_TOLERANCE = 1e-3  # a standard error; weights of a cheaper plan see other noise
 
 
@@ -145,51 +142,6 @@ def four_tones(seconds: float) -> Iterator[Figure]:
         yield figure_of(f"four tones / one, efficiency {efficiency:g}", timing, 2.0)
 
 
-WHOLE_PROCESSORS = 1.7  # gain by a second one
-
-
-def seconds_of(call: Callable[[], object]) -> float:
-    """Seconds of a call."""
-    begin = time.perf_counter()
-    call()
-    return time.perf_counter() - begin
-
-
-def seconds_on(processors: set[int], call: Callable[[], object]) -> float:
-    """Seconds of a call that begins on one of these."""
-    os.sched_setaffinity(0, processors)
-    return seconds_of(call)
-
-
-def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
-    """What one more processor adds to arithmetic that needs no memory: hashes by each alone over hashes by both."""
-    work = functools.partial(seconds_of, functools.partial(hashlib.sha256, bytes(1 << 22)))
-    alone = [worker.submit(work).result() for worker in workers]
-    together = [future.result() for future in [worker.submit(work) for worker in workers]]
-    return sum(a / b for a, b in zip(alone, together, strict=True))
-
-
-def on_two_processors(one: Callable[[], object], two: Callable[[], object], seconds: float) -> np.ndarray:
-    """(rounds, 3): seconds with one thread, with two, and what the processors gain at that time.
-
-    One thread counts at the mean rate of both processors: on a shared host these differ, by what other guests do to
-    the cores behind them; up to 1.4 was seen.
-    """
-    everywhere = os.sched_getaffinity(0)
-    rounds = []
-    end = time.perf_counter() + seconds
-    with contextlib.ExitStack() as stack:
-        workers = [
-            stack.enter_context(ThreadPoolExecutor(1, initializer=os.sched_setaffinity, initargs=(0, {processor})))
-            for processor in sorted(everywhere)[:2]
-        ]
-        while len(rounds) < 9 or time.perf_counter() < end:
-            each = [seconds_on({processor}, one) for processor in sorted(everywhere)[:2]]
-            together = seconds_on(everywhere, two)
-            rounds.append((statistics.harmonic_mean(each), together, gain_of_processors(workers)))
-    return np.array(rounds)
-
-
 def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
     """One thread over two where arithmetic is the limit.
 
@@ -204,8 +156,8 @@ def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
     if not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2:
         yield figure_of(name, in_turn(one, two, [small], seconds, (9, 400)), 1.8, at_most=False)
         return
-    rounds = on_two_processors(lambda: one(small), lambda: two(small), 4 * seconds)
-    whole = rounds[:, 2] >= WHOLE_PROCESSORS
+    rounds = in_turn_on_two(lambda: one(small), lambda: two(small), 4 * seconds)
+    whole = rounds[:, 2] >= TWO_CORES
     counted = rounds[whole] if np.sum(whole) >= 9 else rounds
     yield figure_of(name, Timing.of(*counted[:, :2].T.tolist()), 1.8, at_most=False)
     yield figure_of("  in all rounds", Timing.of(*rounds[:, :2].T.tolist()))
