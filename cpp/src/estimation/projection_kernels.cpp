@@ -184,6 +184,7 @@ constexpr std::size_t kSlices = kWide ? 1 : 2, kPerSlice = kVectors / kSlices;
 // images and the differences. Lane i of block b (of 128 bits) of vector v is column 16·b + 4·v + i of the strip, v
 // counted through all slices.
 struct Pairs {
+  HWY_INLINE Pairs() {}  // the implicit one is not for the target: GCC for Arm refuses to inline the vectors' own
   Pair16 sums[kPerSlice];
   Pair16 differences[kPerSlice];
 };
@@ -435,11 +436,12 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
 template <std::size_t kOutputs, bool kDifferences>
 HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
                             std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
+  const std::size_t count = pairs.size();
   Sum32 out[kOutputs][kPerSlice];
   for (std::size_t o = 0; o < kOutputs; ++o)
     for (std::size_t v = 0; v < kPerSlice; ++v) out[o][v] = hn::Load(d32, sums + o * kPerSum + v * hn::Lanes(d32));
 #pragma GCC unroll 1
-  for (std::size_t p = 0; p < pairs.size(); ++p)
+  for (std::size_t p = 0; p < count; ++p)
     for (std::size_t o = 0; o < kOutputs; ++o) {
       const Pair16 weight = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
       for (std::size_t v = 0; v < kPerSlice; ++v)
