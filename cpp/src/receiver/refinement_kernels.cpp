@@ -1,7 +1,6 @@
 #include "receiver/refinement_kernels.hpp"
 
 #include <algorithm>
-#include <array>
 #include <numbers>
 
 #undef HWY_TARGET_INCLUDE
@@ -93,6 +92,10 @@ void Logarithms64(const double* light, std::size_t count, double floor, double* 
 struct Moments {
   Doubles real[3], imaginary[3];
 
+  HWY_INLINE Moments() {
+    for (int q = 0; q < 3; ++q) real[q] = imaginary[q] = hn::Zero(DoubleTag());
+  }
+
   HWY_INLINE void add(Doubles x, Doubles m, Doubles re, Doubles im) {
     auto a = hn::Mul(x, re), b = hn::Mul(x, im);
     for (int q = 0; q < 3; ++q) {
@@ -106,10 +109,7 @@ struct Moments {
 HarmonicSums HarmonicSumsOf(const double* x, std::size_t blocks, const Turns& turns) {
   const hn::CappedTag<double, fine_turns> d;
   const std::size_t lanes = hn::Lanes(d);
-  const auto zero = hn::Zero(d);
-  std::array<Moments, most_harmonics> sums;
-  for (Moments& one : sums)
-    for (int q = 0; q < 3; ++q) one.real[q] = one.imaginary[q] = zero;
+  Moments sums[most_harmonics];
   for (std::size_t block = 0; block < blocks; ++block) {
     const auto c = hn::Set(d, turns.coarse_real[block]), s = hn::Set(d, turns.coarse_imaginary[block]);
     for (std::size_t k = 0; k < fine_turns; k += lanes) {
