@@ -133,7 +133,7 @@ deb: packages standalone
 # 64-bit Arm: library, tests and executable cross-built, run under qemu-user.
 arm64: packages
 	@echo '==> 64-bit Arm'
-	@scripts/system-packages device
+	@scripts/system-packages cross device
 	@scripts/arm64-sysroot
 	@cmake --preset aarch64 >/dev/null && cmake --build --preset aarch64 && ctest --preset aarch64
 
