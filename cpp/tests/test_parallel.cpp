@@ -85,7 +85,13 @@ TEST_CASE("blocks may be divided again") {
   for (const auto& count : counted) CHECK(count == 1);
 }
 
-TEST_CASE("a fork's child has helpers of its own, whatever its parent was doing") {
+#ifdef __SANITIZE_ADDRESS__
+constexpr bool kForkLosesLocks = true;  // its allocator's, where another thread held them (GCC 12)
+#else
+constexpr bool kForkLosesLocks = false;
+#endif
+
+TEST_CASE("a fork's child has helpers of its own, whatever its parent was doing" * doctest::skip(kForkLosesLocks)) {
   const std::jthread busy([](const std::stop_token& stop) {
     while (!stop.stop_requested()) turns(16, 4);
   });
