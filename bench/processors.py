@@ -10,32 +10,28 @@ import statistics
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 
-
-def seconds_of(call: Callable[[], object]) -> float:
-    """Seconds of a call."""
-    begin = time.perf_counter()
-    call()
-    return time.perf_counter() - begin
+from ocisac_fast.chart.measuring import seconds_of
 
 
-def seconds_on(processors: set[int], call: Callable[[], object]) -> float:
+def seconds_on(processors: set[int], call: Callable[[Any], object], item: Any) -> float:
     """Seconds of a call that begins on one of these."""
     os.sched_setaffinity(0, processors)
-    return seconds_of(call)
+    return seconds_of(call, item)
 
 
 def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
     """What one more processor adds to arithmetic that needs no memory: hashes by each alone over hashes by both."""
-    work = functools.partial(seconds_of, functools.partial(hashlib.sha256, bytes(1 << 22)))
+    work = functools.partial(seconds_of, hashlib.sha256, bytes(1 << 22))
     alone = [worker.submit(work).result() for worker in workers]
     together = [future.result() for future in [worker.submit(work) for worker in workers]]
     return sum(a / b for a, b in zip(alone, together, strict=True))
 
 
-def in_turn_on_two(one: Callable[[], object], two: Callable[[], object], seconds: float) -> np.ndarray:
+def in_turn_on_two(one: Callable[[Any], object], two: Callable[[Any], object], item: Any, seconds: float) -> np.ndarray:
     """(rounds, 3): seconds with one thread, with two, and what the processors gain at that time.
 
     One thread counts at the mean rate of both processors: on a shared host these differ, by what other guests do to
@@ -50,7 +46,7 @@ def in_turn_on_two(one: Callable[[], object], two: Callable[[], object], seconds
             for processor in sorted(everywhere)[:2]
         ]
         while len(rounds) < 9 or time.perf_counter() < end:
-            each = [seconds_on({processor}, one) for processor in sorted(everywhere)[:2]]
-            together = seconds_on(everywhere, two)
+            each = [seconds_on({processor}, one, item) for processor in sorted(everywhere)[:2]]
+            together = seconds_on(everywhere, two, item)
             rounds.append((statistics.harmonic_mean(each), together, gain_of_processors(workers)))
     return np.array(rounds)

@@ -156,7 +156,7 @@ def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
     if not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2:
         yield figure_of(name, in_turn(one, two, [small], seconds, (9, 400)), 1.8, at_most=False)
         return
-    rounds = in_turn_on_two(lambda: one(small), lambda: two(small), 4 * seconds)
+    rounds = in_turn_on_two(one, two, small, 4 * seconds)
     whole = rounds[:, 2] >= TWO_CORES
     counted = rounds[whole] if np.sum(whole) >= 9 else rounds
     yield figure_of(name, Timing.of(*counted[:, :2].T.tolist()), 1.8, at_most=False)
@@ -169,6 +169,8 @@ def two_threads_from_memory(seconds: float) -> Iterator[Figure]:
     """Two threads against reading with two."""
     stacks = list(pool().reshape(-1, 8, ROWS, COLUMNS))
     read = functools.partial(_core.read_bytes, threads=2)
+    if read(stacks[0]) != int(stacks[0].sum(dtype=np.uint64)):
+        raise SystemExit("speed.py: reading with two threads: another sum; not timed")
     both = gains(SLOW, 0.99, threads=2)
     if not np.array_equal(both(stacks[0]), gains(SLOW, 0.99)(stacks[0])):
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")

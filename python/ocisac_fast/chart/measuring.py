@@ -103,8 +103,8 @@ def in_turn(
     others: list[float] = []
     end = time.perf_counter() + seconds
     while len(times) < pairs[0] or (time.perf_counter() < end and len(times) < pairs[1]):
-        times.append(_seconds(call, next(following)))
-        others.append(_seconds(yardstick, next(following)))
+        times.append(seconds_of(call, next(following)))
+        others.append(seconds_of(yardstick, next(following)))
     return Timing.of(times, others)
 
 
@@ -126,11 +126,12 @@ def in_blocks(
     end = time.perf_counter() + seconds
     while len(times) < fewest or time.perf_counter() < end:
         for of, each in ((times, call), (others, yardstick)):
-            of.append(statistics.median([_seconds(each, next(following)) for _ in range(block)][block // 2 :]))
+            of.append(statistics.median([seconds_of(each, next(following)) for _ in range(block)][block // 2 :]))
     return Timing.of(times, others)
 
 
-def _seconds(call: Callable[[Any], object], item: Any) -> float:
+def seconds_of(call: Callable[[Any], object], item: Any) -> float:
+    """Seconds of one call."""
     began = time.perf_counter()
     call(item)
     return time.perf_counter() - began
