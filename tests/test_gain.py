@@ -152,6 +152,26 @@ def test_threads_do_not_change_a_bit():
         np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
 
 
+@given(
+    frames=st.integers(1, 5),
+    columns=st.sampled_from([1, 63, 257, 640, 1000, 2090, 4200]),
+    start=st.integers(0, 70),
+    threads=st.sampled_from([2, 3, 8]),
+    dtype=st.sampled_from(["uint8", "uint16"]),
+)
+@settings(deadline=None, max_examples=30)
+def test_threads_share_frames_of_any_width_wherever_they_begin(frames, columns, start, threads, dtype):
+    """They take whole frames and, at the end, parts that begin with a line of the cache: every column once."""
+    size = frames * 96 * columns
+    random = np.random.default_rng(size)
+    pixels = random.integers(0, 256, start + size).astype(dtype)[start:].reshape(frames, 96, columns)
+    one, many = (ocisac.tone_gain(pixels, Camera(1.0), 0.11, efficiency=0.9, threads=n) for n in (1, threads))
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
+    alone = ocisac.tone_gain(pixels[-1, :, -1], Camera(1.0), 0.11, efficiency=0.9)
+    assert one.gain[-1, -1] == alone.gain
+
+
 @pytest.mark.parametrize("frequency", [500.0, 0.034 / ROW_TIME])
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32", "float64"])
 @pytest.mark.parametrize("efficiency", [0.999999, 0.99, 0.9, 0.5])

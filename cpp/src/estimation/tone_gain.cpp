@@ -28,7 +28,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNearNull = 0.05;               // |sinc| below which a gain is called near a null
 constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory is read best along rows
-constexpr std::size_t kColumnsPerPart = 512;     // where threads share one
+constexpr std::size_t kColumnsPerPart = 256;     // at least, where threads share one
 constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
 constexpr std::size_t kColumnsAtOnce = 256;      // from sums to gains: few enough for the first cache
 
@@ -393,15 +393,37 @@ struct Piece {
   std::size_t frame, first, count;
 };
 
-// Whole frames, whose rows are read best; the last one of each thread in parts, so that all end together. The numbers
-// do not depend on it.
-std::vector<Piece> pieces_of(const Shape& shape, int threads) {
+constexpr std::size_t kLine = 64;  // bytes of a cache
+
+// Of the parts of a frame that threads share: halves, or as many as let every thread have one.
+std::size_t columns_per_part(const Shape& shape, std::size_t threads) {
+  const auto share = [](std::size_t of, std::size_t parts) { return (of + parts - 1) / parts; };
+  const std::size_t parts = std::max<std::size_t>(share(threads, std::max<std::size_t>(shape.frames, 1)), 2);
+  return std::max(share(share(shape.columns, parts), kLine) * kLine, kColumnsPerPart);
+}
+
+// Of a frame's first row, to where a line of a cache begins.
+std::size_t columns_before_line(const AnyFramesView& frames, std::size_t frame) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        const std::size_t past = reinterpret_cast<std::uintptr_t>(view.at(frame, 0, 0)) % kLine;
+        return view.column_stride == 1 ? (kLine - past) % kLine / sizeof(T) : 0;
+      },
+      frames);
+}
+
+// Whole frames, whose rows are read best; the last one of each thread in parts, so that all end together. A line that
+// lay in two parts would be read twice. The numbers do not depend on it.
+std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, std::size_t threads) {
   std::vector<Piece> pieces;
+  const std::size_t part = std::min(columns_per_part(shape, threads), kColumnsPerStream);
   for (std::size_t frame = 0; frame < shape.frames; ++frame) {
-    const bool last = threads > 1 && frame + static_cast<std::size_t>(threads) >= shape.frames;
-    const std::size_t width = last ? kColumnsPerPart : kColumnsPerStream;
-    for (std::size_t first = 0; first < shape.columns; first += width)
-      pieces.push_back({frame, first, std::min(width, shape.columns - first)});
+    const bool last = threads > 1 && frame + threads >= shape.frames;
+    std::size_t end = columns_before_line(frames, frame);
+    for (std::size_t first = 0; first < shape.columns; first = end) {
+      end = std::min(end + (last ? part : kColumnsPerStream), shape.columns);
+      pieces.push_back({frame, first, end - first});
+    }
   }
   return pieces;
 }
@@ -410,7 +432,7 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
                   const ToneGainView& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
   const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
-  const auto pieces = pieces_of(context.shape, context.options->threads);
+  const auto pieces = pieces_of(frames, context.shape, static_cast<std::size_t>(context.options->threads));
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];
     thread_local StreamMemory memory;
