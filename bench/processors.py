@@ -1,4 +1,4 @@
-"""One thread against two on processors that are not alike, and may be threads of one core."""
+"""Two threads on processors that are not alike, and may be threads of one core."""
 
 from __future__ import annotations
 
@@ -16,11 +16,30 @@ import numpy as np
 
 from ocisac_fast.chart.measuring import seconds_of
 
+TWO_CORES = 1.7  # what the second processor of two cores gains at least
 
-def seconds_on(processors: set[int], call: Callable[[Any], object], item: Any) -> float:
-    """Seconds of a call that begins on one of these."""
-    os.sched_setaffinity(0, processors)
-    return seconds_of(call, item)
+
+def two_processors() -> list[int]:
+    """The first two that this process may run on, or none where they cannot be told or are fewer."""
+    if not hasattr(os, "sched_setaffinity"):
+        return []
+    processors = sorted(os.sched_getaffinity(0))[:2]
+    return processors if len(processors) == 2 else []
+
+
+def one_and_two(one: Callable[[Any], object], two: Callable[[Any], object], item: Any) -> tuple[float, float]:
+    """Seconds with one thread and with two.
+
+    One thread counts at the mean rate of both processors: on a shared host these differ, by what other guests do to
+    the cores behind them; up to 1.4 was seen.
+    """
+    everywhere = os.sched_getaffinity(0)
+    each = []
+    for processor in two_processors():
+        os.sched_setaffinity(0, {processor})
+        each.append(seconds_of(one, item))
+    os.sched_setaffinity(0, everywhere)
+    return statistics.harmonic_mean(each), seconds_of(two, item)
 
 
 def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
@@ -31,22 +50,15 @@ def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
     return sum(a / b for a, b in zip(alone, together, strict=True))
 
 
-def in_turn_on_two(one: Callable[[Any], object], two: Callable[[Any], object], item: Any, seconds: float) -> np.ndarray:
-    """(rounds, 3): seconds with one thread, with two, and what the processors gain at that time.
-
-    One thread counts at the mean rate of both processors: on a shared host these differ, by what other guests do to
-    the cores behind them; up to 1.4 was seen.
-    """
-    everywhere = os.sched_getaffinity(0)
+def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
+    """(rounds, 3): the two times that `pair` measures, and what the second processor gains beside it."""
     rounds: list[tuple[float, float, float]] = []
     end = time.perf_counter() + seconds
     with contextlib.ExitStack() as stack:
         workers = [
             stack.enter_context(ThreadPoolExecutor(1, initializer=os.sched_setaffinity, initargs=(0, {processor})))
-            for processor in sorted(everywhere)[:2]
+            for processor in two_processors()
         ]
         while len(rounds) < 9 or time.perf_counter() < end:
-            each = [seconds_on({processor}, one, item) for processor in sorted(everywhere)[:2]]
-            together = seconds_on(everywhere, two, item)
-            rounds.append((statistics.harmonic_mean(each), together, gain_of_processors(workers)))
+            rounds.append((*pair(), gain_of_processors(workers)))
     return np.array(rounds)

@@ -28,16 +28,15 @@ from typing import Any
 
 import numpy as np
 from peers import PEERS
-from processors import in_turn_on_two
+from processors import TWO_CORES, one_and_two, rounds_on_two, two_processors
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, best_exposure, integrate_exposure, reference, tone_gain
-from ocisac_fast.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn
+from ocisac_fast.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
 CAMERA = Camera(ROW_TIME)
 SLOW, FAST = 12, 37  # cycles in the frame: f T_r = 0.011 (500 Hz) and 0.034
 FOUR = (12, 37, 61, 90)
-TWO_CORES = 1.7  # what the second processor of two cores gains at least
 GAIN_TOLERANCE = 1e-3  # a standard error; weights of a cheaper plan see other noise
 
 
@@ -142,27 +141,35 @@ def four_tones(seconds: float) -> Iterator[Figure]:
         yield figure_of(f"four tones / one, efficiency {efficiency:g}", timing, 2.0)
 
 
-def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
-    """One thread over two where arithmetic is the limit.
+def of_rounds_on_two_cores(
+    name: str, pair: Callable[[], tuple[float, float]], seconds: float, limit: float, at_most: bool
+) -> Iterator[Figure]:
+    """Ratio of the two times of a pair.
 
     The processors of a shared host may be threads of one core for seconds on end. Rounds count while a yardstick timed
     beside them finds two cores; where that is seldom, all count.
     """
+    rounds = rounds_on_two(pair, seconds)
+    whole = rounds[:, 2] >= TWO_CORES
+    counted = rounds[whole] if np.sum(whole) >= 9 else rounds
+    yield figure_of(name, Timing.of(*counted[:, :2].T.tolist()), limit, at_most)
+    yield figure_of("  in all rounds", Timing.of(*rounds[:, :2].T.tolist()))
+    yield Figure("  rounds on two cores", 100.0 * float(np.mean(whole)), "%")
+    yield Figure("  gain of hashing by the second processor, all rounds", float(np.median(rounds[:, 2])), "x")
+
+
+def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
+    """One thread over two where arithmetic is the limit."""
     small = np.broadcast_to(pool()[0], (32, ROWS, COLUMNS))
     one, two = gains(FOUR, 1.0), gains(FOUR, 1.0, threads=2)
     if not np.array_equal(one(small), two(small), equal_nan=True):
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")
     name = "one thread / two, four tones at 1, frames in cache"
-    if not hasattr(os, "sched_setaffinity") or len(os.sched_getaffinity(0)) < 2:
+    if two_processors():
+        pair = functools.partial(one_and_two, one, two, small)
+        yield from of_rounds_on_two_cores(name, pair, 4 * seconds, 1.8, at_most=False)
+    else:
         yield figure_of(name, in_turn(one, two, [small], seconds, (9, 400)), 1.8, at_most=False)
-        return
-    rounds = in_turn_on_two(one, two, small, 4 * seconds)
-    whole = rounds[:, 2] >= TWO_CORES
-    counted = rounds[whole] if np.sum(whole) >= 9 else rounds
-    yield figure_of(name, Timing.of(*counted[:, :2].T.tolist()), 1.8, at_most=False)
-    yield figure_of("  in all rounds", Timing.of(*rounds[:, :2].T.tolist()))
-    yield Figure("  rounds on two cores", 100.0 * float(np.mean(whole)), "%")
-    yield Figure("  gain of hashing by the second processor, all rounds", float(np.median(rounds[:, 2])), "x")
 
 
 def two_threads_from_memory(seconds: float) -> Iterator[Figure]:
@@ -174,8 +181,18 @@ def two_threads_from_memory(seconds: float) -> Iterator[Figure]:
     both = gains(SLOW, 0.99, threads=2)
     if not np.array_equal(both(stacks[0]), gains(SLOW, 0.99)(stacks[0])):
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")
-    timing = in_turn(both, read, stacks, seconds, (9, 200))
-    yield figure_of("gain / reading, two threads each, frames from memory", timing, 1.3)
+
+    def pair() -> tuple[float, float]:
+        half = len(stacks) // 2  # what one call read is out of the caches when the other comes to it
+        times = [(seconds_of(both, stacks[i]), seconds_of(read, stacks[i - half])) for i in range(len(stacks))]
+        mine, reading = np.median(times, axis=0)
+        return float(mine), float(reading)
+
+    name = "gain / reading, two threads each, frames from memory"
+    if two_processors():
+        yield from of_rounds_on_two_cores(name, pair, 4 * seconds, 1.3, at_most=True)
+    else:
+        yield figure_of(name, in_turn(both, read, stacks, seconds, (9, 200)), 1.3)
     yield figure_of("  reading with one thread / two", in_turn(_core.read_bytes, read, stacks, seconds, (9, 200)))
 
 
