@@ -769,6 +769,20 @@ HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit,
   }
 }
 
+// The same for the largest bytes of `columns` columns.
+template <bool kWrite>
+HWY_INLINE void raise_in_order(const std::uint8_t* HWY_RESTRICT from, double* HWY_RESTRICT to, std::size_t columns) {
+  const hn::ScalableTag<double> d_double;
+  const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
+  const hn::Rebind<std::uint8_t, decltype(d_double)> d_byte;
+  std::size_t c = 0;
+  for (; c + hn::Lanes(d_double) <= columns; c += hn::Lanes(d_double)) {
+    const auto bytes = hn::PromoteTo(d_double, hn::PromoteTo(d_int, hn::LoadU(d_byte, from + c)));
+    hn::StoreU(kWrite ? bytes : hn::Max(bytes, hn::LoadU(d_double, to + c)), d_double, to + c);
+  }
+  for (; c < columns; ++c) to[c] = std::max(kWrite ? 0 : to[c], static_cast<double>(from[c]));
+}
+
 // Of all outputs of a strip, in its first `count` columns, which lie at `first`.
 template <bool kWrite>
 void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const ByteWeights& weights, bool folded,
@@ -780,9 +794,7 @@ void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const By
   }
   add_in_order<kWrite>(from, folded ? 0.5 : 1, to.moments.squares + first, count);
   add_in_order<kWrite>(totals, 1, to.moments.totals + first, count);
-  double* maximum = to.moments.maximum + first;
-  for (std::size_t c = 0; c < count; ++c)
-    maximum[c] = std::max(kWrite ? 0 : maximum[c], static_cast<double>(strip.maximum[c]));
+  raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
 }
 
 void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
