@@ -178,23 +178,23 @@ def two_threads_from_memory(seconds: float) -> Iterator[Figure]:
     read = functools.partial(_core.read_bytes, threads=2)
     if read(stacks[0]) != int(stacks[0].sum(dtype=np.uint64)):
         raise SystemExit("speed.py: reading with two threads: another sum; not timed")
-    both = gains(SLOW, 0.99, threads=2)
-    if not np.array_equal(both(stacks[0]), gains(SLOW, 0.99)(stacks[0])):
-        raise SystemExit("speed.py: two threads: another result than one thread; not timed")
-
     half = len(stacks) // 2  # what one call read is out of the caches when the other comes to it
 
-    def pair() -> tuple[float, float]:
+    def pair(call: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
         """Medians of the second time through the stacks: after the yardstick it takes some ms to come to speed."""
-        times = [(seconds_of(both, stacks[i]), seconds_of(read, stacks[i - half])) for i in 2 * [*range(len(stacks))]]
+        times = [(seconds_of(call, stacks[i]), seconds_of(read, stacks[i - half])) for i in 2 * [*range(len(stacks))]]
         mine, reading = np.median(times[len(stacks) :], axis=0)
         return float(mine), float(reading)
 
-    name = "gain / reading, two threads each, frames from memory"
-    if two_processors():
-        yield from of_rounds_on_two_cores(name, pair, 4 * seconds, 1.3, at_most=True)
-    else:
-        yield figure_of(name, in_turn(both, read, stacks, seconds, (9, 200)), 1.3)
+    for efficiency in (0.99, 1.0):
+        both = gains(SLOW, efficiency, threads=2)
+        if not np.array_equal(both(stacks[0]), gains(SLOW, efficiency)(stacks[0])):
+            raise SystemExit("speed.py: two threads: another result than one thread; not timed")
+        name = f"gain / reading, two threads each, frames from memory, efficiency {efficiency:g}"
+        if two_processors():
+            yield from of_rounds_on_two_cores(name, functools.partial(pair, both), 4 * seconds, 1.3, at_most=True)
+        else:
+            yield figure_of(name, in_turn(both, read, stacks, seconds, (9, 200)), 1.3)
     yield figure_of("  reading with one thread / two", in_turn(_core.read_bytes, read, stacks, seconds, (9, 200)))
 
 
