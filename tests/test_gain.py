@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Flag, reference
+from ocisac_fast import Camera, Flag, _core, reference
 
 ROW_TIME = 22.2e-6
 FIELDS = ("gain", "gain_std", "phase", "mean", "snr")
@@ -190,6 +190,25 @@ def test_efficiency_is_kept_without_bias(frequency, dtype, efficiency):
     np.testing.assert_allclose(fast.mean, full.mean, atol=2e-2)
     np.testing.assert_allclose(fast.phase, full.phase, atol=2e-2)
     np.testing.assert_array_equal(fast.flags, full.flags)
+
+
+@pytest.mark.parametrize("target", _core.simd_targets())
+def test_rows_are_added_only_where_that_is_faster(target):
+    """Not for one tone in bytes with vectors as wide as a line of a cache; for two, and in wider samples, they are."""
+    pixels = np.rint(tone_columns(1080, 0.01, 40, noise=2.0)).astype(np.uint8)
+    wide = target.startswith("AVX3")
+
+    def rows_are_added(frequency, columns):
+        full, fast = (ocisac.tone_gain(columns, Camera(1.0), frequency, efficiency=e).gain for e in (1.0, 0.99))
+        return not np.allclose(full, fast, rtol=1e-9, atol=0)
+
+    try:
+        _core.force_simd_target(target)
+        assert rows_are_added(0.01, pixels) == (not wide)
+        assert rows_are_added([0.01, 0.017], pixels)
+        assert rows_are_added(0.01, pixels.astype(np.uint16))
+    finally:
+        _core.force_simd_target("")
 
 
 def test_where_no_rows_may_be_added_the_streaming_fit_is_the_full_one():

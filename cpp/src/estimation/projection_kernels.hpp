@@ -72,4 +72,7 @@ std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);
 // The target whose code really runs.
 const char* target_name();
 
+// Whether its vectors are as wide as a line of a cache.
+bool has_wide_vectors();
+
 }  // namespace ocisac::kernels

@@ -97,19 +97,19 @@ bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
 
 }  // namespace
 
-StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency)
+StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows)
     : estimates_(1 + 2 * cycles_per_row.size()), weights_(std::vector<double>(rows), 1, rows, 1, 1) {
-  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency);
+  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency, add_rows);
 }
 
-void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency) {
+void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows) {
   const Candidate all_rows = candidate(rows, cycles_per_row, 1);
   flags_ = all_rows.flags;
   const Flags hard = flag::few_cycles | flag::unresolvable | flag::ill_conditioned;
   well_posed_ = std::ranges::none_of(flags_, [](Flags flags) { return (flags & hard) != 0; });
   if (!well_posed_) return;
   for (const int row_group : {8, 4, 2}) {
-    if (!may_keep(efficiency, cycles_per_row, row_group)) continue;
+    if (!add_rows || !may_keep(efficiency, cycles_per_row, row_group)) continue;
     if (rows / static_cast<std::size_t>(row_group) <= 2 * estimates_) continue;
     const Candidate sums = candidate(rows, cycles_per_row, row_group);
     if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
@@ -141,6 +141,7 @@ namespace {
 struct PlanKey {
   std::size_t rows;
   double efficiency;
+  bool add_rows;
   std::vector<double> cycles_per_row;
   bool operator==(const PlanKey&) const = default;
 };
@@ -155,10 +156,10 @@ constexpr std::size_t kKeptPlans = 32;
 }  // namespace
 
 std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
-                                                       double efficiency) {
+                                                       double efficiency, bool add_rows) {
   static std::mutex mutex;
   static std::list<KeptPlan> kept;  // the last used first
-  const PlanKey key{rows, efficiency, cycles_per_row};
+  const PlanKey key{rows, efficiency, add_rows, cycles_per_row};
   {
     const std::lock_guard lock(mutex);
     const auto found = std::ranges::find(kept, key, &KeptPlan::key);
@@ -167,7 +168,7 @@ std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const s
       return found->plan;
     }
   }
-  auto made = std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency);
+  auto made = std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, add_rows);
   const std::lock_guard lock(mutex);
   kept.push_front({key, made});
   if (kept.size() > kKeptPlans) kept.pop_back();

@@ -362,7 +362,9 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   for (const Tone& tone : context.tones)
     for (const int harmonic : harmonics_of(context, tone))
       if (harmonic != 1) cycles.push_back(harmonic * tone.cycles_per_row);
-  auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency);
+  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
+  const bool add_rows = !bytes || added_rows_are_faster(2 * cycles.size());
+  auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency, add_rows);
   if (!fit->well_posed()) return nullptr;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
