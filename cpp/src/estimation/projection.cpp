@@ -294,8 +294,6 @@ Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::
       frames);
 }
 
-bool added_rows_are_faster(std::size_t outputs) { return outputs > 2 || !kernels::has_wide_vectors(); }
-
 std::vector<std::string> simd_targets() {
   std::vector<std::string> names;
   for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets)

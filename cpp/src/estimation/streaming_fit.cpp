@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "estimation/gain_kernel.hpp"
+#include "estimation/projection_kernels.hpp"
 #include "ocisac/estimation/harmonic_model.hpp"
 
 namespace ocisac {
@@ -153,12 +154,17 @@ struct KeptPlan {
 
 constexpr std::size_t kKeptPlans = 32;
 
+// In a pass over bytes: not with AVX-512 and one tone, where single rows are read and weighted as fast, and two threads
+// read them faster (bench/README.md).
+bool added_rows_are_faster(std::size_t tones) { return tones > 1 || !kernels::has_wide_vectors(); }
+
 }  // namespace
 
 std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
-                                                       double efficiency, bool add_rows) {
+                                                       double efficiency, bool bytes) {
   static std::mutex mutex;
   static std::list<KeptPlan> kept;  // the last used first
+  const bool add_rows = !bytes || added_rows_are_faster(cycles_per_row.size());
   const PlanKey key{rows, efficiency, add_rows, cycles_per_row};
   {
     const std::lock_guard lock(mutex);

@@ -20,11 +20,12 @@ class StreamingFit {
   // Takes the largest D of 8, 4, 2, 1 that keeps the share `efficiency` of what the fit of all rows reaches, for every
   // tone: ratio of the variances of the amplitude; without `add_rows`, 1. Weights for bytes are rounded to 13 bits or
   // more; the estimate stays unbiased and its variance grows by less than 10⁻⁷.
-  StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows = true);
+  StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows);
 
-  // The same, made once and kept for the next calls (the 32 last used).
+  // The fastest of these for passes over bytes or other samples, made once and kept for the next calls (the 32 last
+  // used).
   static std::shared_ptr<const StreamingFit> plan(std::size_t rows, const std::vector<double>& cycles_per_row,
-                                                  double efficiency, bool add_rows = true);
+                                                  double efficiency, bool bytes);
 
   // Whether there are rows to spare and no tone is lost, slower than the frame or tangled with another.
   [[nodiscard]] bool well_posed() const { return well_posed_; }

@@ -348,6 +348,8 @@ void check_room(const ToneGainView& result, std::size_t size) {
   require(result.flags.size() == size, "result", result.flags.size(), "tones × frames × columns flags");
 }
 
+bool holds_bytes(const AnyFramesView& frames) { return std::holds_alternative<FramesView<const std::uint8_t>>(frames); }
+
 // The plan of a pass over the pixels themselves, where that answers as well as the fit of signals of linear light in
 // float64 does; null otherwise. At full efficiency floats are left to the latter, which is exact in its residual too.
 std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
@@ -362,9 +364,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   for (const Tone& tone : context.tones)
     for (const int harmonic : harmonics_of(context, tone))
       if (harmonic != 1) cycles.push_back(harmonic * tone.cycles_per_row);
-  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
-  const bool add_rows = !bytes || added_rows_are_faster(2 * cycles.size());
-  auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency, add_rows);
+  auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency, holds_bytes(frames));
   if (!fit->well_posed()) return nullptr;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
@@ -433,7 +433,7 @@ std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, st
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
                   const ToneGainView& result) {
   const double level = saturation_level(frames, context.camera->tone_curve);
-  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
+  const bool bytes = holds_bytes(frames);
   const auto pieces = pieces_of(frames, context.shape, static_cast<std::size_t>(context.options->threads));
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];

@@ -76,10 +76,6 @@ void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, 
 Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
                            const RowWeights& weights);
 
-// Whether adding rows first makes a pass over bytes faster: not with AVX-512 and the outputs of one tone, where single
-// rows are read and weighted as fast and two threads read them faster (bench/README.md).
-bool added_rows_are_faster(std::size_t outputs);
-
 // SIMD targets of this build that this processor has, best first, and the one in use.
 std::vector<std::string> simd_targets();
 std::string simd_target();
