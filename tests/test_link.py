@@ -42,7 +42,7 @@ class Channel:
         return rows
 
 
-CHIPS_PER_BYTE = {"manchester": 16, "4b6b": 12, "8b10b": 10}
+PREAMBLE_CHIPS, HEADER_BYTES = 14, 2
 
 
 def shows_every_digit(channel, sent, frames):
@@ -50,7 +50,8 @@ def shows_every_digit(channel, sent, frames):
 
     Frames that stay in step with the blocks show the same kinds over and over.
     """
-    head = sent.block_chips - sent.block_bytes * CHIPS_PER_BYTE[sent.line_code]
+    chips_per_byte = (sent.block_chips - PREAMBLE_CHIPS) // (HEADER_BYTES + sent.block_bytes)
+    head = PREAMBLE_CHIPS + HEADER_BYTES * chips_per_byte
     seen = set()
     for index in range(frames):
         first = (channel.start + index * channel.camera.frame_time) * channel.chip_rate + 5
