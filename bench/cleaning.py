@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast import Camera, Chips, Mark, Tone, integrate_exposure, remove_bands
+from ocisac_fast import Camera, Chips, Tone, integrate_exposure, remove_bands
+from ocisac_fast.cleaning import Mark
 
 ROWS, COLUMNS = 360, 480
 CAMERA = Camera(1e-5, exposure=1e-5)
@@ -154,7 +155,7 @@ def change_of_rows(picture: np.ndarray, before: np.ndarray, kept: np.ndarray, ro
 
 def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
     """What remove_bands and vertical blurs of 9, 31 and 101 rows do to the channel that shows the light most."""
-    from ocisac_fast._light import linear_light
+    from ocisac_fast.camera.linear_light import linear_light
     from ocisac_fast.files import read_frames
 
     camera = Camera(1.0, tone_curve="srgb")

@@ -7,11 +7,11 @@
 #include <numeric>
 
 #include "frames.hpp"
-#include "ocisac/estimation/best_exposure.hpp"
-#include "ocisac/estimation/equalize.hpp"
-#include "ocisac/estimation/read_bytes.hpp"
-#include "ocisac/estimation/spectrum.hpp"
-#include "ocisac/estimation/tone_gain.hpp"
+#include "ocisac/exposure/best_exposure.hpp"
+#include "ocisac/tones/equalize.hpp"
+#include "ocisac/tones/read_bytes.hpp"
+#include "ocisac/tones/tone_gain.hpp"
+#include "tones/spectrum.hpp"
 
 namespace {
 

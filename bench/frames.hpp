@@ -7,8 +7,8 @@
 #include <numbers>
 #include <vector>
 
-#include "ocisac/estimation/projection.hpp"
-#include "ocisac/views.hpp"
+#include "ocisac/core/views.hpp"
+#include "ocisac/tones/projection.hpp"
 
 namespace bench {
 

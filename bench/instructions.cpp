@@ -7,10 +7,10 @@
 #include <string>
 
 #include "frames.hpp"
-#include "ocisac/camera/integrate_exposure.hpp"
-#include "ocisac/estimation/best_exposure.hpp"
-#include "ocisac/estimation/equalize.hpp"
-#include "ocisac/estimation/tone_gain.hpp"
+#include "ocisac/exposure/best_exposure.hpp"
+#include "ocisac/light/integrate_exposure.hpp"
+#include "ocisac/tones/equalize.hpp"
+#include "ocisac/tones/tone_gain.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "frames.hpp"
-#include "ocisac/camera/integrate_exposure.hpp"
+#include "ocisac/light/integrate_exposure.hpp"
 
 namespace {
 

@@ -12,17 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast import (
-    Camera,
-    Chips,
-    LightSource,
-    SquareWave,
-    Tone,
-    Waveform,
-    detect_sources,
-    encode_line_code,
-    integrate_exposure,
-)
+from ocisac_fast import Camera, Chips, SquareWave, Tone, Waveform, detect_sources, integrate_exposure
+from ocisac_fast.lights import LightSource
+from ocisac_fast.packets import encode_line_code
 
 ROWS, COLUMNS, ROW_TIME = 720, 960, 1e-5
 CAMERA = Camera(ROW_TIME, exposure=2e-5)

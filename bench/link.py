@@ -22,8 +22,8 @@ import numpy as np
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
-from ocisac_fast.goodput import possible_goodput
-from ocisac_fast.stream_receiver import Receiver
+from ocisac_fast.packets.goodput import possible_goodput
+from ocisac_fast.receiver.stream import Receiver
 
 ROW_TIME, FRAME_TIME, ROWS, CHIP_RATE = 22.2e-6, 1 / 30, 1080, 8e3
 EXPOSURE = 622e-6

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "ocisac/camera/integrate_exposure.hpp"
+#include "ocisac/light/integrate_exposure.hpp"
 #include "ocisac/receiver/receive.hpp"
 
 namespace {

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast import (
+from ocisac_fast.chips import (
     ChannelEstimate,
     chip_likelihoods,
     clock_bounds,

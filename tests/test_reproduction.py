@@ -11,8 +11,8 @@ import pytest
 
 from ocisac_fast import reproduction
 from ocisac_fast.cli import main
+from ocisac_fast.light.waveforms import SquareWave, integrate_exposure
 from ocisac_fast.reproduction import choices, gains, testbed
-from ocisac_fast.waveforms import SquareWave, integrate_exposure
 
 DOCUMENT = pathlib.Path(__file__).resolve().parent.parent / "docs" / "paper.md"
 

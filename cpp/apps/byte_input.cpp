@@ -8,7 +8,7 @@
 #include <cerrno>
 #include <system_error>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "stop_signal.hpp"
 
 namespace ocisac::apps {

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <utility>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "stop_signal.hpp"
 
 namespace ocisac::apps {

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac::apps {
 

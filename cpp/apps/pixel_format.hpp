@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "ocisac/views.hpp"
+#include "ocisac/core/views.hpp"
 
 namespace ocisac::apps {
 

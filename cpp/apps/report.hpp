@@ -5,7 +5,7 @@
 
 #include "json_line.hpp"
 #include "latency.hpp"
-#include "ocisac/device/live_receiver.hpp"
+#include "ocisac/receiver/live_receiver.hpp"
 #include "pixel_format.hpp"
 
 namespace ocisac::apps {

@@ -8,7 +8,7 @@
 
 #include "byte_input.hpp"
 #include "frame_reader.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "orientation.hpp"
 #include "output.hpp"
 #include "report.hpp"

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "ocisac/estimation/projection.hpp"
-#include "ocisac/require.hpp"
-#include "ocisac/version.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/core/version.hpp"
+#include "ocisac/tones/projection.hpp"
 
 namespace ocisac::apps {
 

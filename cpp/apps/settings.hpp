@@ -5,7 +5,7 @@
 #include <string>
 
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/device/live_receiver.hpp"
+#include "ocisac/receiver/live_receiver.hpp"
 #include "pixel_format.hpp"
 
 namespace ocisac::apps {

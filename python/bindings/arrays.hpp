@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "ocisac/require.hpp"
-#include "ocisac/views.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/core/views.hpp"
 
 namespace ocisac::bindings {
 

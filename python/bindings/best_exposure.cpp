@@ -1,4 +1,4 @@
-#include "ocisac/estimation/best_exposure.hpp"
+#include "ocisac/exposure/best_exposure.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

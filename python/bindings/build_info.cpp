@@ -1,7 +1,7 @@
 #include <pybind11/stl.h>
 
-#include "ocisac/estimation/projection.hpp"
-#include "ocisac/version.hpp"
+#include "ocisac/core/version.hpp"
+#include "ocisac/tones/projection.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

@@ -6,8 +6,8 @@
 
 #include <string>
 
-#include "ocisac/camera/exposure_response.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "channel_arguments.hpp"
-#include "ocisac/receiver/channel_estimate.hpp"
-#include "ocisac/receiver/clock_tracker.hpp"
-#include "ocisac/receiver/detect_chips.hpp"
-#include "ocisac/receiver/preamble.hpp"
-#include "ocisac/receiver/refine_channel.hpp"
-#include "ocisac/receiver/sequence_detector.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/chips/clock_tracker.hpp"
+#include "ocisac/chips/detect_chips.hpp"
+#include "ocisac/chips/preamble.hpp"
+#include "ocisac/chips/refine_channel.hpp"
+#include "ocisac/chips/sequence_detector.hpp"
+#include "ocisac/core/require.hpp"
 #include "register.hpp"
 #include "shared.hpp"
 
@@ -32,7 +32,7 @@ ChannelModel make_model(std::size_t dark_degree, std::size_t swing_degree, bool 
 
 py::tuple as_tuple(const ClockErrors& errors) { return py::make_tuple(errors.chip, errors.covariance); }
 
-// In the order of ocisac_fast.channel.ChannelEstimate.
+// In the order of ocisac_fast.chips.ChannelEstimate.
 py::tuple as_tuple(const ChannelEstimate& channel) {
   return py::make_tuple(channel.clock.rows_per_chip, channel.clock.phase, channel.clock.exposure,
                         as_tuple(channel.errors), channel.dark, channel.swing, channel.noise, channel.rows.begin,

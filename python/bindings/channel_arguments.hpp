@@ -1,4 +1,4 @@
-// A channel as ocisac_fast.channel passes it.
+// A channel as ocisac_fast.chips passes it.
 #pragma once
 
 #include <pybind11/stl.h>
@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "ocisac/receiver/channel_estimate.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac::bindings {
 

@@ -8,8 +8,8 @@
 #include "arrays.hpp"
 #include "channel_arguments.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/receiver/detect_chips.hpp"
-#include "ocisac/receiver/error_rates.hpp"
+#include "ocisac/chips/detect_chips.hpp"
+#include "ocisac/chips/error_rates.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

@@ -1,4 +1,4 @@
-#include "ocisac/estimation/equalize.hpp"
+#include "ocisac/tones/equalize.hpp"
 
 #include <pybind11/numpy.h>
 
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "arrays.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

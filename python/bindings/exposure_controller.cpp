@@ -1,4 +1,4 @@
-#include "ocisac/estimation/exposure_controller.hpp"
+#include "ocisac/exposure/exposure_controller.hpp"
 
 #include <pybind11/numpy.h>
 
@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <string>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "register.hpp"
 #include "shared.hpp"
 

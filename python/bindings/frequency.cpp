@@ -9,7 +9,7 @@
 #include "arrays.hpp"
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/estimation/find_frequency.hpp"
+#include "ocisac/tones/find_frequency.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

@@ -1,4 +1,4 @@
-#include "ocisac/receiver/fsk.hpp"
+#include "ocisac/packets/fsk.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -17,7 +17,7 @@ namespace ocisac::bindings {
 
 namespace {
 
-// In the order of ocisac_fast.fsk.FskSymbol.
+// In the order of ocisac_fast.packets.FskSymbol.
 py::tuple symbol_tuple(const FskSymbol& symbol) {
   return py::make_tuple(symbol.symbol, as_array(symbol.likelihoods), as_array(symbol.llr), symbol.snr,
                         symbol.error_rate, symbol.amplitude, symbol.noise);

@@ -1,4 +1,4 @@
-#include "ocisac/estimation/light_share.hpp"
+#include "ocisac/cleaning/light_share.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -7,7 +7,7 @@
 #include <limits>
 #include <optional>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

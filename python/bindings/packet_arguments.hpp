@@ -9,9 +9,9 @@
 #include <variant>
 #include <vector>
 
-#include "ocisac/receiver/line_codes.hpp"
-#include "ocisac/receiver/packets.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/packets/line_codes.hpp"
+#include "ocisac/packets/packets.hpp"
 
 namespace ocisac::bindings {
 
@@ -48,7 +48,7 @@ inline std::string name_of(StretchOutcome outcome) {
   return "unreadable";
 }
 
-// In the order of ocisac_fast.transmission.Stretch.
+// In the order of ocisac_fast.packets.Stretch.
 inline py::tuple stretch_tuple(const StretchReport& report) {
   py::object payload = py::none();
   if (report.payload)

@@ -1,4 +1,4 @@
-#include "ocisac/receiver/packets.hpp"
+#include "ocisac/packets/packets.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "arrays.hpp"
-#include "ocisac/receiver/line_codes.hpp"
+#include "ocisac/packets/line_codes.hpp"
 #include "packet_arguments.hpp"
 #include "register.hpp"
 #include "shared.hpp"

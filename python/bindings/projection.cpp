@@ -1,4 +1,4 @@
-#include "ocisac/estimation/projection.hpp"
+#include "ocisac/tones/projection.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -8,7 +8,7 @@
 #include <string>
 
 #include "arrays.hpp"
-#include "ocisac/estimation/read_bytes.hpp"
+#include "ocisac/tones/read_bytes.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 #include "ocisac/scene/render.hpp"
 #include "register.hpp"
 

@@ -1,5 +1,3 @@
-#include "ocisac/receiver/sources.hpp"
-
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
@@ -7,6 +5,7 @@
 #include <vector>
 
 #include "arrays.hpp"
+#include "ocisac/lights/detect_sources.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

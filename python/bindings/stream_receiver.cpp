@@ -18,7 +18,7 @@ namespace ocisac::bindings {
 
 namespace {
 
-// In the order of ocisac_fast.stream_receiver.ReceivedFrame.
+// In the order of ocisac_fast.receiver.ReceivedFrame.
 py::tuple as_tuple(const ReceivedFrame& frame) {
   py::object stretch = py::none();
   if (frame.stretch) stretch = stretch_tuple(*frame.stretch);

@@ -1,4 +1,4 @@
-#include "ocisac/estimation/tone_gain.hpp"
+#include "ocisac/tones/tone_gain.hpp"
 
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
@@ -8,7 +8,7 @@
 #include <string>
 
 #include "arrays.hpp"
-#include "ocisac/estimation/varying_tone.hpp"
+#include "ocisac/tones/varying_tone.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

@@ -9,9 +9,9 @@
 
 #include "arrays.hpp"
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/camera/integrate_exposure.hpp"
-#include "ocisac/camera/waveform.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/integrate_exposure.hpp"
+#include "ocisac/light/waveform.hpp"
 #include "register.hpp"
 
 namespace ocisac::bindings {

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.files import read_frames, write_frames
-from ocisac_fast.gain import tone_gain
-from ocisac_fast.receiver import Received, receive
+from ocisac_fast.light.response import exposure_response
+from ocisac_fast.light.waveforms import Chips, SquareWave, Waveform, integrate_exposure
+from ocisac_fast.receiver.blind import Received, receive
 from ocisac_fast.reproduction.testbed import (
     COLUMNS,
     COMMUNICATION,
@@ -30,8 +31,8 @@ from ocisac_fast.reproduction.testbed import (
     SWING,
     motion_frequency,
 )
-from ocisac_fast.simulation import simulate_frames
-from ocisac_fast.waveforms import Chips, SquareWave, Waveform, integrate_exposure
+from ocisac_fast.scene.simulation import simulate_frames
+from ocisac_fast.tones.gain import tone_gain
 
 FRAME_TIME = 1.0 / FRAMES_PER_SECOND
 SENSING = tuple(motion_frequency(grating) for grating in GRATINGS)

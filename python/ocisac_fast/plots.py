@@ -14,18 +14,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.files import FileError, atomic_path
-from ocisac_fast.flags import Flag
+from ocisac_fast.light.response import exposure_response
 from ocisac_fast.reference.light import linear_light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ocisac_fast.receiver import Received
+    from ocisac_fast.lights.sources import LightSource
+    from ocisac_fast.receiver.blind import Received
     from ocisac_fast.sensing.region import SensedRegion
-    from ocisac_fast.sources import LightSource
 
 BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = (
     "#222222",
@@ -106,7 +107,7 @@ def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, 
     time = np.arange(light.size) * (1.0 if in_rows else camera.row_time * 1e3)
     axes.plot(time, light, ".-", color=BLUE, lw=0.8, ms=3, label="column")
     if camera.exposure:
-        from ocisac_fast import equalize
+        from ocisac_fast.tones import equalize
 
         restored = equalize(light, Camera(camera.row_time, camera.exposure), "wiener")
         axes.plot(time, restored, color=RED, lw=1.1, label="equalised (Wiener)")
@@ -168,7 +169,7 @@ def exposure_choices(
     f_comm: float, f_sense: float, weights: Any, bounds: Any
 ) -> Iterator[tuple[str, Any, dict[str, Any]]]:
     """Method, its ``BestExposure`` and its mark, of search, the paper's closed form and ours."""
-    from ocisac_fast import best_exposure
+    from ocisac_fast.exposure import best_exposure
 
     for method, marker, colour, size in (
         ("search", "s", SKY, 12),
@@ -193,7 +194,7 @@ def plot_exposure(
         path: ``.png``, ``.pdf`` or ``.svg``.
         f_comm, f_sense, weights, bounds: as for ``best_exposure``.
     """
-    from ocisac_fast import exposure_objective
+    from ocisac_fast.exposure import exposure_objective
 
     shortest, longest = bounds or (0.0, 1.0 / min(f_comm, f_sense))
     exposures = np.linspace(shortest, longest, 4001)

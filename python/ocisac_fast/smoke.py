@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 import ocisac_fast as ocisac
-from ocisac_fast.simulation import simulate_frames
+from ocisac_fast.scene.simulation import simulate_frames
 
 _ROW_TIME, _EXPOSURE, _ROWS, _COLUMNS, _DARK_LEVEL = 22.2e-6, 100e-6, 720, 48, 20.0
 

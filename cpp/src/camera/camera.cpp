@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 

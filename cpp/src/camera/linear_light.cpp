@@ -4,7 +4,7 @@
 #include <limits>
 #include <string>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 

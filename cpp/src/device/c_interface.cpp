@@ -7,10 +7,10 @@
 #include <stdexcept>
 #include <string>
 
-#include "ocisac/device/live_receiver.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/core/version.hpp"
 #include "ocisac/ocisac.h"
-#include "ocisac/require.hpp"
-#include "ocisac/version.hpp"
+#include "ocisac/receiver/live_receiver.hpp"
 
 struct ocisac_receiver {
   ocisac::LiveReceiver receiver;

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 

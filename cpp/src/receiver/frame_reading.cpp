@@ -5,9 +5,9 @@
 #include <limits>
 #include <utility>
 
-#include "ocisac/receiver/detect_chips.hpp"
-#include "ocisac/receiver/preamble.hpp"
-#include "ocisac/receiver/refine_channel.hpp"
+#include "ocisac/chips/detect_chips.hpp"
+#include "ocisac/chips/preamble.hpp"
+#include "ocisac/chips/refine_channel.hpp"
 
 namespace ocisac {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <utility>
 
-#include "ocisac/camera/exposure_response.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
 
 namespace ocisac {
 

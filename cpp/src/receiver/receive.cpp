@@ -7,10 +7,10 @@
 #include <numeric>
 #include <utility>
 
+#include "chips/slicer.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/receiver/column_combination.hpp"
-#include "ocisac/receiver/slicer.hpp"
-#include "ocisac/require.hpp"
+#include "ocisac/columns/column_combination.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 

@@ -6,9 +6,9 @@
 #include <tuple>
 #include <utility>
 
-#include "ocisac/receiver/detector.hpp"
+#include "ocisac/chips/detector.hpp"
+#include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
-#include "ocisac/require.hpp"
 
 namespace ocisac {
 

@@ -6,8 +6,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "ocisac/parallel.hpp"
-#include "ocisac/require.hpp"
+#include "core/parallel.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 

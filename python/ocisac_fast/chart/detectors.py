@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.channel import chip_likelihoods, expose_chips
 from ocisac_fast.chart.measuring import Point, in_turn
 from ocisac_fast.chart.panels import Effort, Progress, panel
+from ocisac_fast.chips.channel import chip_likelihoods, expose_chips
 
 Float64s = npt.NDArray[np.float64]
 

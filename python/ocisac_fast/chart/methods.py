@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.chart.scenes import Bytes, Float64s, Scene, design_matrix, least_squares, odd_harmonics
-from ocisac_fast.gain import tone_gain
+from ocisac_fast.tones.gain import tone_gain
 
 Values = npt.NDArray[Any]
 FloatType = type[np.float32] | type[np.float64]

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast import reference
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chart.measuring import Point, in_turn, root_mean_square
 from ocisac_fast.chart.panels import Effort, Progress, panel
+from ocisac_fast.light.waveforms import SquareWave
 from ocisac_fast.scene import Ambient, Disc, Grating, Pinhole, Plan, Pose, Ring, Scene, Sensor, Source, Surface, render
-from ocisac_fast.waveforms import SquareWave
 
 _TOLERANCES = (0.1, 0.5, 2.0, 10.0)
 _SUBEXPOSURES = (4, 16, 64)

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 
 Float64s = npt.NDArray[np.float64]
 Bytes = npt.NDArray[np.uint8]

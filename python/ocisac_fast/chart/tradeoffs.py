@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import reference
-from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chart.measuring import Point, in_turn, pool_of_frames, read_in_turn, root_mean_square
 from ocisac_fast.chart.panels import Effort, Progress, panel
-from ocisac_fast.control.choice import best_exposure, exposure_objective
-from ocisac_fast.equalization import equalize
-from ocisac_fast.waveforms import Chips, SquareWave, Tone, Waveform, integrate_exposure, sample_waveform
+from ocisac_fast.exposure.choice import best_exposure, exposure_objective
+from ocisac_fast.light.response import exposure_response
+from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, Waveform, integrate_exposure, sample_waveform
+from ocisac_fast.tones.equalization import equalize
 
 Float64s = npt.NDArray[np.float64]
 

@@ -1,4 +1,8 @@
-"""The picture without the light's bands: `bands` is what users call. It finds the light of the rows (`row_light`, from
-`tone_light` and `chip_light`), has every pixel's share of it estimated, and puts the result back into samples
-(`stored`).
-"""
+"""Removal of the bands that a modulated light leaves in a picture."""
+
+from ocisac_fast.cleaning.bands import (
+    CleanedFrames as CleanedFrames,
+    Mark as Mark,
+    remove_bands as remove_bands,
+    subtract_still as subtract_still,
+)

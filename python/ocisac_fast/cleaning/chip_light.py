@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, scaled
-from ocisac_fast.flags import Flag
+from ocisac_fast.core.flags import Flag
 
 _ENOUGH = 0.92  # share of the rows' swing, tops levelled, that chips explain before they are taken for the light
 _TOP_REACH, _LONGEST_RUN = 3, 48  # rows: within which a top is the largest; beyond which tops are not compared
@@ -82,7 +82,7 @@ def _fit(rows: FloatArray, weight: FloatArray) -> _Fit | None:
     With a response of its own for each two bright chips in a row: lights rise otherwise than they fall. What is
     explained is counted without it.
     """
-    from ocisac_fast.receiver import receive
+    from ocisac_fast.receiver.blind import receive
 
     got = receive(rows[:, None], Camera(row_time=1.0))[0]
     if len(got.bits) < 8 or Flag.NO_SIGNAL in got.flags:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.chip_light import chip_light
 from ocisac_fast.cleaning.columns import Columns, FloatArray, Kernels
 from ocisac_fast.cleaning.tone_light import tone_light

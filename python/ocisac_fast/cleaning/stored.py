@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,7 +20,7 @@ def white_level(camera: Camera, dtype: np.dtype[Any]) -> float:
 
 
 def to_stored(light: FloatArray, camera: Camera, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """The inverse of :func:`ocisac_fast._light.linear_light`, rounded and clipped to the type."""
+    """The inverse of :func:`ocisac_fast.camera.linear_light`, rounded and clipped to the type."""
     values = light
     if camera.tone_curve != "linear":
         span = white_level(camera, dtype) - camera.dark_level

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, slow_terms
-from ocisac_fast.flags import Flag
+from ocisac_fast.core.flags import Flag
 
 _MUCH_LIKELIER = 0.01  # less of the misfit
 
@@ -30,7 +30,7 @@ def tone_light(
 
     Texture that repeats is in the rows as well; its edges are few, so the tone is fitted to the picture itself then.
     """
-    from ocisac_fast.frequency import find_frequency
+    from ocisac_fast.tones.frequency import find_frequency
 
     found = find_frequency(rows[:, None], Camera(row_time=1.0))
     if not np.isfinite(found.frequency) or (Flag.NO_TONE in found.flags and enough is not None):

@@ -22,7 +22,7 @@ def calibrate(file: str, frequency: Quantity, picture: PictureOptions, as_json: 
 
     All frames that fit into 64 MiB are used together.
     """
-    from ocisac_fast import calibrate as measure
+    from ocisac_fast.tones import calibrate as measure
 
     unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # what it is to find, and what it needs not
     with open_pictures(file, unknown) as pictures:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_table, progress, quantity
 from ocisac_fast.cli.pictures import PictureOptions, arrange, json_option, picture_options
 from ocisac_fast.files import open_recording, write_frames
@@ -106,7 +106,7 @@ class _Cleaner:
             yield from self._cleaned(np.stack(waiting), camera)
 
     def _cleaned(self, frames: Frame, camera: Camera) -> Iterator[Frame]:
-        from ocisac_fast import Mark, remove_bands
+        from ocisac_fast.cleaning import Mark, remove_bands
 
         done = remove_bands(frames, camera, still=self._still, **self._options)
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):

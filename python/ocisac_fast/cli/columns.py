@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.files.recording import Frame
 
@@ -17,7 +17,7 @@ def frequency_waveform(picture: PictureOptions) -> str:
 
 def one_channel(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int | None]:
     """Frames (frames, rows, columns) of the channel that shows a tone best, and its index; None: there is only one."""
-    from ocisac_fast import pick_channel
+    from ocisac_fast.tones import pick_channel
 
     if frames.ndim == 3:
         return frames, None
@@ -27,7 +27,7 @@ def one_channel(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, in
 
 def lit_columns(frames: Frame, camera: Camera, frequency: float) -> npt.NDArray[np.bool_]:
     """(columns,) True where the light of this frequency shows; all, where it shows in none."""
-    from ocisac_fast import tone_columns
+    from ocisac_fast.tones import tone_columns
 
     cycles = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5)  # where an aliased tone is seen
     if not cycles > 0.0:

@@ -53,7 +53,7 @@ def detect(
 def _detected(
     file: str, picture: PictureOptions, options: dict[str, Any], plot: str | None
 ) -> Iterator[dict[str, Any]]:
-    from ocisac_fast import detect_sources
+    from ocisac_fast.lights import detect_sources
 
     with open_pictures(file, picture) as pictures:
         count = pictures.frame_count

@@ -55,7 +55,7 @@ def exposure(
     as_json: bool,
 ) -> None:
     """Find the exposure time T with the largest Y(T) = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s)."""
-    from ocisac_fast import best_exposure
+    from ocisac_fast.exposure import best_exposure
 
     best = best_exposure(
         float(comm),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
-from ocisac_fast.fsk import FskTransmission
+from ocisac_fast.packets.fsk import FskTransmission
 
 
 def symbols_text(sent: FskTransmission, _: float | None = None) -> bytes:

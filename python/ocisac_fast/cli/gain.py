@@ -12,12 +12,13 @@ import click
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_channel, some_columns
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files.recording import Frame
+from ocisac_fast.light.response import exposure_response
 
 
 @click.command(short_help="Gain of a tone in a recording, against theory.")
@@ -123,7 +124,7 @@ class _Light:
 
 
 def _find_light(frames: Frame, camera: Camera, picture: PictureOptions, frequency: float | None) -> _Light:
-    from ocisac_fast import find_frequency
+    from ocisac_fast.tones import find_frequency
 
     waveform = frequency_waveform(picture)
     columns, channel = one_channel(frames, camera, waveform)
@@ -138,7 +139,7 @@ def _find_light(frames: Frame, camera: Camera, picture: PictureOptions, frequenc
 
 def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> _Measured:
     """The light as the first batch of frames shows it; gains from all of them."""
-    from ocisac_fast import tone_gain
+    from ocisac_fast.tones import tone_gain
 
     given = picture.check_frequency("--frequency", frequency)
     options = {**options, "waveform": picture.waveform, "duty": picture.duty, "pooled": True}
@@ -176,8 +177,9 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
 
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
     """MODEL_MISFIT, or 0: whether the mean column of a frame varies as ``tone_gain`` assumes that it does not."""
-    from ocisac_fast import Flag, varying_tone_gain
+    from ocisac_fast.core import Flag
     from ocisac_fast.reference.light import linear_light
+    from ocisac_fast.tones import varying_tone_gain
 
     column = linear_light(columns, camera).mean(axis=-1)
     names = ("waveform", "duty", "background")

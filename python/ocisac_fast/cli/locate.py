@@ -47,7 +47,7 @@ def locate(
     Both files are JSON lines. LIGHTS: light (its ID), x_m, y_m, z_m. SEEN: light, x, y in pixels; with width and height
     as well (as of detect) x, y are the top left corner of a box. IDs only one file has are passed over.
     """
-    from ocisac_fast import locate_camera
+    from ocisac_fast.lights import locate_camera
 
     if len(focal) not in (1, 2):
         raise click.UsageError(f"--focal: got {len(focal)} numbers, allowed: one or X,Y")

@@ -104,7 +104,7 @@ def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_
 
 def flag_names(flags: enum.IntFlag | int) -> list[str]:
     """Lower-case names of the bits that are set."""
-    from ocisac_fast import Flag
+    from ocisac_fast.core import Flag
 
     every = flags if isinstance(flags, enum.IntFlag) else Flag(int(flags))
     return [str(bit.name).lower() for bit in type(every) if bit in every]

@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import flag_names, quantity
 from ocisac_fast.files.recording import Frame
 
@@ -68,7 +68,7 @@ class PacketStream:
         count += f", {quantity(8.0 * self._payload_bytes / seconds, 'bit/s', 4)}"
         if self._options.tones or not math.isfinite(self._chip_rate):
             return count
-        from ocisac_fast.goodput import possible_goodput
+        from ocisac_fast.packets.goodput import possible_goodput
 
         possible = possible_goodput(
             max(self._payload_bytes // self._payloads, 1),
@@ -86,7 +86,7 @@ class PacketStream:
         """Of blocks that are longer than what a frame shows, so that none can come whole."""
         if self._camera is None or self._options.tones or not math.isfinite(self._chip_rate):
             return ""
-        from ocisac_fast.transmission import transmit
+        from ocisac_fast.packets.transmission import transmit
 
         options = self._options
         sent = transmit(b"-", line_code=options.line_code, block_bytes=options.block_bytes, preamble=options.preamble)
@@ -101,10 +101,10 @@ class PacketStream:
     def _make(self, camera: Camera) -> Any:
         options = self._options
         if options.tones:
-            from ocisac_fast.fsk import FskReceiver
+            from ocisac_fast.packets.fsk import FskReceiver
 
             return FskReceiver(camera, options.tones, block_bytes=options.block_bytes, preamble=options.preamble)
-        from ocisac_fast.stream_receiver import MultiReceiver
+        from ocisac_fast.receiver.stream import MultiReceiver
 
         return MultiReceiver(
             camera,

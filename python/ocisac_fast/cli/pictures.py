@@ -14,7 +14,7 @@ from typing import Any
 import click
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.units import TIME, ParameterType, Quantity
 from ocisac_fast.files import LightResponse, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame

@@ -12,7 +12,7 @@ from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, pr
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
-from ocisac_fast.transmission import LINE_CODES
+from ocisac_fast.packets.transmission import LINE_CODES
 
 
 @click.command(short_help="Bits of the lights in a recording.")
@@ -100,7 +100,7 @@ def _received(
     file: str, picture: PictureOptions, plot: str | None, rate: float | None, stream: PacketStream | None
 ) -> Iterator[dict[str, Any]]:
     """The JSON objects of a file, as its frames are read."""
-    from ocisac_fast import receive as receive_frames
+    from ocisac_fast.receiver import receive as receive_frames
 
     with open_pictures(file, picture) as pictures:
         if stream is not None:  # frame by frame: a payload is told as soon as it is there
@@ -119,8 +119,8 @@ def _received(
 
 
 def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
-    from ocisac_fast import receive as receive_frames
     from ocisac_fast.plots import plot_received
+    from ocisac_fast.receiver import receive as receive_frames
 
     plot_received(plot, frames[0], camera, receive_frames(frames, camera, chip_rate=rate)[0])
 

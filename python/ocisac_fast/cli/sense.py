@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.detect import grey_of, stored_box
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
@@ -18,7 +18,7 @@ from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
 from ocisac_fast.files.recording import Frame
 
 if TYPE_CHECKING:
-    from ocisac_fast import SensedRegion
+    from ocisac_fast.sensing import SensedRegion
 
 _BOX = ("x", "y", "width", "height")
 _HEADER = ("region", "kind", *_BOX, "frequency", "f_x v", "gain", "theory", "speed", "SNR", "flags")
@@ -80,8 +80,7 @@ def _read(file: str, picture: PictureOptions, most: int, frame_rate: Quantity | 
 
 
 def _regions(view: Frame, camera: Camera, picture: PictureOptions, told: dict[str, Any]) -> list[SensedRegion]:
-    from ocisac_fast import background_light, sense_region
-    from ocisac_fast import sense as sense_picture
+    from ocisac_fast.sensing import background_light, sense as sense_picture, sense_region
 
     frequency = picture.check_frequency("--frequency", told.pop("frequency"))
     background, unlit, beside = told.pop("background"), told.pop("unlit"), told.pop("beside")

@@ -9,13 +9,13 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.units import FREQUENCY, TIME
 from ocisac_fast.files import write_frames
-from ocisac_fast.simulation import simulate_frames
-from ocisac_fast.waveforms import Chips, SquareWave, Tone, Waveform
+from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, Waveform
+from ocisac_fast.scene.simulation import simulate_frames
 
 _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}

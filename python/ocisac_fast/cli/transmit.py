@@ -15,9 +15,8 @@ from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
-from ocisac_fast.fsk import fsk_transmit
-from ocisac_fast.transmission import LINE_CODES, Transmission
-from ocisac_fast.transmission import transmit as transmit_payload
+from ocisac_fast.packets.fsk import fsk_transmit
+from ocisac_fast.packets.transmission import LINE_CODES, Transmission, transmit as transmit_payload
 
 _Writer = Callable[[Any, float | None], bytes]
 

@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.control.choice import best_exposure
-from ocisac_fast.control.controller import (
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.exposure.choice import best_exposure
+from ocisac_fast.exposure.controller import (
     ExposureController,
     ExposureMeasurement,
     MeasuredTone,
     best_noisy_exposure,
 )
-from ocisac_fast.flags import Flag
-from ocisac_fast.frequency import find_frequency
-from ocisac_fast.waveforms import Tone, integrate_exposure
+from ocisac_fast.light.waveforms import Tone, integrate_exposure
+from ocisac_fast.tones.frequency import find_frequency
 
 Float64s = npt.NDArray[np.float64]
 

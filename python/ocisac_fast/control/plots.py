@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast.control.choice import best_exposure
-from ocisac_fast.control.controller import best_noisy_exposure
 from ocisac_fast.control.drive import LIGHT_FREQUENCY, Drive
-from ocisac_fast.control.fronts import exposure_front
+from ocisac_fast.exposure.choice import best_exposure
+from ocisac_fast.exposure.controller import best_noisy_exposure
+from ocisac_fast.exposure.fronts import exposure_front
 from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, RED, SKY, exposure_choices, picture
 
 _NOISE_CYCLES = 0.1  # T_n of the second front, in cycles of the slower tone

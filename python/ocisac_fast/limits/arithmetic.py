@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 
 from ocisac_fast.chart.scenes import Scene
-from ocisac_fast.flags import Flag
-from ocisac_fast.gain import tone_gain
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.limits.catalogue import Point, compared, limit
 from ocisac_fast.limits.plain_methods import (
     fitted_gain,
@@ -16,6 +15,7 @@ from ocisac_fast.limits.plain_methods import (
     goertzel_float32_gain,
     padded_bin_gain,
 )
+from ocisac_fast.tones.gain import tone_gain
 
 _EXACT = Scene("limits", "", 3.0, exposure_cycles=0.6, noise=0.0, columns=8)
 

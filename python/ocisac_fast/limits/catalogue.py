@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.flags import Flag
-from ocisac_fast.gain import ToneGain
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.tones.gain import ToneGain
 
 Float64s = npt.NDArray[np.float64]
 

@@ -6,13 +6,13 @@ import dataclasses
 
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chart.scenes import Scene
-from ocisac_fast.flags import Flag
-from ocisac_fast.gain import tone_gain
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.light.waveforms import SquareWave, integrate_exposure
 from ocisac_fast.limits.catalogue import Point, compared, limit
 from ocisac_fast.limits.plain_methods import fitted_gain, rounded_bin_gain, transform_gain
-from ocisac_fast.waveforms import SquareWave, integrate_exposure
+from ocisac_fast.tones.gain import tone_gain
 
 _BASE = Scene("limits", "", 12.0, rows=720, columns=200)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chart.scenes import Float64s
 from ocisac_fast.chart.tradeoffs import circular_inverse
-from ocisac_fast.equalization import equalize
+from ocisac_fast.light.waveforms import Tone, Waveform, integrate_exposure, sample_waveform
 from ocisac_fast.limits.catalogue import Point, limit, rms
-from ocisac_fast.waveforms import Tone, Waveform, integrate_exposure, sample_waveform
+from ocisac_fast.tones.equalization import equalize
 
 _ROW_TIME = 22.2e-6
 _NO_LIMIT = 1e12  # of the boost

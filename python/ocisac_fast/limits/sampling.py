@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chart.scenes import Float64s, Scene
-from ocisac_fast.flags import Flag
-from ocisac_fast.frequency import find_frequency
-from ocisac_fast.gain import tone_gain
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.limits.catalogue import Point, compared, limit, rms, shared_flags
 from ocisac_fast.limits.plain_methods import fitted_gain, peak_frequency, rounded_bin_gain, transform_gain
-from ocisac_fast.varying_tone import varying_tone_gain
+from ocisac_fast.tones.frequency import find_frequency
+from ocisac_fast.tones.gain import tone_gain
+from ocisac_fast.tones.varying_tone import varying_tone_gain
 
 _BASE = Scene("limits", "", 12.0, rows=720, columns=200)
 

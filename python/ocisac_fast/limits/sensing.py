@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chart.scenes import Float64s
 from ocisac_fast.chart.tradeoffs import circular_inverse
-from ocisac_fast.flags import Flag
-from ocisac_fast.frequency import find_frequency
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.limits.catalogue import Point, limit, rms
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.sensing.contrast import restore_contrast
 from ocisac_fast.sensing.region import sense_region
+from ocisac_fast.tones.frequency import find_frequency
 
 _ROW_TIME, _FRAME_TIME, _EXPOSURE = 22.2e-6, 1 / 30, 622e-6
 _TEXTURE, _PITCH = 230.0, 1e-4  # cycles a metre, metres a row

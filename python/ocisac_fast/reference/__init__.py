@@ -1,7 +1,7 @@
 """The same functions in plain NumPy, for checking the C++ core: slow, short and close to the equations."""
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.channel import (
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.chips.channel import (
     ChannelEstimate,
     ClockErrors,
     Pooled,
@@ -9,20 +9,22 @@ from ocisac_fast.channel import (
     RefinedChannel,
     TrackedClock,
 )
+from ocisac_fast.chips.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.cleaning.bands import CleanedFrames, Mark
-from ocisac_fast.control.choice import BestExposure
-from ocisac_fast.control.controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
-from ocisac_fast.control.fronts import ExposureFront, exposure_front
-from ocisac_fast.detection import DetectedChips, DetectorErrorRates
-from ocisac_fast.equalization import EqualizerReport
-from ocisac_fast.flags import Flag
-from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
-from ocisac_fast.fsk import FskFrame, FskReceiver, FskSymbol, FskTransmission, fsk_transmit
-from ocisac_fast.gain import ToneGain
-from ocisac_fast.goodput import Goodput, possible_goodput
-from ocisac_fast.location import Location, locate_camera
-from ocisac_fast.merging import merge_receptions
-from ocisac_fast.receiver import Received
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.exposure.choice import BestExposure
+from ocisac_fast.exposure.controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
+from ocisac_fast.exposure.fronts import ExposureFront, exposure_front
+from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
+from ocisac_fast.lights.location import Location, locate_camera
+from ocisac_fast.lights.sources import LightSource
+from ocisac_fast.lights.tracker import SourceTracker, Track
+from ocisac_fast.packets.fsk import FskFrame, FskReceiver, FskSymbol, FskTransmission, fsk_transmit
+from ocisac_fast.packets.goodput import Goodput, possible_goodput
+from ocisac_fast.packets.merging import merge_receptions
+from ocisac_fast.packets.transmission import Transmission
+from ocisac_fast.receiver.blind import Received
+from ocisac_fast.receiver.stream import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
 from ocisac_fast.reference.channel import (
     ClockTracker,
     clock_bounds,
@@ -54,12 +56,10 @@ from ocisac_fast.scene import Scene
 from ocisac_fast.sensing.contrast import RestoredContrast
 from ocisac_fast.sensing.picture import sense
 from ocisac_fast.sensing.region import BackgroundLight, SensedRegion
-from ocisac_fast.source_tracker import SourceTracker, Track
-from ocisac_fast.sources import LightSource
-from ocisac_fast.stream_receiver import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
-from ocisac_fast.transmission import Transmission
-from ocisac_fast.varying_tone import VaryingToneGain
-from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
+from ocisac_fast.tones.equalization import EqualizerReport
+from ocisac_fast.tones.frequency import Calibration, FoundFrequency, ToneColumns
+from ocisac_fast.tones.gain import ToneGain
+from ocisac_fast.tones.varying_tone import VaryingToneGain
 
 __all__ = [
     "BackgroundLight",

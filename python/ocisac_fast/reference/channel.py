@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.channel import (
+from ocisac_fast.chips.channel import (
     ChannelEstimate,
     ClockErrors,
     Detect,

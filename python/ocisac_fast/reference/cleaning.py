@@ -12,12 +12,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.bands import CleanedFrames, Options, clean_frames
 from ocisac_fast.cleaning.columns import Kernels
+from ocisac_fast.light.waveforms import Waveform
 from ocisac_fast.reference.light import linear_light
 from ocisac_fast.reference.share_smoothing import smoothing_step
-from ocisac_fast.waveforms import Waveform
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.channel import ChannelEstimate, ClockErrors
-from ocisac_fast.detection import DetectedChips, DetectorErrorRates, DetectorMethod
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.chips.channel import ChannelEstimate, ClockErrors
+from ocisac_fast.chips.detection import DetectedChips, DetectorErrorRates, DetectorMethod
 from ocisac_fast.reference.equalization import equalize
 from ocisac_fast.reference.light import linear_light
 from ocisac_fast.reference.sequence_detection import detect_sequence

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.control.choice import BestExposure
+from ocisac_fast.exposure.choice import BestExposure
 
 Float64s = npt.NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.control.choice import BestExposure
-from ocisac_fast.control.controller import ExposureMeasurement, MeasuredTone
+from ocisac_fast.exposure.choice import BestExposure
+from ocisac_fast.exposure.controller import ExposureMeasurement, MeasuredTone
 
 Float64s = npt.NDArray[np.float64]
 

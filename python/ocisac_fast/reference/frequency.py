@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._arrays import as_columns
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
-from ocisac_fast.frequency import Calibration, FoundFrequency, ToneColumns
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.tones.frequency import Calibration, FoundFrequency, ToneColumns
 
 Array = npt.NDArray[np.float64]
 Model = tuple[int, list[int]]  # degree of the trend, harmonics

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 
 
 def fsk_demodulate(

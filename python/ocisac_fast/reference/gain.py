@@ -7,10 +7,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
-from ocisac_fast.gain import ToneGain
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference.light import linear_light, saturation_level
+from ocisac_fast.tones.gain import ToneGain
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
 
 
 def type_maximum(dtype: npt.DTypeLike) -> float:

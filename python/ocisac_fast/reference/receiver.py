@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
-from ocisac_fast.receiver import Received
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.receiver.blind import Received
 from ocisac_fast.reference.light import linear_light, saturation_level
 
 FloatArray = npt.NDArray[np.float64]

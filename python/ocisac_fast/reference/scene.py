@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.light.waveforms import Chips, Constant, Product, SquareWave, Tone, Waveform, integrate_exposure
 from ocisac_fast.reference.waveforms import sample_waveform
 from ocisac_fast.scene import Cosine, Disc, Grating, Mask, Picture, Plain, Rectangle, Ring, Scene, Source, Surface
-from ocisac_fast.waveforms import Chips, Constant, Product, SquareWave, Tone, Waveform, integrate_exposure
 
 Array = npt.NDArray[np.float64]
 _Item = Source | Surface | Mask

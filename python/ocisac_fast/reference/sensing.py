@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference.equalization import equalize
 from ocisac_fast.reference.frequency import find_frequency
 from ocisac_fast.reference.gain import tone_gain

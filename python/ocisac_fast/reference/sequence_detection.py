@@ -13,7 +13,7 @@ def detect_sequence(
 ) -> FloatArray:
     """The chips first ... first + count - 1 whose exposed light is nearest to the rows (least squares, Viterbi).
 
-    A :data:`ocisac_fast.channel.Detect`: rows are 0 for steady dark and 1 for steady bright, chip 0 begins at row
+    A :data:`ocisac_fast.chips.channel.Detect`: rows are 0 for steady dark and 1 for steady bright, chip 0 begins at row
     ``phase``. A state is the chips before the newest that its rows still see: 2^ceil(exposure / rows_per_chip) of
     them. White noise: its size does not matter.
     """

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.lights.sources import LightSource
 from ocisac_fast.reference.data_light import FREQUENCY_REACH, DataLight, find_data_light
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.source_merging import one_light_across, one_light_down, runs_beside
-from ocisac_fast.sources import LightSource
 
 Array = npt.NDArray[Any]
 Box = tuple[int, int, int, int]  # column, row, width, height

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast import transmission
+from ocisac_fast.packets import transmission
 
 _WORDS_4B6B = [f"{word:06b}" for word in (14, 13, 19, 22, 21, 35, 38, 37, 25, 26, 28, 49, 50, 41, 42, 44)]
 # Widmer and Franaszek's table: abcdei by the lower five bits, fghj by the upper three, at running disparity -1; the

@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference.gain import FloatArray, _at_half_row_rate, _phase, _square_harmonics, tone_gain
 from ocisac_fast.reference.light import linear_light
-from ocisac_fast.varying_tone import VaryingToneGain
+from ocisac_fast.tones.varying_tone import VaryingToneGain
 
 legendre = np.polynomial.legendre
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 
 Long = npt.NDArray[np.longdouble]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.control.choice import best_exposure
+from ocisac_fast.exposure.choice import best_exposure
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ocisac_fast.camera import exposure_response
-from ocisac_fast.control.choice import best_exposure
-from ocisac_fast.gain import tone_gain
+from ocisac_fast.exposure.choice import best_exposure
+from ocisac_fast.light.response import exposure_response
 from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED
 from ocisac_fast.reproduction import choices, gains, testbed
 from ocisac_fast.reproduction.gains import GainResult
 from ocisac_fast.reproduction.testbed import Setting
+from ocisac_fast.tones.gain import tone_gain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

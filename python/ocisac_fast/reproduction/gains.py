@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ocisac_fast.gain import tone_gain
 from ocisac_fast.reproduction.testbed import FRAMES, ROW_TIME, ROWS, Setting, record
+from ocisac_fast.tones.gain import tone_gain
 
 
 @dataclass(frozen=True)

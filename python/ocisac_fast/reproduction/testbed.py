@@ -9,7 +9,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera, exposure_response
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.response import exposure_response
+from ocisac_fast.light.waveforms import Constant, SquareWave
 from ocisac_fast.scene import (
     Grating,
     Mask,
@@ -21,7 +23,6 @@ from ocisac_fast.scene import (
     Source,
     render,
 )
-from ocisac_fast.waveforms import Constant, SquareWave
 
 ROWS, COLUMNS, FRAMES_PER_SECOND = 720, 1080, 30.0
 ROW_TIME = 22.2e-6

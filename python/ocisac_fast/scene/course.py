@@ -8,8 +8,18 @@ from functools import reduce
 
 import numpy as np
 
+from ocisac_fast.light.waveforms import (
+    Chips,
+    Constant,
+    Product,
+    Samples,
+    SquareWave,
+    Sum,
+    Tone,
+    Waveform,
+    sample_waveform,
+)
 from ocisac_fast.scene.checks import instance
-from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform, sample_waveform
 
 _MOST_LINES = 64
 

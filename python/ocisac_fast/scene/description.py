@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.checks import hold, instance, number, whole
 from ocisac_fast.scene.course import check_light
 from ocisac_fast.scene.geometry import Array, Pinhole
 from ocisac_fast.scene.objects import Mask, Source, Surface
-from ocisac_fast.waveforms import Constant, Waveform
 
 if TYPE_CHECKING:
     from ocisac_fast.scene.plan import Plan

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.light.waveforms import Waveform
 from ocisac_fast.scene.checks import hold, instance, number
 from ocisac_fast.scene.course import check_light
 from ocisac_fast.scene.geometry import Array, Disc, Pose, Rectangle, Ring, Shape
-from ocisac_fast.waveforms import Waveform
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.course import Course, course
 from ocisac_fast.scene.description import Scene
 from ocisac_fast.scene.geometry import Array
@@ -24,7 +25,6 @@ from ocisac_fast.scene.patches import Patch, lens_at, patches
 from ocisac_fast.scene.profile import Profile
 from ocisac_fast.scene.signals import LineSignal, PixelProfile, ProfileTable, RowSignal, Signal
 from ocisac_fast.scene.terms import Moving, Term, levels_at, terms
-from ocisac_fast.waveforms import Constant, Waveform
 
 _DROPPING_SHARE = 0.7  # of the tolerance, for what is left out; the rest is for tables
 _ROUNDING = 1e-6  # of the light: float32 gains, tables and sums

@@ -9,10 +9,10 @@ from fractions import Fraction
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.waveforms import Constant, Waveform, integrate_exposure
 from ocisac_fast.scene.geometry import Array
 from ocisac_fast.scene.objects import Grating, Picture
-from ocisac_fast.waveforms import Constant, Waveform, integrate_exposure
 
 _FEW_CELLS = 8.0
 

@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.waveforms import Product, Tone, Waveform, integrate_exposure
 from ocisac_fast.scene.geometry import Array
 from ocisac_fast.scene.profile import Light, Profile, cycles, expose_profile
 from ocisac_fast.scene.terms import Moving
-from ocisac_fast.waveforms import Product, Tone, Waveform, integrate_exposure
 
 Table = npt.NDArray[np.float32]
 

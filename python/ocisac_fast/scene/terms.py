@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.light.waveforms import Waveform
 from ocisac_fast.scene.description import Scene
 from ocisac_fast.scene.geometry import Array, Disc, Rectangle, Shape
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, Picture, Plain, Source, Surface
 from ocisac_fast.scene.patches import Patch
-from ocisac_fast.waveforms import Waveform
 
 
 @dataclass(frozen=True)

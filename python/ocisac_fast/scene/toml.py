@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone
 from ocisac_fast.scene.description import Ambient, Scene, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
-from ocisac_fast.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone
 
 Kinds = Mapping[str, Callable[..., Any]]
 Keys = tuple[str | int, ...]

@@ -1,5 +1,10 @@
-"""The sensing side: what moving textures and modulated lights show in a picture.
+"""Moving textures and lights: gain, frequency, motion."""
 
-Pictures are searched (`search`) for regions, a region is fitted (`fit`), told apart (`kind`, `motion`) and measured
-(`gain`, `contrast`); `region` and `picture` are what users call.
-"""
+from ocisac_fast.sensing.contrast import RestoredContrast as RestoredContrast, restore_contrast as restore_contrast
+from ocisac_fast.sensing.picture import sense as sense
+from ocisac_fast.sensing.region import (
+    BackgroundLight as BackgroundLight,
+    SensedRegion as SensedRegion,
+    background_light as background_light,
+    sense_region as sense_region,
+)

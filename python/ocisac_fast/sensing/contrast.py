@@ -9,13 +9,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._arrays import as_columns
-from ocisac_fast._light import linear_light
-from ocisac_fast.camera import Camera
-from ocisac_fast.equalization import equalize
-from ocisac_fast.flags import Flag
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.light.waveforms import Tone, integrate_exposure
 from ocisac_fast.sensing.region import sense_region
-from ocisac_fast.waveforms import Tone, integrate_exposure
+from ocisac_fast.tones.equalization import equalize
 
 _PHASES = 16
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._light import linear_light
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
 
 Float64s = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._light import linear_light
-from ocisac_fast.camera import Camera
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.sensing.fit import Fitted, fit, make_model
 
 Float64s = npt.NDArray[np.float64]

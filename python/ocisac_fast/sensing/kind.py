@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.sensing.fit import Fitted, Turn
 from ocisac_fast.sensing.motion import Motion, Seen, Told, across_rows, along_rows
 

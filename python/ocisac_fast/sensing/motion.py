@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ocisac_fast.flags import Flag
+from ocisac_fast.core.flags import Flag
 
 _MOST_CANDIDATES = 16
 _MOST_TURNS = 2000  # between two frames

@@ -9,13 +9,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._arrays import as_columns
-from ocisac_fast._light import linear_light
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.lights.sources import LightSource, detect_sources
 from ocisac_fast.sensing.region import BackgroundLight, SensedRegion, background_light, sense_region
 from ocisac_fast.sensing.search import Box, periodic_boxes, without_repeats
-from ocisac_fast.sources import LightSource, detect_sources
 
 _LEAST_BESIDE = 4  # columns
 _COMPARED = 8  # frames

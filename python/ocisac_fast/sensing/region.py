@@ -10,11 +10,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._arrays import as_columns
-from ocisac_fast.camera import Camera
-from ocisac_fast.flags import Flag
-from ocisac_fast.frequency import find_frequency
-from ocisac_fast.gain import tone_gain
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.flags import Flag
 from ocisac_fast.sensing.fit import (
     Fitted,
     Turn,
@@ -32,7 +30,9 @@ from ocisac_fast.sensing.fit import (
 from ocisac_fast.sensing.gain import Ambient, contrast_range, over_frames, pooled_gain
 from ocisac_fast.sensing.kind import Kind, kind_of, motion_facts, seen_by
 from ocisac_fast.sensing.motion import Told
-from ocisac_fast.varying_tone import varying_tone_gain
+from ocisac_fast.tones.frequency import find_frequency
+from ocisac_fast.tones.gain import tone_gain
+from ocisac_fast.tones.varying_tone import varying_tone_gain
 
 Float64s = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "ocisac/camera/tone_curve.hpp"
-#include "ocisac/views.hpp"
+#include "ocisac/core/views.hpp"
 
 namespace ocisac {
 

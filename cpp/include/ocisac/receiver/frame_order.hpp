@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "ocisac/camera/tone_curve.hpp"
-#include "ocisac/receiver/column_combination.hpp"
-#include "ocisac/views.hpp"
+#include "ocisac/columns/column_combination.hpp"
+#include "ocisac/core/views.hpp"
 
 namespace ocisac {
 

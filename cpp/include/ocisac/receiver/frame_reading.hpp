@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "ocisac/receiver/channel_estimate.hpp"
-#include "ocisac/receiver/refine_channel.hpp"
+#include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/chips/refine_channel.hpp"
 
 namespace ocisac {
 

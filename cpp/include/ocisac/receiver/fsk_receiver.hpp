@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/estimation/flags.hpp"
+#include "ocisac/core/flags.hpp"
+#include "ocisac/core/views.hpp"
+#include "ocisac/packets/fsk.hpp"
+#include "ocisac/packets/packets.hpp"
 #include "ocisac/receiver/frame_order.hpp"
-#include "ocisac/receiver/fsk.hpp"
-#include "ocisac/receiver/packets.hpp"
-#include "ocisac/views.hpp"
 
 namespace ocisac {
 

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
+#include "ocisac/core/views.hpp"
+#include "ocisac/lights/light_regions.hpp"
 #include "ocisac/receiver/frame_order.hpp"
-#include "ocisac/receiver/light_regions.hpp"
 #include "ocisac/receiver/stream_receiver.hpp"
-#include "ocisac/views.hpp"
 
 namespace ocisac {
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/estimation/flags.hpp"
-#include "ocisac/receiver/detector.hpp"
-#include "ocisac/views.hpp"
+#include "ocisac/chips/detector.hpp"
+#include "ocisac/core/flags.hpp"
+#include "ocisac/core/views.hpp"
 
 namespace ocisac {
 

@@ -9,12 +9,12 @@
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/estimation/flags.hpp"
-#include "ocisac/receiver/clock_tracker.hpp"
+#include "ocisac/chips/clock_tracker.hpp"
+#include "ocisac/core/flags.hpp"
+#include "ocisac/core/views.hpp"
+#include "ocisac/packets/packets.hpp"
 #include "ocisac/receiver/frame_order.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
-#include "ocisac/receiver/packets.hpp"
-#include "ocisac/views.hpp"
 
 namespace ocisac {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "ocisac/views.hpp"
+#include "ocisac/core/views.hpp"
 
 namespace ocisac {
 

@@ -1,0 +1,64 @@
+// The rows as linear equations of the chips, which the exposure's box makes a narrow band: what detectors solve.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/chips/refine_channel.hpp"
+
+namespace ocisac {
+
+// Throws std::invalid_argument for an exposure beyond `longest` chips, and for values that are not finite or out of
+// range.
+void check(const ChipQuestion& question, double longest);
+
+// Level of chip first + k, where the question says that it is known.
+std::optional<double> known_level(const ChipQuestion& question, std::size_t k);
+
+// A chip x off its known level costs ½·kKnownPrecision·x² nats.
+inline constexpr double kKnownPrecision = 1e8;
+
+// With x = chip − ½ = ±½ and row n seeing the share h_nk of chip k in its exposure (their sum is 1),
+//
+//   −ln p(rows | chips) = ½·xᵀA·x − bᵀx + constant,   A = HᵀH/σ² + 4·I,   b = Hᵀ(rows − ½)/σ²
+//
+// The 4·I is a prior of variance ¼. It changes no comparison of sequences, since x² = ¼ for each, but tells how
+// uncertain chips are that are not decided yet. Known chips add kKnownPrecision to it. A has as many diagonals beside
+// the main one as an exposure has chips, rounded up. Factored from the last chip to the first, A = MᵀDM with M unit
+// lower triangular, the same is
+//
+//   Σ_k ½·d_k·(x_k − m_k)²,   m_k = z_k − Σ_j M_kj·x_j over j < k
+//
+// m_k and 1/d_k are mean and variance of chip k given those before it and all rows, where later chips are Gaussian.
+class ChipEquations {
+ public:
+  // Refuses what check() does.
+  ChipEquations(const ChipQuestion& question, double longest);
+
+  [[nodiscard]] std::size_t count() const { return count_; }
+  [[nodiscard]] std::size_t band() const { return band_; }  // ⌈exposure/rows per chip⌉
+
+  // A_(k, k − back), back = 0 … band.
+  [[nodiscard]] double normal(std::size_t chip, std::size_t back) const {
+    return back > std::min(band_, chip) ? 0.0 : normal_[chip * (band_ + 1) + back];
+  }
+  [[nodiscard]] double precision(std::size_t chip) const { return factor_[chip * (band_ + 1)]; }  // d_k
+  [[nodiscard]] const double* feedback(std::size_t chip) const {
+    return &factor_[chip * (band_ + 1)];
+  }                                                                              // [j]: M_(k,k−j)
+  [[nodiscard]] double target(std::size_t chip) const { return target_[chip]; }  // z_k
+
+  // Diagonal of A⁻¹: what is left of the chips' variance of ¼ by the best linear estimate of each from all rows.
+  [[nodiscard]] std::vector<double> variances() const;
+
+ private:
+  void add_rows(const ChipQuestion& question);
+  void factor();
+
+  std::size_t count_, band_;
+  std::vector<double> normal_, factor_, target_;  // (count × (band + 1)), the same, (count)
+};
+
+}  // namespace ocisac

@@ -1,0 +1,28 @@
+// Where a signal goes from dark to bright and back, whatever its level and gradient.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace ocisac {
+
+// Rows of alternating minima and maxima; each differs from the next by more than `hysteresis`.
+std::vector<std::size_t> turning_points(std::span<const double> signal, double hysteresis);
+
+// Leaves out the swings that are small beside those around them: noise and texture on a steady level.
+std::vector<std::size_t> prune_turning_points(std::span<const double> signal, std::vector<std::size_t> points);
+
+struct Edges {
+  std::vector<double> rows;          // place of each edge, fractional rows, ascending
+  std::vector<std::uint8_t> rising;  // 1: from dark to bright; alternates
+};
+
+// Places where the signal passes `share` of the height (from dark to bright) between neighbouring turning points.
+Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share);
+
+// All edges but a low one at either end: a run that the frame's edge cuts may not show its level.
+Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points);
+
+}  // namespace ocisac

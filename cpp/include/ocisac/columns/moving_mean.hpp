@@ -1,0 +1,12 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace ocisac {
+
+// Mean over rows n − reach … n + reach, as many of them as there are.
+std::vector<double> moving_mean(std::span<const double> signal, std::size_t reach);
+
+}  // namespace ocisac

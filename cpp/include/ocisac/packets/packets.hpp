@@ -1,0 +1,151 @@
+// Packets: a payload as a cycle of blocks of chips, and their way back from soft chips. The format: docs/packets.md.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/packets/line_codes.hpp"
+
+namespace ocisac {
+
+inline constexpr std::size_t kHeaderBytes = 2, kLongestPayload = 4095;
+
+// What every block begins with. `lengthened` is for exposures above 8 chips: three times as long.
+enum class Preamble { standard, lengthened };
+
+// Its chips. Six equal chips in a row occur in no line code but "none".
+std::span<const std::uint8_t> preamble_chips(Preamble preamble);
+
+// What sender and receiver agree on.
+struct PacketFormat {
+  LineCode line_code = LineCode::named("manchester");
+  std::size_t block_bytes = 16;  // coded bytes of a block, 1 to 255
+  Preamble preamble = Preamble::standard;
+};
+
+// What follows from the format and the length of a payload.
+struct PacketLayout {
+  std::size_t payload_bytes = 0;
+  std::size_t codewords = 0;      // Reed–Solomon words of 255 bytes
+  std::size_t codeword_data = 0;  // bytes of data in each
+  std::size_t blocks = 0;         // of a cycle
+  std::size_t block_chips = 0;
+
+  [[nodiscard]] std::size_t coded_bytes() const { return 255 * codewords; }
+  [[nodiscard]] std::size_t cycle_chips() const { return blocks * block_chips; }
+};
+
+std::size_t block_chips(const PacketFormat& format);
+
+// Bytes of payload that one packet of this format can hold.
+std::size_t longest_payload(const PacketFormat& format);
+
+// `payload_bytes`: 1 to longest_payload(format).
+PacketLayout packet_layout(std::size_t payload_bytes, const PacketFormat& format);
+
+// One cycle of the packet, 1 = bright: blocks one after the other, to be sent over and over. `number`: 0 to 255, one
+// more (modulo 256) for each packet that follows.
+std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, const PacketFormat& format,
+                                       unsigned number = 0);
+
+// A block whose preamble and header were read.
+struct BlockSighting {
+  std::size_t chip = 0;  // at which the preamble begins
+  unsigned block = 0;    // sequence number
+  unsigned parity = 0;   // of the packet's number
+  unsigned digit = 0;    // octal digit of the packet's length: by block mod 4, the highest first
+};
+
+// Blocks whose preamble and header lie whole in a stretch of soft chips (ln P(bright)/P(dark)).
+std::vector<BlockSighting> find_blocks(std::span<const double> llr, const PacketFormat& format);
+
+// What became of a stretch of chips.
+enum class StretchOutcome {
+  placed,      // its bytes are in the packet
+  waiting,     // kept until its place and the packet's length are known
+  repeated,    // begins before the end of what was pushed before it: left out
+  unreadable,  // nothing of it was seen: left out
+};
+
+struct Payload {
+  std::vector<std::uint8_t> bytes;
+  unsigned number = 0;        // of the packet
+  std::size_t corrected = 0;  // bytes that had been read wrong
+};
+
+struct StretchReport {
+  StretchOutcome outcome = StretchOutcome::placed;
+  std::size_t blocks = 0;          // preambles with headers
+  std::size_t bytes = 0;           // coded bytes seen, of the stretches placed now
+  std::size_t cut = 0;             // coded bytes of which an end of the stretch left a part, of those placed now
+  std::size_t doubtful = 0;        // coded bytes with a bit that is not sure, of the stretches placed now
+  std::size_t violations = 0;      // words that are none of the line code, of the stretches placed now
+  double share = 0;                // of the bytes needed that are there, by the scarcest codeword; 1: may be decoded
+  std::optional<Payload> payload;  // whole, its CRC-32 right
+};
+
+// Payloads out of stretches of soft chips, each at its place on a clock of chips. Memory is bounded: the soft bits of
+// one cycle, and 2^17 chips that wait for their place.
+class PacketAssembler {
+ public:
+  explicit PacketAssembler(PacketFormat format);
+
+  // `first`: index of the stretch's first chip on a clock that counts the chips sent, from any origin; stretches in
+  // time order. A slip of the clock by a chip or two is healed by the next header. `llr`: (chips) ln P(bright)/P(dark)
+  // in nats, 0: not seen. Where a stretch goes on from the last chip of the one before, headers are found across both.
+  StretchReport push(std::ptrdiff_t first, std::span<const double> llr);
+
+  // The clock has jumped: what is in the packet stays, the next header gives the place anew.
+  void lose_clock();
+
+ private:
+  struct Stretch {
+    std::ptrdiff_t first;
+    std::size_t epoch;
+    std::vector<double> llr;
+    std::ptrdiff_t searched;  // chip from which `blocks` count: `first`, or of the stretch before
+    std::vector<BlockSighting> blocks;
+  };
+  struct Vote {
+    unsigned value = 0;
+    int count = 0;
+    bool change(unsigned seen);  // true where the value is another now
+  };
+
+  Stretch search(std::ptrdiff_t first, std::span<const double> llr);
+  void keep(Stretch stretch);
+  void read_header(const BlockSighting& sighting);
+  void start_packet();
+  void place_waiting(StretchReport& report);
+  void find_layout();
+  [[nodiscard]] std::ptrdiff_t origin_by(const Stretch& stretch, const BlockSighting& sighting) const;
+  bool follow(const Stretch& stretch);
+  void place(const Stretch& stretch, StretchReport& report);
+  void place_block(std::span<const double> chips, std::size_t block, StretchReport& report);
+  [[nodiscard]] std::vector<double> reliabilities() const;
+  std::optional<Payload> decode(std::span<const double> reliability);
+
+  PacketFormat format_;
+  std::size_t block_chips_;
+  std::vector<std::uint8_t> whitening_;  // (bytes of the longest cycle)
+  Vote parity_;
+  std::array<Vote, 4> digits_;
+  std::optional<PacketLayout> layout_;
+  std::size_t epoch_ = 0;                            // one more for every jump of the clock
+  std::optional<std::ptrdiff_t> origin_, doubtful_;  // chip at which a block 0 began; a header's that disagrees
+  std::optional<std::ptrdiff_t> end_;                // chip after the last stretch
+  std::vector<double> tail_;                         // its last chips, in which a block may have begun
+  std::deque<Stretch> waiting_;
+  std::size_t waiting_chips_ = 0;
+  std::vector<float> soft_bits_;  // (coded bytes, 8) sums of log-likelihood ratios
+};
+
+// CRC-32 of IEEE 802.3 (zlib's).
+std::uint32_t crc32(std::span<const std::uint8_t> bytes);
+
+}  // namespace ocisac

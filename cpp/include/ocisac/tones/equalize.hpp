@@ -1,0 +1,41 @@
+// Undoing what the exposure does to a column: from mean light over each exposure to light at its end.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+enum class EqualizerMethod { inverse, wiener };
+
+struct EqualizerSettings {
+  EqualizerMethod method = EqualizerMethod::inverse;
+  double max_boost = 10;  // the largest factor at any frequency, 1 … 1e6 (20·log10 of it in dB)
+  // RMS noise of a row in linear light, for wiener: empty (estimated column by column), one value for all columns,
+  // or frames × columns values.
+  std::span<const double> noise;
+};
+
+struct FrequencyBand {
+  double low, high;  // Hz; the highest band ends at infinity
+};
+
+struct EqualizerReport {
+  std::vector<FrequencyBand> frequencies_lost;  // less than half of the amplitude comes back; mean over the columns
+  std::vector<double> noise_gain;               // frames × columns: RMS noise of the result over that of the rows
+  std::vector<double> noise;                    // frames × columns: the RMS noise that wiener used; 0 for inverse
+};
+
+// Row n of `out` (same shape as `frames`, which it may not overlap) estimates the light at the end of row n's exposure,
+// in linear light above dark. docs/equalisation.md tells how. Exposures of the whole frame and longer leave the mean.
+EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
+                         const FramesView<double>& out);
+
+// Bands in which the bounded inverse gives back less than half of the amplitude: |sinc(f·T_e)| < 1/(√2·max_boost),
+// and all above half the row rate, which the rows cannot tell from what is below.
+std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boost);
+
+}  // namespace ocisac

@@ -1,0 +1,71 @@
+// The normalised gain of tones in pixel columns (eqs. 13–16 and 24 of the paper).
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/core/flags.hpp"
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+enum class GainMethod {
+  fit,  // least squares at the exact frequency: mean + tones + harmonics (cf. IEEE Std 1057)
+  dft,  // the paper's: the DFT's bin nearest to the tone (eqs. 24–25, figure 8)
+};
+
+enum class WaveformShape { tone, square };
+
+struct ToneGainOptions {
+  GainMethod method = GainMethod::fit;
+  WaveformShape waveform = WaveformShape::tone;  // square: all harmonics below half the row rate are in the fit
+  double duty = 0.5;                             // of the square wave, inside (0, 1)
+  std::span<const double> background;            // DN above dark: empty (0), one value, or (frames × columns)
+  double efficiency = 1;                         // least share of the fit's efficiency to keep, (0, 1]
+  int threads = 1;                               // at most: see for_each_block in parallel.hpp
+};
+
+// Arrays (tones × frames × columns), dense. Values that cannot be told are NaN and flagged.
+//   gain      2|X(f)|/X(0) over the waveform's own ratio at full depth: |sinc(f·T_e)| in theory
+//   gain_std  standard error of gain
+//   phase     of the light's fundamental at the end of row 0's exposure, rad in (−π, π], exposure's delay taken out
+//             where the exposure is known
+//   mean      of the source's light, background taken off, DN above dark
+//   snr       ρ_c = G²·ρ̄, ρ̄ = mean²/(noise variance of a row) (eqs. 13–14)
+// The square root of |amplitude|² − (noise's share of it) keeps the magnitude unbiased while it is above the noise.
+struct ToneGain {
+  std::size_t tones = 0, frames = 0, columns = 0;
+  std::vector<double> gain, gain_std, phase, mean, snr;
+  std::vector<Flags> flags;
+};
+
+// The same in memory of the caller's.
+struct ToneGainView {
+  std::span<double> gain, gain_std, phase, mean, snr;
+  std::span<Flags> flags;
+};
+
+// Theory: frequencies in Hz, > 0, any number >= 1. Throws std::invalid_argument for values without meaning.
+ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                   const ToneGainOptions& options = {});
+
+// Writes into `result`, whose arrays hold tones × frames × columns each.
+void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+               const ToneGainOptions& options, const ToneGainView& result);
+
+// The same for all columns of a frame combined into one, weighted by their brightness above background; saturated
+// columns are left out where others remain. Arrays (tones × frames × 1).
+ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                          const ToneGainOptions& options = {});
+
+// `result` holds tones × frames.
+void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                      const ToneGainOptions& options, const ToneGainView& result);
+
+// Amplitude of the fundamental over the mean, at full depth and without exposure: 1 for a tone, 2·sinc(duty) for a
+// square wave (4/π at duty 1/2).
+double full_depth_ratio(WaveformShape waveform, double duty);
+
+}  // namespace ocisac

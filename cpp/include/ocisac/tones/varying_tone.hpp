@@ -1,0 +1,44 @@
+// The gain of a tone while light and tone vary slowly along the column: a gradient of the light, a frequency that
+// drifts or is not quite the given one. tone_gain assumes neither; this tells whether that holds, and by how much not.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/core/flags.hpp"
+#include "ocisac/core/views.hpp"
+#include "ocisac/tones/tone_gain.hpp"
+
+namespace ocisac {
+
+struct VaryingToneOptions {
+  int degree = 2;  // of the polynomials, 0 to 4
+  WaveformShape waveform = WaveformShape::tone;
+  double duty = 0.5;
+  std::span<const double> background;  // as for ToneGainOptions
+  int threads = 1;
+};
+
+// Arrays (frames × columns), dense. Values that cannot be told are NaN and flagged.
+//   gain      mean over the rows of the tone's amplitude, over the mean light and the waveform's ratio
+//   gain_std  standard error of gain
+//   mean      of the source's light, DN above dark
+//   bias      gain of tone_gain minus this one
+//   bias_std  its standard error where tone_gain's model holds
+//   flags     model_misfit: the bias is above four of its standard errors and above tone_gain's standard error
+struct VaryingToneGain {
+  std::size_t frames = 0, columns = 0;
+  std::vector<double> gain, gain_std, mean, bias, bias_std;
+  std::vector<Flags> flags;
+};
+
+// With x from −1 to 1 along the rows and u as in harmonic_model.hpp a column is modelled as
+//   y(n) = s(x) + Σ_h [a_h(x)·cos(2π h ν u) + b_h(x)·sin(2π h ν u)] + noise,
+// where s, a_h and b_h are polynomials of `degree`; solved by least squares. Throws as tone_gain does, and for a degree
+// outside its range.
+VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency,
+                                  const VaryingToneOptions& options = {});
+
+}  // namespace ocisac

@@ -1,0 +1,158 @@
+// The rows as equations of a channel: clock and levels, linear about a clock.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "chips/exposed_chips.hpp"
+#include "ocisac/chips/channel_estimate.hpp"
+
+namespace ocisac {
+
+void check_model(const ChannelModel& model);
+
+// Legendre polynomials 0 … degree at x; where a row lies along the frame, −1 … 1; a sum of such polynomials.
+void legendre(double x, std::size_t degree, double* out);
+double along_frame(double row, std::size_t rows);
+double polynomial(std::span<const double> coefficients, double x);
+
+// Weighted least squares of one column of numbers against the parts of the model, by normal equations with a unit
+// diagonal. Unknowns: phase, rows per chip, exposure (the first `clock_size` of them), dark levels, swings.
+class ChannelEquations {
+ public:
+  using Index = Eigen::Index;
+
+  ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model, std::size_t rows)
+      : signal_(signal),
+        box_(chips),
+        model_(model),
+        origin_(chips.first + static_cast<std::ptrdiff_t>(chips.levels.size() / 2)),
+        clock_size_(model.exposure_known ? 2 : 3),
+        dark_size_(static_cast<Index>(model.dark_degree + 1)),
+        swing_size_(static_cast<Index>(model.swing_degree + 1)),
+        basis_size_(static_cast<std::size_t>(std::max(dark_size_, swing_size_))),
+        basis_(rows * basis_size_) {
+    for (std::size_t n = 0; n < rows; ++n)
+      legendre(along_frame(static_cast<double>(n), rows), basis_size_ - 1, &basis_[n * basis_size_]);
+  }
+
+  [[nodiscard]] std::ptrdiff_t origin() const { return origin_; }
+  [[nodiscard]] Index unknowns() const { return clock_size_ + level_size(); }
+  [[nodiscard]] Index clock_size() const { return clock_size_; }
+  [[nodiscard]] Index level_size() const { return dark_size_ + swing_size_; }
+  [[nodiscard]] std::span<const double> signal() const { return signal_; }
+
+  // For `clock` the s of each row and its derivatives.
+  void expose(const ChipClock& clock, RowRange range) {
+    exposed_.resize(range.size());
+    const auto origin = static_cast<double>(origin_);
+    for (std::size_t n = range.begin; n < range.end; ++n)
+      exposed_[n - range.begin] = box_.at(static_cast<double>(n), clock, origin);
+  }
+
+  // Row n of the model's derivatives by its unknowns, and of its levels: calls use(n, parts). swing_of(n, basis): of
+  // row n, by which the clock counts.
+  template <class Swing, class Use>
+  void for_each_row(RowRange range, Swing height_of, Use use) const {
+    std::array<double, 3 + 2 * (kHighestDegree + 1)> parts{};
+    double* const dark = &parts[static_cast<std::size_t>(clock_size_)];
+    double* const swing = dark + dark_size_;
+    for (std::size_t n = range.begin; n < range.end; ++n) {
+      const Exposed& seen = exposed_[n - range.begin];
+      const double* basis = &basis_[n * basis_size_];
+      const double height = height_of(n, basis);
+      parts[0] = height * seen.by_phase;
+      parts[1] = height * seen.by_period;
+      if (clock_size_ == 3) parts[2] = height * seen.by_exposure;
+      for (Index k = 0; k < dark_size_; ++k) dark[k] = basis[k];
+      for (Index k = 0; k < swing_size_; ++k) swing[k] = seen.value * basis[k];
+      use(n, parts.data());
+    }
+  }
+
+  [[nodiscard]] double swing_of(const Eigen::VectorXd& levels, const double* basis) const {
+    double sum = 0;
+    for (Index k = 0; k < swing_size_; ++k) sum += levels[dark_size_ + k] * basis[k];
+    return sum;
+  }
+
+  [[nodiscard]] std::vector<double> dark(const Eigen::VectorXd& levels) const {
+    return {levels.begin(), levels.begin() + dark_size_};
+  }
+  [[nodiscard]] std::vector<double> swing(const Eigen::VectorXd& levels) const {
+    return {levels.begin() + dark_size_, levels.end()};
+  }
+
+ private:
+  std::span<const double> signal_;
+  ChipBox box_;
+  ChannelModel model_;
+  std::ptrdiff_t origin_;
+  Index clock_size_, dark_size_, swing_size_;
+  std::size_t basis_size_;
+  std::vector<double> basis_;  // (rows, basis_size_) Legendre polynomials
+  std::vector<Exposed> exposed_;
+};
+
+// Normal equations scaled to a unit diagonal; absent where columns are dependent.
+struct Solved {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd inverse;
+};
+
+std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
+
+// With the exposure among the unknowns, the third. Where no row tells it from the phase (all edges fall on the same
+// part of a row, say) it is left where it is, with an infinite variance.
+std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
+
+// Sums of products of parts, and of parts and values, row by row; spelled out, the parts being few.
+class NormalSums {
+ public:
+  explicit NormalSums(Eigen::Index size) : products_(RowMajor::Zero(size, size)), right_(Eigen::VectorXd::Zero(size)) {}
+
+  void add(const double* parts, double value) {
+    const Eigen::Index size = right_.size();
+    for (Eigen::Index i = 0; i < size; ++i) {
+      double* row = &products_(i, 0);
+      for (Eigen::Index j = 0; j <= i; ++j) row[j] += parts[i] * parts[j];
+      right_[i] += parts[i] * value;
+    }
+  }
+  [[nodiscard]] Eigen::MatrixXd matrix() const { return products_.selfadjointView<Eigen::Lower>(); }
+  [[nodiscard]] const Eigen::VectorXd& right() const { return right_; }
+
+ private:
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  RowMajor products_;
+  Eigen::VectorXd right_;
+};
+
+// The levels that leave least, at the clock that was exposed last.
+std::optional<Eigen::VectorXd> fit_levels(const ChannelEquations& equations, RowRange range);
+
+// Squares that the best levels leave, at the clock that was exposed last.
+std::optional<double> squares_left(const ChannelEquations& equations, RowRange range);
+
+// Levels for a clock, the squares they leave, and the step of the clock that Gauss–Newton takes from there.
+struct Linearised {
+  Eigen::VectorXd levels, step;
+  Eigen::MatrixXd inverse;  // of all unknowns
+  double squares = 0;
+};
+
+// A rate known beforehand, as a reading of it: `weight` is the inverse of its variance in that of a row.
+struct KnownRate {
+  double rows_per_chip = 0, weight = 0;
+};
+
+// `nearby`: levels that suit a clock not far from this one; absent: found first. The derivatives by the clock are taken
+// at them.
+std::optional<Linearised> linearise(ChannelEquations& equations, const ChipClock& clock, RowRange range,
+                                    const KnownRate& known, const std::optional<Eigen::VectorXd>& nearby = {});
+
+}  // namespace ocisac

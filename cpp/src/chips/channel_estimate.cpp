@@ -1,0 +1,221 @@
+#include "ocisac/chips/channel_estimate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "chips/channel_equations.hpp"
+#include "chips/exposed_chips.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr int kRounds = 20;
+constexpr int kPasses = 3;
+constexpr double kLeastShare = 1e-3;     // of a step; the model has kinks
+constexpr double kSmallFall = 1e-5;      // of the squares, in variances of a row; so is a step that gains less
+constexpr double kSmallStep = 1e-3;      // standard errors; such a step is the last
+constexpr double kSettled = 1e-9;        // chips; a step below it is the last
+constexpr double kLongestExposure = 24;  // chips
+
+// A part of the step that keeps the clock where the model is nearly linear; and the clock there.
+ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double share, double half_chips) {
+  const double reach = std::max({std::abs(step[0]) / (0.4 * clock.rows_per_chip),
+                                 std::abs(step[1]) * half_chips / (0.4 * clock.rows_per_chip), 1.0});
+  const double part = share / reach;
+  ChipClock next{clock.rows_per_chip + part * step[1], clock.phase + part * step[0], clock.exposure};
+  if (step.size() == 3) {
+    const double limit = 0.3 * clock.exposure + 0.3 * clock.rows_per_chip;
+    next.exposure = std::clamp(clock.exposure + std::clamp(part * step[2], -limit, limit), kShortestExposure,
+                               kLongestExposure * next.rows_per_chip);
+  }
+  return next;
+}
+
+// A step beside the standard errors of what it changes.
+bool is_small(const Eigen::VectorXd& step, const Eigen::MatrixXd& inverse, double variance) {
+  for (Eigen::Index k = 0; k < step.size(); ++k)
+    if (!(std::abs(step[k]) <= kSmallStep * std::sqrt(variance * inverse(k, k)))) return false;
+  return true;
+}
+
+// Gauss–Newton with a step halved until the squares fall. Clock and errors refer to the equations's origin.
+struct Descent {
+  ChipClock clock;
+  RowRange rows;
+  Linearised last;
+  bool converged = false;
+};
+
+std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, RowRange range, double half_chips,
+                               const KnownRate& known, SearchEffort& effort) {
+  const auto rows = static_cast<double>(range.size());
+  if (!effort.take(rows)) return std::nullopt;
+  auto here = linearise(equations, clock, range, known);
+  if (!here) return std::nullopt;
+  for (int round = 0; round < kRounds; ++round) {
+    bool better = false;
+    for (double share = 1; share > kLeastShare; share *= 0.5) {
+      if (!effort.take(rows)) return Descent{clock, range, std::move(*here), false};
+      const ChipClock next = stepped(clock, here->step, share, half_chips);
+      auto there = next.rows_per_chip > 0 ? linearise(equations, next, range, known, here->levels) : std::nullopt;
+      if (!there || there->squares > here->squares) continue;
+      const double variance = there->squares / static_cast<double>(range.size());
+      const bool last =
+          is_small(here->step, here->inverse, variance) || here->squares - there->squares < kSmallFall * variance;
+      const double moved =
+          std::max({std::abs(next.phase - clock.phase), half_chips * std::abs(next.rows_per_chip - clock.rows_per_chip),
+                    std::abs(next.exposure - clock.exposure)});
+      clock = next;
+      here = std::move(there);
+      better = true;
+      if (last || moved < kSettled * clock.rows_per_chip) return Descent{clock, range, std::move(*here), true};
+      break;
+    }
+    if (!better) return Descent{clock, range, std::move(*here), true};  // at the bottom to the last digit
+  }
+  return Descent{clock, range, std::move(*here), false};
+}
+
+ClockErrors errors_of(const ChannelEquations& equations, const Eigen::MatrixXd& inverse, double variance) {
+  ClockErrors errors{equations.origin(), {}};
+  for (Eigen::Index i = 0; i < equations.clock_size(); ++i)
+    for (Eigen::Index j = 0; j < equations.clock_size(); ++j)
+      errors.covariance[static_cast<std::size_t>(3 * i + j)] = variance * inverse(i, j);
+  return errors;
+}
+
+}  // namespace
+
+double ClockErrors::phase_std(std::ptrdiff_t at) const {
+  const auto away = static_cast<double>(at - chip);
+  return std::sqrt(covariance[0] + 2 * away * covariance[1] + away * away * covariance[4]);
+}
+
+double ClockErrors::rows_per_chip_std() const { return std::sqrt(covariance[4]); }
+
+double ClockErrors::exposure_std() const { return std::sqrt(covariance[8]); }
+
+double ChannelEstimate::dark_at(double row, std::size_t frame_rows) const {
+  return polynomial(dark, along_frame(row, frame_rows));
+}
+
+double ChannelEstimate::swing_at(double row, std::size_t frame_rows) const {
+  return polynomial(swing, along_frame(row, frame_rows));
+}
+
+namespace {
+
+// Descent on the rows that see known chips only. Which ones do, and their noise, depend on the clock.
+std::optional<Descent> descend_on_known_rows(ChannelEquations& equations, const KnownChips& chips,
+                                             const ChipClock& start, double rate_std, SearchEffort& effort) {
+  const double half_chips = 0.5 * static_cast<double>(chips.levels.size());
+  std::optional<Descent> found;
+  ChipClock clock = with_least_exposure(start);
+  KnownRate known{start.rows_per_chip, 0};
+  for (int pass = 0; pass < kPasses; ++pass) {
+    const RowRange now = rows_of(chips, clock, equations.signal().size());
+    if (now.size() <= static_cast<std::size_t>(equations.unknowns())) return std::nullopt;
+    const bool same = found && now.begin == found->rows.begin && now.end == found->rows.end;
+    if (same && (rate_std == 0 || pass == kPasses - 1)) break;
+    if (rate_std > 0) {
+      const auto before = linearise(equations, moved_to(clock, equations.origin()), now, {});
+      if (!before) return std::nullopt;
+      const double variance = before->squares / static_cast<double>(now.size());
+      known.weight = variance / (rate_std * rate_std);
+    }
+    found = descend(equations, moved_to(clock, equations.origin()), now, half_chips, known, effort);
+    if (!found) return std::nullopt;
+    clock = moved_to(found->clock, -equations.origin());
+  }
+  return found;
+}
+
+}  // namespace
+
+std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const KnownChips& chips,
+                                           const ChipClock& start, const ChannelModel& model, SearchEffort* effort) {
+  check_chips(chips);
+  check_clock(start);
+  check_model(model);
+  for (double value : signal) require_finite("signal", value);
+  SearchEffort unlimited;
+  ChannelEquations equations(signal, chips, model, signal.size());
+  const auto found =
+      descend_on_known_rows(equations, chips, start, model.rate_std, effort == nullptr ? unlimited : *effort);
+  if (!found) return std::nullopt;
+  const auto freedom = static_cast<double>(found->rows.size()) - static_cast<double>(equations.unknowns());
+  const double variance = found->last.squares / freedom;
+  return ChannelEstimate{moved_to(found->clock, -equations.origin()),
+                         errors_of(equations, found->last.inverse, variance),
+                         equations.dark(found->last.levels),
+                         equations.swing(found->last.levels),
+                         std::sqrt(variance),
+                         found->rows,
+                         found->converged};
+}
+
+std::optional<LevelSquares> level_squares(std::span<const double> signal, const KnownChips& chips,
+                                          const ChipClock& clock, const ChannelModel& model) {
+  check_chips(chips);
+  check_clock(clock);
+  check_model(model);
+  const ChipClock used = with_least_exposure(clock);
+  const RowRange range = rows_of(chips, used, signal.size());
+  ChannelEquations equations(signal, chips, model, signal.size());
+  if (range.size() <= static_cast<std::size_t>(equations.level_size())) return std::nullopt;
+  equations.expose(moved_to(used, equations.origin()), range);
+  const auto squares = squares_left(equations, range);
+  if (!squares) return std::nullopt;
+  return LevelSquares{*squares, range.size()};
+}
+
+std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock& clock, std::span<const double> swing,
+                                        double noise, const ChannelModel& model) {
+  check_chips(chips);
+  check_clock(clock);
+  check_model(model);
+  require_not_negative("noise", noise);
+  const ChipClock used = with_least_exposure(clock);
+  const RowRange range = rows_of(chips, used, swing.size());
+  ChannelEquations equations({}, chips, model, swing.size());
+  equations.expose(moved_to(used, equations.origin()), range);
+  const Eigen::Index size = equations.unknowns();
+  if (range.size() < static_cast<std::size_t>(size)) return std::nullopt;
+  NormalSums sums(size);
+  equations.for_each_row(
+      range, [&](std::size_t n, const double*) { return swing[n]; },
+      [&](std::size_t, const double* parts) { sums.add(parts, 0.0); });
+  Eigen::MatrixXd normal = sums.matrix();
+  if (model.rate_std > 0) normal(1, 1) += noise * noise / (model.rate_std * model.rate_std);
+  const auto solved = model.exposure_known ? solve_normal(normal, sums.right()) : solve_clock(normal, sums.right());
+  if (!solved) return std::nullopt;
+  return errors_of(equations, solved->inverse, noise * noise);
+}
+
+Pooled pool_estimates(std::span<const double> values, std::span<const double> errors) {
+  require(values.size() == errors.size(), "errors", errors.size(), "as many as values");
+  double weight = 0, sum = 0, squares = 0;
+  std::size_t count = 0;
+  const auto weight_of = [&](std::size_t k) {
+    const bool counts = std::isfinite(values[k]) && std::isfinite(errors[k]) && errors[k] > 0;
+    return counts ? 1 / (errors[k] * errors[k]) : 0.0;
+  };
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const double w = weight_of(k);
+    weight += w;
+    if (w > 0) sum += w * values[k];
+    count += w > 0;
+  }
+  if (count == 0) return {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN(), 0};
+  const double mean = sum / weight;
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (const double w = weight_of(k); w > 0) squares += w * (values[k] - mean) * (values[k] - mean);
+  const double scatter = count > 1 ? squares / static_cast<double>(count - 1) : 1.0;
+  return {mean, std::sqrt(std::max(scatter, 1.0) / weight), count};
+}
+
+}  // namespace ocisac

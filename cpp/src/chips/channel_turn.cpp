@@ -1,0 +1,174 @@
+#include "chips/channel_turn.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kFollowed = 0.25;         // of the rows that told levels: so far beyond them a slope is believed
+constexpr double kLeastSwing = 0.1;        // of that in the middle of those rows
+constexpr double kCertainPhase = 0.04;     // chips; with a larger standard error other rates are tried
+constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
+constexpr double kMostExposureMoved = 0.8;
+constexpr double kMovedErrors = 1.5, kMostMoved = 0.4;  // standard errors, chips
+constexpr double kLeastNoise = 1e-4;                    // of the swing, for the detector
+constexpr double kMostChips = 1e6;                      // in a frame
+constexpr double kStatesPerRow = 64;                    // of the trellis, that take as long as a row of a fit
+constexpr double kMostStateChips = 11;                  // with longer exposures not all of the states are looked at
+constexpr double kLevelFits = 2;                        // to choose the levels of a turn, in fits of levels and clock
+
+// The channel's levels, held a little beyond the rows that told them.
+struct Levels {
+  const ChannelEstimate& channel;
+  std::size_t frame_rows;
+
+  [[nodiscard]] double held(std::size_t row) const {
+    const auto first = static_cast<double>(channel.rows.begin), last = static_cast<double>(channel.rows.end) - 1;
+    const bool straight = channel.dark.size() <= 2 && channel.swing.size() <= 2;
+    const double beyond = straight ? kFollowed * (last - first) : 0.0;
+    return std::clamp(static_cast<double>(row), first - beyond, std::max(first, last) + beyond);
+  }
+  [[nodiscard]] double dark(std::size_t row) const { return channel.dark_at(held(row), frame_rows); }
+  [[nodiscard]] double swing(std::size_t row) const {
+    const double middle = 0.5 * static_cast<double>(channel.rows.begin + channel.rows.end);
+    return std::max(channel.swing_at(held(row), frame_rows), kLeastSwing * channel.swing_at(middle, frame_rows));
+  }
+};
+
+void put_known(const KnownChips& known, FoundChips& chips) {
+  for (std::size_t k = 0; k < known.levels.size(); ++k) {
+    const std::ptrdiff_t at = known.first + static_cast<std::ptrdiff_t>(k) - chips.first;
+    if (at >= 0 && at < static_cast<std::ptrdiff_t>(chips.levels.size()))
+      chips.levels[static_cast<std::size_t>(at)] = known.levels[k];
+  }
+}
+
+// Degrees of dark and swing: the smallest of Schwarz's criterion at a fixed clock. In a part of the frame at most
+// lines.
+ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, const ChipClock& clock,
+                           bool most_of_frame) {
+  const RefineOptions& options = context.options;
+  ChannelModel best{0, 0, options.exposure_known};
+  double least = std::numeric_limits<double>::infinity();
+  const std::size_t highest = most_of_frame ? options.highest_degree : std::min<std::size_t>(options.highest_degree, 1);
+  for (std::size_t degree = 0; degree <= highest; ++degree)
+    for (const std::size_t swing_degree : {std::size_t{0}, degree}) {
+      if (swing_degree == 0 && degree > 1) continue;  // a light that varies takes its surroundings along
+      const ChannelModel model{degree, swing_degree, options.exposure_known};
+      const auto left = level_squares(context.signal, chips.known(), clock, model);
+      if (!left) return best;
+      const auto count = static_cast<double>(left->rows), unknowns = static_cast<double>(degree + swing_degree);
+      const double criterion = count * std::log(std::max(left->squares, 1e-300) / count) + unknowns * std::log(count);
+      if (criterion < least) {
+        least = criterion;
+        best = model;
+      }
+    }
+  return best;
+}
+
+}  // namespace
+
+std::ptrdiff_t chip_at(double row, const ChipClock& clock) {
+  return static_cast<std::ptrdiff_t>(std::floor((row - clock.phase) / clock.rows_per_chip));
+}
+
+std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
+  const auto signal = context.signal;
+  const Levels levels{channel, signal.size()};
+  double least = std::numeric_limits<double>::infinity();
+  std::vector<double> rows;
+  for (std::size_t n = range.begin; n < range.end; ++n) {
+    const double swing = levels.swing(n);
+    least = std::min(least, swing);
+    rows.push_back((signal[n] - levels.dark(n)) / swing);
+  }
+  if (!(least > 0)) return std::nullopt;
+  ChipClock clock = channel.clock;
+  clock.phase -= static_cast<double>(range.begin);
+  const double half = 0.5 * clock.exposure, last_row = static_cast<double>(range.size()) - 1;
+  if (!(clock.exposure + last_row < kMostChips * clock.rows_per_chip)) return std::nullopt;
+  const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
+  const double middle = levels.swing((range.begin + range.end) / 2);
+  FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kLeastNoise), first,
+                                   static_cast<std::size_t>(last - first + 1), context.options.known}),
+                   first};
+  put_known(context.options.known, chips);
+  return chips;
+}
+
+FoundChips without_edges(const FoundChips& chips) {
+  if (chips.levels.size() < 8) return chips;
+  return {{chips.levels.begin() + 1, chips.levels.end() - 1}, chips.first + 1};
+}
+
+bool TurnContext::may_try(RowRange range, const ChipClock& clock, double fits) const {
+  if (options.effort == nullptr) return true;
+  const double rows = static_cast<double>(range.size());
+  const double states = std::exp2(std::min(kMostStateChips, std::ceil(clock.exposure / clock.rows_per_chip)));
+  return options.effort->take(rows * (fits + 1) + rows / clock.rows_per_chip * states / kStatesPerRow);
+}
+
+std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
+  if (!context.may_try(range, channel.clock, kLevelFits)) return std::nullopt;
+  auto chips = detect_rows(context, channel, range);
+  if (!chips) return std::nullopt;
+  const FoundChips kept = without_edges(*chips);
+  const bool most = range.size() > context.signal.size() / 2;
+  auto fitted = fit_channel(context.signal, kept.known(), channel.clock,
+                            choose_levels(context, kept, channel.clock, most), context.options.effort);
+  if (!fitted || !(fitted->swing[0] > 0)) return std::nullopt;
+  return Turn{std::move(*fitted), std::move(*chips)};
+}
+
+double end_error(const ChannelEstimate& channel, RowRange range) {
+  const double begin = static_cast<double>(range.begin), end = static_cast<double>(range.end);
+  const double error = std::max(channel.errors.phase_std(chip_at(begin, channel.clock)),
+                                channel.errors.phase_std(chip_at(end, channel.clock)));
+  return error / channel.clock.rows_per_chip;
+}
+
+ChannelEstimate with_rate_moved(ChannelEstimate channel, RowRange range, double chips) {
+  ChipClock& clock = channel.clock;
+  const auto middle = static_cast<double>(channel.errors.chip);
+  const double reach = 0.5 * static_cast<double>(range.size()) / clock.rows_per_chip;
+  const double change = chips * clock.rows_per_chip / reach;
+  clock.rows_per_chip += change;
+  clock.phase -= middle * change;
+  return channel;
+}
+
+ChannelEstimate with_exposure_moved(ChannelEstimate channel, double chips) {
+  channel.clock.exposure = std::max(channel.clock.exposure + chips * channel.clock.rows_per_chip, kShortestExposure);
+  return channel;
+}
+
+std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
+  auto best = take_turn(context, channel, range);
+  const double error = end_error(channel, range);
+  if (!(error > kCertainPhase)) return best;
+  const double exposure_error = channel.errors.exposure_std() / channel.clock.rows_per_chip;
+  const double rate_move = std::min(kMovedErrors * error, kMostMoved);
+  const double exposure_move =
+      exposure_error > kCertainExposure ? std::min(4 * exposure_error, kMostExposureMoved) : 0.0;
+  for (const double longer : {0.0, 1.0, -1.0}) {
+    if (longer != 0 && (context.options.exposure_known || exposure_move == 0)) continue;
+    for (const double faster : {0.0, -1.0, 1.0}) {
+      if (longer == 0 && faster == 0) continue;  // taken
+      const ChannelEstimate moved =
+          with_exposure_moved(with_rate_moved(channel, range, faster * rate_move), longer * exposure_move);
+      if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // of a frame of a few rows
+      auto other = take_turn(context, moved, range);
+      if (other && (!best || other->channel.noise < best->channel.noise)) best = std::move(other);
+    }
+  }
+  return best;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,278 @@
+#include "ocisac/chips/chip_timing.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "ocisac/columns/moving_mean.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};    // shares of an edge's height; 0.5 is right for linear light
+constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the moving mean, rows
+constexpr std::size_t kFewestEdges = 4;
+constexpr std::size_t kCandidates = 16;
+constexpr double kLargestDuty = 0.2;       // chips, in the search; a little more is let through after the fit
+constexpr double kLeastCertainty = 5.5;    // nats
+constexpr double kLargestResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) return *middle;
+  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+// Noise of a single column: the smallest quarter of the second differences lies on steady light.
+double noise_on_steady_light(std::span<const double> signal) {
+  std::vector<double> second;
+  for (std::size_t n = 2; n < signal.size(); ++n)
+    second.push_back(std::abs(signal[n] - 2 * signal[n - 1] + signal[n - 2]));
+  if (second.empty()) return 0;
+  const auto quarter = second.begin() + static_cast<std::ptrdiff_t>(second.size() / 4);
+  std::nth_element(second.begin(), quarter, second.end());
+  return *quarter / (0.3186 * std::sqrt(6.0));  // quartile of |x| for a normal x; variance of the difference
+}
+
+// From the tenth of the rows that is darkest to the tenth that is brightest.
+double span_of(std::span<const double> signal) {
+  std::vector<double> sorted(signal.begin(), signal.end());
+  std::ranges::sort(sorted);
+  const std::size_t tenth = sorted.size() / 10;
+  return sorted[sorted.size() - 1 - tenth] - sorted[tenth];
+}
+
+// How well a lattice of one frequency explains the edges.
+struct Coherence {
+  double score = 0;  // share of the edges, 0 … 1
+  double duty = 0;   // cycles by which falling edges come late
+  double phase = 0;  // cycles
+};
+
+// Σ exp(−j2πfx) over places x, at `count` frequencies: each phase from the index, with one table per place and block.
+std::vector<std::complex<double>> edge_spectrum(const Edges& edges, bool rising, double lowest, double step,
+                                                std::size_t count) {
+  constexpr std::size_t kBlock = 32;
+  const auto turn = [](double cycles) {
+    return std::polar(1.0, -2 * std::numbers::pi * (cycles - std::floor(cycles)));
+  };
+  std::vector<std::complex<double>> sums((count + kBlock - 1) / kBlock * kBlock);
+  std::array<std::complex<double>, kBlock> within;
+  for (std::size_t edge = 0; edge < edges.rows.size(); ++edge) {
+    if ((edges.rising[edge] != 0) != rising) continue;
+    const double place = edges.rows[edge];
+    for (std::size_t i = 0; i < kBlock; ++i) within[i] = turn(step * static_cast<double>(i) * place);
+    for (std::size_t first = 0; first < count; first += kBlock) {
+      const auto at_first = turn((lowest + step * static_cast<double>(first)) * place);
+      const double re = at_first.real(), im = at_first.imag();
+      for (std::size_t i = 0; i < kBlock; ++i)  // spelled out: operator* checks for NaN
+        sums[first + i] +=
+            std::complex(re * within[i].real() - im * within[i].imag(), re * within[i].imag() + im * within[i].real());
+    }
+  }
+  sums.resize(count);
+  return sums;
+}
+
+std::vector<Coherence> coherence(const Edges& edges, double lowest, double step, std::size_t count) {
+  const auto up = edge_spectrum(edges, true, lowest, step, count);
+  const auto down = edge_spectrum(edges, false, lowest, step, count);
+  std::vector<Coherence> result(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    constexpr double turn = 2 * std::numbers::pi;
+    const double duty = std::clamp(std::arg(down[k] * std::conj(up[k])) / turn, -kLargestDuty, kLargestDuty);
+    const auto total = up[k] + down[k] * std::polar(1.0, -turn * duty);
+    result[k] = {std::abs(total) / static_cast<double>(edges.rows.size()), -duty, -std::arg(total) / turn};
+  }
+  return result;
+}
+
+// Peaks of the score within 60 % of the highest, the highest first.
+std::vector<std::size_t> best_peaks(const std::vector<Coherence>& scores) {
+  double highest = 0;
+  for (const auto& at : scores) highest = std::max(highest, at.score);
+  std::vector<std::size_t> peaks;
+  for (std::size_t k = 0; k < scores.size(); ++k) {
+    const double before = k > 0 ? scores[k - 1].score : -1, after = k + 1 < scores.size() ? scores[k + 1].score : -1;
+    if (scores[k].score >= before && scores[k].score > after && scores[k].score >= 0.6 * highest) peaks.push_back(k);
+  }
+  std::ranges::stable_sort(peaks, [&](std::size_t a, std::size_t b) { return scores[a].score > scores[b].score; });
+  peaks.resize(std::min(peaks.size(), kCandidates));
+  return peaks;
+}
+
+double place_on(const ChipLattice& lattice, double chip, bool falling) {
+  return lattice.phase + lattice.rows_per_chip * chip + (falling ? lattice.duty_offset : 0.0);
+}
+
+// Least squares over the edges with used[edge]; here `phase` is that of the rising edges. `middle` conditions the fit.
+std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chips, std::span<const std::uint8_t> used,
+                                 double middle) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  int count = 0, falls = 0;
+  for (std::size_t k = 0; k < chips.size(); ++k) {
+    if (!used[k]) continue;
+    const Eigen::Vector3d row(1.0, chips[k] - middle, edges.rising[k] ? 0.0 : 1.0);
+    normal += row * row.transpose();
+    right += row * edges.rows[k];
+    ++count;
+    falls += !edges.rising[k];
+  }
+  const bool both = falls > 0 && falls < count;
+  const Eigen::Index unknowns = both ? 3 : 2;
+  if (count <= unknowns) return std::nullopt;
+  const Eigen::MatrixXd matrix = normal.topLeftCorner(unknowns, unknowns);
+  const Eigen::LDLT<Eigen::MatrixXd> factored(matrix);
+  const auto pivots = factored.vectorD();
+  if (!(pivots.minCoeff() > 1e-12 * pivots.maxCoeff())) return std::nullopt;
+  const Eigen::VectorXd values = factored.solve(right.head(unknowns));
+  const Eigen::VectorXd unit = factored.solve(Eigen::VectorXd::Unit(unknowns, 1));
+  ChipLattice lattice{values[1], 0, values[0] - values[1] * middle, both ? values[2] : 0.0};
+  double squares = 0;
+  for (std::size_t k = 0; k < chips.size(); ++k)
+    if (used[k]) squares += std::pow(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]), 2);
+  lattice.rows_per_chip_std = std::sqrt(unit[1] * squares / std::max(count - static_cast<int>(unknowns), 1));
+  return lattice;
+}
+
+std::vector<double> residuals(const Edges& edges, std::span<const double> chips, const ChipLattice& lattice) {
+  std::vector<double> result(chips.size());
+  for (std::size_t k = 0; k < chips.size(); ++k)
+    result[k] = std::abs(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]));
+  return result;
+}
+
+// Edges within three standard deviations, by the median: the few that a speck or a wrong level moved do not count.
+std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double allowance) {
+  const double limit = 3 * (1.4826 * median(distance) + allowance);
+  std::vector<std::uint8_t> used(distance.size());
+  std::ranges::transform(distance, used.begin(), [&](double d) { return static_cast<std::uint8_t>(d <= limit); });
+  return used;
+}
+
+double mean_chip(std::span<const double> chips) {
+  return std::floor(std::accumulate(chips.begin(), chips.end(), 0.0) / static_cast<double>(chips.size()));
+}
+
+// With the phase half way between the rising and the falling edges' lattices.
+ChipLattice centred(ChipLattice lattice) {
+  lattice.phase += 0.5 * lattice.duty_offset;
+  return lattice;
+}
+
+// Nats that tell where the edges are: their residual, and which places of the lattice hold one.
+double description_length(const ChipLattice& lattice, double residual, std::size_t edge_count, double span,
+                          std::size_t collisions) {
+  const auto edges = static_cast<double>(edge_count);
+  const double cells = std::max(span / lattice.rows_per_chip, edges), share = edges / cells;
+  const double entropy = share < 1 ? -(share * std::log(share) + (1 - share) * std::log(1 - share)) : 0.0;
+  const double duty = lattice.duty_offset / lattice.rows_per_chip;
+  return edges * std::log(std::max(residual, 0.05)) + cells * entropy + 4 * static_cast<double>(collisions) +
+         8 * edges * duty * duty                           // of two thresholds, the one that is fair to both levels
+         - 0.3 * edges * std::log(lattice.rows_per_chip);  // of two lattices, the slower one
+}
+
+// Rounds edges to chips and fits, in turn.
+std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
+  std::vector<double> chips(edges.rows.size()), distance;
+  std::vector<std::uint8_t> used(edges.rows.size(), 1);
+  for (int round = 0; round < 4; ++round) {
+    for (std::size_t k = 0; k < chips.size(); ++k)
+      chips[k] = std::nearbyint((edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.rows_per_chip);
+    const auto solved = solve(edges, chips, used, chips[chips.size() / 2]);
+    if (!solved || solved->rows_per_chip <= 0) return std::nullopt;
+    lattice = *solved;
+    distance = residuals(edges, chips, lattice);
+    used = inliers(distance, 0.02);
+  }
+  std::size_t collisions = 0;
+  for (std::size_t k = 1; k < chips.size(); ++k) collisions += chips[k] <= chips[k - 1];
+  if (10 * collisions > chips.size() || std::abs(lattice.duty_offset) > 1.5 * kLargestDuty * lattice.rows_per_chip)
+    return std::nullopt;
+  double squares = 0;
+  for (double d : distance) squares += d * d;
+  const double residual = std::sqrt(squares / static_cast<double>(distance.size()));
+  const double span = edges.rows.back() - edges.rows.front();
+  return ChipTiming{
+      centred(lattice), residual, 0, description_length(lattice, residual, chips.size(), span, collisions), {}};
+}
+
+bool locked(const ChipTiming& timing) {
+  return timing.residual <= kLargestResidual * timing.lattice.rows_per_chip && timing.certainty > kLeastCertainty;
+}
+
+}  // namespace
+
+std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
+  if (chips.size() < kFewestEdges) return std::nullopt;
+  const double middle = mean_chip(chips);
+  std::vector<std::uint8_t> used(chips.size(), 1);
+  const auto first = solve(edges, chips, used, middle);
+  if (!first) return std::nullopt;
+  used = inliers(residuals(edges, chips, *first), 0.02);
+  const auto second = solve(edges, chips, used, middle);
+  if (!second || second->rows_per_chip <= 0) return std::nullopt;
+  return centred(*second);
+}
+
+std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, FrequencyRange range) {
+  if (edges.rows.size() < kFewestEdges) return std::nullopt;
+  const double width = range.highest - range.lowest;
+  const auto steps = static_cast<std::size_t>(std::max(std::ceil(width * 2 * static_cast<double>(rows)), 8.0));
+  const double step = width / static_cast<double>(steps);
+  const auto scores = coherence(edges, range.lowest, step, steps + 1);
+  std::optional<ChipTiming> best;
+  for (std::size_t peak : best_peaks(scores)) {
+    const double period = 1 / (range.lowest + step * static_cast<double>(peak));
+    const auto timing = settle(edges, {period, 0, scores[peak].phase * period, scores[peak].duty * period});
+    if (!timing || timing->lattice.rows_per_chip * range.lowest > 1 / 0.99 ||
+        timing->lattice.rows_per_chip * range.highest < 1 / 1.01)
+      continue;
+    if (!best || timing->cost < best->cost) best = timing;
+  }
+  if (!best) return std::nullopt;
+  const double by_chance = best->lattice.rows_per_chip / (std::sqrt(12.0) * std::max(best->residual, 0.02));
+  best->certainty =
+      (static_cast<double>(edges.rows.size()) - 3) * std::log(by_chance) - std::log(static_cast<double>(steps + 1));
+  return best;
+}
+
+TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range) {
+  const double span = span_of(signal);
+  const double spread = std::isnan(noise) ? noise_on_steady_light(signal) : noise;
+  TimingSearch search{std::nullopt, std::numeric_limits<std::size_t>::max()};
+  for (std::size_t reach : kSmoothing) {
+    const auto averaged = static_cast<double>(reach + 1);
+    const double highest = reach == 0 ? range.highest : std::min(range.highest, 0.5 / averaged);
+    if (range.lowest >= highest) break;
+    const auto smooth = moving_mean(signal, reach);
+    const double hysteresis = std::min(6 * spread / std::sqrt(2 * averaged - 1), 0.08 * span);
+    const auto points = prune_turning_points(smooth, turning_points(smooth, hysteresis));
+    search.edges = std::min(search.edges, points.size() - 1);
+    std::optional<ChipTiming> best;
+    for (double share : kThresholds) {
+      const Edges edges = edges_between(smooth, points, share);
+      auto timing = find_lattice(reliable_edges(edges, smooth, points), signal.size(), {range.lowest, highest});
+      if (!timing || (best && best->cost <= timing->cost)) continue;
+      best = std::move(timing);
+      best->edges = edges;
+    }
+    if (best && locked(*best)) {
+      search.timing = std::move(best);
+      break;
+    }
+  }
+  if (search.edges == std::numeric_limits<std::size_t>::max()) search.edges = 0;
+  return search;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,130 @@
+#include "chips/clock_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "chips/channel_growth.hpp"
+#include "chips/frame_evenness.hpp"
+#include "ocisac/chips/sequence_detector.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kUnsureFrame = 0.3;   // chips; with a larger standard error at the frame's ends clocks are compared
+constexpr double kExposureStep = 0.5;  // chips, of the exposures to begin with
+constexpr int kExposureSteps = 2;      // on either side
+constexpr double kGrowth = 1.35;       // of the rows from one round to the next
+constexpr double kMovedErrors = 1.5, kLeastMoved = 0.25, kMostMoved = 0.4;  // standard errors, chips at the rows' ends
+constexpr std::size_t kMostClocks = 8;                                      // kept
+constexpr double kReach = 20;                                               // nats that these are behind the likeliest
+constexpr double kAlike = 0.12;                                             // chips, at the rows' ends and of exposure
+constexpr int kWholeRounds = 3;
+constexpr double kLeastGrowth = 1.3;  // from the likeliest
+
+// The rows with more on either side; at an end of the frame as many more on the other.
+RowRange longer(RowRange rows, std::size_t frame_rows) {
+  const auto size =
+      std::min(static_cast<std::size_t>(std::ceil(kGrowth * static_cast<double>(rows.size()))) + 1, frame_rows);
+  const std::size_t before = std::min((size - rows.size()) / 2, rows.begin);
+  const std::size_t begin = std::min(rows.begin - before, frame_rows - size);
+  return {begin, begin + size};
+}
+
+// The start, and what suits the known chips, or is near the start, with longer and shorter exposures.
+std::vector<ChannelEstimate> first_clocks(const TurnContext& context, const ChannelEstimate& start) {
+  const RefineOptions& options = context.options;
+  std::vector<ChannelEstimate> clocks{start};
+  if (options.exposure_known) return clocks;
+  for (int k = -kExposureSteps; k <= kExposureSteps; ++k) {
+    if (k == 0) continue;
+    ChannelEstimate moved = with_exposure_moved(start, k * kExposureStep);
+    auto fitted = options.known.levels.empty()
+                      ? std::nullopt
+                      : fit_channel(context.signal, options.known, moved.clock, {1, 0, true}, options.effort);
+    clocks.push_back(fitted && fitted->swing[0] > 0 ? std::move(*fitted) : std::move(moved));
+  }
+  return clocks;
+}
+
+double chips_apart(const ChipClock& a, const ChipClock& b, double row) {
+  return std::abs((row - a.phase) / a.rows_per_chip - (row - b.phase) / b.rows_per_chip);
+}
+
+bool are_alike(const ChipClock& a, const ChipClock& b, RowRange rows) {
+  return std::max({chips_apart(a, b, static_cast<double>(rows.begin)), chips_apart(a, b, static_cast<double>(rows.end)),
+                   std::abs(a.exposure - b.exposure) / a.rows_per_chip}) < kAlike;
+}
+
+// The likeliest of those that differ, the best first.
+std::vector<ChannelEstimate> likeliest(std::vector<ChannelEstimate> clocks, RowRange rows) {
+  std::ranges::stable_sort(clocks, {}, &ChannelEstimate::noise);
+  std::vector<ChannelEstimate> kept;
+  for (auto& channel : clocks) {
+    const double behind = static_cast<double>(rows.size()) * std::log(channel.noise / clocks.front().noise);
+    if (!kept.empty() && (behind > kReach || kept.size() == kMostClocks)) break;
+    const auto is_like = [&](const ChannelEstimate& other) { return are_alike(channel.clock, other.clock, rows); };
+    if (std::ranges::none_of(kept, is_like)) kept.push_back(channel);
+  }
+  return kept;
+}
+
+// A turn on the rows from each of the clocks, and from higher and lower rates.
+std::vector<ChannelEstimate> turn_each(const TurnContext& context, std::span<const ChannelEstimate> clocks,
+                                       RowRange rows, bool with_rates) {
+  std::vector<ChannelEstimate> turned;
+  for (const ChannelEstimate& channel : clocks) {
+    const double move = std::clamp(kMovedErrors * end_error(channel, rows), kLeastMoved, kMostMoved);
+    for (const double faster : {0.0, -1.0, 1.0}) {
+      if (faster != 0 && !with_rates) continue;
+      auto turn = take_turn(context, with_rate_moved(channel, rows, faster * move), rows);
+      if (turn) turned.push_back(std::move(turn->channel));
+    }
+  }
+  return turned;
+}
+
+// Of clocks followed side by side from some rows, the one whose chips of the whole frame leave least.
+std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, std::vector<ChannelEstimate> clocks,
+                                               RowRange rows) {
+  if (clocks.empty()) return std::nullopt;
+  for (int whole = 0; whole < kWholeRounds && !context.is_used_up(); whole += rows.size() == context.signal.size()) {
+    rows = longer(rows, context.signal.size());
+    auto turned = turn_each(context, clocks, rows, whole == 0);
+    if (turned.empty()) return std::nullopt;
+    clocks = likeliest(std::move(turned), rows);
+  }
+  return clocks.front();
+}
+
+}  // namespace
+
+double closeness(const ChannelEstimate& channel, std::size_t frame_rows) {
+  const ChipClock& clock = channel.clock;
+  const double swing = channel.swing_at(0.5 * static_cast<double>(frame_rows), frame_rows);
+  const double distance = closest_pair_distance(clock.rows_per_chip, std::max(clock.exposure, kShortestExposure));
+  return 0.5 * distance * swing / std::max(channel.noise, 1e-300);
+}
+
+std::optional<RefinedChannel> follow_side_by_side(const TurnContext& context, std::vector<ChannelEstimate> clocks,
+                                                  RowRange rows) {
+  const auto clock = likeliest_clock(context, std::move(clocks), rows);
+  auto found = clock ? grow(context, *clock, kLeastGrowth) : std::nullopt;
+  if (found) found->even = is_even(residual_windows(context.signal, *found), found->channel.clock);
+  return found;
+}
+
+std::optional<RefinedChannel> likelier(const TurnContext& context, const ChannelEstimate& start,
+                                       std::optional<RefinedChannel> found) {
+  const bool may_slip =
+      end_error(start, context.frame()) > kUnsureFrame && closeness(start, context.signal.size()) < kCloseSequences;
+  if (context.is_used_up() || !may_slip) return found;
+  auto other = follow_side_by_side(context, first_clocks(context, start), start.rows);
+  if (!other || (found && found->channel.noise <= other->channel.noise)) return found;
+  return other;
+}
+
+}  // namespace ocisac

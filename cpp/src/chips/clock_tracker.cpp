@@ -1,0 +1,157 @@
+#include "ocisac/chips/clock_tracker.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <cmath>
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using Matrix2 = Eigen::Matrix2d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kLeastVariance = 1e-18;  // rows²; a frame without noise tells no more
+
+struct State {
+  Vector3d mean;
+  Matrix3 covariance;
+  std::int64_t chip;
+};
+
+// `count` frames on, and to the chip that begins nearest row 0 there.
+State forwarded(const State& from, std::int64_t count, const TrackerOptions& options) {
+  const auto frames = static_cast<double>(count);
+  const double rows = frames * from.mean[2] - from.mean[0];  // from the chip's beginning to the new frame's
+  const double chips = std::nearbyint(rows / from.mean[1]);
+  Matrix3 step = Matrix3::Identity();
+  step(0, 1) = chips;
+  step(0, 2) = -frames;
+  State to{step * from.mean, step * from.covariance * step.transpose(), from.chip + std::llround(chips)};
+  // A rate that walks: what it adds to the phase on the way is its integral.
+  const double walk = std::pow(options.drift * from.mean[1], 2) * frames;
+  to.covariance(1, 1) += walk;
+  to.covariance(0, 1) += 0.5 * walk * chips;
+  to.covariance(1, 0) += 0.5 * walk * chips;
+  to.covariance(0, 0) += walk * chips * chips / 3;
+  return to;
+}
+
+// Phase of chip 0 and rows per chip as measured, from those at the chip in the middle of what was used.
+Matrix2 measured_covariance(const ClockErrors& errors) {
+  const auto& c = errors.covariance;
+  const auto away = -static_cast<double>(errors.chip);
+  Matrix2 at, move;
+  at << c[0], c[1], c[3], c[4];
+  move << 1, away, 0, 1;
+  Matrix2 moved = move * at * move.transpose();
+  moved.diagonal().array() += kLeastVariance;
+  return moved;
+}
+
+}  // namespace
+
+ClockTracker::ClockTracker(const TrackerOptions& options) : options_(options) {
+  require_positive("frame_rows", options.frame_rows);
+  require_not_negative("frame_rows_std", options.frame_rows_std);
+  require_not_negative("drift", options.drift);
+  require_not_negative("exposure_wander", options.exposure_wander);
+  reset();
+}
+
+void ClockTracker::reset() {
+  started_ = false;
+  state_ = {0, 0, options_.frame_rows};
+  covariance_ = {};
+  covariance_[8] = options_.frame_rows_std * options_.frame_rows_std;
+}
+
+void ClockTracker::begin(std::int64_t frame, const ChipClock& clock, const ClockErrors& errors) {
+  const Matrix2 measured = measured_covariance(errors);
+  started_ = true;
+  frame_ = frame;
+  chip_ = 0;
+  state_ = {clock.phase, clock.rows_per_chip, state_[2]};
+  Eigen::Map<Matrix3> covariance(covariance_.data());
+  const double frame_rows_variance = covariance(2, 2);
+  covariance.setZero();
+  covariance.topLeftCorner<2, 2>() = measured;
+  covariance(2, 2) = frame_rows_variance;  // the camera's own
+  exposure_ = clock.exposure;
+  exposure_variance_ = errors.covariance[8];
+}
+
+bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const ClockErrors& errors) {
+  require_positive("rows_per_chip", clock.rows_per_chip);
+  require_finite("phase", clock.phase);
+  require_not_negative("exposure", clock.exposure);
+  for (std::size_t k : {0U, 1U, 3U, 4U}) require_finite("covariance", errors.covariance[k]);
+  if (!started_) {
+    begin(frame, clock, errors);
+    return true;
+  }
+  require(frame > frame_, "frame", frame, "a frame after the last one");
+  const State here =
+      forwarded({Eigen::Map<const Vector3d>(state_.data()), Eigen::Map<const Matrix3>(covariance_.data()), chip_},
+                frame - frame_, options_);
+  // Of the chips measured the one that begins nearest to the predicted one.
+  const double away = std::nearbyint((here.mean[0] - clock.phase) / clock.rows_per_chip);
+  ClockErrors shifted = errors;
+  shifted.chip -= static_cast<std::ptrdiff_t>(away);
+  const Matrix2 noise = measured_covariance(shifted);
+  const Vector2d seen(clock.phase + away * clock.rows_per_chip, clock.rows_per_chip);
+  const Vector2d innovation = seen - here.mean.head<2>();
+  const Matrix2 expected = here.covariance.topLeftCorner<2, 2>() + noise;
+  const bool count_lost = std::sqrt(here.covariance(0, 0)) > kCountLost * here.mean[1];
+  if (count_lost || innovation.dot(expected.inverse() * innovation) > kLostErrors * kLostErrors) {
+    begin(frame, clock, errors);
+    return false;
+  }
+  const Eigen::Matrix<double, 3, 2> gain = here.covariance.leftCols<2>() * expected.inverse();
+  Eigen::Map<Vector3d>(state_.data()) = here.mean + gain * innovation;
+  Matrix3 kept = Matrix3::Identity();
+  kept.leftCols<2>() -= gain;
+  Eigen::Map<Matrix3>(covariance_.data()) =
+      kept * here.covariance * kept.transpose() + gain * noise * gain.transpose();  // stays symmetric
+  const double wander = std::pow(options_.exposure_wander * exposure_, 2) * static_cast<double>(frame - frame_);
+  const double before = exposure_variance_ + wander, now = errors.covariance[8];
+  if (!std::isfinite(before)) {
+    exposure_ = clock.exposure;
+    exposure_variance_ = now;
+  } else if (std::isfinite(now) && before + now > 0) {
+    exposure_ += before / (before + now) * (clock.exposure - exposure_);
+    exposure_variance_ = before * now / (before + now);
+  }
+  frame_ = frame;
+  chip_ = here.chip;
+  return true;
+}
+
+std::optional<TrackedClock> ClockTracker::predict(std::int64_t frame) const {
+  if (!started_) return std::nullopt;
+  require(frame >= frame_, "frame", frame, "not before the last update");
+  const State there =
+      forwarded({Eigen::Map<const Vector3d>(state_.data()), Eigen::Map<const Matrix3>(covariance_.data()), chip_},
+                frame - frame_, options_);
+  const double wander = std::pow(options_.exposure_wander * exposure_, 2) * static_cast<double>(frame - frame_);
+  const auto& c = there.covariance;
+  return TrackedClock{{there.mean[1], there.mean[0], exposure_},
+                      there.chip,
+                      {0, {c(0, 0), c(0, 1), 0, c(1, 0), c(1, 1), 0, 0, 0, exposure_variance_ + wander}},
+                      std::sqrt(c(0, 0)) / there.mean[1]};
+}
+
+ChannelEstimate predicted_channel(const ChannelEstimate& earlier, const TrackedClock& clock, std::size_t rows) {
+  ChannelEstimate start = earlier;
+  start.clock = clock.clock;
+  start.errors = clock.errors;
+  start.rows = {0, rows};
+  start.converged = false;
+  return start;
+}
+
+}  // namespace ocisac

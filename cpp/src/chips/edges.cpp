@@ -1,0 +1,125 @@
+#include "ocisac/chips/edges.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kSmallSwing = 0.3;       // share of the swings around that a swing must have
+constexpr std::size_t kSwingsAround = 6;  // before, and as many after
+
+// Median in which a value counts as many times as it is large.
+double weighted_median(std::span<double> values) {
+  std::ranges::sort(values);
+  double total = 0;
+  for (double value : values) total += value;
+  double sum = 0;
+  for (double value : values)
+    if ((sum += value) >= 0.5 * total) return value;
+  return values.back();
+}
+
+std::vector<double> swings_between(std::span<const double> signal, std::span<const std::size_t> points) {
+  std::vector<double> swings;
+  for (std::size_t k = 1; k < points.size(); ++k) swings.push_back(std::abs(signal[points[k]] - signal[points[k - 1]]));
+  return swings;
+}
+
+// Small beside those around it and not above its neighbours; at an end, where only its outer point can go, below its
+// one neighbour: of equal swings the inner one goes, which keeps the level.
+bool is_small(std::span<const double> swings, std::size_t k) {
+  const std::size_t final = swings.size() - 1;
+  const bool at_end = k == 0 || k == final;
+  const double least_neighbour = std::min(swings[k == 0 ? 1 : k - 1], swings[k == final ? final - 1 : k + 1]);
+  if (at_end ? swings[k] >= least_neighbour : swings[k] > least_neighbour) return false;
+  const std::size_t first = k < kSwingsAround ? 0 : k - kSwingsAround;
+  const std::size_t last = std::min(k + kSwingsAround + 1, swings.size());
+  std::array<double, 2 * kSwingsAround + 1> around{};
+  std::ranges::copy(swings.subspan(first, last - first), around.begin());
+  return swings[k] < kSmallSwing * weighted_median(std::span(around).first(last - first));
+}
+
+double passing(std::span<const double> signal, std::size_t n, double level) {
+  const double before = signal[n - 1], after = signal[n];
+  const auto row = static_cast<double>(n);
+  return after == before ? row - 0.5 : row - 1 + (level - before) / (after - before);
+}
+
+}  // namespace
+
+std::vector<std::size_t> turning_points(std::span<const double> signal, double hysteresis) {
+  std::vector<std::size_t> points{0};
+  const auto add = [&](std::size_t n) {
+    if (n != points.back()) points.push_back(n);
+  };
+  std::size_t low = 0, high = 0;
+  int direction = 0;  // 1: going up, looking for a maximum
+  for (std::size_t n = 0; n < signal.size(); ++n) {
+    if (signal[n] > signal[high]) high = n;
+    if (signal[n] < signal[low]) low = n;
+    if (direction >= 0 && signal[high] - signal[n] > hysteresis) {
+      add(high);
+      direction = -1;
+      low = high = n;
+    } else if (direction <= 0 && signal[n] - signal[low] > hysteresis) {
+      add(low);
+      direction = 1;
+      low = high = n;
+    }
+  }
+  add(direction > 0 ? high : low);
+  return points;
+}
+
+std::vector<std::size_t> prune_turning_points(std::span<const double> signal, std::vector<std::size_t> points) {
+  while (points.size() > 2) {
+    const auto swings = swings_between(signal, points);
+    std::vector<std::uint8_t> gone(points.size(), 0);
+    bool any = false;
+    for (std::size_t k = 0; k < swings.size(); ++k) {
+      if (gone[k] || gone[k + 1] || !is_small(swings, k)) continue;
+      any = true;
+      if (k + 1 < swings.size() || k == 0)
+        gone[k] = 1;  // within the frame both ends go, so maxima and minima alternate
+      if (k > 0) gone[k + 1] = 1;
+    }
+    if (!any) break;
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < points.size(); ++k)
+      if (!gone[k]) points[kept++] = points[k];
+    points.resize(kept);
+  }
+  return points;
+}
+
+Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share) {
+  Edges edges;
+  for (std::size_t k = 1; k < points.size(); ++k) {
+    const std::size_t from = points[k - 1], to = points[k];
+    const bool up = signal[to] > signal[from];
+    const double level = signal[from] + (up ? share : 1 - share) * (signal[to] - signal[from]);
+    const auto passed = [&](std::size_t n) { return (signal[n] > level) == up; };
+    std::size_t first = from + 1, last = to;
+    while (first < to && !passed(first)) ++first;
+    while (last > first && passed(last - 1)) --last;
+    edges.rows.push_back(0.5 * (passing(signal, first, level) + passing(signal, last, level)));
+    edges.rising.push_back(up);
+  }
+  return edges;
+}
+
+Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points) {
+  const auto heights = swings_between(signal, points);
+  const std::size_t count = heights.size();
+  std::size_t first = 0, last = count;
+  if (count > 2 && heights[0] < 0.8 * heights[1]) first = 1;
+  if (count > 2 && heights[count - 1] < 0.8 * heights[count - 2]) last = count - 1;
+  const auto at = [](auto begin, std::size_t n) { return begin + static_cast<std::ptrdiff_t>(n); };
+  return {{at(edges.rows.begin(), first), at(edges.rows.begin(), last)},
+          {at(edges.rising.begin(), first), at(edges.rising.begin(), last)}};
+}
+
+}  // namespace ocisac

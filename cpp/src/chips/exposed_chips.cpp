@@ -1,0 +1,45 @@
+#include "chips/exposed_chips.hpp"
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+void check_clock(const ChipClock& clock) {
+  require_positive("rows_per_chip", clock.rows_per_chip);
+  require_finite("phase", clock.phase);
+  require_not_negative("exposure", clock.exposure);
+}
+
+void check_chips(const KnownChips& chips) {
+  require(!chips.levels.empty(), "chips", "none", "at least one chip");
+  for (double level : chips.levels) require_finite("chips", level);
+}
+
+ChipClock with_least_exposure(ChipClock clock) {
+  clock.exposure = std::max(clock.exposure, kShortestExposure);
+  return clock;
+}
+
+ChipClock moved_to(ChipClock clock, std::ptrdiff_t chips) {
+  clock.phase += static_cast<double>(chips) * clock.rows_per_chip;
+  return clock;
+}
+
+void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<double> out) {
+  check_chips(chips);
+  check_clock(clock);
+  const ChipBox box(chips);
+  const ChipClock used = with_least_exposure(clock);
+  for (std::size_t n = 0; n < out.size(); ++n) out[n] = box.at(static_cast<double>(n), used, 0).value;
+}
+
+RowRange rows_of(const KnownChips& chips, const ChipClock& clock, std::size_t rows) {
+  const auto first = static_cast<double>(chips.first), count = static_cast<double>(chips.levels.size());
+  const double begin = clock.phase + first * clock.rows_per_chip + 0.5 * clock.exposure;
+  const double end = clock.phase + (first + count) * clock.rows_per_chip - 0.5 * clock.exposure;
+  const double limit = static_cast<double>(rows);
+  const double low = std::clamp(std::ceil(begin), 0.0, limit), high = std::clamp(std::floor(end) + 1, low, limit);
+  return {static_cast<std::size_t>(low), static_cast<std::size_t>(high)};
+}
+
+}  // namespace ocisac

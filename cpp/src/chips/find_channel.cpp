@@ -1,0 +1,219 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "chips/channel_growth.hpp"
+#include "chips/clock_search.hpp"
+#include "ocisac/chips/refine_channel.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kSearchChips = 36;    // in the part of the frame searched, beside the exposure
+constexpr double kSearchSlack = 0.15;  // chips by which the grid of starts may miss
+constexpr int kSearchRounds = 4;
+constexpr double kRateErrors = 3, kMostRateError = 0.01;          // standard errors, share
+constexpr std::size_t kSearchParts = 3;                           // parts of the frame that are tried
+constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // of the exposure; of each where it is not known
+constexpr std::size_t kStartsRefined = 3;                         // the best of all parts and exposures
+constexpr std::size_t kStartsCompared = 8;                        // of each part
+constexpr double kSureGrowth = 1.35;                      // of the residual, from the best part to the whole frame
+constexpr double kHopeless = 1.5;                         // half the distance of the closest pair over the noise
+constexpr double kFirstNoise = 0.05;                      // of the swing
+constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, from a part to the whole frame
+
+struct Start {
+  RowRange part;
+  ChannelEstimate channel;
+  double score = std::numeric_limits<double>::infinity();  // residual over swing
+};
+
+// The darkest and the brightest rows of a part as the levels to begin with: an exposure of several chips seldom sees
+// only bright ones, so the swing is taken from the rows' variance where that says more.
+std::pair<double, double> first_levels(std::span<const double> part, double exposure_chips) {
+  double mean = 0, square = 0;
+  for (double value : part) mean += value / static_cast<double>(part.size());
+  for (double value : part) square += (value - mean) * (value - mean) / static_cast<double>(part.size());
+  // Variance of the mean of L random chips: 1/(4L) for whole ones, less what one chip's ramps take.
+  const double shrink = exposure_chips < 1 ? 1 - exposure_chips / 3 : (1 - 1 / (3 * exposure_chips)) / exposure_chips;
+  const double swing = 2 * std::sqrt(square / std::max(shrink, 1e-3));
+  return {mean - 0.5 * swing, swing};
+}
+
+std::vector<RowRange> search_parts(std::span<const double> signal, double length) {
+  const auto size = std::min(static_cast<std::size_t>(length), signal.size());
+  std::vector<std::pair<double, RowRange>> parts;
+  for (std::size_t begin = 0; begin + size <= signal.size(); begin += std::max<std::size_t>(size / 2, 1)) {
+    double change = 0;
+    for (std::size_t n = begin + 1; n < begin + size; ++n) change += std::pow(signal[n] - signal[n - 1], 2);
+    parts.push_back({-change, {begin, begin + size}});
+  }
+  std::ranges::stable_sort(parts, {}, [](const auto& part) { return part.first; });
+  std::vector<RowRange> best;
+  for (const auto& part : parts)
+    if (best.size() < kSearchParts) best.push_back(part.second);
+  return best;
+}
+
+// A channel to begin with; absent where the part is steady.
+std::optional<ChannelEstimate> first_channel(std::span<const double> signal, RowRange part, const ChipClock& clock) {
+  const auto [dark, swing] =
+      first_levels(signal.subspan(part.begin, part.size()), clock.exposure / clock.rows_per_chip);
+  if (!(swing > 0)) return std::nullopt;
+  return ChannelEstimate{clock, {}, {dark}, {swing}, kFirstNoise * swing, part, false};
+}
+
+std::optional<Start> try_start(const TurnContext& context, RowRange part, const ChipClock& clock) {
+  auto channel = first_channel(context.signal, part, clock);
+  if (!channel) return std::nullopt;
+  Start best{part, {}};
+  for (int round = 0; round < kSearchRounds; ++round) {
+    auto turn = take_turn(context, *channel, part);
+    if (!turn) break;
+    channel = std::move(turn->channel);
+    const double score = channel->noise / channel->swing[0];
+    if (!(score < 0.999 * best.score)) break;
+    best = {part, *channel, score};
+  }
+  if (!std::isfinite(best.score)) return std::nullopt;
+  return best;
+}
+
+// A start with the chips detected there, by what the levels that suit them leave; without a fit of the clock.
+struct Guess {
+  ChipClock clock;
+  RowRange part;
+  double score;
+};
+
+std::optional<Guess> guess(const TurnContext& context, RowRange part, const ChipClock& clock) {
+  if (!context.may_try(part, clock, 1)) return std::nullopt;
+  const auto channel = first_channel(context.signal, part, clock);
+  const auto chips = channel ? detect_rows(context, *channel, part) : std::nullopt;
+  if (!chips) return std::nullopt;
+  const auto left = level_squares(context.signal, without_edges(*chips).known(), clock, {1, 0, true});
+  if (!left) return std::nullopt;
+  return Guess{clock, part, std::sqrt(left->squares / static_cast<double>(left->rows)) / channel->swing[0]};
+}
+
+// Over parts of the frame, rates and phases, the best first.
+std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& search, double exposure) {
+  const double chips = kSearchChips + exposure / search.rows_per_chip;
+  const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
+  const double phases = std::ceil(0.5 / kSearchSlack);
+  std::vector<Guess> found;
+  for (const RowRange& part : search_parts(context.signal, chips * search.rows_per_chip))
+    for (double i = 0; i < rates; ++i)
+      for (double j = 0; j < phases; ++j) {
+        const double period = search.rows_per_chip * (1 + search.tolerance * ((2 * i + 1) / rates - 1));
+        const double middle = 0.5 * static_cast<double>(part.begin + part.end);
+        const ChipClock clock{period, middle + (j / phases - std::floor(0.5 * chips)) * period,
+                              std::max(exposure, kShortestExposure)};
+        if (const auto made = guess(context, part, clock)) found.push_back(*made);
+      }
+  std::ranges::stable_sort(found, {}, &Guess::score);
+  return found;
+}
+
+// Beyond the tolerance by more than its error: chips of a frame of a few rows, say, that were explained by another
+// rate.
+bool is_other_rate(const ChannelEstimate& channel, const ChannelSearch& search) {
+  const double off = std::abs(channel.clock.rows_per_chip / search.rows_per_chip - 1);
+  const double error = channel.errors.rows_per_chip_std() / search.rows_per_chip;
+  return !(off <= search.tolerance + std::min(kRateErrors * error, kMostRateError));
+}
+
+std::vector<double> exposures(const ChannelSearch& search) {
+  if (search.exposure) return {*search.exposure};
+  std::vector<double> result;
+  for (double length = 0.5; length <= search.longest_exposure; length += length < 2 ? 0.5 : 1)
+    result.push_back(length * search.rows_per_chip);
+  return result;
+}
+
+// The best first.
+std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& search) {
+  std::vector<Start> starts;
+  const std::size_t most = search.exposure ? kGuessesTried : kGuessesOfUnknown;
+  for (const double exposure : exposures(search)) {
+    const auto guessed = guesses(context, search, exposure);
+    for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), most)))
+      if (auto start = try_start(context, made.part, made.clock)) starts.push_back(std::move(*start));
+  }
+  std::ranges::stable_sort(starts, {}, &Start::score);
+  return starts;
+}
+
+// What is left of the rows over the swing.
+double score_of(const RefinedChannel& found) { return found.channel.noise / found.channel.swing[0]; }
+
+// From the starts one after the other, until one gets through the frame as well as through its part.
+std::optional<RefinedChannel> try_starts(const TurnContext& context, std::span<const Start> starts,
+                                         const ChannelSearch& search) {
+  std::optional<RefinedChannel> best;
+  for (const Start& start : starts) {
+    auto grown = grow_to_frame(context, start.channel);
+    if (!grown || is_other_rate(grown->channel, search)) continue;
+    const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
+    if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
+    if (sure) break;
+  }
+  return best;
+}
+
+// Whether more is left of the frame than of its best part, where chips are easily taken for others; not where no chip
+// can be told.
+bool may_be_wrong(const RefinedChannel& found, double least_score, std::size_t frame_rows) {
+  const double close = closeness(found.channel, frame_rows);
+  return score_of(found) > kSureGrowth * least_score && close < kCloseSequences && close > kHopeless;
+}
+
+// From the starts of each part side by side, while what was found may be wrong.
+std::optional<RefinedChannel> compare_starts(const TurnContext& context, std::span<const Start> starts,
+                                             const ChannelSearch& search, std::optional<RefinedChannel> found) {
+  std::vector<std::pair<RowRange, std::vector<ChannelEstimate>>> parts;
+  for (const Start& start : starts) {
+    auto part = std::ranges::find(parts, start.part.begin, [](const auto& known) { return known.first.begin; });
+    if (part == parts.end()) part = parts.insert(part, {start.part, {}});
+    if (part->second.size() < kStartsCompared) part->second.push_back(start.channel);
+  }
+  // With half of the effort that is left: what is found is to be read as well.
+  RefineOptions options = context.options;
+  const double kept = options.effort == nullptr ? 0.0 : 0.5 * options.effort->rows;
+  SearchEffort share{kept};
+  if (options.effort != nullptr) options.effort = &share;
+  const TurnContext limited{context.signal, context.detect, options};
+  for (auto& [part, clocks] : parts) {
+    if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
+    auto other = follow_side_by_side(limited, std::move(clocks), part);
+    if (!other || is_other_rate(other->channel, search)) continue;
+    if (score_of(*other) < score_of(*found)) found = std::move(other);
+  }
+  if (context.options.effort != nullptr) context.options.effort->rows = kept + share.rows;
+  return found;
+}
+
+}  // namespace
+
+std::optional<RefinedChannel> find_channel(std::span<const double> signal, const ChannelSearch& search,
+                                           const DetectChips& detect, const RefineOptions& options) {
+  require_positive("rows_per_chip", search.rows_per_chip);
+  require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
+  if (search.exposure) require_not_negative("exposure", *search.exposure);
+  for (double value : signal) require_finite("signal", value);
+  RefineOptions fixed = options;
+  fixed.exposure_known = options.exposure_known || search.exposure.has_value();
+  const TurnContext context{signal, detect, fixed};
+  const auto starts = find_starts(context, search);
+  auto found = try_starts(context, std::span(starts).first(std::min(starts.size(), kStartsRefined)), search);
+  if (found) found = compare_starts(context, starts, search, std::move(found));
+  if (!found || options.exposure_known == fixed.exposure_known) return found;
+  auto refined = grow_to_frame({signal, detect, options}, found->channel);
+  return refined && !is_other_rate(refined->channel, search) ? refined : found;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,215 @@
+#include "ocisac/chips/preamble.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kPhaseSlack = 0.2;      // chips by which the grid of rates may miss the ends of the preamble
+constexpr double kPlaceStep = 0.3;       // chips, of the grid of places; at most a row
+constexpr std::size_t kCandidates = 12;  // places from which the channel is fitted
+constexpr double kLeastCertainty = 5.5;  // nats
+constexpr double kToleranceError = 0.5;  // standard error of a rate somewhere within the tolerance
+constexpr double kMostExplained = 1 - 1e-9;
+
+// Sums over windows of the rows: what a mean and a slope leave of their squares.
+class WindowSums {
+ public:
+  explicit WindowSums(std::span<const double> signal) : sums_(signal.size() + 1) {
+    for (std::size_t n = 0; n < signal.size(); ++n) {
+      const auto row = static_cast<double>(n);
+      sums_[n + 1] = {sums_[n].value + signal[n], sums_[n].moment + row * signal[n],
+                      sums_[n].square + signal[n] * signal[n]};
+    }
+  }
+  [[nodiscard]] double squares_left(std::size_t begin, std::size_t count) const {
+    const Sums &low = sums_[begin], &high = sums_[begin + count];
+    const auto n = static_cast<double>(count), middle = static_cast<double>(begin) + 0.5 * (n - 1);
+    const double value = high.value - low.value, slope = high.moment - low.moment - middle * value;
+    return high.square - low.square - value * value / n - 12 * slope * slope / (n * (n * n - 1));
+  }
+
+ private:
+  struct Sums {
+    double value = 0, moment = 0, square = 0;
+  };
+  std::vector<Sums> sums_;
+};
+
+std::vector<double> without_mean(std::span<const double> signal) {
+  const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
+  std::vector<double> rest(signal.begin(), signal.end());
+  for (double& value : rest) value -= mean;
+  return rest;
+}
+
+// Without its mean and slope, of unit length; empty where nothing is left.
+std::vector<double> as_direction(std::vector<double> shape) {
+  const auto count = static_cast<double>(shape.size());
+  const double middle = 0.5 * (count - 1);
+  double mean = 0, slope = 0, square = 0;
+  for (double value : shape) mean += value / count;
+  for (std::size_t n = 0; n < shape.size(); ++n)
+    slope += (static_cast<double>(n) - middle) * shape[n] * 12 / (count * (count * count - 1));
+  for (std::size_t n = 0; n < shape.size(); ++n) {
+    shape[n] -= mean + slope * (static_cast<double>(n) - middle);
+    square += shape[n] * shape[n];
+  }
+  if (square < 1e-9 * count) return {};
+  for (double& value : shape) value /= std::sqrt(square);
+  return shape;
+}
+
+// The preamble as the rows that see nothing else of the frame show it; the first of them `past` rows after it begins
+// to be so.
+struct Template {
+  ChipClock clock;  // with the first of those rows as row 0
+  std::vector<double> shape;
+};
+
+Template make_template(std::span<const double> preamble, double rows_per_chip, double exposure, double past) {
+  const ChipClock clock{rows_per_chip, -past - 0.5 * exposure, exposure};
+  const double length = static_cast<double>(preamble.size()) * rows_per_chip - exposure - past;
+  std::vector<double> shape(static_cast<std::size_t>(std::floor(length)) + 1);
+  expose_chips({preamble, 0}, clock, shape);
+  return {clock, as_direction(std::move(shape))};
+}
+
+struct Candidate {
+  ChipClock clock;
+  double gain = 0;  // of the logarithm of the likelihood
+};
+
+double gain_of(double explained, double count) {
+  return -0.5 * count * std::log(1 - std::clamp(explained, 0.0, kMostExplained));
+}
+
+// The best of each place, a place being a chip long.
+void correlate(std::span<const double> signal, const WindowSums& sums, const Template& known,
+               std::vector<Candidate>& places) {
+  const std::size_t length = known.shape.size();
+  if (length < 3 || length > signal.size()) return;
+  std::vector<double> products(signal.size() - length + 1, 0.0);
+  for (std::size_t j = 0; j < length; ++j) {  // along the places, so that the additions are independent
+    const double weight = known.shape[j];
+    const double* values = signal.data() + j;
+    for (std::size_t n = 0; n < products.size(); ++n) products[n] += weight * values[n];
+  }
+  for (std::size_t n = 0; n < products.size(); ++n) {
+    const double squares = sums.squares_left(n, length);
+    if (products[n] <= 0 || !(squares > 0)) continue;
+    const double gain = gain_of(products[n] * products[n] / squares, static_cast<double>(length));
+    ChipClock clock = known.clock;
+    clock.phase += static_cast<double>(n);
+    const double chip = std::floor(std::max(clock.phase + 0.5 * clock.exposure, 0.0) / clock.rows_per_chip);
+    Candidate& place = places[std::min(static_cast<std::size_t>(chip), places.size() - 1)];
+    if (gain > place.gain) place = {clock, gain};
+  }
+}
+
+std::vector<double> exposures(const PreambleSearch& search, std::size_t chips) {
+  if (search.exposure) return {*search.exposure};
+  const double longest = std::min(search.longest_exposure, static_cast<double>(chips) - kFewestChipsSeen);
+  std::vector<double> result;
+  for (double length = 0.5; length <= longest + 0.25; length += length < 2 ? 0.5 : 1)
+    result.push_back(length * search.rows_per_chip);
+  return result;
+}
+
+// Rates within the tolerance such that one of them misses neither end of the preamble by more than the slack.
+std::vector<double> rates(const PreambleSearch& search, double chips_seen) {
+  const double steps = std::ceil(search.tolerance * 0.5 * std::max(chips_seen, 1.0) / kPhaseSlack);
+  std::vector<double> result;
+  for (double k = 0; k < steps; ++k)
+    result.push_back(search.rows_per_chip * (1 + search.tolerance * ((2 * k + 1) / steps - 1)));
+  if (result.empty()) result.push_back(search.rows_per_chip);
+  return result;
+}
+
+std::vector<Candidate> best_places(std::span<const double> signal, std::span<const double> preamble,
+                                   const PreambleSearch& search) {
+  const auto centred = without_mean(signal);
+  const WindowSums sums(centred);
+  const auto chips = static_cast<double>(preamble.size());
+  std::vector<Candidate> places(
+      static_cast<std::size_t>(static_cast<double>(signal.size()) / ((1 - search.tolerance) * search.rows_per_chip)) +
+      1);
+  for (double exposure : exposures(search, preamble.size())) {
+    const double seen = chips - exposure / search.rows_per_chip;
+    if (seen < std::min(kFewestChipsSeen, 0.9 * chips)) continue;
+    for (double rows_per_chip : rates(search, seen))
+      for (double k = 0, steps = std::ceil(1 / (kPlaceStep * rows_per_chip)); k < steps; ++k)
+        correlate(centred, sums, make_template(preamble, rows_per_chip, exposure, k / steps), places);
+  }
+  std::erase_if(places, [](const Candidate& place) { return !(place.gain > 0); });
+  std::ranges::stable_sort(places, std::ranges::greater{}, &Candidate::gain);
+  places.resize(std::min(places.size(), std::max(kCandidates, 3 * search.most)));
+  return places;
+}
+
+std::optional<PreambleMatch> match_at(std::span<const double> signal, const WindowSums& sums,
+                                      std::span<const double> preamble, const PreambleSearch& search,
+                                      const ChipClock& clock) {
+  // The grid's rate is a start; the nominal one with its tolerance is what is known.
+  const ChannelModel free{1, 0, search.exposure.has_value()};
+  ChannelModel bound = free;
+  bound.rate_std = kToleranceError * search.tolerance * search.rows_per_chip;
+  auto channel = fit_channel(signal, {preamble, 0}, clock, free);
+  if (!channel || channel->errors.rows_per_chip_std() > 0.2 * bound.rate_std) {
+    const double middle = 0.5 * static_cast<double>(preamble.size());
+    ChipClock nominal = channel ? channel->clock : clock;
+    nominal.phase += middle * (nominal.rows_per_chip - search.rows_per_chip);
+    nominal.rows_per_chip = search.rows_per_chip;
+    if (bound.rate_std > 0) channel = fit_channel(signal, {preamble, 0}, nominal, bound);
+  }
+  if (!channel || !(channel->swing[0] > 0) || !(channel->errors.covariance[4] >= 0)) return std::nullopt;
+  const double off = std::abs(channel->clock.rows_per_chip / search.rows_per_chip - 1);
+  const double error = channel->errors.rows_per_chip_std() / search.rows_per_chip;
+  if (off > search.tolerance + std::min(3 * error, 0.01)) return std::nullopt;
+  const double squares = sums.squares_left(channel->rows.begin, channel->rows.size());
+  const double left = channel->noise * channel->noise * static_cast<double>(channel->rows.size());
+  if (!(squares > left)) return std::nullopt;
+  const double explained = 1 - left / squares;
+  const double rows_per_chip = std::max(channel->clock.rows_per_chip, 1.0);
+  const double chips = static_cast<double>(channel->rows.size()) / rows_per_chip;
+  const double tried = static_cast<double>(signal.size()) / rows_per_chip;
+  return PreambleMatch{std::move(*channel), explained, gain_of(explained, chips) - std::log(tried)};
+}
+
+}  // namespace
+
+std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::span<const double> preamble,
+                                         const PreambleSearch& search) {
+  require_positive("rows_per_chip", search.rows_per_chip);
+  require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
+  if (search.exposure) require_not_negative("exposure", *search.exposure);
+  require_positive("longest_exposure", search.longest_exposure);
+  require(preamble.size() >= 2, "preamble", preamble.size(), "at least two chips");
+  for (double level : preamble) require_finite("preamble", level);
+  for (double value : signal) require_finite("signal", value);
+  if (signal.empty()) return {};
+  const auto centred = without_mean(signal);
+  const WindowSums sums(centred);
+  std::vector<PreambleMatch> matches;
+  for (const auto& place : best_places(signal, preamble, search)) {
+    auto match = match_at(signal, sums, preamble, search, place.clock);
+    if (match && match->certainty > kLeastCertainty) matches.push_back(std::move(*match));
+  }
+  std::ranges::stable_sort(matches, std::ranges::greater{}, &PreambleMatch::certainty);
+  std::vector<PreambleMatch> apart;
+  for (auto& match : matches) {
+    const auto overlaps = [&](const PreambleMatch& other) {
+      return std::abs(other.channel.clock.phase - match.channel.clock.phase) <
+             0.5 * static_cast<double>(preamble.size()) * search.rows_per_chip;
+    };
+    if (apart.size() < search.most && std::ranges::none_of(apart, overlaps)) apart.push_back(std::move(match));
+  }
+  return apart;
+}
+
+}  // namespace ocisac

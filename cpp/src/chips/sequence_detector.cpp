@@ -1,0 +1,195 @@
+#include "ocisac/chips/sequence_detector.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <span>
+
+#include "ocisac/chips/chip_equations.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr float kNever = std::numeric_limits<float>::infinity();
+
+// What a row sees, in chips from the end of the chip that is its newest back: all of the chips between, `end` of the
+// newest, `begin` of the oldest, which is `back` chips older.
+struct RowView {
+  double value;
+  double end, begin;
+  std::size_t back;
+};
+
+// A history is a word of the newest chip (bit 0) and those before it. Of it a row whose oldest chip lies `back` chips
+// before the newest needs but this: how many of the chips between are bright, the newest, the oldest.
+std::uint8_t class_of(std::uint32_t history, std::size_t back) {
+  if (back == 0) return static_cast<std::uint8_t>(history & 1U);
+  const std::uint32_t between = (history >> 1U) & ((1U << (back - 1)) - 1U);
+  return static_cast<std::uint8_t>(4 * static_cast<unsigned>(std::popcount(between)) + 2 * (history & 1U) +
+                                   ((history >> back) & 1U));
+}
+
+class Trellis {
+ public:
+  explicit Trellis(const ChipQuestion& question)
+      : question_(question),
+        length_(std::max(question.clock.exposure, kShortestExposure) / question.clock.rows_per_chip),
+        memory_(static_cast<std::size_t>(std::ceil(length_))),
+        states_(std::size_t{1} << memory_),
+        scale_(0.5 / (question.noise * question.noise)),
+        classes_(memory_ + 1) {}
+
+  SequenceDetection detect() {
+    find_rows();
+    run_forward();
+    return run_backward();
+  }
+
+ private:
+  // Rows by their newest chip: those of chip k are rows_[begin_of_chip_[k]] … rows_[begin_of_chip_[k + 1]].
+  void find_rows() {
+    const ChipClock& clock = question_.clock;
+    std::size_t chip = 0;
+    begin_of_chip_.assign(question_.count + 1, 0);
+    for (std::size_t row = 0; row < question_.rows.size(); ++row) {
+      const double end = (static_cast<double>(row) + 0.5 * clock.exposure - clock.phase) / clock.rows_per_chip -
+                         static_cast<double>(question_.first);
+      const double newest = std::clamp(std::floor(end), 0.0, static_cast<double>(question_.count - 1));
+      for (; chip < static_cast<std::size_t>(newest); ++chip) begin_of_chip_[chip + 1] = rows_.size();
+      const double begin = end - newest - length_;
+      const double whole = std::min(std::floor(begin), 0.0);
+      rows_.push_back({question_.rows[row], end - newest, 1 - (begin - whole),
+                       std::min(static_cast<std::size_t>(-whole), memory_)});
+    }
+    for (; chip < question_.count; ++chip) begin_of_chip_[chip + 1] = rows_.size();
+  }
+
+  const std::vector<std::uint8_t>& classes(std::size_t back) {
+    auto& of_history = classes_[back];
+    for (std::uint32_t history = static_cast<std::uint32_t>(of_history.size()); history < 2 * states_; ++history)
+      of_history.push_back(class_of(history, back));
+    return of_history;
+  }
+
+  // Adds a row's squares, over twice the noise's variance, to the classes of its `back`.
+  void add_row(const RowView& row, std::span<float> table) const {
+    if (row.back == 0) {
+      for (std::size_t bright = 0; bright < 2; ++bright)
+        table[bright] += squares(row.value - static_cast<double>(bright));
+      return;
+    }
+    for (std::size_t between = 0; between < row.back; ++between)
+      for (std::size_t ends = 0; ends < 4; ++ends) {
+        const double area = static_cast<double>(between) + static_cast<double>(ends >> 1U) * row.end +
+                            static_cast<double>(ends & 1U) * row.begin;
+        table[4 * between + ends] += squares(row.value - area / length_);
+      }
+  }
+  [[nodiscard]] float squares(double off) const { return static_cast<float>(scale_ * off * off); }
+
+  // Costs of all histories at a chip.
+  void weigh(std::size_t chip, std::vector<float>& costs) {
+    std::fill(costs.begin(), costs.end(), 0.0F);
+    for (std::size_t back = 0; back <= memory_; ++back) {
+      std::array<float, 4 * 16> table{};
+      bool any = false;
+      for (std::size_t r = begin_of_chip_[chip]; r < begin_of_chip_[chip + 1]; ++r) {
+        if (rows_[r].back != back) continue;
+        add_row(rows_[r], table);
+        any = true;
+      }
+      if (!any) continue;
+      const auto& of_history = classes(back);
+      for (std::size_t history = 0; history < costs.size(); ++history) costs[history] += table[of_history[history]];
+    }
+    if (const auto level = known_level(question_, chip))
+      for (std::size_t history = 0; history < costs.size(); ++history) {
+        const double off = static_cast<double>(history & 1U) - *level;
+        costs[history] += static_cast<float>(0.5 * kKnownPrecision * off * off);
+      }
+  }
+
+  // forward_[chip·states + s]: least cost of the rows up to the chip before, the last chips being s.
+  void run_forward() {
+    forward_.assign((question_.count + 1) * states_, 0.0F);
+    std::vector<float> costs(2 * states_);
+    const std::size_t half = states_ / 2;
+    for (std::size_t chip = 0; chip < question_.count; ++chip) {
+      weigh(chip, costs);
+      const float* from = &forward_[chip * states_];
+      float* to = &forward_[(chip + 1) * states_];
+      float least = kNever;
+      for (std::size_t state = 0; state < states_; ++state) {
+        // The chip that leaves the state is dark or bright.
+        to[state] = std::min(from[state / 2] + costs[state], from[state / 2 + half] + costs[state + states_]);
+        least = std::min(least, to[state]);
+      }
+      for (std::size_t state = 0; state < states_; ++state) to[state] -= least;  // keeps single precision's digits
+    }
+  }
+
+  SequenceDetection run_backward() {
+    SequenceDetection detection{std::vector<double>(question_.count)};
+    std::vector<float> after(states_, 0.0F), before(states_), costs(2 * states_);
+    for (std::size_t chip = question_.count; chip-- > 0;) {
+      weigh(chip, costs);
+      for (std::size_t history = 0; history < costs.size(); ++history) costs[history] += after[history % states_];
+      const float* from = &forward_[chip * states_];
+      std::array<float, 2> best{kNever, kNever};
+      for (std::size_t state = 0; state < states_; ++state) {
+        const float dark = costs[2 * state], bright = costs[2 * state + 1];
+        before[state] = std::min(dark, bright);
+        best[0] = std::min(best[0], from[state] + dark);
+        best[1] = std::min(best[1], from[state] + bright);
+      }
+      detection.log_likelihood_ratios[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
+      const float least = *std::ranges::min_element(before);
+      for (std::size_t state = 0; state < states_; ++state) after[state] = before[state] - least;
+    }
+    return detection;
+  }
+
+  const ChipQuestion& question_;
+  double length_;  // of the exposure, chips
+  std::size_t memory_, states_;
+  double scale_;
+  std::vector<std::vector<std::uint8_t>> classes_;  // (back) of histories, made when wanted
+  std::vector<RowView> rows_;
+  std::vector<std::size_t> begin_of_chip_;
+  std::vector<float> forward_;
+};
+
+}  // namespace
+
+SequenceDetection detect_sequence(const ChipQuestion& question) {
+  check(question, kLongestDetectedExposure);
+  if (question.count == 0) return {};
+  return Trellis(question).detect();
+}
+
+double closest_pair_distance(double rows_per_chip, double exposure) {
+  require_positive("rows_per_chip", rows_per_chip);
+  require_positive("exposure", exposure);
+  constexpr int kPlaces = 16;  // of a chip to the rows
+  const double length = exposure / rows_per_chip;
+  // Bright from 0 to 1, dark from 1 to 2, as an integral up to a place.
+  const auto area = [](double place) { return std::clamp(place, 0.0, 1.0) - std::clamp(place - 1, 0.0, 1.0); };
+  double least = std::numeric_limits<double>::infinity();
+  for (int place = 0; place < kPlaces; ++place) {
+    double squares = 0;
+    for (double row = static_cast<double>(place) / kPlaces; row < rows_per_chip * (length + 2); row += 1) {
+      const double end = row / rows_per_chip;
+      const double off = (area(end) - area(end - length)) / length;
+      squares += off * off;
+    }
+    least = std::min(least, squares);
+  }
+  return std::sqrt(least);
+}
+
+}  // namespace ocisac

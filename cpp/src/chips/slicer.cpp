@@ -1,0 +1,128 @@
+#include "chips/slicer.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ocisac {
+
+namespace {
+
+constexpr int kRounds = 4;
+
+// Integral of the signal, straight between its rows, from row 0.
+class Area {
+ public:
+  explicit Area(std::span<const double> signal) : signal_(signal), total_(signal.size(), 0.0) {
+    for (std::size_t n = 1; n < signal.size(); ++n) total_[n] = total_[n - 1] + 0.5 * (signal[n] + signal[n - 1]);
+  }
+  [[nodiscard]] double to(double place) const {
+    const auto n = std::min(static_cast<std::size_t>(place), signal_.size() - 2);
+    const double part = place - static_cast<double>(n);
+    return total_[n] + part * (signal_[n] + 0.5 * part * (signal_[n + 1] - signal_[n]));
+  }
+
+ private:
+  std::span<const double> signal_;
+  std::vector<double> total_;
+};
+
+// The line through the other chips of a kind, weighted by nearness, at chip `at`; its slope is held back where few tell
+// it.
+double line_through_others(std::span<const double> values, std::span<const std::size_t> chips, std::size_t at,
+                           double reach) {
+  const bool alone = chips.size() == 1;
+  const auto weight = [&](std::size_t chip) {
+    const double distance = (static_cast<double>(chip) - static_cast<double>(at)) / reach;
+    return chip == at && !alone ? 0.0 : 1 / std::pow(1 + distance * distance, 2);
+  };
+  double total = 0, mean = 0, middle = 0;
+  for (std::size_t chip : chips) {
+    const double w = weight(chip);
+    total += w;
+    mean += w * values[chip];
+    middle += w * (static_cast<double>(chip) - static_cast<double>(at));
+  }
+  mean /= total;
+  middle /= total;
+  double cross = 0, square = 0.25 * reach * reach;
+  for (std::size_t chip : chips) {
+    const double w = weight(chip), away = static_cast<double>(chip) - static_cast<double>(at) - middle;
+    cross += w * away * (values[chip] - mean);
+    square += w * away * away;
+  }
+  return mean - cross / square * middle;
+}
+
+Detection decide(std::span<const double> values, std::span<const std::uint8_t> bits) {
+  Detection result{{}, chip_level(values, bits, 0), chip_level(values, bits, 1), {}};
+  double largest = 0;
+  for (std::size_t k = 0; k < values.size(); ++k) largest = std::max(largest, result.bright[k] - result.dark[k]);
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const double swing = std::max(result.bright[k] - result.dark[k], 1e-3 * std::max(largest, 1e-12));
+    result.soft.push_back((values[k] - 0.5 * (result.bright[k] + result.dark[k])) / (0.5 * swing));
+    result.bits.push_back(result.soft.back() > 0);
+  }
+  return result;
+}
+
+bool holds_both(std::span<const std::uint8_t> bits) {
+  return std::ranges::find(bits, 0) != bits.end() && std::ranges::find(bits, 1) != bits.end();
+}
+
+}  // namespace
+
+ChipGrid whole_chips(const ChipLattice& lattice, std::size_t rows) {
+  constexpr double kRounding = 1e-9;  // chips
+  const double begin = (-0.5 - lattice.phase) / lattice.rows_per_chip - kRounding;
+  const double end = (static_cast<double>(rows) - 0.5 - lattice.phase) / lattice.rows_per_chip + kRounding;
+  const auto first = static_cast<std::ptrdiff_t>(std::ceil(begin)), last = static_cast<std::ptrdiff_t>(std::floor(end));
+  return {lattice, first, last > first ? static_cast<std::size_t>(last - first) : 0};
+}
+
+std::vector<double> chip_values(std::span<const double> signal, const ChipGrid& grid, std::optional<double> exposure) {
+  if (signal.size() < 2) return {signal.begin(), signal.begin() + (grid.count > 0 ? 1 : 0)};
+  const double period = grid.lattice.rows_per_chip;
+  const double reach = std::max(exposure ? 0.4 * std::max(period - *exposure, 0.0) : 0.25 * period, 0.5);
+  const auto last = static_cast<double>(signal.size() - 1);
+  const Area area(signal);
+  std::vector<double> values(grid.count);
+  for (std::size_t k = 0; k < grid.count; ++k) {
+    const double low = std::clamp(grid.centre(k) - reach, 0.0, last),
+                 high = std::clamp(grid.centre(k) + reach, 0.0, last);
+    values[k] = (area.to(high) - area.to(low)) / (high - low);
+  }
+  return values;
+}
+
+std::vector<double> chip_level(std::span<const double> values, std::span<const std::uint8_t> kind, std::uint8_t bit) {
+  const double reach = std::clamp(static_cast<double>(values.size()) / 16, 2.0, 6.0);
+  std::vector<std::size_t> chips;
+  for (std::size_t k = 0; k < kind.size(); ++k)
+    if (kind[k] == bit) chips.push_back(k);
+  std::vector<double> level(values.size());
+  for (std::size_t chip : chips) level[chip] = line_through_others(values, chips, chip, reach);
+  std::fill(level.begin(), level.begin() + static_cast<std::ptrdiff_t>(chips.front()), level[chips.front()]);
+  std::fill(level.begin() + static_cast<std::ptrdiff_t>(chips.back()), level.end(), level[chips.back()]);
+  for (std::size_t i = 1; i < chips.size(); ++i) {
+    const std::size_t from = chips[i - 1], to = chips[i];
+    const double slope = (level[to] - level[from]) / static_cast<double>(to - from);
+    for (std::size_t k = from + 1; k < to; ++k) level[k] = level[from] + slope * static_cast<double>(k - from);
+  }
+  return level;
+}
+
+std::optional<Detection> Slicer::detect(std::span<const double> signal, const ChipGrid& grid,
+                                        std::optional<double> exposure, std::span<const std::uint8_t> guess) const {
+  const auto values = chip_values(signal, grid, exposure);
+  std::vector<std::uint8_t> bits(guess.begin(), guess.end());
+  Detection decided;
+  for (int round = 0; round < kRounds; ++round) {
+    if (!holds_both(bits)) return std::nullopt;
+    decided = decide(values, bits);
+    if (decided.bits == bits) break;
+    bits = decided.bits;
+  }
+  return decided;
+}
+
+}  // namespace ocisac

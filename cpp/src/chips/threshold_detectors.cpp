@@ -1,0 +1,215 @@
+#include "chips/threshold_detectors.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <span>
+
+#include "ocisac/chips/error_rates.hpp"
+#include "ocisac/tones/equalize.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kMiddle = 0.4;      // of what the ramps leave of a chip, to either side of its middle
+constexpr double kLeastReach = 0.5;  // rows
+// Chips that an error rate is the mean of, so far apart that they lie everywhere to the rows that a frame's chips do.
+constexpr int kChips = 16, kApart = 67;
+
+// Weights of neighbouring rows, sum 1: each by the share of its place (half a row to either side) in the reach around
+// the centre. None where that is beyond the rows.
+struct Weights {
+  std::size_t begin = 0;
+  std::vector<double> of_row;
+
+  void set_around(double centre, double reach, std::size_t rows) {
+    const double first = std::max(std::ceil(centre - reach - 0.5), 0.0);
+    const double last = std::min(std::floor(centre + reach + 0.5), static_cast<double>(rows) - 1);
+    of_row.clear();
+    if (!(first <= last)) return;
+    begin = static_cast<std::size_t>(first);
+    double sum = 0;
+    for (double row = first; row <= last; ++row) {
+      of_row.push_back(std::max(std::min(centre + reach, row + 0.5) - std::max(centre - reach, row - 0.5), 0.0));
+      sum += of_row.back();
+    }
+    if (!(sum > 0)) return of_row.clear();
+    for (double& weight : of_row) weight /= sum;
+  }
+  [[nodiscard]] double sum_of(std::span<const double> rows) const { return sum_from(begin, rows); }
+  [[nodiscard]] double sum_from(std::size_t row, std::span<const double> rows) const {
+    double sum = 0;
+    for (std::size_t n = 0; n < of_row.size(); ++n) sum += of_row[n] * rows[row + n];
+    return sum;
+  }
+  [[nodiscard]] double squares() const {
+    double sum = 0;
+    for (const double weight : of_row) sum += weight * weight;
+    return sum;
+  }
+};
+
+Weights weights_around(double centre, double reach, std::size_t rows) {
+  Weights weights;
+  weights.set_around(centre, reach, rows);
+  return weights;
+}
+
+double middle_of(const ChipClock& clock, double chip) { return clock.phase + (chip + 0.5) * clock.rows_per_chip; }
+
+ChipClock with_least_exposure(ChipClock clock) {
+  clock.exposure = std::max(clock.exposure, kShortestExposure);
+  return clock;
+}
+
+// Share of a chip in what a row sees.
+double share(double row, double chip, const ChipClock& clock) {
+  const double begin = clock.phase + chip * clock.rows_per_chip, half = 0.5 * clock.exposure;
+  return std::max(std::min(row + half, begin + clock.rows_per_chip) - std::max(row - half, begin), 0.0) /
+         clock.exposure;
+}
+
+// A decision's value is ½ + gain·x + Σ others·x + noise, x = ±½.
+struct Response {
+  double gain = 0;
+  std::vector<double> others;
+  double noise = 0;  // variance
+
+  [[nodiscard]] double log_likelihood_ratio(double value) const {
+    double variance = noise;
+    for (const double other : others) variance += 0.25 * other * other;
+    return variance > 0 ? (value - 0.5) * gain / variance : 0.0;
+  }
+  [[nodiscard]] double error_rate() const { return sliced_error_rate(gain, others, std::sqrt(noise)); }
+};
+
+// ---- Slicer
+
+double slicer_reach(const ChipClock& clock) {
+  return std::max(kMiddle * (clock.rows_per_chip - clock.exposure), kLeastReach);
+}
+
+// Chips to either side that the rows around a chip's middle may see.
+double chips_seen(const ChipClock& clock) {
+  return std::ceil((0.5 * clock.exposure + slicer_reach(clock) + 0.5) / clock.rows_per_chip - 0.5);
+}
+
+// Calls use(other, weight): the part of each chip in what a chip is decided by.
+template <class Use>
+void for_each_chip_seen(const Weights& weights, double chip, const ChipClock& clock, Use use) {
+  const double away = chips_seen(clock);
+  for (double other = chip - away; other <= chip + away; ++other) {
+    double sum = 0;
+    for (std::size_t n = 0; n < weights.of_row.size(); ++n)
+      sum += weights.of_row[n] * share(static_cast<double>(weights.begin + n), other, clock);
+    use(other, sum);
+  }
+}
+
+// ---- Inverse
+
+double inverse_reach(const ChipClock& clock) { return std::max(kMiddle * clock.rows_per_chip, kLeastReach); }
+
+// Row n of what equalize() gives is the light at the end of row n's exposure, half an exposure after its middle.
+double inverse_middle(const ChipClock& clock, double chip) { return middle_of(clock, chip) - 0.5 * clock.exposure; }
+
+std::vector<double> equalized(std::span<const double> rows, double exposure) {
+  std::vector<double> light(rows.size());
+  const Camera camera{1, exposure, {}, {}};
+  equalize(dense_view(rows.data(), 1, rows.size(), 1), camera, {}, dense_view(light.data(), 1, light.size(), 1));
+  return light;
+}
+
+// As one bright chip, and one row of noise, in the middle of many rows show it: far from the ends the equaliser does
+// the same everywhere.
+Response inverse_response(ChipClock clock, double noise) {
+  const double reach = inverse_reach(clock), length = 24 * clock.exposure + 32 * clock.rows_per_chip + 128;
+  const auto rows = static_cast<std::size_t>(length), middle = rows / 2;
+  clock.phase += std::floor(0.5 * length - clock.phase - 0.5 * clock.rows_per_chip);  // chip 0 into the middle
+  std::vector<double> values(rows);
+  for (std::size_t n = 0; n < rows; ++n) values[n] = share(static_cast<double>(n), 0, clock);
+  const auto chip = equalized(values, clock.exposure);
+  std::ranges::fill(values, 0.0);
+  values[middle] = 1;
+  const auto row = equalized(values, clock.exposure);
+
+  Response response;
+  const double away = std::floor(0.4 * length / clock.rows_per_chip);
+  for (double other = -away; other <= away; ++other) {
+    const double sum = weights_around(inverse_middle(clock, other), reach, rows).sum_of(chip);
+    if (other == 0)
+      response.gain = sum;
+    else
+      response.others.push_back(sum);
+  }
+  const Weights weights = weights_around(inverse_middle(clock, 0), reach, rows);
+  for (std::size_t n = 0; n + weights.of_row.size() <= rows; ++n)
+    response.noise += std::pow(noise * weights.sum_from(n, row), 2);
+  return response;
+}
+
+}  // namespace
+
+std::vector<double> slice_chips(const ChipQuestion& question) {
+  const ChipClock clock = with_least_exposure(question.clock);
+  std::vector<double> ratios(question.count);
+  Weights weights;
+  for (std::size_t k = 0; k < question.count; ++k) {
+    const auto chip = static_cast<double>(question.first + static_cast<std::ptrdiff_t>(k));
+    weights.set_around(middle_of(clock, chip), slicer_reach(clock), question.rows.size());
+    if (weights.of_row.empty()) continue;
+    double gain = 0, variance = question.noise * question.noise * weights.squares();
+    for_each_chip_seen(weights, chip, clock, [&](double other, double part) {
+      if (other == chip)
+        gain = part;
+      else
+        variance += 0.25 * part * part;
+    });
+    ratios[k] = (weights.sum_of(question.rows) - 0.5) * gain / variance;
+  }
+  return ratios;
+}
+
+std::vector<double> invert_and_slice_chips(const ChipQuestion& question) {
+  const ChipClock clock = with_least_exposure(question.clock);
+  std::vector<double> ratios(question.count);
+  if (question.rows.empty()) return ratios;
+  const auto light = equalized(question.rows, clock.exposure);
+  const Response response = inverse_response(clock, question.noise);
+  for (std::size_t k = 0; k < question.count; ++k) {
+    const auto chip = static_cast<double>(question.first + static_cast<std::ptrdiff_t>(k));
+    const auto weights = weights_around(inverse_middle(clock, chip), inverse_reach(clock), light.size());
+    if (!weights.of_row.empty()) ratios[k] = response.log_likelihood_ratio(weights.sum_of(light));
+  }
+  return ratios;
+}
+
+double slicer_error_rate(const ChipClock& clock, double noise) {
+  ChipClock used = with_least_exposure(clock);
+  used.phase -= used.rows_per_chip * std::floor(used.phase / used.rows_per_chip);
+  const double first = std::ceil((used.exposure + 4) / used.rows_per_chip) + 2;
+  double sum = 0;
+  for (int k = 0; k < kChips; ++k) {
+    const double chip = first + k * kApart;
+    const double rows = middle_of(used, 2 * chip) + used.exposure + 4;
+    Weights weights;
+    weights.set_around(middle_of(used, chip), slicer_reach(used), static_cast<std::size_t>(rows));
+    double gain = 0;
+    std::vector<double> others;
+    for_each_chip_seen(weights, chip, used, [&](double other, double part) {
+      if (other == chip)
+        gain = part;
+      else
+        others.push_back(part);
+    });
+    sum += sliced_error_rate(gain, others, noise * std::sqrt(weights.squares()));
+  }
+  return sum / kChips;
+}
+
+double inverse_error_rate(const ChipClock& clock, double noise) {
+  return inverse_response(with_least_exposure(clock), noise).error_rate();
+}
+
+}  // namespace ocisac

@@ -1,0 +1,54 @@
+// A picture divided by the light that shares and rows leave in it: what light_share and refine_row_light compare.
+#pragma once
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "ocisac/cleaning/light_share.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+// One frame divided by the light that the present shares leave in it.
+struct Cleaned {
+  std::vector<double> light;     // c = v/f
+  std::vector<double> slope;     // g = P/f = −dc/dq / c
+  std::vector<double> variance;  // of c
+
+  explicit Cleaned(std::size_t size) : light(size), slope(size), variance(size) {}
+};
+
+inline double light_left(double share, double change) { return std::max(1 + share * change, least_light); }
+
+inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size_t row, std::span<const double> change,
+                      std::span<const double> share, Cleaned& out) {
+  const std::size_t first = row * picture.columns, offset = frame * picture.rows * picture.columns;
+  const double* light = picture.light.data() + offset;
+  const double* variance = picture.variance.data() + offset;
+  const double p = change[frame * picture.rows + row];
+  for (std::size_t i = first; i < first + picture.columns; ++i) {
+    const double left = light_left(share[i], p);
+    out.light[i] = light[i] / left;
+    out.slope[i] = p / left;
+    out.variance[i] = variance[i] / (left * left);
+  }
+}
+
+inline void clean(const BandedPicture& picture, std::size_t frame, std::span<const double> change,
+                  std::span<const double> share, Cleaned& out) {
+  for (std::size_t row = 0; row < picture.rows; ++row) clean_row(picture, frame, row, change, share, out);
+}
+
+inline void check(const BandedPicture& picture, std::span<const double> row_light) {
+  const std::size_t pixels = picture.frames * picture.rows * picture.columns;
+  require(pixels > 0, "picture", pixels, "at least one pixel");
+  require(picture.light.size() == pixels, "picture", picture.light.size(), "frames x rows x columns values");
+  require(picture.variance.size() == pixels, "variance", picture.variance.size(), "one value a pixel");
+  require(row_light.size() == picture.frames * picture.rows, "row_light", row_light.size(), "one value a row");
+  for (const double value : picture.light) require_finite("picture", value);
+  for (const double value : picture.variance) require(value > 0, "variance", value, "above 0");
+  for (const double value : row_light) require_not_negative("row_light", value);
+}
+
+}  // namespace ocisac

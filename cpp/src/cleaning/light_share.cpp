@@ -1,0 +1,389 @@
+#include "ocisac/cleaning/light_share.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "cleaning/cleaned_picture.hpp"
+#include "cleaning/smooth_shares.hpp"
+#include "cleaning/spreader.hpp"
+
+namespace ocisac {
+
+namespace {
+
+struct Step {
+  double texture;  // τ, relative to the light
+  double reach;    // pixels
+};
+// Wide at first, so that bands whose share is not known yet do not pass for edges.
+constexpr std::array<Step, 13> plan{{{0.5, 48},
+                                     {0.5, 48},
+                                     {0.5, 48},
+                                     {0.3, 32},
+                                     {0.3, 32},
+                                     {0.2, 32},
+                                     {0.1, 24},
+                                     {0.1, 24},
+                                     {0.05, 16},
+                                     {0.05, 16},
+                                     {0.05, 12},
+                                     {0.05, 8},
+                                     {0.05, 8}}};
+// Change of light that half ends a reach: for each row of the lag, as the fewer comparisons there are, the farther they
+// have to reach; between frames the lag does not count.
+constexpr double edge_of_lag = 0.025, least_edge = 0.03, most_edge = 0.25, edge_of_frames = 0.15;
+constexpr double hold = 1000;                   // evidence with which a share holds to that of the step before
+constexpr double lags_of_reach = 2;             // at least
+constexpr double lags_of_guide = 4;             // along which edges of the columns are told from noise
+constexpr double edge_noise = 9;                // in variances, so that noise is no edge
+constexpr double texture_between_frames = 0.2;  // of that between rows: a still scene has none, but for small motion
+
+// Where a lamp's light ends, what it leaves out, the steady light c·(1 − q/q_most), goes on.
+constexpr int rounds_at_lamp_edges = 3;
+constexpr double texture_at_lamp_edges = 0.05, reach_of_steady = 12, edge_of_steady = 0.15;
+constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is added up
+constexpr double least_gain = 3;       // of log likelihood, before the other is taken
+constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // windows three times as wide each: 12 pixels each way
+
+constexpr std::size_t wide = 6;             // steps of the plan, at first
+constexpr std::size_t merged_at_first = 4;  // columns, for these
+constexpr int rounds_before_smooth = 2;     // at lamp edges
+constexpr int smooth_steps = 6;
+constexpr double smooth_texture = 0.05;
+
+// What one picture, cleaned with the present shares, says of them.
+struct Evidence {
+  std::vector<double> pull;    // Σ weight·residual·slope
+  std::vector<double> weight;  // Σ weight·slope²
+};
+
+// The comparison of two pixels of equal texture: the weight of one in the sum over pairs, and what it says of q.
+struct Comparison {
+  double pull, weight;
+};
+
+inline Comparison compare(double c1, double g1, double var1, double c2, double g2, double var2, double texture) {
+  const double difference = c2 - c1, mean = 0.5 * (c2 + c1), slope = g2 - g1;
+  const double spread = texture * texture * mean * mean + difference * difference + (var1 + var2);
+  if (!(mean > 0)) return {0, 0};
+  const double common = mean * slope / spread;
+  return {common * difference, common * mean * slope};
+}
+
+void compare_rows(const Cleaned& frame, std::size_t columns, std::size_t first, std::size_t second, double texture,
+                  Evidence& evidence) {
+  for (std::size_t a = first * columns, b = second * columns; a < (first + 1) * columns; ++a, ++b) {
+    const Comparison both = compare(frame.light[a], frame.slope[a], frame.variance[a], frame.light[b], frame.slope[b],
+                                    frame.variance[b], texture);
+    evidence.pull[a] += 0.5 * both.pull;
+    evidence.pull[b] += 0.5 * both.pull;
+    evidence.weight[a] += 0.5 * both.weight;
+    evidence.weight[b] += 0.5 * both.weight;
+  }
+}
+
+void compare_frames(const Cleaned& one, const Cleaned& next, double texture, Evidence& evidence) {
+  for (std::size_t i = 0; i < evidence.pull.size(); ++i) {
+    const Comparison both =
+        compare(one.light[i], one.slope[i], one.variance[i], next.light[i], next.slope[i], next.variance[i], texture);
+    evidence.pull[i] += both.pull;
+    evidence.weight[i] += both.weight;
+  }
+}
+
+// The frames cleaned and averaged by their certainty: `slope` is not used.
+void add_to_guide(const Cleaned& frame, std::size_t first, std::size_t end, Cleaned& sums) {
+  for (std::size_t i = first; i < end; ++i) {
+    const double certainty = 1 / frame.variance[i];
+    sums.light[i] += certainty * frame.light[i];
+    sums.variance[i] += certainty;
+  }
+}
+
+void finish_guide(Cleaned& sums) {  // from sums to means
+  for (std::size_t i = 0; i < sums.light.size(); ++i) {
+    sums.light[i] = sums.variance[i] > 0 ? sums.light[i] / sums.variance[i] : 0;
+    sums.variance[i] = 1 / sums.variance[i];
+  }
+}
+
+// How much of what a pixel says holds for its neighbour `apart` pixels on.
+void passages(const Cleaned& guide, std::size_t apart, double reach, double edge, std::vector<double>& out) {
+  const double decay = std::exp(-1 / reach);
+  for (std::size_t a = 0; a + apart < out.size(); ++a) {
+    const double difference = guide.light[a + apart] - guide.light[a];
+    const double mean = 0.5 * (guide.light[a + apart] + guide.light[a]);
+    const double noise = edge_noise * (guide.variance[a + apart] + guide.variance[a]);
+    out[a] = decay / (1 + difference * difference / (edge * edge * mean * mean + noise));
+  }
+}
+
+// Means of neighbouring columns' pixels that tell something.
+void merge_columns(const BandedPicture& picture, std::span<double> light, std::span<double> variance) {
+  const std::size_t lines = picture.frames * picture.rows, columns = light.size() / lines;
+  for (std::size_t k = 0; k < light.size(); ++k) {
+    const std::size_t line = k / columns * picture.columns, first = k % columns * merged_at_first;
+    double sum = 0, noise = 0, count = 0;
+    for (std::size_t i = line + first; i < line + std::min(first + merged_at_first, picture.columns); ++i) {
+      if (!std::isfinite(picture.variance[i])) continue;
+      sum += picture.light[i];
+      noise += picture.variance[i];
+      ++count;
+    }
+    light[k] = count > 0 ? sum / count : 0;
+    variance[k] = count > 0 ? noise / (count * count) : INFINITY;
+  }
+}
+
+class ShareEstimator {
+ public:
+  // `merged`: columns of the picture in each of these.
+  ShareEstimator(const BandedPicture& picture, std::span<const double> row_light, std::size_t merged = 1)
+      : picture_(picture),
+        merged_(static_cast<double>(merged)),
+        change_(row_light.begin(), row_light.end()),
+        lag_(comparison_lag(row_light, picture.rows)),
+        edge_(picture.frames > 1 ? edge_of_frames
+                                 : std::clamp(edge_of_lag * static_cast<double>(lag_), least_edge, most_edge)),
+        pixels_(picture.rows * picture.columns),
+        evidence_{std::vector<double>(pixels_), std::vector<double>(pixels_)},
+        now_(pixels_),
+        before_(picture.frames > 1 ? pixels_ : 0),
+        guide_(pixels_),
+        down_(pixels_),
+        across_(pixels_),
+        spreader_(picture.rows, picture.columns) {
+    for (double& value : change_) value -= 1;
+    const double darkest = -*std::min_element(change_.begin(), change_.end());
+    most_ = 1 / std::max(darkest, 1e-9);
+  }
+
+  std::vector<double> estimate(std::span<const double> row_light, bool smooth) {
+    if (smooth)
+      take_wide_steps(row_light);
+    else
+      wide_steps();
+    for (std::size_t k = wide; k < plan.size(); ++k) step_of_each(plan[k]);
+    // frames of a still scene tell every pixel's share by itself
+    const int rounds = picture_.frames == 1 ? (smooth ? rounds_before_smooth : rounds_at_lamp_edges) : 0;
+    for (int k = 0; k < rounds; ++k) step_at_lamp_edges();
+    if (smooth) smooth_shares();
+    return std::move(share_);
+  }
+
+ private:
+  // Row by row, while the rows to compare are near.
+  void gather(double texture, bool with_guide = true) {
+    const std::size_t columns = picture_.columns;
+    const auto clear = [&](std::vector<double>& values, std::size_t first) {
+      std::fill_n(values.begin() + static_cast<std::ptrdiff_t>(first), columns, 0);
+    };
+    for (std::size_t frame = 0; frame < picture_.frames; ++frame) {
+      for (std::size_t row = 0; row < picture_.rows; ++row) {
+        const std::size_t first = row * columns;
+        if (frame == 0)
+          for (auto* values : {&evidence_.pull, &evidence_.weight}) clear(*values, first);
+        if (frame == 0 && with_guide)
+          for (auto* values : {&guide_.light, &guide_.variance}) clear(*values, first);
+        clean_row(picture_, frame, row, change_, share_, now_);
+        if (row >= lag_) compare_rows(now_, columns, row - lag_, row, texture, evidence_);
+        if (with_guide) add_to_guide(now_, first, first + columns, guide_);
+      }
+      if (frame > 0) compare_frames(before_, now_, texture_between_frames * texture, evidence_);
+      if (picture_.frames > 1) std::swap(now_, before_);
+    }
+  }
+
+  void step_of_all() {
+    gather(plan.front().texture, false);
+    const double pull = std::accumulate(evidence_.pull.begin(), evidence_.pull.end(), 0.0);
+    const double weight = std::accumulate(evidence_.weight.begin(), evidence_.weight.end(), 0.0);
+    if (weight > 0) std::fill(share_.begin(), share_.end(), std::clamp(share_[0] + pull / weight, 0.0, most_));
+  }
+
+  void step_of_each(const Step& step) {
+    gather(step.texture);
+    find_passages(step.reach);
+    for (std::size_t i = 0; i < pixels_; ++i) evidence_.pull[i] += evidence_.weight[i] * share_[i];
+    spread(evidence_.pull);
+    spread(evidence_.weight);
+    for (std::size_t i = 0; i < pixels_; ++i)
+      share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, most_);
+  }
+
+  void spread(std::vector<double>& values) { spreader_.all_around(down_, across_, values); }
+
+  void wide_steps() {
+    share_.assign(pixels_, std::min(0.5 * most_, 1.0));
+    for (int k = 0; k < 4; ++k) step_of_all();
+    for (std::size_t k = 0; k < wide; ++k) step_of_each(plan[k]);
+  }
+
+  // The same of columns added up.
+  void take_wide_steps(std::span<const double> row_light) {
+    const std::size_t columns = (picture_.columns + merged_at_first - 1) / merged_at_first;
+    std::vector<double> light(picture_.frames * picture_.rows * columns), variance(light.size());
+    merge_columns(picture_, light, variance);
+    ShareEstimator merged({light, variance, picture_.frames, picture_.rows, columns}, row_light, merged_at_first);
+    merged.wide_steps();
+    share_.resize(pixels_);
+    for (std::size_t i = 0; i < pixels_; ++i)
+      share_[i] = merged.share_[i / picture_.columns * columns + i % picture_.columns / merged_at_first];
+  }
+
+  void smooth_shares() {
+    ShareSmoother smoother(picture_.rows, picture_.columns);
+    for (int k = 0; k < smooth_steps; ++k) {
+      gather(smooth_texture, false);
+      smoother.step(evidence_.pull, evidence_.weight, share_);
+      for (double& value : share_) value = std::clamp(value, 0.0, most_);
+    }
+  }
+
+  // Another share for each pixel, as if steady light were that of the surroundings; taken where the picture says so.
+  void step_at_lamp_edges() {
+    gather(texture_at_lamp_edges);
+    finish_guide(guide_);
+    const double lag = static_cast<double>(lag_);
+    for (std::size_t i = 0; i < pixels_; ++i) {
+      const double off = std::max(1 - share_[i] / most_, 0.0);
+      now_.light[i] = guide_.light[i] * off;
+      now_.variance[i] = guide_.variance[i];
+    }
+    passages(now_, picture_.columns, std::max(reach_of_steady, lags_of_reach * lag), edge_of_steady, down_);
+    passages(now_, 1, reach_of_steady, edge_of_steady, across_);
+    for (std::size_t i = 0; i < pixels_; ++i) {
+      evidence_.weight[i] += 1;
+      evidence_.pull[i] = evidence_.weight[i] * now_.light[i];
+    }
+    spread(evidence_.pull);
+    spread(evidence_.weight);
+    std::vector<double>& other = now_.light;
+    for (std::size_t i = 0; i < pixels_; ++i) {
+      const double steady = evidence_.pull[i] / evidence_.weight[i];
+      other[i] = guide_.light[i] > 0 ? most_ * (1 - steady / guide_.light[i]) : share_[i];
+    }
+    keep_in_range(other);
+    evidence_.pull.assign(pixels_, 0);
+    add_gains(other);
+    std::fill(down_.begin(), down_.end(), std::exp(-1 / std::max(reach_of_choice, lag)));
+    std::fill(across_.begin(), across_.end(), std::exp(-1 / reach_of_choice));
+    spread(evidence_.pull);
+    for (std::size_t i = 0; i < pixels_; ++i)
+      if (evidence_.pull[i] > least_gain) share_[i] = other[i];
+  }
+
+  // Between the least and the largest share within 12 pixels.
+  void keep_in_range(std::vector<double>& values) {
+    std::vector<double>& extreme = evidence_.pull;
+    for (const bool least : {true, false}) {
+      extreme = share_;
+      for (const std::size_t step : steps_of_range) {
+        take_extremes(step, least, true, extreme);
+        take_extremes(step, least, false, extreme);
+      }
+      for (std::size_t i = 0; i < pixels_; ++i)
+        values[i] = least ? std::max(values[i], extreme[i]) : std::min(values[i], extreme[i]);
+    }
+  }
+
+  // Of each value and those `step` rows (columns) before and after, or the first and the last.
+  void take_extremes(std::size_t step, bool least, bool of_rows, std::vector<double>& values) {
+    std::swap(now_.slope, values);
+    const std::vector<double>& from = now_.slope;
+    const std::size_t rows = picture_.rows, columns = picture_.columns;
+    for (std::size_t row = 0; row < rows; ++row) {
+      const std::size_t above = of_rows ? row - std::min(step, row) : row;
+      const std::size_t below = of_rows ? std::min(row + step, rows - 1) : row;
+      for (std::size_t column = 0; column < columns; ++column) {
+        const double before = from[above * columns + (of_rows ? column : column - std::min(step, column))];
+        const double after = from[below * columns + (of_rows ? column : std::min(column + step, columns - 1))];
+        const double here = from[row * columns + column];
+        values[row * columns + column] = least ? std::min({here, before, after}) : std::max({here, before, after});
+      }
+    }
+  }
+
+  // Log likelihood of pairs of rows with the other shares, less that with the present ones.
+  void add_gains(const std::vector<double>& other) {
+    const std::size_t columns = picture_.columns;
+    for (std::size_t row = 0; row + lag_ < picture_.rows; ++row)
+      for (std::size_t a = row * columns; a < (row + 1) * columns; ++a) {
+        const std::size_t b = a + lag_ * columns;
+        const double with = misfit(a, light_left(other[a], change_[row]), b, light_left(other[b], change_[row + lag_]));
+        const double without =
+            misfit(a, light_left(share_[a], change_[row]), b, light_left(share_[b], change_[row + lag_]));
+        if (!std::isfinite(with) || !std::isfinite(without)) continue;
+        const double gain = 0.25 * std::log(without / with);
+        evidence_.pull[a] += gain;
+        evidence_.pull[b] += gain;
+      }
+  }
+
+  // Squared relative difference of two pixels of equal texture, divided by the light left in them; infinite: says
+  // nothing.
+  double misfit(std::size_t a, double left_a, std::size_t b, double left_b) const {
+    const double one = picture_.light[a] / left_a, two = picture_.light[b] / left_b, mean = 0.5 * (one + two);
+    const double noise = picture_.variance[a] / (left_a * left_a) + picture_.variance[b] / (left_b * left_b);
+    constexpr double texture = texture_at_lamp_edges * texture_at_lamp_edges;
+    return mean > 0 ? texture + ((two - one) * (two - one) + noise) / (mean * mean) : INFINITY;
+  }
+
+  void find_passages(double reach) {
+    now_.light = guide_.light;
+    now_.variance = guide_.variance;
+    finish_guide(now_);
+    const double of_rows = std::max(reach, lags_of_reach * static_cast<double>(lag_));
+    if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not count
+    passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), edge_, down_);
+    spreader_.along_columns(down_, guide_.light);
+    spreader_.along_columns(down_, guide_.variance);
+    finish_guide(guide_);
+    passages(guide_, 1, reach / merged_, edge_, across_);
+    passages(now_, picture_.columns, of_rows, edge_, down_);
+  }
+
+  const BandedPicture picture_;
+  double merged_;
+  std::vector<double> change_;  // P
+  std::size_t lag_;
+  double edge_;
+  std::size_t pixels_;
+  double most_ = 0;
+  std::vector<double> share_;
+  Evidence evidence_;
+  Cleaned now_, before_, guide_;
+  std::vector<double> down_, across_;
+  Spreader spreader_;
+};
+
+}  // namespace
+
+std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) {
+  const auto mean_square_change = [&](std::size_t lag) {
+    double sum = 0;
+    std::size_t count = 0;
+    for (std::size_t first = 0; first < row_light.size(); first += rows)
+      for (std::size_t n = 0; n + lag < rows; ++n, ++count)
+        sum +=
+            (row_light[first + n + lag] - row_light[first + n]) * (row_light[first + n + lag] - row_light[first + n]);
+    return count > 0 ? sum / static_cast<double>(count) : 0;
+  };
+  const double count = static_cast<double>(row_light.size());
+  const double mean = std::accumulate(row_light.begin(), row_light.end(), 0.0) / count;
+  double variance = 0;
+  for (const double value : row_light) variance += (value - mean) * (value - mean) / count;
+  const std::size_t most = std::clamp<std::size_t>(rows / 4, 1, 64);
+  std::size_t lag = 1;
+  while (lag < most && mean_square_change(lag) < 0.7 * variance) ++lag;
+  return lag;
+}
+
+std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth) {
+  check(picture, row_light);
+  return ShareEstimator(picture, row_light).estimate(row_light, smooth);
+}
+
+}  // namespace ocisac

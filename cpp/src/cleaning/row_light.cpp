@@ -1,0 +1,157 @@
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "cleaning/cleaned_picture.hpp"
+#include "ocisac/cleaning/light_share.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};  // step by step, as in the plan
+constexpr std::array<std::size_t, 5> lags{1, 2, 4, 8, 16};
+constexpr double evidence_of_columns = 0.1;  // neighbours hold the same texture
+constexpr double most_change = 0.5;          // of a row in one step
+constexpr std::size_t band = 17;             // diagonals of the normal equations
+
+// Normal equations of the row light: H·δ = b, H[n·band + k] between rows n and n + k.
+struct RowEquations {
+  std::vector<double> matrix, right;
+};
+
+void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::size_t b, double texture,
+              RowEquations& equations) {
+  double aa = 0, ab = 0, bb = 0, pull_a = 0, pull_b = 0;
+  for (std::size_t column = 0; column < columns; ++column) {
+    const std::size_t i = a * columns + column, j = b * columns + column;
+    const double difference = frame.light[j] - frame.light[i], mean = 0.5 * (frame.light[j] + frame.light[i]);
+    if (!(mean > 0)) continue;
+    const double spread =
+        texture * texture * mean * mean + difference * difference + (frame.variance[i] + frame.variance[j]);
+    // slope holds q/f here: what a change of the row's light does to the logarithm of what is read
+    const double left = mean * frame.slope[i], right = mean * frame.slope[j];
+    aa += left * left / spread;
+    bb += right * right / spread;
+    ab += left * right / spread;
+    pull_a -= left * difference / spread;
+    pull_b += right * difference / spread;
+  }
+  equations.matrix[a * band] += aa;
+  equations.matrix[b * band] += bb;
+  equations.matrix[a * band + (b - a)] -= ab;
+  equations.right[a] += pull_a;
+  equations.right[b] += pull_b;
+}
+
+// Solves by Cholesky's decomposition within the band; `equations.right` becomes the solution.
+void solve(RowEquations& equations, std::size_t rows) {
+  std::vector<double>& h = equations.matrix;
+  std::vector<double>& x = equations.right;
+  for (std::size_t n = 0; n < rows; ++n) {
+    const double pivot = h[n * band];
+    const std::size_t reach = std::min(band, rows - n);
+    for (std::size_t i = 1; i < reach; ++i) {
+      const double factor = h[n * band + i] / pivot;
+      for (std::size_t j = i; j < reach; ++j) h[(n + i) * band + (j - i)] -= factor * h[n * band + j];
+      x[n + i] -= factor * x[n];
+    }
+  }
+  for (std::size_t n = rows; n-- > 0;) {
+    for (std::size_t i = 1; i < std::min(band, rows - n); ++i) x[n] -= h[n * band + i] * x[n + i];
+    x[n] /= h[n * band];
+  }
+}
+
+RowEquations row_equations(const BandedPicture& picture, std::span<const double> share, std::span<const double> light,
+                           int step, Cleaned& cleaned) {
+  const std::size_t rows = picture.rows, columns = picture.columns;
+  std::vector<double> change(rows);
+  for (std::size_t n = 0; n < rows; ++n) change[n] = light[n] - 1;
+  clean(picture, 0, change, share, cleaned);
+  for (std::size_t i = 0; i < cleaned.slope.size(); ++i)
+    cleaned.slope[i] = share[i] / light_left(share[i], change[i / columns]);
+  RowEquations equations{std::vector<double>(rows * band), std::vector<double>(rows)};
+  const double texture = row_textures[std::min(static_cast<std::size_t>(step), row_textures.size() - 1)];
+  for (const std::size_t lag : lags)
+    for (std::size_t n = 0; n + lag < rows; ++n)
+      add_pair(cleaned, columns, n, n + lag, texture * std::sqrt(static_cast<double>(lag)), equations);
+  return equations;
+}
+
+// The change B·δ of the rows where (BᵀHB)·δ = Bᵀb; `basis`: B, (rows × terms).
+std::vector<double> solve_in(std::span<const double> basis, const RowEquations& equations, std::size_t rows) {
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto terms = static_cast<Eigen::Index>(basis.size() / rows);
+  const Eigen::Map<const Matrix> b(basis.data(), static_cast<Eigen::Index>(rows), terms);
+  const Eigen::Map<const Eigen::VectorXd> right(equations.right.data(), static_cast<Eigen::Index>(rows));
+  Matrix product = Matrix::Zero(b.rows(), terms);  // H·B
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t k = 0; k < std::min(band, rows - n); ++k) {
+      const auto one = static_cast<Eigen::Index>(n), other = static_cast<Eigen::Index>(n + k);
+      const double value = equations.matrix[n * band + k];
+      product.row(one) += value * b.row(other);
+      if (k > 0) product.row(other) += value * b.row(one);
+    }
+  Matrix normal = b.transpose() * product;
+  if (!(normal.trace() > 0)) return std::vector<double>(rows);
+  normal.diagonal().array() += 1e-6 * normal.trace() / static_cast<double>(terms);
+  const Eigen::VectorXd change = b * normal.ldlt().solve(b.transpose() * right);
+  return {change.data(), change.data() + change.size()};
+}
+
+// Adds the odds that a row's light stays near where it started.
+void hold_to(std::span<const double> start, std::span<const double> light, double deviation, RowEquations& equations) {
+  const double hold = 1 / (deviation * deviation);
+  for (double& value : equations.matrix) value *= evidence_of_columns;
+  for (std::size_t n = 0; n < start.size(); ++n) {
+    equations.matrix[n * band] += hold;
+    equations.right[n] = evidence_of_columns * equations.right[n] + hold * (start[n] - light[n]);
+  }
+}
+
+void check(const RowModel& model, std::size_t rows) {
+  require(model.deviation > 0, "deviation", model.deviation, "above 0");
+  require(model.basis.size() % rows == 0, "basis", model.basis.size(), "rows x terms values");
+  require(model.basis.empty() || std::isinf(model.deviation), "deviation", model.deviation, "infinite with a basis");
+  for (const double value : model.basis) require_finite("basis", value);
+}
+
+}  // namespace
+
+RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
+                          std::span<const double> row_light, int steps, const RowModel& model) {
+  check(picture, row_light);
+  check(model, picture.rows);
+  require(picture.frames == 1, "frames", picture.frames, "1");
+  require(share.size() == picture.light.size(), "share", share.size(), "one value a pixel");
+  const std::size_t rows = picture.rows;
+  RowLight result{{row_light.begin(), row_light.end()}, std::vector<double>(rows)};
+  Cleaned cleaned(picture.light.size());
+  for (int step = 0; step < steps; ++step) {
+    RowEquations equations = row_equations(picture, share, result.light, step, cleaned);
+    double most = 0;
+    for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix[n * band]);
+    if (!(most > 0)) break;
+    if (!model.basis.empty()) {
+      const std::vector<double> change = solve_in(model.basis, equations, rows);
+      double largest = most_change;
+      for (const double value : change) largest = std::max(largest, std::abs(value));
+      for (std::size_t n = 0; n < rows; ++n) result.light[n] += most_change / largest * change[n];
+      continue;
+    }
+    if (std::isfinite(model.deviation))
+      hold_to(row_light, result.light, model.deviation, equations);
+    else
+      for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * band] += 1e-4 * most;  // holds what no pair tells
+    solve(equations, rows);
+    for (std::size_t n = 0; n < rows; ++n)
+      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -most_change, most_change));
+  }
+  return result;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,61 @@
+// Shares as smooth as the picture allows: edges of the picture are mostly edges of what is lit, not of the light on it.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "cleaning/spreader.hpp"
+
+namespace ocisac {
+
+// Lowers ½·Σ weight·x² − Σ pull·x + λ·Σ √(ε² + |∇(q + x) − t|²) over changes x of the shares q: their total variation
+// about a trend t, the median slope within 40 pixels, so that slopes cost nothing and edges little. Each step is one of
+// iteratively reweighted least squares, its equations solved by conjugate gradients on the picture reduced 8, 4 and 2
+// times (blocks of pixels that change together) and, from there, on its pixels.
+class ShareSmoother {
+ public:
+  ShareSmoother(std::size_t rows, std::size_t columns);
+
+  // Adds x to `share`. `pull`, `weight`: what every pixel says, (rows × columns).
+  void step(std::span<const double> pull, std::span<const double> weight, std::span<double> share);
+
+ private:
+  // weight·x + Σ over neighbours of coupling·(x − their x) = right.
+  struct Level {
+    std::size_t rows, columns;
+    std::vector<double> weight, down, across;  // couplings to the next row and column, 0 where there is none
+    std::vector<double> right;                 // becomes the residual
+    std::vector<double> change;                // x
+    std::vector<double> direction, product, inverse;
+
+    Level(std::size_t rows_of, std::size_t columns_of);
+    std::size_t size() const { return rows * columns; }
+    void take_from(const Level& finer);     // sums of 2 × 2 pixels
+    void start_from(const Level& coarser);  // its change for each of them
+    void solve(int iterations);
+    void invert_diagonal();
+    void apply(const std::vector<double>& x, std::size_t row, std::vector<double>& out) const;
+    double multiply(double keep);  // direction = residual/diagonal + keep·direction; product; their scalar product
+    double advance(double step);   // along the direction; size of the residual
+  };
+
+  // Of the shares, per pixel, in blocks of pixels.
+  struct Trend {
+    std::vector<double> down, across;
+  };
+
+  void couple(std::span<const double> share);
+  void find_trend(std::span<const double> share);
+  void find_right(std::span<const double> pull, std::span<const double> share);
+  double trend_down(std::size_t row, std::size_t column) const;
+  double trend_across(std::size_t row, std::size_t column) const;
+
+  std::size_t block_rows_, block_columns_;
+  Spreader blocks_;
+  std::vector<double> passages_;  // of all blocks alike
+  Trend trend_;
+  std::vector<Level> levels_;  // the finest first
+};
+
+}  // namespace ocisac

@@ -1,0 +1,123 @@
+#include "cleaning/spreader.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <type_traits>
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t together = 8;  // rows: independent chains, so that none waits for the last product
+
+// Along `count` rows; `back`: (columns × count) for what comes from behind.
+template <std::size_t count>
+void along_rows(const double* across, std::size_t columns, double* values, double* back) {
+  std::array<double, count> sum{};
+  for (std::size_t column = columns; column-- > 0; back += count)
+    for (std::size_t row = 0; row < count; ++row) {
+      back[row] = sum[row];
+      const std::size_t i = row * columns + column;
+      if (column > 0) sum[row] = across[i - 1] * (values[i] + sum[row]);
+    }
+  sum.fill(0);
+  for (std::size_t column = 0; column < columns; ++column) {
+    back -= count;
+    for (std::size_t row = 0; row < count; ++row) {
+      const std::size_t i = row * columns + column;
+      const double here = values[i] + sum[row];
+      values[i] = here + back[row];
+      sum[row] = across[i] * here;
+    }
+  }
+}
+
+}  // namespace
+
+Spreader::Spreader(std::size_t rows, std::size_t columns)
+    : rows_(rows), columns_(columns), back_(rows * columns), lines_(together * columns) {}
+
+void Spreader::along_columns(const std::vector<double>& down, std::vector<double>& values) {
+  sum_from_below(down, values);
+  for (std::size_t row = 0; row < rows_; ++row) add_columns(down, row, values);
+}
+
+void Spreader::all_around(const std::vector<double>& down, const std::vector<double>& across,
+                          std::vector<double>& values) {
+  sum_from_below(down, values);
+  for (std::size_t first = 0; first < rows_; first += together) {
+    const std::size_t end = std::min(first + together, rows_);
+    for (std::size_t row = first; row < end; ++row) add_columns(down, row, values);
+    along_rows_twice(across, first, end, values);
+    for (std::size_t row = first; row < end; ++row) sum_from_above(down, row, values);
+  }
+  add_from_below(down, values);
+}
+
+// Into `back_`, without the pixels themselves.
+void Spreader::sum_from_below(const std::vector<double>& down, const std::vector<double>& values) {
+  std::fill(back_.end() - static_cast<std::ptrdiff_t>(columns_), back_.end(), 0);
+  for (std::size_t row = rows_ - 1; row-- > 0;) {
+    const double* next = &values[(row + 1) * columns_];
+    const double* beyond = &back_[(row + 1) * columns_];
+    const double* passage = &down[row * columns_];
+    double* sum = &back_[row * columns_];
+    for (std::size_t i = 0; i < columns_; ++i) sum[i] = passage[i] * (next[i] + beyond[i]);
+  }
+}
+
+// What comes from above goes on to the next row; what came from below is added.
+void Spreader::add_columns(const std::vector<double>& down, std::size_t row, std::vector<double>& values) const {
+  if (row + 1 == rows_) return;
+  const double* passage = &down[row * columns_];
+  const double* back = &back_[row * columns_];
+  double* here = &values[row * columns_];
+  double* next = here + columns_;
+  for (std::size_t i = 0; i < columns_; ++i) {
+    next[i] += passage[i] * here[i];
+    here[i] += back[i];
+  }
+}
+
+// Into `back_`, without the pixels themselves, once the row above has its own.
+void Spreader::sum_from_above(const std::vector<double>& down, std::size_t row, const std::vector<double>& values) {
+  double* sum = &back_[row * columns_];
+  if (row == 0) {
+    std::fill(sum, sum + columns_, 0);
+    return;
+  }
+  const double* passage = &down[(row - 1) * columns_];
+  const double* last = &values[(row - 1) * columns_];
+  const double* before = sum - columns_;
+  for (std::size_t i = 0; i < columns_; ++i) sum[i] = passage[i] * (last[i] + before[i]);
+}
+
+void Spreader::add_from_below(const std::vector<double>& down, std::vector<double>& values) {
+  std::fill(lines_.begin(), lines_.begin() + static_cast<std::ptrdiff_t>(columns_), 0);
+  for (std::size_t row = rows_; row-- > 0;) {
+    const double* passage = &down[row * columns_];
+    const double* back = &back_[row * columns_];
+    double* below = lines_.data();
+    double* here = &values[row * columns_];
+    for (std::size_t i = 0; i < columns_; ++i) {
+      below[i] = here[i] + passage[i] * below[i];
+      here[i] = below[i] + back[i];
+    }
+  }
+}
+
+void Spreader::along_rows_twice(const std::vector<double>& across, std::size_t first, std::size_t end,
+                                std::vector<double>& values) {
+  const auto spread = [&](auto rows, std::size_t row) {
+    for (int time = 0; time < 2; ++time)
+      along_rows<decltype(rows)::value>(&across[row * columns_], columns_, &values[row * columns_], lines_.data());
+  };
+  if (end - first == together) {
+    spread(std::integral_constant<std::size_t, together>{}, first);
+    return;
+  }
+  for (std::size_t row = first; row < end; ++row) spread(std::integral_constant<std::size_t, 1>{}, row);
+}
+
+}  // namespace ocisac

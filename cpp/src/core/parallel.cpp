@@ -1,0 +1,135 @@
+#include "core/parallel.hpp"
+
+#if __has_include(<Eigen/ThreadPool>)
+#include <Eigen/ThreadPool>
+#else
+#include <unsupported/Eigen/CXX11/ThreadPool>
+#endif
+#include <pthread.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+// A thread less is no error: the caller does the work that no helper takes. The program's signals are not theirs.
+struct Environment : Eigen::StlThreadEnvironment {
+  struct EnvThread {
+    void OnCancel() {}
+  };
+  EnvThread* CreateThread(const std::function<void()>& loop) {
+    try {
+      std::thread([loop] {
+        sigset_t all;
+        sigfillset(&all);
+        pthread_sigmask(SIG_BLOCK, &all, nullptr);
+        loop();
+      }).detach();
+    } catch (const std::system_error&) {
+    }
+    return new EnvThread;
+  }
+};
+using Helpers = Eigen::ThreadPoolTempl<Environment>;
+
+std::mutex of_helpers;
+Helpers* kept_helpers = nullptr;
+
+// Made when first asked for and never taken down: threads may be at work while the process ends. A fork's child has
+// none of its parent's threads, and makes its own. Null where there is one processor only.
+Helpers* helpers() {
+  static const int processors = static_cast<int>(std::thread::hardware_concurrency());
+  static const bool ready_for_fork = pthread_atfork([] { of_helpers.lock(); }, [] { of_helpers.unlock(); },
+                                                    [] {
+                                                      kept_helpers = nullptr;
+                                                      of_helpers.unlock();
+                                                    }) == 0;
+  if (processors < 2 || !ready_for_fork) return nullptr;
+  const std::lock_guard lock(of_helpers);
+  if (!kept_helpers) kept_helpers = new Helpers(processors - 1);
+  return kept_helpers;
+}
+
+// One call's blocks, which helpers may hear of after it has returned: then they find none and do not touch `work`.
+class Job {
+ public:
+  Job(std::size_t blocks, const std::function<void(std::size_t)>& work) : blocks_(blocks), work_(work) {}
+
+  // Takes blocks until none is left.
+  void run() {
+    try {
+      for (std::size_t block; (block = next_.fetch_add(1)) < blocks_;) work_(block);
+    } catch (...) {
+      next_ = blocks_;
+      const std::lock_guard lock(problem_mutex_);
+      if (!problem_) problem_ = std::current_exception();
+    }
+  }
+
+  void help() {
+    int now = at_work_;
+    do {
+      if (now >= kClosed) return;
+    } while (!at_work_.compare_exchange_weak(now, now + 1));
+    run();
+    if (at_work_.fetch_sub(1) == kClosed + 1) at_work_.notify_all();
+  }
+
+  // Lets no helper in from now on, and waits for those at work.
+  void finish() {
+    int now = at_work_.fetch_add(kClosed) + kClosed;
+    // The last blocks end within a few of these; being woken takes longer (50 µs).
+    for (int tries = 0; now != kClosed && tries < 1000; now = at_work_, ++tries) std::this_thread::yield();
+    for (; now != kClosed; now = at_work_) at_work_.wait(now);
+    if (problem_) std::rethrow_exception(std::exchange(problem_, nullptr));
+  }
+
+ private:
+  static constexpr int kClosed = 1 << 20;  // beside the number of helpers
+
+  const std::size_t blocks_;
+  const std::function<void(std::size_t)>& work_;
+  std::atomic<std::size_t> next_ = 0;
+  std::atomic<int> at_work_ = 0;
+  std::mutex problem_mutex_;
+  std::exception_ptr problem_;
+};
+
+// At most `count`; as many as memory allows.
+void call_helpers(const std::shared_ptr<Job>& job, std::size_t count) {
+  Helpers* const pool = helpers();
+  if (!pool) return;
+  count = std::min(count, static_cast<std::size_t>(pool->NumThreads()));
+  try {
+    for (std::size_t i = 0; i < count; ++i) pool->Schedule([job] { job->help(); });
+  } catch (const std::bad_alloc&) {
+  }
+}
+
+}  // namespace
+
+void for_each_block(std::size_t blocks, int threads, const std::function<void(std::size_t)>& work) {
+  require(threads >= 1 && threads <= 1024, "threads", threads, "1 to 1024");
+  if (threads == 1 || blocks < 2) {
+    for (std::size_t block = 0; block < blocks; ++block) work(block);
+    return;
+  }
+  const auto job = std::make_shared<Job>(blocks, work);
+  call_helpers(job, std::min(static_cast<std::size_t>(threads), blocks) - 1);
+  job->run();
+  job->finish();
+}
+
+}  // namespace ocisac

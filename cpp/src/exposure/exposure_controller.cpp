@@ -1,0 +1,236 @@
+#include "ocisac/exposure/exposure_controller.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+namespace reason = exposure_reason;
+
+constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double step_back = 0.7;      // of the light collected, where it saturated
+constexpr double recovery = 1.002;     // a frame, of a limit learnt from saturation
+constexpr double bound_slack = 0.02;   // measured bounds tremble: an exposure this far beyond one stays
+constexpr double gain_slack = 0.1;     // of the mean level about its aim
+constexpr double gain_deviations = 5;  // standard errors a measured gain may be off
+constexpr double gain_tolerance = 0.02;
+
+void check(const ExposureControllerOptions& o) {
+  require_positive("shortest", o.range.low);
+  require_positive("longest", o.range.high);
+  require(o.range.low <= o.range.high, "longest", o.range.high, "the shortest exposure or longer");
+  require_not_negative("step", o.range.step);
+  require_positive("lowest_gain", o.lowest_gain);
+  require_positive("highest_gain", o.highest_gain);
+  require(o.lowest_gain <= o.highest_gain, "highest_gain", o.highest_gain, "the lowest gain or above");
+  require_not_negative("weights", o.comm_weight);
+  require_not_negative("weights", o.sense_weight);
+  require(o.comm_weight + o.sense_weight > 0, "weights", "0 and 0", "at least one above 0");
+  require_not_negative("hysteresis", o.hysteresis);
+  require_not_negative("level_floor", o.level_floor);
+  require(o.level_floor < 1, "level_floor", o.level_floor, "below 1");
+  require(o.level_aim > 0 && o.level_aim < 1, "level_aim", o.level_aim, "above 0 and below 1");
+  require(o.level_ceiling > 0 && o.level_ceiling <= 1, "level_ceiling", o.level_ceiling, "above 0 up to 1");
+  require(o.most_saturated >= 0 && o.most_saturated < 1, "most_saturated", o.most_saturated, "from 0 to below 1");
+  require_not_negative("least_snr", o.least_snr);
+  require(o.noise_level > 0, "noise_level", o.noise_level, "a number above 0, or infinity");
+}
+
+void require_if_known(const char* name, double value, bool above_zero) {
+  if (std::isnan(value)) return;
+  if (above_zero)
+    require_positive(name, value);
+  else
+    require_not_negative(name, value);
+}
+
+void check(const ExposureMeasurement& m) {
+  require(m.tones.size() <= most_weighted_tones, "tones", m.tones.size(), "at most 32");
+  for (const MeasuredTone& tone : m.tones) {
+    require_if_known("frequency", tone.frequency, true);
+    require_not_negative("share", tone.share);
+    if (!std::isnan(tone.snr)) require(tone.snr >= 0, "snr", tone.snr, "0 or above");
+    require_if_known("gain", tone.gain, false);
+    require_if_known("gain_std", tone.gain_std, false);
+  }
+  require_if_known("exposure", m.exposure, true);
+  require_if_known("camera_gain", m.gain, true);
+  require_if_known("level", m.level, false);
+  require_if_known("peak", m.peak, false);
+  require(m.saturated >= 0 && m.saturated <= 1, "saturated", m.saturated, "from 0 to 1");
+}
+
+// The tones that count, with their weights; of each kind the shares add up to its weight.
+struct Tones {
+  std::array<WeightedTone, most_weighted_tones> values;
+  std::size_t count = 0;
+  [[nodiscard]] std::span<const WeightedTone> view() const { return {values.data(), count}; }
+};
+
+Tones weighted(std::span<const MeasuredTone> measured, const ExposureControllerOptions& options,
+               std::uint32_t& reasons) {
+  Tones tones;
+  for (const ToneKind kind : {ToneKind::communication, ToneKind::sensing}) {
+    const std::size_t begin = tones.count;
+    double total = 0;
+    for (const MeasuredTone& tone : measured) {
+      if (tone.kind != kind) continue;
+      if (std::isnan(tone.frequency) || tone.snr < options.least_snr) {
+        reasons |= reason::weak_left_out;
+        continue;
+      }
+      total += tone.share;
+      tones.values[tones.count++] = {tone.frequency, tone.share};
+    }
+    const double weight = kind == ToneKind::sensing ? options.sense_weight : options.comm_weight;
+    if (!(total > 0 && weight > 0)) tones.count = begin;
+    for (std::size_t i = begin; i < tones.count; ++i) tones.values[i].weight *= weight / total;
+  }
+  return tones;
+}
+
+bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
+  if (std::isnan(exposure)) return false;
+  return std::ranges::any_of(tones, [&](const MeasuredTone& tone) {
+    const double turn = std::numbers::pi * tone.frequency * exposure;
+    const double allowed = gain_deviations * tone.gain_std + gain_tolerance;
+    return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where anything is unknown
+  });
+}
+
+}  // namespace
+
+ExposureController::ExposureController(const ExposureControllerOptions& options) : options_(options) {
+  check(options);
+  if (options.range.step > 0)  // refuses a range without a multiple
+    best_noisy_exposure(std::array{WeightedTone{0.5 / options.range.high, 1}}, infinity, options.range);
+  reset();
+}
+
+void ExposureController::reset() {
+  exposure_ = gain_ = limit_radiance_ = unknown;
+  limit_ = infinity;
+}
+
+ExposureController::Present ExposureController::present_of(const ExposureMeasurement& measurement) const {
+  const double exposure = std::isnan(measurement.exposure) ? exposure_ : measurement.exposure;
+  double gain = std::isnan(measurement.gain) ? gain_ : measurement.gain;
+  if (std::isnan(gain)) gain = options_.lowest_gain;
+  return {exposure, gain, measurement.level / (exposure * gain)};
+}
+
+// The largest product of exposure and gain that leaves enough unsaturated.
+double ExposureController::largest_product(const ExposureMeasurement& measurement, const Present& present,
+                                           std::uint32_t& reasons) {
+  const double product = present.exposure * present.gain;
+  if (std::isnan(product)) return infinity;
+  const bool saturated = measurement.saturated > options_.most_saturated;
+  const double dimmer = limit_radiance_ / present.radiance;
+  if (dimmer > 0 && std::isfinite(dimmer)) limit_ *= dimmer;
+  limit_radiance_ = present.radiance > 0 ? present.radiance : unknown;
+  limit_ = saturated ? std::min(limit_, step_back * product) : limit_ * recovery;
+  const double by_peak =
+      !saturated && measurement.peak > 0 ? options_.level_ceiling / measurement.peak * product : infinity;
+  reasons |= limit_ < by_peak ? reason::saturation : by_peak < infinity ? reason::ceiling : 0;
+  return std::min(limit_, by_peak);
+}
+
+// The exposures for which some gain of the camera keeps the product of the two within the bounds.
+ExposureWindow ExposureController::window_of(double smallest, double largest, std::uint32_t& reasons) const {
+  const ExposureWindow& range = options_.range;
+  ExposureWindow window{smallest / options_.highest_gain, largest / options_.lowest_gain, range.step};
+  if (window.low > range.high) reasons |= reason::too_dark;
+  if (window.high < range.low) reasons |= reason::too_bright;
+  if (window.low <= range.low) reasons &= ~reason::brightness_floor;
+  if (window.high >= range.high) reasons &= ~(reason::ceiling | reason::saturation);
+  window.low = std::clamp(window.low, range.low, range.high);
+  window.high = std::clamp(window.high, range.low, range.high);
+  if (range.step > 0) {  // the multiple below the ceiling where none is between
+    const double below = std::floor(window.high / range.step * (1 + 1e-15)) * range.step;
+    if (below < window.low) window.low = std::max(below, range.low);
+    const double above = std::ceil(window.low / range.step * (1 - 1e-15)) * range.step;
+    if (above > window.high) window.high = std::min(above, range.high);
+  }
+  return window;
+}
+
+double ExposureController::gain_of(double exposure, double radiance, double smallest, double largest) const {
+  const double lowest = std::clamp(smallest / exposure, options_.lowest_gain, options_.highest_gain);
+  const double highest = std::clamp(largest / exposure, options_.lowest_gain, options_.highest_gain);
+  const double aim = options_.level_aim / (radiance * exposure);
+  const double wanted = std::isnan(aim) ? (std::isnan(gain_) ? options_.lowest_gain : gain_) : aim;
+  const bool near_aim = gain_ < aim * (1 + gain_slack) && gain_ > aim / (1 + gain_slack);
+  return std::clamp(near_aim ? gain_ : wanted, lowest, std::max(lowest, highest));
+}
+
+// By brightness alone.
+double ExposureController::without_tones(const ExposureWindow& window, bool allowed, double present) const {
+  if (allowed) return exposure_;
+  const double from = std::isnan(exposure_) ? present : exposure_;
+  const double next = std::isnan(from) ? window.high : std::clamp(from, window.low, window.high);
+  if (window.step == 0) return next;
+  const std::array only{WeightedTone{0.5 / next, 1}};  // its peak is there: the multiple next to it
+  return best_noisy_exposure(only, infinity, window).exposure;
+}
+
+void ExposureController::choose(std::span<const WeightedTone> tones, double present, ExposureSuggestion& chosen) const {
+  const ExposureWindow window{chosen.low, chosen.high, options_.range.step};
+  const bool known = !std::isnan(exposure_);
+  const bool allowed =
+      known && exposure_ >= window.low * (1 - bound_slack) && exposure_ <= window.high * (1 + bound_slack);
+  bool holds = allowed;
+  if (tones.empty()) {
+    chosen.reasons |= reason::no_tones;
+    chosen.exposure = without_tones(window, allowed, present);
+  } else {
+    const BestExposure best = best_noisy_exposure(tones, chosen.noise_exposure, window);
+    const double now = allowed ? noisy_exposure_objective(tones, chosen.noise_exposure, exposure_) : -1;
+    holds = best.objective <= now * (1 + options_.hysteresis);
+    chosen.exposure = holds ? exposure_ : best.exposure;
+    chosen.objective = holds ? now : best.objective;
+    chosen.best_exposure = best.exposure;
+    chosen.best_objective = best.objective;
+  }
+  chosen.reasons |= !known ? reason::first : holds ? reason::held : reason::moved;
+}
+
+ExposureSuggestion ExposureController::update(const ExposureMeasurement& measurement) {
+  check(measurement);
+  ExposureSuggestion chosen{unknown, unknown, unknown, unknown, unknown, 0, 0, infinity, unknown, 0};
+  const Present present = present_of(measurement);
+  if (gains_disagree(measurement.tones, present.exposure)) chosen.reasons |= reason::gain_mismatch;
+  const double largest = largest_product(measurement, present, chosen.reasons);
+  double smallest = 0;
+  if (std::isnan(present.radiance)) {
+    chosen.reasons |= reason::no_brightness;
+  } else {
+    if (options_.level_floor > 0) {
+      smallest = options_.level_floor / present.radiance;
+      chosen.reasons |= reason::brightness_floor;
+    }
+    if (present.radiance > 0) chosen.noise_exposure = options_.noise_level / present.radiance;
+  }
+  if (smallest > largest) {
+    smallest = largest;
+    chosen.reasons |= reason::floor_given_up;
+  }
+  const ExposureWindow window = window_of(smallest, largest, chosen.reasons);
+  chosen.low = window.low;
+  chosen.high = window.high;
+  const Tones tones = weighted(measurement.tones, options_, chosen.reasons);
+  choose(tones.view(), present.exposure, chosen);
+  exposure_ = chosen.exposure;
+  gain_ = chosen.gain = gain_of(chosen.exposure, present.radiance, smallest, largest);
+  chosen.level = present.radiance * exposure_ * gain_;
+  return chosen;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,91 @@
+#include "ocisac/light/integrate_exposure.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "light/waveform_elements.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::int64_t kLargestRow = std::int64_t{1} << 52;
+constexpr std::size_t kBlock = 512;
+
+// A waveform made ready: steady light and what changes.
+class Light {
+ public:
+  Light(const Waveform& waveform, const Exposures& exposures) {
+    for (const auto& term : waveform.terms()) {
+      if (term.factors.empty())
+        steady_ += term.coefficient;
+      else if (term.factors.size() == 1)
+        parts_.emplace_back(term.coefficient, term.factors.front()->mean_light(exposures));
+      else
+        parts_.emplace_back(term.coefficient, product_light(term.factors, exposures));
+    }
+  }
+
+  void fill(std::span<const double> x, std::span<double> out) const {
+    std::fill(out.begin(), out.end(), steady_);
+    for (const auto& [coefficient, part] : parts_) part->add(x, coefficient, out);
+  }
+
+ private:
+  double steady_ = 0;
+  std::vector<std::pair<double, std::unique_ptr<MeanLight>>> parts_;
+};
+
+void require_one_each(std::size_t asked, std::size_t given) {
+  require(asked == given, "out", given, "as many values as are asked for");
+}
+
+DoubleDouble frame_start(const Camera& camera, double start, std::int64_t frame) {
+  require_finite("start", start);
+  if (frame == 0) return {start, 0};
+  require(std::abs(static_cast<double>(frame)) <= static_cast<double>(kLargestRow), "frames", frame,
+          "from -2^52 to 2^52");
+  if (!camera.frame_time)
+    refuse("frame_time", "none", "the frame time of the camera in seconds, needed for several frames");
+  return exact_product(static_cast<double>(frame), *camera.frame_time) + DoubleDouble{start, 0};
+}
+
+}  // namespace
+
+void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
+                        double start, std::int64_t frame, std::span<double> out) {
+  check(camera);
+  require(!rows.empty(), "rows", "none", "at least one row");
+  require_one_each(rows.size(), out.size());
+  const auto [first, last] = std::minmax_element(rows.begin(), rows.end());
+  require(*first >= -kLargestRow, "rows", *first, "from -2^52 to 2^52");
+  require(*last <= kLargestRow, "rows", *last, "from -2^52 to 2^52");
+  const TimeLine line{frame_start(camera, start, frame), camera.row_time};
+  const Light light(waveform, {line, known_exposure(camera, "the light that it collects"), static_cast<double>(*first),
+                               static_cast<double>(*last)});
+  std::array<double, kBlock> x;
+  for (std::size_t i = 0; i < rows.size(); i += kBlock) {
+    const auto block = rows.subspan(i, std::min(kBlock, rows.size() - i));
+    std::transform(block.begin(), block.end(), x.begin(), [](std::int64_t row) { return static_cast<double>(row); });
+    light.fill({x.data(), block.size()}, out.subspan(i, block.size()));
+  }
+}
+
+void sample_waveform(const Waveform& waveform, std::span<const double> times, std::span<double> out) {
+  require_one_each(times.size(), out.size());
+  if (times.empty()) return;
+  for (double time : times) require_finite("times", time);
+  const auto [first, last] = std::minmax_element(times.begin(), times.end());
+  const Light light(waveform, {TimeLine{}, 0, *first, *last});
+  for (std::size_t i = 0; i < times.size(); i += kBlock) {
+    const std::size_t size = std::min(kBlock, times.size() - i);
+    light.fill(times.subspan(i, size), out.subspan(i, size));
+  }
+}
+
+}  // namespace ocisac

@@ -1,0 +1,231 @@
+// Products of elements: between the edges of their steps a product is a straight line times a sum of cosines, the
+// integral of which has a closed form; what lies between the two ends of an exposure is a difference of prefix sums.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <string>
+#include <utility>
+
+#include "light/waveform_elements.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kMostPieces = 0x1p22;
+constexpr double kShortestExposure = 1e-150;  // s; a shorter one is a point
+
+// Spherical Bessel function of the first kind and order 1: sin(x)/x² − cos(x)/x.
+double spherical_bessel_1(double x) {
+  if (std::abs(x) > 1) return (std::sin(x) / x - std::cos(x)) / x;
+  double series = 1;
+  for (double k = 8; k >= 1; --k) series = 1 - x * x / (2 * k * (2 * k + 3)) * series;
+  return x / 3 * series;
+}
+
+// cos a·cos b = ½·cos(a − b) + ½·cos(a + b)
+void append_product(const Cosine& a, const Cosine& b, std::vector<Cosine>& products) {
+  const double amplitude = a.amplitude * b.amplitude;
+  const auto steady = [](const Cosine& c) { return c.frequency.high == 0 && c.turns.high == 0; };
+  if (steady(a) || steady(b)) {
+    products.push_back({amplitude, a.frequency + b.frequency, a.turns + b.turns});
+    return;
+  }
+  products.push_back({amplitude / 2, a.frequency - b.frequency, a.turns - b.turns});
+  products.push_back({amplitude / 2, a.frequency + b.frequency, a.turns + b.turns});
+}
+
+std::vector<Cosine> cosines_of(const WaveformFactors& factors) {
+  std::vector<Cosine> all{{1, {}, {}}};
+  for (const auto& factor : factors) {
+    const std::vector<Cosine> own = factor->cosines();
+    if (own.empty()) continue;
+    std::vector<Cosine> products;
+    for (const Cosine& a : all)
+      for (const Cosine& b : own) append_product(a, b, products);
+    all = std::move(products);
+  }
+  return all;
+}
+
+// The straight lines that a product of steps is made of, in order of time.
+std::vector<Step> merged_steps(const WaveformFactors& factors, const Stretch& stretch) {
+  std::vector<std::vector<Step>> lists;
+  for (const auto& factor : factors)
+    if (auto steps = factor->steps(stretch); !steps.empty()) lists.push_back(std::move(steps));
+  std::vector<std::size_t> current(lists.size(), 0);
+  std::vector<Step> merged;
+  DoubleDouble begin;
+  const DoubleDouble end{stretch.length, 0};
+  do {
+    Step piece{begin, 1, 0};
+    DoubleDouble next{std::numeric_limits<double>::infinity(), 0};
+    for (std::size_t i = 0; i < lists.size(); ++i) {
+      const auto& steps = lists[i];
+      while (current[i] + 1 < steps.size() && !(begin < steps[current[i] + 1].begin)) ++current[i];
+      const Step& step = steps[current[i]];
+      const double value = step.slope == 0 ? step.value : step.value + step.slope * (begin - step.begin).value();
+      piece.slope = piece.slope * value + piece.value * step.slope;  // one factor has slopes at most
+      piece.value *= value;
+      if (current[i] + 1 < steps.size() && steps[current[i] + 1].begin < next) next = steps[current[i] + 1].begin;
+    }
+    merged.push_back(piece);
+    begin = next;
+  } while (begin < end);
+  return merged;
+}
+
+// All rows from one set of pieces.
+class PiecesLight final : public MeanLight {
+ public:
+  PiecesLight(const WaveformFactors& factors, const Exposures& exposures, const Stretch& stretch)
+      : exposure_(exposures.exposure), line_{exposures.line.origin - stretch.origin, exposures.line.step} {
+    for (const Cosine& cosine : cosines_of(factors)) {
+      const CycleCounter counter(cosine.frequency, stretch.line(), cosine.turns);
+      counter.require_countable(0, stretch.length, "frequency");
+      const double frequency = cosine.frequency.value();
+      cosines_.push_back({cosine.amplitude, frequency, sinc(frequency * exposure_), counter});
+    }
+    add_up(merged_steps(factors, stretch), stretch.length);
+  }
+
+  void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    for (std::size_t i = 0; i < x.size(); ++i) out[i] += scale * mean_before(line_.at(x[i]));
+  }
+
+ private:
+  struct CountedCosine {
+    double amplitude;
+    double frequency;
+    double exposure_gain;  // sinc over a whole exposure
+    CycleCounter counter;
+  };
+  struct Piece {
+    Step line;
+    DoubleDouble before;  // light·seconds of all earlier pieces
+  };
+
+  void add_up(const std::vector<Step>& lines, double length) {
+    pieces_.reserve(lines.size());
+    DoubleDouble total;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      pieces_.push_back({lines[i], total});
+      const DoubleDouble end = i + 1 < lines.size() ? lines[i + 1].begin : DoubleDouble{length, 0};
+      const double width = (end - lines[i].begin).value();
+      total = total + exact_product(width, mean(lines[i], lines[i].begin, width));
+    }
+  }
+
+  // Mean of the product on [begin, begin + width] of a piece. About the middle m, with half the width h and angular
+  // frequency w: (c + s·u)·cos(w(m + u)) has the mean c·cos(wm)·sinc − s·h·sin(wm)·j1(wh).
+  double mean(const Step& line, DoubleDouble begin, double width) const {
+    const DoubleDouble middle = begin + DoubleDouble{width / 2, 0};
+    const double level = line.slope == 0 ? line.value : line.value + line.slope * (middle - line.begin).value();
+    if (level == 0 && line.slope == 0) return 0;
+    double sum = 0;
+    for (const CountedCosine& cosine : cosines_) {
+      const double angle = 2 * std::numbers::pi * cosine.counter.at(middle).fraction;
+      const double turns = cosine.frequency * width;
+      double value = level * std::cos(angle) * (width == exposure_ ? cosine.exposure_gain : sinc(turns));
+      if (line.slope != 0)
+        value -= line.slope * (width / 2) * std::sin(angle) * spherical_bessel_1(std::numbers::pi * turns);
+      sum += cosine.amplitude * value;
+    }
+    return sum;
+  }
+
+  std::size_t piece_at(DoubleDouble time) const {
+    const auto later = [](DoubleDouble at, const Piece& piece) { return at < piece.line.begin; };
+    const auto next = std::upper_bound(pieces_.begin() + 1, pieces_.end(), time, later);
+    return static_cast<std::size_t>(next - pieces_.begin()) - 1;
+  }
+
+  double mean_before(DoubleDouble end) const {
+    const DoubleDouble begin = end - DoubleDouble{exposure_, 0};
+    const std::size_t first = piece_at(begin);
+    const std::size_t last = piece_at(end);
+    if (first == last) return mean(pieces_[first].line, begin, exposure_);
+    const Piece& second = pieces_[first + 1];
+    const double head = (second.line.begin - begin).value();
+    const double tail = (end - pieces_[last].line.begin).value();
+    const double between = (pieces_[last].before - second.before).value();
+    return (head * mean(pieces_[first].line, begin, head) + between +
+            tail * mean(pieces_[last].line, pieces_[last].line.begin, tail)) /
+           exposure_;
+  }
+
+  double exposure_;
+  TimeLine line_;  // counts from the stretch's origin
+  std::vector<CountedCosine> cosines_;
+  std::vector<Piece> pieces_;
+};
+
+// Points: the factors' own, multiplied.
+class PointsLight final : public MeanLight {
+ public:
+  PointsLight(const WaveformFactors& factors, const Exposures& exposures) {
+    for (const auto& factor : factors) lights_.push_back(factor->mean_light(exposures));
+  }
+
+  void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      double product = scale;
+      for (const auto& light : lights_) {
+        double value = 0;
+        light->add(x.subspan(i, 1), 1, {&value, 1});
+        product *= value;
+      }
+      out[i] += product;
+    }
+  }
+
+ private:
+  std::vector<std::unique_ptr<MeanLight>> lights_;
+};
+
+Stretch stretch_of(const Exposures& exposures) {
+  const DoubleDouble origin = exposures.line.at(exposures.x_first) - DoubleDouble{exposures.exposure, 0};
+  return {origin, (exposures.line.at(exposures.x_last) - origin).value()};
+}
+
+double most_pieces(const WaveformFactors& factors, double length) {
+  double steps = 1;
+  for (const auto& factor : factors) steps += factor->most_steps(length);
+  return steps;
+}
+
+// Rows so far apart that the pieces of each are counted by themselves.
+class SparseLight final : public MeanLight {
+ public:
+  SparseLight(WaveformFactors factors, const Exposures& exposures)
+      : factors_(std::move(factors)), exposures_(exposures) {}
+
+  void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    Exposures one = exposures_;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      one.x_first = one.x_last = x[i];
+      PiecesLight(factors_, one, stretch_of(one)).add(x.subspan(i, 1), scale, out.subspan(i, 1));
+    }
+  }
+
+ private:
+  WaveformFactors factors_;
+  Exposures exposures_;
+};
+
+}  // namespace
+
+std::unique_ptr<MeanLight> product_light(const WaveformFactors& factors, const Exposures& exposures) {
+  if (exposures.exposure < kShortestExposure) return std::make_unique<PointsLight>(factors, exposures);
+  const Stretch stretch = stretch_of(exposures);
+  if (most_pieces(factors, stretch.length) <= kMostPieces)
+    return std::make_unique<PiecesLight>(factors, exposures, stretch);
+  const double pieces = most_pieces(factors, exposures.exposure);
+  require(pieces <= kMostPieces, "exposure", std::to_string(pieces) + " edges of a product", "at most 2^22 edges");
+  return std::make_unique<SparseLight>(factors, exposures);
+}
+
+}  // namespace ocisac

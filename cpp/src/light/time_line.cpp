@@ -1,0 +1,35 @@
+#include "ocisac/light/time_line.hpp"
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kMostCycles = 0x1p50;
+
+}  // namespace
+
+CycleCounter::CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset)
+    : step_(rate * DoubleDouble{line.step, 0}),
+      step_upper_(upper_half(step_.high)),
+      step_lower_(step_.high - step_upper_) {
+  const DoubleDouble base = rate * line.origin + offset;
+  base_whole_ = std::abs(base.high) < kMostCycles ? nearest_whole(base.high) : base.high;
+  base_ = base + DoubleDouble{-base_whole_, 0};
+}
+
+void CycleCounter::require_countable(double x_first, double x_last, const char* argument) const {
+  for (double x : {x_first, x_last}) {
+    const double cycles = x * step_.high;
+    const bool countable = std::abs(cycles) < kMostCycles && std::abs(base_whole_) < kMostCycles;
+    require(countable, argument, std::abs(cycles + base_whole_), "at most 2^50 cycles or chips at the times asked for");
+  }
+}
+
+DoubleDouble turns(double angle) {
+  constexpr DoubleDouble turns_per_radian{0x1.45f306dc9c883p-3, -0x1.6b01ec5417056p-57};  // 1/(2π)
+  return DoubleDouble{angle, 0} * turns_per_radian;
+}
+
+}  // namespace ocisac

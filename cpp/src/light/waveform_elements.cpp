@@ -1,0 +1,409 @@
+#include "light/waveform_elements.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <utility>
+
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kMostCycles = 0x1p50;
+constexpr double kFewestCycles = 1e-200;  // in a stretch; with less no edge has an instant
+
+TimeLine delayed(TimeLine line, double delay) {
+  line.origin = line.origin - DoubleDouble{delay, 0};
+  return line;
+}
+
+CycleCounter counter_of(double rate, const Exposures& exposures, DoubleDouble offset, const char* argument) {
+  const CycleCounter counter(DoubleDouble{rate, 0}, exposures.line, offset);
+  counter.require_countable(exposures.x_first, exposures.x_last, argument);
+  return counter;
+}
+
+// cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|). In line, so
+// that loops of it become vectors.
+double cosine_of(double turns) {
+  const double x = 2 * std::numbers::pi * (0.25 - std::abs(turns));
+  const double z = x * x;
+  double series = 1.0 / 51090942171709440000.0;
+  series = -1.0 / 121645100408832000.0 + z * series;
+  series = 1.0 / 355687428096000.0 + z * series;
+  series = -1.0 / 1307674368000.0 + z * series;
+  series = 1.0 / 6227020800.0 + z * series;
+  series = -1.0 / 39916800.0 + z * series;
+  series = 1.0 / 362880.0 + z * series;
+  series = -1.0 / 5040.0 + z * series;
+  series = 1.0 / 120.0 + z * series;
+  series = -1.0 / 6.0 + z * series;
+  return x + x * z * series;
+}
+
+// --- Tone: A/2·(1 + depth·sinc(f T_e)·cos(phase in mid-exposure)) ---
+
+class ToneLight final : public MeanLight {
+ public:
+  ToneLight(const Tone& tone, Exposures exposures)
+      : half_amplitude_(tone.amplitude / 2),
+        swing_(tone.depth * sinc(cycles_of(tone.frequency, exposures.exposure, "frequency").value())),
+        counter_(counter_in_mid_exposure(tone, exposures)) {}
+
+  void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    const CycleCounter counter = counter_;  // out may not change it: the loop becomes vectors
+    const double half = scale * half_amplitude_;
+    const double swing = swing_;
+    for (std::size_t i = 0; i < x.size(); ++i) out[i] += half * (1 + swing * cosine_of(counter.at(x[i]).fraction));
+  }
+
+ private:
+  static CycleCounter counter_in_mid_exposure(const Tone& tone, Exposures exposures) {
+    exposures.line = delayed(exposures.line, exposures.exposure / 2);
+    return counter_of(tone.frequency, exposures, turns(tone.phase), "frequency");
+  }
+
+  double half_amplitude_;
+  double swing_;
+  CycleCounter counter_;
+};
+
+class ToneElement final : public WaveformElement {
+ public:
+  explicit ToneElement(const Tone& tone) : tone_(tone) {
+    require_not_negative("frequency", tone.frequency);
+    require_level("amplitude", tone.amplitude);
+    require_finite("phase", tone.phase);
+    require(tone.depth >= 0 && tone.depth <= 1, "depth", tone.depth, "from 0 to 1");
+  }
+
+  std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
+    return std::make_unique<ToneLight>(tone_, exposures);
+  }
+
+  double peak() const override { return std::abs(tone_.amplitude); }
+
+  std::vector<Cosine> cosines() const override {
+    const double half = tone_.amplitude / 2;
+    return {{half, {}, {}}, {half * tone_.depth, {tone_.frequency, 0}, turns(tone_.phase)}};
+  }
+
+ private:
+  Tone tone_;
+};
+
+// --- Square wave: whole periods hold duty each; what is left of the exposure overlaps two pulses at most ---
+
+class SquareLight final : public MeanLight {
+ public:
+  SquareLight(const SquareWave& wave, const Exposures& exposures)
+      : half_duty_(wave.duty / 2),
+        amplitude_(wave.amplitude),
+        counter_(counter_of(wave.frequency, exposures, turns(wave.phase), "frequency")) {
+    const DoubleDouble cycles = cycles_of(wave.frequency, exposures.exposure, "frequency");
+    const double whole = std::floor(cycles.value());
+    point_ = is_point(cycles);
+    length_ = cycles.value();
+    part_ = std::max((cycles - DoubleDouble{whole, 0}).value(), 0.0);
+    whole_light_ = whole * wave.duty;
+  }
+
+  void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    if (point_) return add_points(x, scale * amplitude_, out);
+    const SquareLight light = *this;  // out may not change it: the loop becomes vectors
+    const double level = scale * amplitude_;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const Position end = light.counter_.at(x[i]);
+      out[i] += level * ((light.whole_light_ + light.overlap(end, 0) + light.overlap(end, -1)) / light.length_);
+    }
+  }
+
+ private:
+  // Of the last part_ cycles before `end` and the pulse centred on `centre`.
+  double overlap(const Position& end, double centre) const {
+    const double since_rise = (end.fraction - (centre - half_duty_)) + end.rest;
+    const double since_fall = (end.fraction - (centre + half_duty_)) + end.rest;
+    return within_part(since_rise) - within_part(since_fall);
+  }
+
+  double within_part(double cycles) const {
+    const double not_below = cycles > 0 ? cycles : 0;
+    return not_below < part_ ? not_below : part_;
+  }
+
+  void add_points(std::span<const double> x, double level, std::span<double> out) const {
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const Position at = counter_.at(x[i]);
+      const double rest = at.fraction < 0 ? -at.rest : at.rest;
+      if (half_duty_ - std::abs(at.fraction) - rest > 0) out[i] += level;
+    }
+  }
+
+  double half_duty_;
+  double amplitude_;
+  CycleCounter counter_;
+  bool point_;
+  double length_;       // of the exposure, in cycles
+  double part_;         // what is left of it after whole cycles
+  double whole_light_;  // in those
+};
+
+class SquareElement final : public WaveformElement {
+ public:
+  explicit SquareElement(const SquareWave& wave) : wave_(wave) {
+    require_not_negative("frequency", wave.frequency);
+    require(wave.duty > 0 && wave.duty < 1, "duty", wave.duty, "above 0 and below 1");
+    require_level("amplitude", wave.amplitude);
+    require_finite("phase", wave.phase);
+  }
+
+  std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
+    return std::make_unique<SquareLight>(wave_, exposures);
+  }
+
+  double peak() const override { return std::abs(wave_.amplitude); }
+
+  std::vector<Step> steps(const Stretch& stretch) const override {
+    const CycleCounter counter({wave_.frequency, 0}, stretch.line(), turns(wave_.phase));
+    counter.require_countable(0, stretch.length, "frequency");
+    const Position origin = counter.at(0.0);
+    const double cycles = wave_.frequency * stretch.length;
+    if (cycles < kFewestCycles) return {{{}, std::abs(origin.fraction) < wave_.duty / 2 ? wave_.amplitude : 0, 0}};
+    const auto time_of = [&](double whole, double half_duty) {
+      return (exact_sum(whole, half_duty) - DoubleDouble{origin.fraction, origin.rest}) / wave_.frequency;
+    };
+    std::vector<Step> steps;
+    steps.reserve(static_cast<std::size_t>(most_steps(stretch.length)));
+    for (double whole = -1; whole <= cycles + 1; ++whole) {
+      steps.push_back({time_of(whole, -wave_.duty / 2), wave_.amplitude, 0});
+      steps.push_back({time_of(whole, wave_.duty / 2), 0, 0});
+    }
+    return steps;
+  }
+
+  double most_steps(double length) const override { return 2 * wave_.frequency * length + 6; }
+
+ private:
+  SquareWave wave_;
+};
+
+// --- Chips and samples: cells of equal length, in each of which the light is a straight line ---
+
+double difference(DoubleDouble a, DoubleDouble b) { return (a.high - b.high) + (a.low - b.low); }
+
+struct Cell {
+  double value;         // at its beginning
+  double slope;         // per cell
+  DoubleDouble before;  // light of all cells before it, in cells
+};
+
+struct Cells {
+  std::vector<Cell> cells;
+  DoubleDouble total;
+  double left = 0;  // before the first cell and after the last, where they do not repeat
+  double right = 0;
+  bool repeat = false;
+
+  std::int64_t count() const { return static_cast<std::int64_t>(cells.size()); }
+
+  void append(double value, double slope) {
+    cells.push_back({value, slope, total});
+    total = total + exact_sum(value, slope / 2);
+  }
+
+  DoubleDouble before(std::int64_t k) const { return k < count() ? cells[static_cast<std::size_t>(k)].before : total; }
+
+  // The cell of the first round that repeating cell k repeats.
+  std::int64_t inside_round(std::int64_t k) const {
+    if (!repeat || (k >= 0 && k < count())) return k;
+    const auto round = static_cast<std::int64_t>(static_cast<double>(k) / static_cast<double>(count()));  // or the next
+    const std::int64_t remainder = k - round * count();
+    if (remainder < 0) return remainder + count();
+    return remainder < count() ? remainder : remainder - count();
+  }
+
+  // The line of light in cell k; of repeating cells -count <= k < count.
+  std::pair<double, double> line(std::int64_t k) const {
+    if (repeat && k < 0) k += count();
+    if (k < 0) return {left, 0};
+    if (k >= count()) return {right, 0};
+    const Cell& cell = cells[static_cast<std::size_t>(k)];
+    return {cell.value, cell.slope};
+  }
+
+  // Light of the cells first, …, last − 1.
+  double light(std::int64_t first, std::int64_t last) const {
+    if (first >= last) return 0;
+    if (repeat) {
+      if (first >= 0) return difference(before(last), before(first));
+      return difference(total, before(first + count())) + difference(before(last), before(0));
+    }
+    const auto inside = [&](std::int64_t k) { return std::clamp<std::int64_t>(k, 0, count()); };
+    const auto on_left = std::max<std::int64_t>(0, std::min<std::int64_t>(last, 0) - first);
+    const auto on_right = std::max<std::int64_t>(0, last - std::max(first, count()));
+    return static_cast<double>(on_left) * left + static_cast<double>(on_right) * right +
+           difference(before(inside(last)), before(inside(first)));
+  }
+};
+
+class CellsLight final : public MeanLight {
+ public:
+  CellsLight(const Cells& cells, double amplitude, double rate, double start, const char* rate_name,
+             const Exposures& exposures)
+      : cells_(cells), amplitude_(amplitude), counter_(counter_from(start, rate, rate_name, exposures)) {
+    DoubleDouble length = cycles_of(rate, exposures.exposure, rate_name);
+    point_ = is_point(length);
+    length_ = length.value();
+    if (cells.repeat) {
+      const double rounds = std::floor(length_ / static_cast<double>(cells.count()));
+      length = length - exact_product(rounds, static_cast<double>(cells.count()));
+      whole_light_ = rounds * cells.total.value();
+      whole_ = rounds > 0;
+    }
+    part_ = std::max(length.value(), 0.0);
+  }
+
+  void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      const Position end = counter_.at(x[i]);
+      const double offset = end.fraction + end.rest;
+      const bool below = end.fraction < 0 || (end.fraction == 0 && end.rest < 0);
+      const auto cell = static_cast<std::int64_t>(end.whole) - (below ? 1 : 0);
+      out[i] += scale * amplitude_ * mean_before(cells_.inside_round(cell), below ? offset + 1 : offset);
+    }
+  }
+
+ private:
+  static CycleCounter counter_from(double start, double rate, const char* rate_name, Exposures exposures) {
+    exposures.line = delayed(exposures.line, start);
+    return counter_of(rate, exposures, {}, rate_name);
+  }
+
+  // Mean light of the exposure that ends in `cell`, `offset` cells after its beginning.
+  double mean_before(std::int64_t cell, double offset) const {
+    const auto [value, slope] = cells_.line(cell);
+    if (point_) return value + slope * offset;
+    if (offset >= part_) {
+      const double level = value + slope * (offset - part_ / 2);
+      return whole_ ? (whole_light_ + part_ * level) / length_ : level;
+    }
+    const double left_over = part_ - offset;
+    const auto between = static_cast<std::int64_t>(left_over);    // whole cells
+    const double cut = left_over - static_cast<double>(between);  // of the cell in which the exposure begins
+    const std::int64_t first = cell - 1 - between;
+    const auto [first_value, first_slope] = cells_.line(first);
+    const double ends = offset * (value + slope * offset / 2) + cut * (first_value + first_slope * (1 - cut / 2));
+    return (whole_light_ + (ends + cells_.light(first + 1, cell))) / length_;
+  }
+
+  const Cells& cells_;
+  double amplitude_;
+  CycleCounter counter_;
+  bool point_;
+  double length_;           // of the exposure, in cells
+  double part_;             // what is left of it after whole rounds of repeating cells
+  double whole_light_ = 0;  // in those rounds
+  bool whole_ = false;
+};
+
+class CellsElement final : public WaveformElement {
+ public:
+  explicit CellsElement(const Chips& chips)
+      : rate_(chips.chip_rate), start_(chips.start), amplitude_(chips.amplitude), rate_name_("chip_rate") {
+    check("levels", chips.levels);
+    require_level("amplitude", chips.amplitude);
+    cells_.repeat = chips.repeat;
+    cells_.cells.reserve(chips.levels.size());
+    for (double level : chips.levels) cells_.append(level, 0);
+  }
+
+  explicit CellsElement(const Samples& samples)
+      : rate_(samples.sample_rate), start_(samples.start), rate_name_("sample_rate"), has_slopes_(true) {
+    const auto& values = samples.values;
+    check("values", values);
+    cells_.repeat = samples.repeat;
+    cells_.left = values.front();
+    cells_.right = values.back();
+    cells_.cells.reserve(values.size());
+    for (std::size_t k = 0; k + 1 < values.size(); ++k) cells_.append(values[k], values[k + 1] - values[k]);
+    if (samples.repeat) cells_.append(values.back(), values.front() - values.back());
+  }
+
+  std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
+    return std::make_unique<CellsLight>(cells_, amplitude_, rate_, start_, rate_name_, exposures);
+  }
+
+  double peak() const override { return peak_ * std::abs(amplitude_); }
+
+  std::vector<Step> steps(const Stretch& stretch) const override {
+    const CycleCounter counter({rate_, 0}, delayed(stretch.line(), start_), {});
+    counter.require_countable(0, stretch.length, rate_name_);
+    const Position origin = counter.at(0.0);
+    const DoubleDouble part{origin.fraction, origin.rest};
+    const auto first = static_cast<std::int64_t>(origin.whole) - (part < DoubleDouble{} ? 1 : 0);
+    const auto after_last = static_cast<std::int64_t>(origin.whole + rate_ * stretch.length) + 2;
+    std::vector<Step> steps;
+    steps.reserve(static_cast<std::size_t>(most_steps(stretch.length)));
+    const auto append = [&](std::int64_t cell) {
+      const auto [value, slope] = cells_.line(cells_.inside_round(cell));
+      const double past_origin = static_cast<double>(cell) - origin.whole;
+      steps.push_back({(DoubleDouble{past_origin, 0} - part) / rate_, amplitude_ * value, amplitude_ * slope * rate_});
+    };
+    append(first);
+    const std::int64_t next = cells_.repeat ? first + 1 : std::max<std::int64_t>(first + 1, 0);
+    const std::int64_t last = cells_.repeat ? after_last : std::min(after_last, cells_.count() + 1);
+    for (std::int64_t cell = next; cell < last; ++cell) append(cell);
+    return steps;
+  }
+
+  double most_steps(double length) const override {
+    const double passed = rate_ * length + 4;
+    return cells_.repeat ? passed : std::min(passed, static_cast<double>(cells_.count()) + 4);
+  }
+
+  bool has_slopes() const override { return has_slopes_; }
+
+ private:
+  void check(const char* argument, const std::vector<double>& levels) {
+    require(!levels.empty(), argument, "none", "at least one");
+    for (double level : levels) {
+      require_level(argument, level);
+      peak_ = std::max(peak_, std::abs(level));
+    }
+    require_positive(rate_name_, rate_);
+    require_finite("start", start_);
+  }
+
+  Cells cells_;
+  double rate_;
+  double start_;
+  double amplitude_ = 1;
+  const char* rate_name_;
+  bool has_slopes_ = false;
+  double peak_ = 0;
+};
+
+}  // namespace
+
+DoubleDouble cycles_of(double rate, double exposure, const char* argument) {
+  const DoubleDouble cycles = exact_product(rate, exposure);
+  require(cycles.high < kMostCycles, argument, rate, "at most 2^50 cycles or chips in an exposure");
+  return cycles;
+}
+
+std::shared_ptr<const WaveformElement> make_element(const Tone& tone) { return std::make_shared<ToneElement>(tone); }
+std::shared_ptr<const WaveformElement> make_element(const SquareWave& wave) {
+  return std::make_shared<SquareElement>(wave);
+}
+std::shared_ptr<const WaveformElement> make_element(const Chips& chips) {
+  return std::make_shared<CellsElement>(chips);
+}
+std::shared_ptr<const WaveformElement> make_element(const Samples& samples) {
+  return std::make_shared<CellsElement>(samples);
+}
+
+}  // namespace ocisac

@@ -1,0 +1,89 @@
+// What a waveform is made of, and how each part answers for the mean light of an exposure.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/light/time_line.hpp"
+#include "ocisac/light/waveform.hpp"
+
+namespace ocisac {
+
+// The exposures that are asked for: of length `exposure`, ending at line.at(x) for x within [x_first, x_last].
+struct Exposures {
+  TimeLine line;
+  double exposure = 0;  // s; 0 samples a point
+  double x_first = 0;
+  double x_last = 0;
+};
+
+// A waveform, or a part of one, made ready for certain exposures.
+class MeanLight {
+ public:
+  virtual ~MeanLight() = default;
+
+  // out[i] += scale · mean light over the exposure that ends at line.at(x[i]).
+  virtual void add(std::span<const double> x, double scale, std::span<double> out) const = 0;
+};
+
+// amplitude·cos(2π·(frequency·t + turns)).
+struct Cosine {
+  double amplitude = 1;
+  DoubleDouble frequency;
+  DoubleDouble turns;
+};
+
+// A stretch of time for the pieces of a product, which count time from its origin.
+struct Stretch {
+  DoubleDouble origin;
+  double length = 0;
+
+  TimeLine line() const { return {origin, 1}; }
+};
+
+// Light value + slope·(t − begin) from `begin` to the next step; begin counts from the stretch's origin.
+struct Step {
+  DoubleDouble begin;
+  double value = 0;
+  double slope = 0;
+};
+
+class WaveformElement {
+ public:
+  virtual ~WaveformElement() = default;
+
+  virtual std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const = 0;
+
+  // Nothing larger in magnitude comes out.
+  virtual double peak() const = 0;
+
+  // What a product needs to know: an element is either cosines (steady light is one of frequency 0) or steps.
+  virtual std::vector<Cosine> cosines() const { return {}; }
+  virtual std::vector<Step> steps(const Stretch&) const { return {}; }  // the first at or before the origin
+  virtual double most_steps(double /*length*/) const { return 0; }
+  virtual bool has_slopes() const { return false; }
+};
+
+using WaveformFactors = std::vector<std::shared_ptr<const WaveformElement>>;
+
+// The mean light of a product of several elements.
+std::unique_ptr<MeanLight> product_light(const WaveformFactors& factors, const Exposures& exposures);
+
+std::shared_ptr<const WaveformElement> make_element(const Tone& tone);
+std::shared_ptr<const WaveformElement> make_element(const SquareWave& wave);
+std::shared_ptr<const WaveformElement> make_element(const Chips& chips);
+std::shared_ptr<const WaveformElement> make_element(const Samples& samples);
+
+// Throws std::invalid_argument unless finite and within ±1e100.
+void require_level(const char* argument, double level);
+
+// rate·exposure, the cycles of an exposure; throws std::invalid_argument that names `argument` where there are too
+// many.
+DoubleDouble cycles_of(double rate, double exposure, const char* argument);
+
+// Where an exposure has no length in cycles that a division could stand, it is a point.
+inline bool is_point(DoubleDouble cycles) { return cycles.high < 1e-290; }
+
+}  // namespace ocisac

@@ -1,0 +1,278 @@
+#include "lights/data_light.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <functional>
+#include <numeric>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "lights/light_patch.hpp"
+#include "lights/profile_frequency.hpp"
+#include "lights/refinement_kernels.hpp"
+#include "ocisac/camera/linear_light.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr int rounds = 2;
+constexpr double least_coherence = 0.6;  // of the halves, locally
+constexpr double least_power = 0.02;     // of the swing's, near its largest
+constexpr double least_likeness = 0.5;   // of a column with the middle
+constexpr double least_swing = 0.15;     // of the middle's
+constexpr double hysteresis = 0.5;       // of the waveform's RMS
+constexpr std::size_t least_edges = 6, most_timed = 64;
+constexpr double edge_evidence = 0.5;                                          // nats
+constexpr double fastest_chip = 2.2, slowest_chip = 0.7, largest_clock = 0.4;  // chips in a short interval; a row
+constexpr double frequency_reach = 0.25;                                       // relative, about the suspect's
+
+using Range = std::pair<std::size_t, std::size_t>;
+
+// The run of true places about the middle one of those in [first, end).
+std::optional<Range> run_about(const std::vector<std::uint8_t>& places, std::size_t first, std::size_t end) {
+  std::vector<std::size_t> inside;
+  for (std::size_t i = first; i < end; ++i)
+    if (places[i]) inside.push_back(i);
+  if (inside.empty()) return {};
+  std::size_t begin = inside[inside.size() / 2], last = begin;
+  while (begin > 0 && places[begin - 1]) --begin;
+  while (last + 1 < places.size() && places[last + 1]) ++last;
+  return Range{begin, last + 1};
+}
+
+// Signals side by side, as local_means() takes them.
+class Signals {
+ public:
+  explicit Signals(std::size_t rows) : rows_(rows), values_(rows * kernels::patch_padding) {}
+
+  double& at(std::size_t row, std::size_t signal) { return values_[row * kernels::patch_padding + signal]; }
+  [[nodiscard]] std::size_t rows() const { return rows_; }
+
+  [[nodiscard]] Signals means(std::size_t length) const {
+    Signals out(rows_);
+    out.values_ = local_means(values_, rows_, kernels::patch_padding, length);
+    return out;
+  }
+  void subtract(const Signals& other) { std::ranges::transform(values_, other.values_, values_.begin(), std::minus{}); }
+
+ private:
+  std::size_t rows_;
+  std::vector<double> values_;
+};
+
+// Log light of the left and the right half of the box's columns in rows [top, bottom), less its local mean.
+Signals swing_of_halves(const LitFrame& frame, const Box& box, std::size_t top, std::size_t bottom,
+                        std::size_t length) {
+  const std::size_t middle = box.column + box.width / 2;
+  const auto left = mean_light(frame, box.column, middle, top, bottom);
+  const auto right = mean_light(frame, middle, box.column + box.width, top, bottom);
+  Signals logs(bottom - top);
+  for (std::size_t n = 0; n < logs.rows(); ++n) {
+    logs.at(n, 0) = std::log(std::max(left[n], 0.0) + frame.floor);
+    logs.at(n, 1) = std::log(std::max(right[n], 0.0) + frame.floor);
+  }
+  logs.subtract(logs.means(length));
+  return logs;
+}
+
+// Whether the halves swing alike in the box: most suspects are noise, and cost no more than this.
+bool halves_alike(const LitFrame& frame, const Box& box, std::size_t length) {
+  if (box.width < 2) return false;
+  Signals logs = swing_of_halves(frame, box, box.row, box.row + box.height, length);
+  double aa = 0, bb = 0, ab = 0;
+  for (std::size_t n = 0; n < logs.rows(); ++n) {
+    const double a = logs.at(n, 0), b = logs.at(n, 1);
+    aa += a * a, bb += b * b, ab += a * b;
+  }
+  return ab > least_coherence * std::sqrt(aa * bb);
+}
+
+// Rows about the box whose halves swing alike.
+std::optional<Box> lit_rows(const LitFrame& frame, const Box& box, std::size_t length) {
+  if (box.width < 2) return {};
+  const std::size_t reach = std::max(8 * length, 2 * box.height), rows = shape_of(frame.frames).rows;
+  const std::size_t top = box.row - std::min(box.row, reach), bottom = std::min(rows, box.row + box.height + reach);
+  Signals logs = swing_of_halves(frame, box, top, bottom, length), powers(bottom - top);
+  for (std::size_t n = 0; n < logs.rows(); ++n) {
+    const double a = logs.at(n, 0), b = logs.at(n, 1);
+    powers.at(n, 0) = a * b, powers.at(n, 1) = a * a, powers.at(n, 2) = b * b;
+  }
+  powers = powers.means(length);
+  std::vector<double> inside(box.height);
+  const std::size_t first = box.row - top;
+  for (std::size_t n = 0; n < box.height; ++n) inside[n] = powers.at(first + n, 0);
+  const auto high = inside.begin() + static_cast<std::ptrdiff_t>(inside.size() * 9 / 10);
+  std::ranges::nth_element(inside, high);
+  std::vector<std::uint8_t> lit(logs.rows());
+  for (std::size_t n = 0; n < lit.size(); ++n) {
+    const double coherent = least_coherence * std::sqrt(std::max(powers.at(n, 1) * powers.at(n, 2), 0.0));
+    lit[n] = powers.at(n, 0) > std::max(coherent, least_power * *high);
+  }
+  const auto run = run_about(lit, first, first + box.height);
+  if (!run) return {};
+  return Box{box.column, top + run->first, box.width, run->second - run->first};
+}
+
+// Columns about the box that swing as its own do.
+std::optional<Box> lit_columns(const LitFrame& frame, const Box& box, std::size_t length) {
+  const Patch patch = patch_of(frame, box, {std::max(box.width, box.height), 0});
+  const auto slow = local_means(patch.logs, patch.rows, patch.stride, length);
+  const auto own = mean_light(frame, box.column, box.column + box.width, box.row, box.row + box.height);
+  Signals middle(patch.rows);
+  for (std::size_t n = 0; n < patch.rows; ++n) middle.at(n, 0) = std::log(std::max(own[n], 0.0) + frame.floor);
+  middle.subtract(middle.means(length));
+  std::vector<double> squares(patch.stride), products(patch.stride);
+  double energy = 0;
+  for (std::size_t n = 0; n < patch.rows; ++n) {
+    const double s = middle.at(n, 0);
+    energy += s * s;
+    for (std::size_t g = 0; g < patch.stride; ++g) {
+      const double x = patch.logs[n * patch.stride + g] - slow[n * patch.stride + g];
+      squares[g] += x * x;
+      products[g] += x * s;
+    }
+  }
+  std::vector<std::uint8_t> lit(patch.groups);
+  for (std::size_t g = 0; g < patch.groups; ++g)
+    lit[g] = products[g] > std::max(least_likeness * std::sqrt(squares[g] * energy), least_swing * energy);
+  const std::size_t first = std::min((box.column - patch.first_column) / patch.group, patch.groups - 1);
+  const std::size_t end = (box.column + box.width - patch.first_column) / patch.group;
+  const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));
+  if (!run) return {};
+  return Box{patch.first_column + run->first * patch.group, box.row, (run->second - run->first) * patch.group,
+             box.height};
+}
+
+// Rows in which the waveform has crossed to the other side of its mean.
+std::vector<std::size_t> edges_of(std::span<const double> waveform) {
+  const double power = std::inner_product(waveform.begin(), waveform.end(), waveform.begin(), 0.0);
+  const double least = hysteresis * std::sqrt(power / static_cast<double>(waveform.size()));
+  std::vector<std::size_t> edges;
+  int side = 0;
+  for (std::size_t n = 0; n < waveform.size(); ++n) {
+    const int now = waveform[n] > least ? 1 : waveform[n] < -least ? -1 : 0;
+    if (now == 0 || now == side) continue;
+    if (side != 0) edges.push_back(n);
+    side = now;
+  }
+  return edges;
+}
+
+// Rayleigh's statistic |Σ e^{−j2πf·edge}|²/edges of the best clock f, less the ln of the number of clocks tried: the
+// shortest interval but one is taken for one or two chips.
+double clock_evidence(std::span<const std::size_t> edges) {
+  edges = edges.first(std::min(edges.size(), most_timed));
+  std::vector<std::size_t> intervals;
+  for (std::size_t i = 0; i + 1 < edges.size(); ++i) intervals.push_back(edges[i + 1] - edges[i]);
+  std::ranges::sort(intervals);
+  const double interval = std::max(static_cast<double>(intervals[1]), 2.0);
+  const double slowest = slowest_chip / interval, fastest = std::min(fastest_chip / interval, largest_clock);
+  const auto span = static_cast<double>(edges.back() - edges.front());
+  const double step = 0.25 / span;
+  const auto count = static_cast<std::size_t>(std::max(std::ceil((fastest - slowest) / step), 0.0));
+  std::vector<std::complex<double>> sums(count);
+  for (const std::size_t edge : edges) {
+    const auto at = static_cast<double>(edge);
+    const Turns turns = turns_of(step * at, count);
+    const auto start = turned(slowest * at);
+    for (std::size_t i = 0; i < count; ++i) sums[i] += product(start, {turns.real[i], turns.imaginary[i]});
+  }
+  double best = 0;
+  for (const auto& sum : sums) best = std::max(best, std::norm(sum) / static_cast<double>(edges.size()));
+  return std::max(best - std::log(std::max((fastest - slowest) * span, 1.0)), 0.0);
+}
+
+// What the columns have in common, and what they have not.
+struct Waveform {
+  std::vector<double> values;  // (rows): Σ weight × log swing, over the root of Σ of squared weights
+  double energy = 0, common = 0, noise = 0;
+};
+
+Waveform waveform_of(const Patch& patch, std::size_t length) {
+  std::vector<double> fast = local_means(patch.logs, patch.rows, patch.stride, length);
+  std::ranges::transform(patch.logs, fast, fast.begin(), std::minus{});
+  std::vector<double> weights(fast.size());
+  const auto count = static_cast<double>(patch.groups);
+  for (std::size_t n = 0; n < patch.rows; ++n) {
+    const std::span row(&fast[n * patch.stride], patch.groups);
+    const double mean = std::accumulate(row.begin(), row.end(), 0.0) / count;
+    for (std::size_t g = 0; g < patch.groups; ++g) weights[n * patch.stride + g] = row[g] * mean;
+  }
+  weights = local_means(weights, patch.rows, patch.stride, length);
+  Waveform out;
+  for (std::size_t n = 0; n < patch.rows; ++n) {
+    double sum = 0, squares = 0;
+    for (std::size_t i = n * patch.stride; i < n * patch.stride + patch.groups; ++i) {
+      const double weight = std::max(weights[i], 0.0);
+      out.energy += fast[i] * fast[i];
+      sum += weight * fast[i];
+      squares += weight * weight;
+    }
+    out.values.push_back(squares > 0 ? sum / std::sqrt(squares) : 0);
+    out.common += out.values.back() * out.values.back();
+  }
+  out.noise = static_cast<double>(patch.rows * patch.groups) * noise_variance(patch, {0, patch.rows, 0, patch.groups});
+  return out;
+}
+
+// RMS of the mean light over the columns, less its local mean.
+double swing_of_light(const Patch& patch, std::size_t length) {
+  Signals light(patch.rows);
+  for (std::size_t n = 0; n < patch.rows; ++n)
+    for (std::size_t g = 0; g < patch.groups; ++g)
+      light.at(n, 0) += patch.light[n * patch.stride + g] / static_cast<double>(patch.groups);
+  light.subtract(light.means(length));
+  double power = 0;
+  for (std::size_t n = 0; n < patch.rows; ++n) power += light.at(n, 0) * light.at(n, 0);
+  return std::sqrt(power / static_cast<double>(patch.rows));
+}
+
+}  // namespace
+
+std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
+                                         const Suspect& suspect) {
+  const LitFrame lit{frames, frame, dark, floor};
+  const Shape shape = shape_of(frames);
+  const std::size_t length = hann_length(0.5 * suspect.frequency);
+  Box box{suspect.column, suspect.row, std::min(suspect.width, shape.columns - suspect.column),
+          std::min(suspect.height, shape.rows - suspect.row)};
+  if (!halves_alike(lit, box, length)) return {};
+  for (int round = 0; round < rounds; ++round) {
+    const auto rows = lit_rows(lit, box, length);
+    if (!rows) return {};
+    const auto columns = lit_columns(lit, *rows, length);
+    if (!columns) return {};
+    box = *columns;
+  }
+  const Patch patch = patch_of(lit, box, {0, 0});
+  if (patch.groups < 2) return {};
+  const Waveform waveform = waveform_of(patch, length);
+  const auto edges = edges_of(waveform.values);
+  if (edges.size() < least_edges || !(waveform.energy > 0)) return {};
+  const double lower = suspect.frequency * (1 - frequency_reach);
+  const double upper = std::min(suspect.frequency * (1 + frequency_reach), 0.499);
+  const double frequency = strongest_frequency(waveform.values, lower, upper);
+  const double share = std::min(waveform.common / waveform.energy, 1.0);
+  const double error =
+      jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency, lower, upper);
+  const double rest = std::max(waveform.energy * (1 - share) - waveform.noise, 0.0);
+  const RefinedLight light{box.column,
+                           box.row,
+                           box.width,
+                           box.height,
+                           frequency,
+                           error,
+                           phase_at_start(waveform.values, frequency, box.row),
+                           share / std::max(1 - share, 1e-12),
+                           swing_of_light(patch, length),
+                           share,
+                           0,
+                           rest / std::max(waveform.common, 1e-300),
+                           0};
+  return DataLight{light, edges.size(), edge_evidence * static_cast<double>(edges.size()) + clock_evidence(edges)};
+}
+
+}  // namespace ocisac

@@ -1,0 +1,454 @@
+#include "ocisac/lights/detect_sources.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lights/data_light.hpp"
+#include "lights/merging.hpp"
+#include "lights/refinement.hpp"
+#include "lights/screening.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/tones/tone_gain.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t most_suspects = 256;
+constexpr double least_rows = 24;       // of a box
+constexpr double least_periodic = 0.4;  // of the swing common to the columns
+constexpr double most_uneven = 0.25;
+constexpr double data_periodic = 0.7;     // a tone or a square wave has more
+constexpr double largest_spread = 0.05;   // relative standard error of a frequency that was told at all
+constexpr double frequency_apart = 0.04;  // relative: parts that differ by more are of a light that sends data
+constexpr double data_texture = 0.3;      // of what a tone may have
+constexpr double settled_cycles = 5, settled_periodic = 0.95;
+constexpr double faint_level = 0.1;
+constexpr double reflection_level = 0.5;  // a light as strong as this share of another is one of its own
+
+void check(const DetectOptions& options) {
+  require(options.false_alarms > 0 && options.false_alarms <= 1, "false_alarms", options.false_alarms,
+          "above 0 up to 1 in a picture");
+  require(std::isfinite(options.least_cycles) && options.least_cycles >= 2, "min_cycles", options.least_cycles,
+          "a finite number, 2 or above");
+  require(options.most >= 1, "most", options.most, "1 or above");
+}
+
+struct Found {
+  RefinedLight light;  // the strongest part
+  LightPart box;       // of all parts
+  std::size_t merged = 0;
+  bool joined = false;  // parts beside or above each other
+  bool data = false;    // their frequencies differ, or no tone goes through them
+  bool known = false;   // from the frame before
+  std::optional<std::size_t> reflection_of = {};
+  bool by_phase = false;
+};
+
+bool one_frequency(double f, double g) { return std::abs(f - g) <= frequency_apart * std::max(f, g); }
+
+// As all its columns and rows together send, roughly.
+double flux(const RefinedLight& light) { return light.amplitude * static_cast<double>(light.width * light.height); }
+
+double size_of(const RefinedLight& light) {
+  return light.amplitude * std::sqrt(static_cast<double>(light.width * light.height));
+}
+
+// Box of a light, a suspect or a part.
+template <class T>
+Region region_of(const T& of) {
+  return {of.column, of.row, of.width, of.height};
+}
+
+// Overlap of two boxes over the smaller one.
+double overlap(const RefinedLight& a, const RefinedLight& b) {
+  return static_cast<double>(shared_pixels(region_of(a), region_of(b))) /
+         static_cast<double>(std::min(a.width * a.height, b.width * b.height));
+}
+
+// −ln of the odds that texture looks so periodic: its variation in a box is taken as one independent cell a cycle.
+double evidence(const RefinedLight& light) {
+  return std::log1p(light.snr) * static_cast<double>(light.height) * light.frequency;
+}
+
+// What a suspect must reach. Edges that line up by chance are rarer with more evidence as e^(−evidence/1.6), and below
+// one in 50 pictures, where three bars need no noise to be even, as e^(−evidence/2.6): seen on 600 pictures of
+// overlapping boxes, the grounds that hold most of them; there the rate is then at most the one asked for.
+double evidence_for(std::size_t suspects, double false_alarms) {
+  return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.6 * std::log(false_alarms) -
+         std::min(std::log(false_alarms / 0.02), 0.0) - 1.1;
+}
+
+// One stored step: smaller swings are as often made by compression as by light.
+double least_amplitude(const AnyFramesView& frames) {
+  return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T> ? 1.0 : 0.0; }, frames);
+}
+
+// The same of data: on 400 other such pictures edges with more evidence are rarer as e^(−evidence/1.2), and the rate is
+// a quarter of the one asked for.
+double data_evidence_for(std::size_t suspects, double false_alarms) {
+  return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.2 * std::log(false_alarms) + 3;
+}
+
+// Texture beside the periodic swing; lines of text have more. Few columns are alike by chance.
+double most_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
+
+bool accepted(const DataLight& data, const LightLimits& limits, double least_evidence) {
+  const RefinedLight& light = data.light;
+  return static_cast<double>(light.height) >= limits.rows && 0.5 * static_cast<double>(data.edges) >= limits.cycles &&
+         light.amplitude >= limits.amplitude && data.evidence >= least_evidence && light.snr >= 1 &&
+         light.texture <= data_texture * most_texture(light);
+}
+
+// Texture that comes and goes with the rows is no picture under a light.
+bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > most_uneven; }
+
+bool accepted(const RefinedLight& light, const LightLimits& limits, double least_evidence) {
+  const auto height = static_cast<double>(light.height);
+  return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
+         evidence(light) >= least_evidence && light.texture <= most_texture(light) && !like_text(light) &&
+         light.periodic >= least_periodic && light.frequency_std <= largest_spread * light.frequency;
+}
+
+bool clean(const Found& one) { return !one.data && one.light.periodic >= data_periodic; }
+
+// No part of a light that sends data: its chips alternate for fewer cycles.
+bool settled(const Found& one) {
+  return one.data || one.known ||
+         (clean(one) && (one.light.periodic >= settled_periodic ||
+                         static_cast<double>(one.light.height) * one.light.frequency >= settled_cycles));
+}
+
+// Texture under a faint reflection pulls at its frequency by more than the scatter among its cycles tells.
+bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
+  const double spread = 3 * std::hypot(weak.frequency_std, strong.frequency_std) + 0.002 * strong.frequency;
+  const double least = weak.amplitude < faint_level * strong.amplitude ? 0.03 * strong.frequency : 0;
+  return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, least, 0.05 * strong.frequency);
+}
+
+// A suspect that lies in a light's box, or at most a cycle beside it, needs no second look.
+bool explained(const Suspect& suspect, const RefinedLight& light) {
+  const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
+  const std::size_t left = light.column - std::min(light.column, cycle), top = light.row - std::min(light.row, cycle);
+  const Region about{left, top, light.width + 2 * cycle, light.height + 2 * cycle};
+  return 2 * shared_pixels(region_of(suspect), about) > suspect.width * suspect.height;
+}
+
+// A suspect's frequency is known to half a cycle of no fewer than 2.5.
+bool may_show(const Suspect& suspect, double frequency) {
+  return std::abs(suspect.frequency - frequency) <= 0.25 * frequency;
+}
+
+// A coarse suspect around a light of its frequency.
+bool holds(const Suspect& suspect, const RefinedLight& light) {
+  return 2 * shared_pixels(region_of(suspect), region_of(light)) > light.width * light.height &&
+         may_show(suspect, light.frequency);
+}
+
+LightPart part_of(const RefinedLight& light) {
+  return {light.column, light.row, light.width, light.height, light.frequency};
+}
+
+// Boxes that share half of the smaller one, whatever the frequency; but lights that are known to be two may cross.
+bool doubles(const Found& a, const Found& b) {
+  return overlap(a.light, b.light) > 0.5 &&
+         !(a.known && b.known && !one_frequency(a.light.frequency, b.light.frequency));
+}
+
+// One light seen twice becomes the stronger one.
+std::vector<Found> without_doubles(std::vector<Found> lights) {
+  std::ranges::stable_sort(lights, std::greater{}, [](const Found& one) { return size_of(one.light); });
+  std::vector<Found> kept;
+  for (const Found& one : lights) {
+    const auto twin = std::ranges::find_if(kept, [&](const Found& other) { return doubles(one, other); });
+    if (twin == kept.end())
+      kept.push_back(one);
+    else
+      ++twin->merged;
+  }
+  return kept;
+}
+
+void extend(LightPart& box, const LightPart& by) {
+  const Region both = region_around(region_of(box), region_of(by));
+  box = {both.x, both.y, both.width, both.height, box.frequency};
+}
+
+// A light that sends data is periodic here and there: its parts become one, again with what has been joined so far.
+// `across`, `down`: whether two parts are of one light.
+template <class Across, class Down>
+void join_parts(std::vector<Found>& found, const Across& across, const Down& down) {
+  for (std::size_t i = 0; i < found.size(); ++i)
+    for (std::size_t k = i + 1; k < found.size();) {
+      Found &one = found[i], &other = found[k];
+      const bool beside = across(one.box, other.box);
+      if (!beside && !down(one.box, other.box)) {
+        ++k;
+        continue;
+      }
+      one.known = one.known || other.known;
+      one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
+      one.merged += 1 + other.merged;
+      one.joined = true;
+      extend(one.box, other.box);
+      found.erase(found.begin() + static_cast<std::ptrdiff_t>(k));
+      k = i + 1;
+    }
+}
+
+// A reflection shows the same light at the same time: its phase at row 0 is the light's own. Where the rows between
+// them are too many to carry the phase over, the frequency alone has to do.
+void find_reflections(std::vector<Found>& found) {
+  for (std::size_t i = 1; i < found.size(); ++i)
+    for (std::size_t k = 0; k < i && !found[i].reflection_of && !found[i].known; ++k) {
+      const RefinedLight &weak = found[i].light, &strong = found[k].light;
+      if (found[k].reflection_of || !same_frequency(weak, strong) || flux(weak) > reflection_level * flux(strong))
+        continue;
+      // Both phases at the weaker one's middle: only the stronger one's frequency carries over the distance.
+      const auto middle = [](const RefinedLight& light) {
+        return static_cast<double>(light.row) + 0.5 * static_cast<double>(light.height);
+      };
+      const double between = middle(weak) - middle(strong);
+      const double spread = 2 * std::numbers::pi * std::abs(between) * strong.frequency_std + 0.3;
+      const double apart = std::remainder(
+          weak.phase - strong.phase + 2 * std::numbers::pi * middle(weak) * (weak.frequency - strong.frequency),
+          2 * std::numbers::pi);
+      const bool told = spread < 1;
+      if (told && std::abs(apart) > 3 * spread) continue;
+      found[i].reflection_of = k;
+      found[i].by_phase = told;
+    }
+}
+
+AnyFramesView frame_of(const AnyFramesView& frames, std::size_t frame) {
+  return std::visit([&](const auto& view) -> AnyFramesView { return view.frame(frame); }, frames);
+}
+
+LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Found& found) {
+  const RefinedLight& light = found.light;
+  const double frequency = light.frequency / camera.row_time;
+  const ToneGain gain =
+      pooled_tone_gain(part_of(frame_of(frames, frame), region_of(light)), camera, std::span(&frequency, 1));
+  const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.row), 1.0);
+  LightSource source;
+  source.frame = frame;
+  const LightPart& box = found.box;
+  source.x = box.column, source.y = box.row, source.width = box.width, source.height = box.height;
+  source.frequency = frequency;
+  source.frequency_std = light.frequency_std / camera.row_time;
+  source.gain = gain.gain[0], source.gain_std = gain.gain_std[0];
+  source.phase = std::remainder(gain.phase[0] - turned, 2 * std::numbers::pi);
+  source.mean = gain.mean[0];
+  source.snr = light.snr;
+  source.amplitude = light.amplitude;
+  source.share = light.periodic;
+  source.carries_data = found.data || light.periodic < data_periodic;
+  source.reflection_of = found.reflection_of;
+  source.reflection_by_phase = found.by_phase;
+  source.merged = found.merged;
+  source.joined = found.joined;
+  source.flags = gain.flags[0];
+  return source;
+}
+
+// One frame as lights are looked for in it.
+class Look {
+ public:
+  Look(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const DetectOptions& options)
+      : frames_(frames),
+        frame_(frame),
+        options_(options),
+        limits_{least_rows, options.least_cycles, least_amplitude(frames)} {
+    // A memoryless curve keeps every period, and stored values show darkness best.
+    stored_.dark_level = camera.tone_curve.dark_level;
+    stored_.white_level = camera.tone_curve.white_level;
+    floor_ = logarithm_floor(frames, stored_);
+  }
+
+  // Whether the light is where it is expected, and nothing else has been found there.
+  bool find_expected(const Region& box, double cycles_per_row) {
+    const Suspect suspect{box.x, box.y, box.width, box.height, cycles_per_row, 1, 0};
+    const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
+    if (!light || !accepted(*light, limits_, evidence_for(1, options_.false_alarms))) return false;
+    const Found one{.light = *light, .box = part_of(*light), .known = true};
+    if (std::ranges::any_of(found_, [&](const Found& other) { return doubles(one, other); })) return false;
+    found_.push_back(one);
+    return true;
+  }
+
+  // Lights of a region, but those that were found before: tones of `frequencies`, in cycles per row; if none are given,
+  // any tones, and data where no tone explains a suspect.
+  void search(const Region& region, std::span<const double> frequencies = {}) {
+    auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms);
+    suspects.resize(std::min(suspects.size(), most_suspects));
+    for (Suspect& suspect : suspects) suspect.column += region.x, suspect.row += region.y;
+    find_tones(suspects, frequencies);
+    if (frequencies.empty()) find_data(suspects);
+  }
+
+  std::vector<Found> lights() {
+    auto found = without_doubles(std::move(found_));
+    found.resize(std::min(found.size(), options_.most));
+    const auto of = [&](auto same) {
+      return [&, same](const LightPart& a, const LightPart& b) {
+        return same(frames_, frame_, stored_.dark_level, floor_, a, b);
+      };
+    };
+    join_parts(found, of(one_light_across), of(one_light_down));
+    find_reflections(found);
+    return found;
+  }
+
+ private:
+  void find_tones(const std::vector<Suspect>& suspects, std::span<const double> frequencies) {
+    const double least_evidence = evidence_for(suspects.size(), options_.false_alarms);
+    for (const Suspect& suspect : suspects) {
+      if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
+        continue;
+      if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
+      const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
+      if (light && accepted(*light, limits_, least_evidence)) add_tone(*light, least_evidence);
+    }
+  }
+
+  // A light, or the lamps that touch and were found as one: each looked at in its own columns.
+  void add_tone(const RefinedLight& light, double least_evidence) {
+    std::vector<RefinedLight> lamps;
+    for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, part_of(light))) {
+      const auto columns = part_of(frames_, {part.column, 0, part.width, shape_of(frames_).rows});
+      const Suspect suspect{0, part.row, part.width, part.height, part.frequency, 1, 0};
+      auto lamp = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
+      if (!lamp || !accepted(*lamp, limits_, least_evidence)) continue;
+      lamp->column += part.column;
+      lamps.push_back(*lamp);
+    }
+    if (lamps.size() < 2) lamps.assign(1, light);
+    for (const RefinedLight& lamp : lamps) found_.push_back({.light = lamp, .box = part_of(lamp)});
+  }
+
+  void find_data(const std::vector<Suspect>& suspects) {
+    const double least_evidence = data_evidence_for(suspects.size(), options_.false_alarms);
+    std::vector<RefinedLight> tones;  // that made a light
+    for (const Suspect& suspect : suspects) {
+      const auto explains = [&](const RefinedLight& light) {
+        return explained(suspect, light) || holds(suspect, light);
+      };
+      if (std::ranges::any_of(tones, explains) ||
+          std::ranges::any_of(found_, [&](const Found& one) { return settled(one) && explains(one.light); }))
+        continue;
+      const auto data = find_data_light(frames_, frame_, stored_.dark_level, floor_, suspect);
+      if (!data) continue;
+      const RefinedLight& light = data->light;
+      if (!accepted(*data, limits_, least_evidence)) continue;
+      if (made_of_tones(light)) {
+        tones.push_back(light);
+        continue;
+      }
+      const auto part = [&](const Found& one) { return !one.known && overlap(one.light, light) > 0.5; };
+      const std::size_t parts = std::erase_if(found_, part);
+      found_.push_back({.light = light, .box = part_of(light), .merged = parts, .data = true});
+    }
+  }
+
+  // A tone, and lamps above each other, swing alike in all their columns too.
+  [[nodiscard]] bool made_of_tones(const RefinedLight& light) const {
+    std::size_t rows = 0;
+    for (const Found& one : found_)
+      if (clean(one) && shared_length(one.light.column, one.light.width, light.column, light.width) > 0)
+        rows += shared_length(one.light.row, one.light.height, light.row, light.height);
+    return 2 * rows > light.height;
+  }
+
+  const AnyFramesView& frames_;
+  std::size_t frame_;
+  const DetectOptions& options_;
+  LightLimits limits_;
+  ToneCurve stored_;
+  double floor_ = 0;
+  std::vector<Found> found_;
+};
+
+// Where to search, and for what: nothing given, for any frequency.
+struct Search {
+  Region region;
+  std::vector<double> frequencies;
+};
+
+// Searches whose regions overlap become one of the region that holds both.
+std::vector<Search> united(std::vector<Search> searches) {
+  for (std::size_t i = 0; i < searches.size(); ++i)
+    for (std::size_t k = i + 1; k < searches.size();) {
+      Region& a = searches[i].region;
+      const Region& b = searches[k].region;
+      if (shared_pixels(a, b) == 0) {
+        ++k;
+        continue;
+      }
+      a = region_around(a, b);
+      auto &all = searches[i].frequencies, &more = searches[k].frequencies;
+      if (all.empty() || more.empty())
+        all.clear();
+      else
+        all.insert(all.end(), more.begin(), more.end());
+      searches.erase(searches.begin() + static_cast<std::ptrdiff_t>(k));
+      k = i + 1;
+    }
+  return searches;
+}
+
+void check(const Region& region, const Shape& shape, const char* name) {
+  const auto fits = [](std::size_t first, std::size_t count, std::size_t all) {
+    return count > 0 && first < all && count <= all - first;
+  };
+  require(fits(region.x, region.width, shape.columns), name, region.x, "columns of the frame");
+  require(fits(region.y, region.height, shape.rows), name, region.y, "rows of the frame");
+}
+
+void check(const ExpectedLight& light, const Shape& shape, const Camera& camera) {
+  check(light.box, shape, "box");
+  check(light.region, shape, "region");
+  require(light.frequency > 0 && light.frequency * camera.row_time < 0.5, "frequency", light.frequency,
+          "above 0, below half the row rate");
+}
+
+}  // namespace
+
+std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
+                                        const DetectOptions& options) {
+  check(frames);
+  check(camera);
+  check(options);
+  std::vector<LightSource> sources;
+  const Shape shape = shape_of(frames);
+  for (std::size_t frame = 0; frame < shape.frames; ++frame) {
+    Look look(frames, frame, camera, options);
+    look.search({0, 0, shape.columns, shape.rows});
+    for (const Found& found : look.lights()) sources.push_back(source_of(frames, frame, camera, found));
+  }
+  return sources;
+}
+
+std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera& camera,
+                                        std::span<const ExpectedLight> expected, const DetectOptions& options) {
+  check(frame);
+  check(camera);
+  check(options);
+  const Shape shape = shape_of(frame);
+  require(shape.frames == 1, "frame", shape.frames, "one frame");
+  for (const ExpectedLight& light : expected) check(light, shape, camera);
+  Look look(frame, 0, camera, options);
+  std::vector<Search> searches;
+  for (const ExpectedLight& light : expected) {
+    const double cycles_per_row = light.frequency * camera.row_time;
+    if (light.seen && !light.data && look.find_expected(light.box, cycles_per_row)) continue;
+    searches.push_back({light.region, light.data ? std::vector<double>{} : std::vector{cycles_per_row}});
+  }
+  for (const Search& search : united(std::move(searches))) look.search(search.region, search.frequencies);
+  std::vector<LightSource> sources;
+  for (const Found& found : look.lights()) sources.push_back(source_of(frame, 0, camera, found));
+  return sources;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,212 @@
+#include "lights/light_patch.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <numbers>
+#include <type_traits>
+
+#include "lights/refinement_kernels.hpp"
+#include "ocisac/camera/linear_light.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Complex = std::complex<double>;
+
+constexpr std::size_t most_groups = 64;   // of columns in a patch
+constexpr std::size_t most_columns = 32;  // read for a mean
+constexpr std::size_t widest_sharp = 8;   // columns in a group of a small light
+
+// Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
+template <class T>
+using SumOf = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
+
+template <class T>
+void read_rows(const FramesView<const T>& view, std::size_t frame, double dark, Patch& patch) {
+  const double share = 1 / static_cast<double>(patch.group);
+  for (std::size_t n = 0; n < patch.rows; ++n) {
+    const T* row = view.at(frame, patch.first_row + n, patch.first_column);
+    for (std::size_t g = 0; g < patch.groups; ++g) {
+      SumOf<T> sum = 0;
+      for (std::size_t c = 0; c < patch.group; ++c)
+        sum += row[static_cast<std::ptrdiff_t>(g * patch.group + c) * view.column_stride];
+      patch.light[n * patch.stride + g] = static_cast<double>(sum) * share - dark;
+    }
+  }
+}
+
+// Columns lie in memory one after the other.
+template <class T>
+void read_columns(const FramesView<const T>& view, std::size_t frame, double dark, Patch& patch) {
+  const double share = 1 / static_cast<double>(patch.group);
+  std::vector<SumOf<T>> sums(patch.rows);
+  for (std::size_t g = 0; g < patch.groups; ++g) {
+    std::ranges::fill(sums, SumOf<T>{0});
+    for (std::size_t c = 0; c < patch.group; ++c) {
+      const T* column = view.at(frame, patch.first_row, patch.first_column + g * patch.group + c);
+      for (std::size_t n = 0; n < patch.rows; ++n) sums[n] += column[static_cast<std::ptrdiff_t>(n) * view.row_stride];
+    }
+    for (std::size_t n = 0; n < patch.rows; ++n)
+      patch.light[n * patch.stride + g] = static_cast<double>(sums[n]) * share - dark;
+  }
+}
+
+std::vector<double> group_means(const Patch& patch, const std::vector<double>& values) {
+  std::vector<double> means(patch.stride);
+  for (std::size_t n = 0; n < patch.rows; ++n)
+    for (std::size_t g = 0; g < patch.stride; ++g) means[g] += values[n * patch.stride + g];
+  for (double& mean : means) mean /= static_cast<double>(patch.rows);
+  return means;
+}
+
+// One carrier times another, or with sign −1 its conjugate.
+Turns times(const Turns& a, const Turns& b, double sign) {
+  Turns out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
+  for (std::size_t i = 0; i < out.real.size(); ++i) {
+    out.real[i] = a.real[i] * b.real[i] - sign * a.imaginary[i] * b.imaginary[i];
+    out.imaginary[i] = a.imaginary[i] * b.real[i] + sign * a.real[i] * b.imaginary[i];
+  }
+  return out;
+}
+
+kernels::Carrier carrier_view(const Turns& rows) { return {rows.real.data(), rows.imaginary.data()}; }
+
+}  // namespace
+
+Box widened(const Box& box, std::size_t by) {
+  const std::size_t left = std::min(box.column, by), up = std::min(box.row, by);
+  return {box.column - left, box.row - up, box.width + left + by, box.height + up + by};
+}
+
+PatchRange Patch::range(const Box& box) const {
+  const auto from = [](std::size_t a, std::size_t b) { return a - std::min(a, b); };
+  PatchRange out{};
+  out.first_row = std::min(from(box.row, first_row), rows);
+  out.end_row = std::max(std::min(from(box.row + box.height, first_row), rows), out.first_row);
+  out.first_group = std::min(from(box.column, first_column) / group, groups);
+  const std::size_t last = (from(box.column + box.width, first_column) + group - 1) / group;
+  out.end_group = std::max(std::min(last, groups), out.first_group);
+  return out;
+}
+
+Patch patch_of(const LitFrame& frame, const Box& box, const Margins& margins) {
+  const Shape shape = shape_of(frame.frames);
+  const std::size_t left = box.column - std::min(box.column, margins.columns);
+  const std::size_t right = std::min(shape.columns, box.column + box.width + margins.columns);
+  const std::size_t top = box.row - std::min(box.row, margins.rows);
+  const std::size_t bottom = std::min(shape.rows, box.row + box.height + margins.rows);
+  const std::size_t wanted = std::max<std::size_t>((right - left + most_groups - 1) / most_groups,
+                                                   std::clamp<std::size_t>(box.width / 16, 1, widest_sharp));
+  const std::size_t group = std::min(wanted, right - left);
+  const std::size_t groups = (right - left) / group;
+  const std::size_t stride = (groups + kernels::patch_padding - 1) / kernels::patch_padding * kernels::patch_padding;
+  Patch patch{left, top, bottom - top, groups, group, stride, {}, {}};
+  patch.light.resize(patch.rows * stride);
+  patch.logs.resize(patch.rows * stride);
+  std::visit(
+      [&](const auto& view) {
+        if (std::abs(view.row_stride) < std::abs(view.column_stride))
+          read_columns(view, frame.index, frame.dark, patch);
+        else
+          read_rows(view, frame.index, frame.dark, patch);
+      },
+      frame.frames);
+  kernels::logarithms(patch.light.data(), patch.light.size(), frame.floor, patch.logs.data());
+  return patch;
+}
+
+std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::size_t end, std::size_t first,
+                               std::size_t last) {
+  const std::size_t step = (end - begin + most_columns - 1) / most_columns, count = (end - begin + step - 1) / step;
+  std::vector<double> mean(last - first, -frame.dark);
+  const double share = 1 / static_cast<double>(count);
+  std::visit(
+      [&](const auto& view) {
+        for (std::size_t n = 0; n < mean.size(); ++n)
+          for (std::size_t c = 0; c < count; ++c)
+            mean[n] += static_cast<double>(view(frame.index, first + n, begin + c * step)) * share;
+      },
+      frame.frames);
+  return mean;
+}
+
+std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
+                                std::size_t length) {
+  const auto bin = 1 / static_cast<double>(length);
+  const Turns step = turns_of(bin, rows, length / 2), still = times(step, step, -1);
+  const Turns back = times(still, step, -1);
+  const kernels::Carrier forth = carrier_view(step);
+  const kernels::Carrier turns{forth.real + length / 2, forth.imaginary + length / 2};
+  std::vector<double> means(values.size()), unused(values.size());
+  kernels::hann_demodulate({values.data(), rows, stride}, std::vector<double>(stride).data(),
+                           {carrier_view(back), carrier_view(still), forth, turns, length}, means.data(),
+                           unused.data());
+  return means;
+}
+
+std::vector<double> fast_logs(const Patch& patch, double frequency) {
+  std::vector<double> slow = local_means(patch.logs, patch.rows, patch.stride, hann_length(frequency));
+  std::ranges::transform(patch.logs, slow, slow.begin(), std::minus{});
+  return slow;
+}
+
+double noise_variance(const Patch& patch, const PatchRange& core) {
+  std::vector<double> differences;
+  differences.reserve(core.size());
+  const std::size_t end_row = std::min(core.end_row, patch.rows - 1), end = std::min(core.end_group, patch.groups - 1);
+  for (std::size_t n = core.first_row; n < end_row; ++n)
+    for (std::size_t g = core.first_group; g < end; ++g) {
+      const double* at = &patch.logs[n * patch.stride + g];
+      differences.push_back(std::abs(at[0] - at[1] - at[patch.stride] + at[patch.stride + 1]));
+    }
+  if (differences.empty()) return 0;
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+  std::ranges::nth_element(differences, middle);
+  constexpr double median_of_normal = 0.6745;
+  return *middle * *middle / (4 * median_of_normal * median_of_normal);
+}
+
+Complex turned(double cycles) {
+  const double angle = -2 * std::numbers::pi * (cycles - std::floor(cycles));
+  return {std::cos(angle), std::sin(angle)};
+}
+
+Turns turns_of(double frequency, std::size_t rows, std::size_t reach) {
+  constexpr std::size_t step = 16;
+  std::array<Complex, step> fine;
+  for (std::size_t i = 0; i < step; ++i) fine[i] = turned(frequency * static_cast<double>(i));
+  Turns out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
+  Complex coarse;
+  for (std::size_t i = 0; i < out.real.size(); ++i) {
+    if (i % step == 0) coarse = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
+    const Complex& turn = fine[i % step];
+    out.real[i] = coarse.real() * turn.real() - coarse.imag() * turn.imag();
+    out.imaginary[i] = coarse.real() * turn.imag() + coarse.imag() * turn.real();
+  }
+  return out;
+}
+
+std::size_t hann_length(double frequency) { return static_cast<std::size_t>(std::lround(1 / frequency)) * 2 + 1; }
+
+Demodulator::Demodulator(double frequency, std::size_t rows)
+    : length_(hann_length(frequency)),
+      step_(turns_of(1 / static_cast<double>(length_), rows, length_ / 2)),
+      tone_(turns_of(frequency, rows, length_ / 2)),
+      below_(times(tone_, step_, -1)),
+      above_(times(tone_, step_, 1)),
+      turns_(turns_of(1 / static_cast<double>(length_), rows, 0)) {}
+
+SwingMap Demodulator::swing(const Patch& patch, const std::vector<double>& values) const {
+  SwingMap map{std::vector<double>(values.size()), std::vector<double>(values.size())};
+  const kernels::HannWindow window{carrier_view(below_), carrier_view(tone_), carrier_view(above_),
+                                   carrier_view(turns_), length_};
+  kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, group_means(patch, values).data(), window,
+                           map.real.data(), map.imaginary.data());
+  return map;
+}
+
+}  // namespace ocisac

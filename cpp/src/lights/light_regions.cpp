@@ -1,0 +1,125 @@
+#include "ocisac/lights/light_regions.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <tuple>
+#include <utility>
+#include <variant>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_combination.hpp"
+#include "ocisac/columns/moving_mean.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr int kMostCuts = 4;                // one within the other
+constexpr double kMostRows = 0.9;           // of a box; a light in so many of them has it whole
+constexpr std::size_t kFewestRows = 64;     // of a light
+constexpr std::size_t kReach = 14;          // rows to either side in which a swing is looked for
+constexpr double kActive = 0.06;            // of the strongest swing
+constexpr double kAboveNoise = 4;           // standard deviations of a mean over a window
+constexpr std::size_t kFewestDarkRows = 8;  // between two lights
+
+struct Run {
+  std::size_t begin, end;
+};
+
+// Root mean square over windows of the rows' swings about their moving mean, as far as noise does not explain it.
+std::vector<double> activity(const CombinedColumn& column) {
+  const auto slow = moving_mean(column.signal, kReach);
+  std::vector<double> squares(column.signal.size());
+  for (std::size_t n = 0; n < squares.size(); ++n) squares[n] = std::pow(column.signal[n] - slow[n], 2);
+  auto active = moving_mean(squares, kReach / 2);
+  const double noise = std::isfinite(column.noise) ? column.noise * column.noise : 0.0;
+  const double chance = 1 + kAboveNoise * std::sqrt(2.0 / kReach);
+  for (double& value : active) value = std::sqrt(std::max(value - chance * noise, 0.0));
+  return active;
+}
+
+// Runs of rows in which something swings, with at least so many rows between two of them in which nothing does.
+std::vector<Run> active_runs(const CombinedColumn& column) {
+  const auto active = activity(column);
+  const double least = kActive * *std::ranges::max_element(active);
+  std::vector<Run> runs;
+  if (!(least > 0)) return runs;
+  for (std::size_t n = 0; n < active.size(); ++n) {
+    if (active[n] <= least) continue;
+    if (!runs.empty() && n - runs.back().end < kFewestDarkRows)
+      runs.back().end = n + 1;
+    else
+      runs.push_back({n, n + 1});
+  }
+  std::erase_if(runs, [](const Run& run) { return run.end - run.begin < kFewestRows; });
+  return runs;
+}
+
+// Columns from the first to the last that a light has.
+Run extent(const std::vector<std::uint8_t>& columns) {
+  const auto first = std::ranges::find_if(columns, [](auto has) { return has != 0; });
+  const auto last = std::find_if(columns.rbegin(), columns.rend(), [](auto has) { return has != 0; });
+  return {static_cast<std::size_t>(first - columns.begin()), static_cast<std::size_t>(columns.rend() - last)};
+}
+
+class Cutter {
+ public:
+  Cutter(const AnyFramesView& frame, const ToneCurve& curve) : frame_(frame), curve_(curve) {}
+
+  // By rows, and what that leaves by columns, until nothing is cut.
+  void cut(const Region& region, int depth) {
+    const auto parts = depth < kMostCuts ? parts_of(region) : std::vector<Region>{};
+    if (parts.size() < 2) {
+      const Region swinging = with_rows_that_swing(region);
+      const bool most = static_cast<double>(swinging.height) > kMostRows * static_cast<double>(region.height);
+      regions_.push_back(most ? region : swinging);
+      return;
+    }
+    for (const Region& part : parts) cut(part, depth + 1);
+  }
+
+  [[nodiscard]] std::vector<Region> regions() && { return std::move(regions_); }
+
+ private:
+  [[nodiscard]] std::vector<Region> parts_of(const Region& region) const {
+    const auto view = part_of(frame_, region);
+    std::vector<Region> parts;
+    for (const auto& run : active_runs(combine_columns(view, 0, curve_)))
+      parts.push_back({region.x, region.y + run.begin, region.width, run.end - run.begin});
+    if (parts.size() > 1) return parts;
+    parts.clear();
+    for (const auto& light : light_groups(view, 0, curve_)) {
+      const Run columns = extent(light.columns);
+      const Region part{region.x + columns.begin, region.y, columns.end - columns.begin, region.height};
+      parts.push_back(with_rows_that_swing(part));
+    }
+    return parts;
+  }
+
+  [[nodiscard]] Region with_rows_that_swing(const Region& region) const {
+    const auto runs = active_runs(combine_columns(part_of(frame_, region), 0, curve_));
+    if (runs.empty()) return region;
+    const std::size_t begin = runs.front().begin, end = runs.back().end;
+    return {region.x, region.y + begin, region.width, end - begin};
+  }
+
+  const AnyFramesView& frame_;
+  const ToneCurve& curve_;
+  std::vector<Region> regions_;
+};
+
+}  // namespace
+
+std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve) {
+  const Shape shape = shape_of(frame);
+  const Region whole{0, 0, shape.columns, shape.rows};
+  if (shape.rows < 2 * kFewestRows) return {whole};
+  Cutter cutter(frame, curve);
+  cutter.cut(whole, 0);
+  auto regions = std::move(cutter).regions();
+  std::ranges::sort(regions, {}, [](const Region& region) { return std::tuple(region.x, region.y); });
+  return regions;
+}
+
+}  // namespace ocisac

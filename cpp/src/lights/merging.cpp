@@ -1,0 +1,151 @@
+#include "lights/merging.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+#include <span>
+#include <vector>
+
+#include "lights/light_patch.hpp"
+#include "lights/profile_frequency.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double least_beside = 0.8, least_above = 0.9;          // correlation of swings
+constexpr double least_between = 0.4, least_rows_between = 0.7;  // swing between parts, of the fainter part's
+constexpr double least_alike = 0.5;                              // correlation of lamps that touch
+constexpr std::size_t least_strip = 8, most_strips = 24;         // columns; strips of a box
+constexpr std::size_t touching = 8;                              // columns apart
+
+using Frame = LitFrame;
+
+struct Span {
+  std::size_t begin, end;
+  [[nodiscard]] std::size_t size() const { return end > begin ? end - begin : 0; }
+};
+
+Span columns_of(const LightPart& part) { return {part.column, part.column + part.width}; }
+Span rows_of(const LightPart& part) { return {part.row, part.row + part.height}; }
+Span common(const Span& a, const Span& b) { return {std::max(a.begin, b.begin), std::min(a.end, b.end)}; }
+
+// Two of the slower one's cycles, an odd number of rows.
+std::size_t mean_length(const LightPart& a, const LightPart& b) {
+  return 2 * static_cast<std::size_t>(std::floor(1 / std::min(a.frequency, b.frequency) + 0.5)) + 1;
+}
+
+// Logarithm of the mean light less its running mean over `length` rows; rows before and after repeat the first and the
+// last.
+std::vector<double> swing(const Frame& frame, const Span& columns, const Span& rows, std::size_t length) {
+  std::vector<double> logs = mean_light(frame, columns.begin, columns.end, rows.begin, rows.end);
+  for (double& value : logs) value = std::log(std::max(value, 0.0) + frame.floor);
+  const std::size_t reach = length / 2, count = logs.size();
+  std::vector<double> sums(count + 2 * reach + 1);
+  for (std::size_t i = 0; i + 1 < sums.size(); ++i)
+    sums[i + 1] = sums[i] + logs[std::min(i - std::min(i, reach), count - 1)];
+  for (std::size_t n = 0; n < count; ++n) logs[n] -= (sums[n + length] - sums[n]) / static_cast<double>(length);
+  return logs;
+}
+
+double product(std::span<const double> a, std::span<const double> b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+// Root of the mean square.
+double extent(std::span<const double> a) {
+  return a.empty() ? 0 : std::sqrt(product(a, a) / static_cast<double>(a.size()));
+}
+
+// Correlation about zero.
+double likeness(std::span<const double> a, std::span<const double> b) {
+  const double energy = product(a, a) * product(b, b);
+  return energy > 0 ? product(a, b) / std::sqrt(energy) : 0;
+}
+
+bool beside(const Frame& frame, const LightPart& left, const LightPart& right) {
+  const Span rows = common(rows_of(left), rows_of(right));
+  const Span between{left.column + left.width, right.column};
+  const std::size_t overlap = between.begin > between.end ? between.begin - between.end : 0;
+  if (2 * rows.size() < std::min(left.height, right.height) || rows.size() == 0 ||
+      between.size() > std::max(left.width, right.width) || 2 * overlap > std::min(left.width, right.width))
+    return false;
+  const std::size_t length = mean_length(left, right);
+  const auto one = swing(frame, columns_of(left), rows, length), other = swing(frame, columns_of(right), rows, length);
+  if (likeness(one, other) < least_beside) return false;
+  if (between.size() < touching) return true;
+  const auto middle = swing(frame, between, rows, length);
+  return likeness(one, middle) >= least_beside &&
+         extent(middle) >= least_between * std::min(extent(one), extent(other));
+}
+
+bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
+  const Span columns = common(columns_of(upper), columns_of(lower));
+  const Span between{upper.row + upper.height, lower.row};
+  if (10 * columns.size() < 8 * std::max(upper.width, lower.width) || columns.size() < 4 ||
+      static_cast<double>(between.size()) * std::max(upper.frequency, lower.frequency) < 1 ||
+      between.size() > upper.height + lower.height)
+    return false;
+  const std::size_t middle = (columns.begin + columns.end) / 2, length = mean_length(upper, lower);
+  const Span rows{upper.row, lower.row + lower.height};
+  const auto left = swing(frame, {columns.begin, middle}, rows, length);
+  const auto right = swing(frame, {middle, columns.end}, rows, length);
+  std::vector<double> both(rows.size());
+  std::ranges::transform(left, right, both.begin(), std::plus{});
+  const std::size_t first = between.begin - rows.begin, count = between.size();
+  const std::span<const double> all(both);
+  const double least = least_rows_between * std::min(extent(all.first(first)), extent(all.subspan(first + count)));
+  return likeness(std::span(left).subspan(first, count), std::span(right).subspan(first, count)) >= least_above &&
+         extent(all.subspan(first, count)) >= least;
+}
+
+}  // namespace
+
+bool one_light_across(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
+                      const LightPart& b) {
+  const Frame in{frames, frame, dark, floor};
+  return a.column <= b.column ? beside(in, a, b) : beside(in, b, a);
+}
+
+bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
+                    const LightPart& b) {
+  const Frame in{frames, frame, dark, floor};
+  return a.row <= b.row ? above(in, a, b) : above(in, b, a);
+}
+
+std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
+                                    const LightPart& box) {
+  const Frame in{frames, frame, dark, floor};
+  const Span rows = rows_of(box);
+  const std::size_t length = mean_length(box, box), end = box.column + box.width, quarter = box.width / 4;
+  if (box.width < 2 * least_strip || likeness(swing(in, {box.column, box.column + quarter}, rows, length),
+                                              swing(in, {end - quarter, end}, rows, length)) >= least_alike)
+    return {};
+  const std::size_t strips = std::min(box.width / least_strip, most_strips);
+  const auto edge = [&](std::size_t strip) { return box.column + strip * box.width / strips; };
+  std::vector<LightPart> parts;
+  std::vector<double> run = swing(in, {edge(0), edge(1)}, rows, length);
+  const auto close = [&](std::size_t first, std::size_t last) {
+    if (5 * (edge(last) - edge(first)) < box.width) return;
+    const double upper = std::min(2 * box.frequency, 0.499);
+    parts.push_back({edge(first), box.row, edge(last) - edge(first), box.height,
+                     strongest_frequency(run, 0.5 * box.frequency, upper)});
+  };
+  std::size_t first = 0;
+  for (std::size_t strip = 1; strip < strips; ++strip) {
+    const auto next = swing(in, {edge(strip), edge(strip + 1)}, rows, length);
+    if (likeness(run, next) >= least_alike) {
+      std::ranges::transform(run, next, run.begin(), std::plus{});
+      continue;
+    }
+    close(first, strip);
+    first = strip;
+    run = next;
+  }
+  close(first, strips);
+  if (parts.size() < 2) parts.clear();
+  return parts;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,241 @@
+#include "lights/refinement.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <span>
+#include <vector>
+
+#include "lights/light_patch.hpp"
+#include "lights/profile_frequency.hpp"
+#include "ocisac/camera/linear_light.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Complex = std::complex<double>;
+
+constexpr double box_edge = 0.15;         // of the largest amplitude
+constexpr double least_alignment = 0.5;   // cosine of the angle to the light's phase
+constexpr double frequency_reach = 0.12;  // relative, in a round
+
+constexpr std::size_t most_orders = 9;  // of a periodic light's harmonics
+
+// Without the care of the standard's for what is close to the ends of the exponents.
+double size(Complex z) { return std::sqrt(std::norm(z)); }
+
+// Calls visit(index, row) for every element of a part of the patch.
+template <class Visit>
+void for_each(const Patch& patch, const PatchRange& range, Visit visit) {
+  for (std::size_t n = range.first_row; n < range.end_row; ++n)
+    for (std::size_t g = range.first_group; g < range.end_group; ++g) visit(n * patch.stride + g, n);
+}
+
+struct Lit {
+  Box box;
+  double amplitude;  // near the largest, of |z|
+};
+
+// A connected part of the patch, rows and groups inclusive.
+struct Part {
+  std::size_t top, bottom, left, right;
+  double weight;
+};
+
+// Takes the part that holds `start` out of `open_to`.
+Part connected_part(const Patch& patch, std::span<const double> aligned, std::vector<std::uint8_t>& open_to,
+                    std::size_t start, std::vector<std::size_t>& stack) {
+  Part part{patch.rows, 0, patch.groups, 0, 0};
+  stack.assign(1, start);
+  open_to[start] = 0;
+  while (!stack.empty()) {
+    const std::size_t at = stack.back(), n = at / patch.stride, g = at % patch.stride;
+    stack.pop_back();
+    part.weight += aligned[at];
+    part.left = std::min(part.left, g), part.right = std::max(part.right, g);
+    part.top = std::min(part.top, n), part.bottom = std::max(part.bottom, n);
+    for (std::size_t m = n - (n > 0); m <= std::min(n + 1, patch.rows - 1); ++m)
+      for (std::size_t h = g - (g > 0); h <= std::min(g + 1, patch.groups - 1); ++h) {
+        const std::size_t next = m * patch.stride + h;
+        if (!open_to[next]) continue;
+        open_to[next] = 0;
+        stack.push_back(next);
+      }
+  }
+  return part;
+}
+
+// The light's box: the connected part with the most swing that begins in the suspect's.
+std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Box& suspect) {
+  const PatchRange where = patch.range(suspect);
+  if (where.size() == 0) return {};
+  Complex sum = 0;
+  std::vector<double> sizes;
+  sizes.reserve(where.size());
+  for_each(patch, where, [&](std::size_t i, std::size_t) {
+    const double length = size(swing[i]);
+    sum += length * swing[i];
+    sizes.push_back(length);
+  });
+  const auto high = sizes.begin() + static_cast<std::ptrdiff_t>((sizes.size() - 1) * 98 / 100);
+  std::ranges::nth_element(sizes, high);
+  const double largest = *high;
+  if (!(largest > 0) || sum == Complex(0)) return {};
+  const Complex phase = sum / std::abs(sum);
+  const double least = box_edge * largest, c = phase.real(), s = phase.imag();
+  constexpr double alignment = least_alignment * least_alignment;
+  std::vector<double> aligned(swing.real.size());
+  std::vector<std::uint8_t> open_to(aligned.size());
+  for (std::size_t i = 0; i < aligned.size(); ++i) {
+    const double a = swing.real[i], b = swing.imaginary[i], along = a * c + b * s;
+    aligned[i] = along;
+    open_to[i] = static_cast<std::uint8_t>((along > least) & (along * along > alignment * (a * a + b * b)));
+  }
+  Part best{};
+  std::vector<std::size_t> stack;
+  for_each(patch, where, [&](std::size_t i, std::size_t) {
+    if (!open_to[i]) return;
+    const Part part = connected_part(patch, aligned, open_to, i, stack);
+    if (part.weight > best.weight) best = part;
+  });
+  if (best.weight == 0) return {};
+  return Lit{{patch.first_column + best.left * patch.group, patch.first_row + best.top,
+              (best.right - best.left + 1) * patch.group, best.bottom - best.top + 1},
+             largest};
+}
+
+struct Profile {
+  std::vector<double> matched;  // (patch rows): Σ over the light's columns of weight × log swing; 0 outside
+  std::vector<double> weight;   // Σ of squared weights
+  double energy = 0;            // Σ of squared log swing, in the box
+  double common = 0;            // that of the weighted mean over the columns
+  double noise = 0;             // Σ of the variance of noise, in the box
+  double uneven = 0;            // depth at the frequency of the rows' variance across the columns, in the box, 0 to 1
+};
+
+// Light multiplies a picture, which leaves its texture in log light the same in bright rows and dark ones. Lines of
+// text have theirs in the rows of the letters.
+double uneven_variance(const Patch& patch, const PatchRange& core, const std::vector<double>& fast, double frequency) {
+  Complex tone = 0;
+  double total = 0;
+  const auto count = static_cast<double>(core.end_group - core.first_group);
+  for (std::size_t n = core.first_row; n < core.end_row; ++n) {
+    double sum = 0, square = 0;
+    for (std::size_t g = core.first_group; g < core.end_group; ++g) {
+      const double x = fast[n * patch.stride + g];
+      sum += x;
+      square += x * x;
+    }
+    const double variance = std::max(square - sum * sum / count, 0.0);
+    tone += variance * turned(frequency * static_cast<double>(n));
+    total += variance;
+  }
+  return total > 0 ? std::abs(tone) / total : 0;
+}
+
+// Weighted with the local swing in log light, in the box and two cycles more on each side.
+Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Box& box, double frequency) {
+  const SwingMap swing = demodulator.swing(patch, patch.logs);
+  const std::vector<double> fast = fast_logs(patch, frequency);
+  const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
+  const PatchRange core = patch.range(box), wide = patch.range(widened(box, 2 * cycle));
+  Complex sum = 0;
+  for_each(patch, core, [&](std::size_t i, std::size_t) { sum += swing[i]; });
+  const Complex phase = sum == Complex(0) ? Complex(1) : sum / std::abs(sum);
+  Profile profile{std::vector<double>(patch.rows), std::vector<double>(patch.rows)};
+  const auto weight = [&, c = phase.real(), s = phase.imag()](std::size_t i) {
+    return std::max(swing.real[i] * c + swing.imaginary[i] * s, 0.0);
+  };
+  for_each(patch, wide, [&](std::size_t i, std::size_t row) {
+    const double w = weight(i);
+    profile.matched[row] += w * fast[i];
+    profile.weight[row] += w * w;
+  });
+  for (std::size_t n = core.first_row; n < core.end_row; ++n) {
+    double sums = 0, weights = 0;
+    for (std::size_t i = n * patch.stride + core.first_group; i < n * patch.stride + core.end_group; ++i) {
+      const double w = weight(i);
+      profile.energy += fast[i] * fast[i];
+      sums += w * fast[i];
+      weights += w * w;
+    }
+    if (weights > 0) profile.common += sums * sums / weights;
+  }
+  profile.uneven = uneven_variance(patch, core, fast, frequency);
+  profile.noise = static_cast<double>(core.size()) * noise_variance(patch, core);
+  return profile;
+}
+
+// Least squares of weight·(harmonics) to the profile by projection: share of its energy that is periodic.
+double periodic_share(const Profile& profile, double frequency) {
+  double total = 0, weights = 0;
+  for (std::size_t n = 0; n < profile.matched.size(); ++n) {
+    if (!(profile.weight[n] > 0)) continue;
+    total += profile.matched[n] * profile.matched[n] / profile.weight[n];
+    weights += profile.weight[n];
+  }
+  const auto most = std::min(static_cast<std::size_t>(0.499 / frequency), most_orders);
+  std::array<Complex, most_orders> sums{};
+  for (std::size_t n = 0; n < profile.matched.size(); ++n) {
+    if (profile.matched[n] == 0) continue;
+    const Complex turn = turned(frequency * static_cast<double>(n));
+    Complex term = profile.matched[n];
+    for (std::size_t h = 0; h < most; ++h) sums[h] += term = product(term, turn);
+  }
+  double periodic = 0;
+  for (std::size_t h = 0; h < most; ++h) periodic += 2 * std::norm(sums[h]) / weights;
+  return total > 0 ? std::min(periodic / total, 1.0) : 0;
+}
+
+// What the profile tells of the light in a box.
+RefinedLight refined(const Patch& patch, const Profile& profile, const Box& box, double frequency, double error,
+                     double amplitude) {
+  const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
+  const double periodic = periodic_share(profile, frequency);
+  const double explained = common * periodic;
+  return {
+      box.column,
+      box.row,
+      box.width,
+      box.height,
+      frequency,
+      error,
+      phase_at_start(profile.matched, frequency, patch.first_row),
+      explained / std::max(1 - explained, 1e-12),
+      amplitude,
+      common,
+      periodic,
+      std::max(profile.energy * (1 - explained) - profile.noise, 0.0) / std::max(profile.energy * explained, 1e-300),
+      profile.uneven};
+}
+
+}  // namespace
+
+std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
+                                          const Suspect& suspect, double floor, const LightLimits& limits, int rounds) {
+  Box box{suspect.column, suspect.row, suspect.width, suspect.height};
+  double frequency = suspect.frequency;
+  for (int round = 1;; ++round) {
+    const std::size_t margin = hann_length(frequency) + 2;
+    const Patch patch = patch_of({frames, frame, dark, floor}, box, {margin, margin});
+    const Demodulator demodulator(frequency, patch.rows);
+    const auto lit = lit_box(patch, demodulator.swing(patch, patch.light), box);
+    if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
+        static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
+      return {};
+    box = lit->box;
+    const Profile profile = profile_of(patch, demodulator, box, frequency);
+    const double lower = frequency * (1 - frequency_reach), upper = std::min(frequency * (1 + frequency_reach), 0.499);
+    frequency = strongest_frequency(profile.matched, lower, upper);
+    if (frequency <= lower || frequency >= upper) return {};
+    if (round < rounds) continue;
+    box.width = std::min(box.width, shape_of(frames).columns - box.column);
+    const double error =
+        jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);
+    return refined(patch, profile, box, frequency, error, 2 * lit->amplitude);
+  }
+}
+
+}  // namespace ocisac

@@ -1,0 +1,164 @@
+#include "lights/refinement_kernels.hpp"
+
+#include <algorithm>
+#include <numbers>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "lights/refinement_kernels.cpp"
+#include <hwy/foreach_target.h>  // compiles the rest once for each target
+//
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ocisac::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using DoubleTag = hn::CappedTag<double, patch_padding>;
+using Doubles = hn::Vec<DoubleTag>;
+
+struct Sum {
+  Doubles real, imaginary;
+
+  // Adds x·carrier(i), and takes off y·carrier(k).
+  HWY_INLINE void slide(const Carrier& carrier, Doubles x, std::size_t i, Doubles y, std::size_t k) {
+    const DoubleTag d;
+    real = hn::MulAdd(x, hn::Set(d, carrier.real[i]), real);
+    imaginary = hn::MulAdd(x, hn::Set(d, carrier.imaginary[i]), imaginary);
+    real = hn::NegMulAdd(y, hn::Set(d, carrier.real[k]), real);
+    imaginary = hn::NegMulAdd(y, hn::Set(d, carrier.imaginary[k]), imaginary);
+  }
+};
+
+// Down the rows, a vector of groups at a time.
+void HannDemodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real, double* imaginary) {
+  const DoubleTag d;
+  const std::size_t reach = window.length / 2, last = x.rows - 1;
+  const auto half = hn::Set(d, 0.5 / static_cast<double>(window.length));
+  for (std::size_t g = 0; g < x.stride; g += hn::Lanes(d)) {
+    const auto centre = hn::LoadU(d, mean + g), none = hn::Zero(d);
+    const auto at = [&](std::size_t i) HWY_ATTR {  // counted from `reach` rows before the first
+      return hn::Sub(hn::LoadU(d, x.values + std::min(i - std::min(i, reach), last) * x.stride + g), centre);
+    };
+    Sum below{none, none}, middle = below, above = below;
+    for (std::size_t i = 0; i + 1 < window.length; ++i) {
+      below.slide(window.below, at(i), i, none, 0);
+      middle.slide(window.middle, at(i), i, none, 0);
+      above.slide(window.above, at(i), i, none, 0);
+    }
+    auto leaving = none;
+    for (std::size_t n = 0; n < x.rows; ++n) {
+      const std::size_t next = n + window.length - 1, before = n - std::min<std::size_t>(n, 1);
+      const auto entering = at(next);
+      below.slide(window.below, entering, next, leaving, before);
+      middle.slide(window.middle, entering, next, leaving, before);
+      above.slide(window.above, entering, next, leaving, before);
+      leaving = at(n);
+      // 2·middle + turn·below + conj(turn)·above
+      const auto c = hn::Set(d, window.turns.real[n]), s = hn::Set(d, window.turns.imaginary[n]);
+      auto re = hn::MulAdd(c, hn::Add(below.real, above.real), hn::Add(middle.real, middle.real));
+      re = hn::MulAdd(s, hn::Sub(above.imaginary, below.imaginary), re);
+      auto im = hn::MulAdd(c, hn::Add(below.imaginary, above.imaginary), hn::Add(middle.imaginary, middle.imaginary));
+      im = hn::MulAdd(s, hn::Sub(below.real, above.real), im);
+      hn::StoreU(hn::Mul(half, re), d, real + n * x.stride + g);
+      hn::StoreU(hn::Mul(half, im), d, imaginary + n * x.stride + g);
+    }
+  }
+}
+
+// ln m = 2·artanh((m − 1)/(m + 1)) for a mantissa m between √½ and √2.
+void Logarithms64(const double* light, std::size_t count, double floor, double* out) {
+  const DoubleTag d;
+  const hn::RebindToUnsigned<DoubleTag> bits;
+  const auto one = hn::Set(d, 1.0);
+  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
+    const auto x = hn::BitCast(bits, hn::Add(hn::Max(hn::LoadU(d, light + i), hn::Zero(d)), hn::Set(d, floor)));
+    // The biased exponent as a number: 2^52 + exponent.
+    const auto shifted = hn::Or(hn::ShiftRight<52>(x), hn::Set(bits, 0x4330000000000000ULL));
+    auto exponent = hn::Sub(hn::BitCast(d, shifted), hn::Set(d, 4503599627370496.0 + 1023.0));
+    auto m =
+        hn::BitCast(d, hn::Or(hn::And(x, hn::Set(bits, 0x000fffffffffffffULL)), hn::Set(bits, 0x3ff0000000000000ULL)));
+    const auto large = hn::Gt(m, hn::Set(d, std::numbers::sqrt2));
+    m = hn::IfThenElse(large, hn::Mul(m, hn::Set(d, 0.5)), m);
+    exponent = hn::IfThenElse(large, hn::Add(exponent, one), exponent);
+    const auto t = hn::Div(hn::Sub(m, one), hn::Add(m, one)), t2 = hn::Mul(t, t);
+    auto series = hn::Set(d, 1.0 / 21);
+    for (int k = 19; k >= 1; k -= 2) series = hn::MulAdd(series, t2, hn::Set(d, 1.0 / k));
+    hn::StoreU(hn::MulAdd(exponent, hn::Set(d, std::numbers::ln2), hn::Mul(hn::Add(t, t), series)), d, out + i);
+  }
+}
+
+struct Moments {
+  Doubles real[3], imaginary[3];
+
+  HWY_INLINE Moments() {
+    for (int q = 0; q < 3; ++q) real[q] = imaginary[q] = hn::Zero(DoubleTag());
+  }
+
+  HWY_INLINE void add(Doubles x, Doubles m, Doubles re, Doubles im) {
+    auto a = hn::Mul(x, re), b = hn::Mul(x, im);
+    for (int q = 0; q < 3; ++q) {
+      real[q] = hn::Add(real[q], a);
+      imaginary[q] = hn::Add(imaginary[q], b);
+      a = hn::Mul(a, m), b = hn::Mul(b, m);
+    }
+  }
+};
+
+HarmonicSums HarmonicSumsOf(const double* x, std::size_t blocks, const Turns& turns) {
+  const hn::CappedTag<double, fine_turns> d;
+  const std::size_t lanes = hn::Lanes(d);
+  Moments sums[most_harmonics];
+  for (std::size_t block = 0; block < blocks; ++block) {
+    const auto c = hn::Set(d, turns.coarse_real[block]), s = hn::Set(d, turns.coarse_imaginary[block]);
+    for (std::size_t k = 0; k < fine_turns; k += lanes) {
+      const auto fc = hn::LoadU(d, turns.fine_real + k), fs = hn::LoadU(d, turns.fine_imaginary + k);
+      const auto value = hn::LoadU(d, x + block * fine_turns + k);
+      const auto first = static_cast<double>(block * fine_turns + k) - turns.middle;
+      const auto m = hn::Add(hn::Iota(d, 0.0), hn::Set(d, first));
+      const auto re = hn::Sub(hn::Mul(c, fc), hn::Mul(s, fs)), im = hn::Add(hn::Mul(c, fs), hn::Mul(s, fc));
+      auto a = re, b = im;
+      for (std::size_t h = 0; h < most_harmonics; ++h) {
+        sums[h].add(value, m, a, b);
+        const auto next = hn::Sub(hn::Mul(a, re), hn::Mul(b, im));
+        b = hn::Add(hn::Mul(a, im), hn::Mul(b, re));
+        a = next;
+      }
+    }
+  }
+  HarmonicSums out;
+  for (std::size_t h = 0; h < most_harmonics; ++h)
+    for (int q = 0; q < 3; ++q) {
+      out.real[h][q] = hn::GetLane(hn::SumOfLanes(d, sums[h].real[q]));
+      out.imaginary[h][q] = hn::GetLane(hn::SumOfLanes(d, sums[h].imaginary[q]));
+    }
+  return out;
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ocisac::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ocisac::kernels {
+
+HWY_EXPORT(HannDemodulate);
+HWY_EXPORT(Logarithms64);
+HWY_EXPORT(HarmonicSumsOf);
+
+void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real,
+                     double* imaginary) {
+  HWY_DYNAMIC_DISPATCH(HannDemodulate)(x, mean, window, real, imaginary);
+}
+
+void logarithms(const double* light, std::size_t count, double floor, double* out) {
+  HWY_DYNAMIC_DISPATCH(Logarithms64)(light, count, floor, out);
+}
+
+HarmonicSums harmonic_sums(const double* x, std::size_t blocks, const Turns& turns) {
+  return HWY_DYNAMIC_DISPATCH(HarmonicSumsOf)(x, blocks, turns);
+}
+
+}  // namespace ocisac::kernels
+#endif

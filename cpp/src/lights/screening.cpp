@@ -1,0 +1,373 @@
+#include "lights/screening.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <numbers>
+#include <span>
+
+#include "lights/screening_kernels.hpp"
+#include "ocisac/camera/linear_light.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t window = 32, hop = 16;  // rows of a tile, after adding
+constexpr std::size_t tile_groups = 3;        // in a tile
+constexpr std::size_t widest_group = 8;       // columns at the finest scale
+constexpr std::size_t wide_factor = 8;        // a second family of scales, for faint light on wide areas
+constexpr double least_share = 0.4;
+constexpr float least_power = 1e-6F;  // mean square of log light: swings below 0.1 % are nobody's
+// Cycles in a window: by halves where the tiles of the next scale do not see better.
+constexpr std::array<double, 18> cycles{2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8, 9, 10, 11, 12, 13, 14};
+
+// Cosines and sines about the middle of a window, less their own mean and slope, so that a signal's do not count:
+// of rows 31, 30, … 16 (16 × waves).
+struct Waves {
+  static constexpr std::size_t padded = 24;  // waves, in whole vectors
+  std::array<std::array<float, padded>, hop> cosine{}, sine{};
+  float slope_energy = 0;  // Σ (n − 15.5)²
+
+  Waves() {
+    for (std::size_t n = 0; n < hop; ++n) slope_energy += static_cast<float>(2 * from_middle(n) * from_middle(n));
+    for (std::size_t k = 0; k < cycles.size(); ++k) {
+      const auto turn = [&](std::size_t n) { return 2 * std::numbers::pi * cycles[k] * from_middle(n) / window; };
+      double mean = 0, tilt = 0;
+      for (std::size_t n = 0; n < hop; ++n) {
+        mean += std::cos(turn(n)) / hop;
+        tilt += 2 * std::sin(turn(n)) * from_middle(n) / static_cast<double>(slope_energy);
+      }
+      for (std::size_t n = 0; n < hop; ++n) {
+        cosine[n][k] = static_cast<float>(std::cos(turn(n)) - mean);
+        sine[n][k] = static_cast<float>(std::sin(turn(n)) - tilt * from_middle(n));
+      }
+    }
+  }
+
+  // Of row 31 − n.
+  static double from_middle(std::size_t n) { return 0.5 * (window - 1) - static_cast<double>(n); }
+};
+
+const Waves& waves() {
+  static const Waves one;
+  return one;
+}
+
+struct Tile {
+  float share = 0;  // 0: nothing
+  std::uint8_t wave = 0;
+};
+
+struct Tone {
+  double energy = 0;
+  std::uint8_t wave = 0;
+};
+
+// The strongest of the waves in what the groups of a tile have in common; `tile`: its first group.
+Tone strongest_tone(const kernels::Chunk& earlier, const kernels::Chunk& later, std::size_t tile, std::size_t stride,
+                    std::size_t groups) {
+  const Waves& all = waves();
+  float step = 0;
+  for (std::size_t g = tile; g < tile + groups; ++g) step += later.first[g] - earlier.first[g];
+  std::array<float, Waves::padded> a, b;
+  kernels::wave_sums(earlier.common + tile, later.common + tile, step, stride, all.cosine[0].data(), all.sine[0].data(),
+                     Waves::padded, a.data(), b.data());
+  Tone best;
+  for (std::size_t k = 0; k < cycles.size(); ++k) {
+    const double energy = 2.0 / window * static_cast<double>(a[k] * a[k] + b[k] * b[k]);
+    if (energy > best.energy) best = {energy, static_cast<std::uint8_t>(k)};
+  }
+  return best;
+}
+
+struct TileMap {
+  std::size_t windows = 0, across = 0;
+  std::vector<Tile> tiles;
+};
+
+std::size_t windows_in(std::size_t rows) { return rows < window ? 0 : (rows - window) / hop + 1; }
+
+bool alike(std::uint8_t a, std::uint8_t b) { return std::abs(cycles[a] - cycles[b]) <= 1; }
+
+// Tiles that touch, corners included, and agree in frequency.
+void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, std::size_t column_step,
+                  std::vector<Suspect>& suspects) {
+  std::vector<std::uint8_t> seen(map.tiles.size());
+  std::vector<std::size_t> open;
+  for (std::size_t start = 0; start < map.tiles.size(); ++start) {
+    if (seen[start] || map.tiles[start].share == 0) continue;
+    std::size_t top = map.windows, bottom = 0, left = map.across, right = 0;
+    Tile best;
+    double evidence = 0;
+    open.assign(1, start);
+    seen[start] = 1;
+    while (!open.empty()) {
+      const std::size_t at = open.back(), w = at / map.across, g = at % map.across;
+      open.pop_back();
+      const Tile tile = map.tiles[at];
+      if (tile.share > best.share) best = tile;
+      evidence -= std::log1p(-static_cast<double>(tile.share));
+      top = std::min(top, w), bottom = std::max(bottom, w), left = std::min(left, g), right = std::max(right, g);
+      for (std::size_t v = w - (w > 0); v <= std::min(w + 1, map.windows - 1); ++v)
+        for (std::size_t h = g - (g > 0); h <= std::min(g + 1, map.across - 1); ++h) {
+          const std::size_t next = v * map.across + h;
+          if (seen[next] || map.tiles[next].share == 0 || !alike(map.tiles[next].wave, tile.wave)) continue;
+          seen[next] = 1;
+          open.push_back(next);
+        }
+    }
+    suspects.push_back({left * column_step, top * hop * row_step, (right - left + groups) * column_step,
+                        ((bottom - top) * hop + window) * row_step,
+                        cycles[best.wave] / static_cast<double>(window * row_step), static_cast<double>(best.share),
+                        evidence});
+  }
+}
+
+// The share that white noise passes `false_alarms` times in so many tiles.
+double share_threshold(std::size_t tiles, std::size_t groups, double false_alarms) {
+  const double tests = static_cast<double>(std::max<std::size_t>(tiles, 1) * cycles.size());
+  const double half_freedom = (static_cast<double>(groups * (window - 2)) - 2) / 2;
+  return std::max(least_share, 1 - std::pow(std::min(false_alarms / tests, 1.0), 1 / half_freedom));
+}
+
+// Log light of one scale as its rows come by: two chunks of 16 rows are a window. Rows added in pairs and groups of
+// groups make the next scales.
+class Scale {
+ public:
+  Scale(std::size_t rows, std::size_t groups, std::size_t row_step, std::size_t column_step, bool widen)
+      : rows_(rows),
+        groups_(groups),
+        row_step_(row_step),
+        column_step_(column_step),
+        stride_(groups + kernels::chunk_padding),
+        logs_(2 * kernels::chunk_rows * stride_),
+        common_(logs_.size()),
+        previous_(stride_),
+        energy_(stride_) {
+    for (auto& values : scratch_) values.resize(stride_);
+    for (auto& values : moments_) values.resize(2 * stride_);
+    if (widen && groups >= tile_groups * wide_factor)
+      wide_ = std::make_unique<Scale>(rows, groups / wide_factor, row_step, column_step * wide_factor, false);
+    if (widen && rows / 2 >= window) {
+      across_ = groups > 1 ? 2 : 1;
+      half_ = std::make_unique<Scale>(rows / 2, groups / across_, 2 * row_step, across_ * column_step, true);
+    }
+    light_.resize(std::max(wide_ ? wide_->groups_ : 0, half_ ? half_->groups_ : 0));
+  }
+
+  // Of this scale and those made from it.
+  [[nodiscard]] std::size_t tiles() const {
+    return windows_in(rows_) * groups_ + (wide_ ? wide_->tiles() : 0) + (half_ ? half_->tiles() : 0);
+  }
+
+  void begin(float floor, float least_swing, double false_alarms, std::size_t all_tiles) {
+    floor_ = floor;
+    least_swing_ = least_swing;
+    threshold_ = share_threshold(all_tiles, tile_width(), false_alarms);
+    if (wide_) wide_->begin(floor, least_swing, false_alarms, all_tiles);
+    if (half_) half_->begin(floor, least_swing, false_alarms, all_tiles);
+  }
+
+  // `light`: mean light of every group in the next row, DN above dark.
+  void add_row(const float* light) {
+    const std::size_t slot = seen_ % (2 * kernels::chunk_rows);
+    kernels::logarithms(light, groups_, floor_, &logs_[slot * stride_]);
+    if (wide_) add_to_wide(light);
+    if (half_ && seen_ % 2 == 0) std::copy(light, light + groups_, previous_.begin());
+    if (half_ && seen_ % 2 == 1) add_to_half(light);
+    ++seen_;
+    if (seen_ % kernels::chunk_rows == 0) end_chunk();
+  }
+
+  void collect(std::vector<Suspect>& suspects) const {
+    if (wide_) wide_->collect(suspects);
+    add_suspects(map_, tile_width(), row_step_, column_step_, suspects);
+    if (half_) half_->collect(suspects);
+  }
+
+ private:
+  [[nodiscard]] std::size_t tile_width() const { return std::min(tile_groups, groups_); }
+
+  void add_to_wide(const float* light) {
+    for (std::size_t g = 0; g < wide_->groups_; ++g) {
+      float sum = 0;
+      for (std::size_t k = 0; k < wide_factor; ++k) sum += light[g * wide_factor + k];
+      light_[g] = sum / static_cast<float>(wide_factor);
+    }
+    wide_->add_row(light_.data());
+  }
+
+  void add_to_half(const float* light) {
+    const std::size_t second = across_ - 1;
+    for (std::size_t g = 0; g < half_->groups_; ++g) {
+      const std::size_t at = across_ * g;
+      light_[g] = 0.25F * (previous_[at] + previous_[at + second] + light[at] + light[at + second]);
+    }
+    half_->add_row(light_.data());
+  }
+
+  void end_chunk() {
+    const std::size_t chunks = seen_ / kernels::chunk_rows, later = (chunks - 1) % 2;
+    const kernels::Chunk newest = chunk(later);
+    kernels::chunk_moments(newest.first, stride_, groups_, tile_width(), newest.moments,
+                           &common_[later * kernels::chunk_rows * stride_]);
+    if (chunks > 1) end_window(1 - later, later);
+  }
+
+  // The common share of a tile bounds that of any tone in it, and costs little; tones are looked at where it reaches
+  // the threshold.
+  void end_window(std::size_t earlier, std::size_t later) {
+    const std::size_t across = groups_ - tile_width() + 1;
+    map_.across = across;
+    map_.tiles.resize(++map_.windows * across);
+    const kernels::Chunk a = chunk(earlier), b = chunk(later);
+    const auto count = static_cast<float>(tile_width());
+    const auto threshold = static_cast<float>(threshold_);
+    const kernels::WindowScratch scratch{scratch_[0].data(), scratch_[1].data(), scratch_[2].data(),
+                                         scratch_[3].data(), scratch_[4].data(), scratch_[5].data()};
+    if (!kernels::tile_energies(a, b, across,
+                                {tile_width(), least_power * window * count, threshold, waves().slope_energy}, scratch,
+                                energy_.data()))
+      return;
+    for (std::size_t g = 0; g < across; ++g) {
+      const float energy = energy_[g];
+      if (energy == 0) continue;
+      float mean = 0;  // of log light
+      for (std::size_t k = 0; k < tile_width(); ++k) mean += (a.first[g + k] + scratch.sum[g + k] / window) / count;
+      const float swing = least_swing_ * std::exp(-mean);
+      if (energy < 0.5F * swing * swing * window * count) continue;
+      const Tone tone = strongest_tone(a, b, g, stride_, tile_width());
+      const double share = tone.energy / static_cast<double>(count * energy);
+      if (share >= threshold_)
+        map_.tiles[(map_.windows - 1) * across + g] = {static_cast<float>(std::min(share, 0.9999)), tone.wave};
+    }
+  }
+
+  [[nodiscard]] kernels::Chunk chunk(std::size_t which) {
+    const auto part = [&](std::size_t k) { return moments_[k].data() + which * stride_; };
+    const std::size_t at = which * kernels::chunk_rows * stride_;
+    return {&logs_[at], {part(0), part(1), part(2), part(3), part(4)}, &common_[at]};
+  }
+
+  std::size_t rows_, groups_, row_step_, column_step_, stride_, across_ = 1, seen_ = 0;
+  float floor_ = 0, least_swing_ = 0;
+  double threshold_ = 1;
+  std::vector<float> logs_, common_;           // (2 chunks × 16 rows)
+  std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of ChunkMoments
+  std::vector<float> previous_, light_;
+  std::array<std::vector<float>, 6> scratch_;  // of a window, as of WindowScratch
+  std::vector<float> energy_;                  // of its tiles
+  TileMap map_;
+  std::unique_ptr<Scale> wide_, half_;
+};
+
+// A memoryless tone curve keeps every period: stored values do.
+template <class T>
+void add_rows(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
+  const std::size_t groups = view.columns / group;
+  const float factor = 1.0F / static_cast<float>(group);
+  std::vector<float> light(groups);
+  for (std::size_t n = 0; n < view.rows; ++n) {
+    const T* row = view.at(0, n, 0);
+    bool done = false;
+    if constexpr (std::is_same_v<T, std::uint8_t>)
+      if (view.column_stride == 1 && group == 8) {
+        kernels::sum_eight_bytes(row, groups, factor, dark, light.data());
+        done = true;
+      }
+    for (std::size_t g = 0; g < groups && !done; ++g) {
+      float sum = 0;
+      for (std::size_t c = 0; c < group; ++c)
+        sum += static_cast<float>(row[static_cast<std::ptrdiff_t>(g * group + c) * view.column_stride]);
+      light[g] = sum * factor - dark;
+    }
+    scale.add_row(light.data());
+  }
+}
+
+// Mean light of `group` columns in the rows from `first` on.
+template <class T>
+void sum_columns(const FramesView<const T>& view, std::size_t first, std::size_t column, std::size_t group,
+                 std::span<float> out, float factor, float dark) {
+  if constexpr (std::is_same_v<T, std::uint8_t>)
+    if (view.row_stride == 1 && group == 8) {
+      kernels::sum_eight_columns(view.at(0, first, column), view.column_stride, out.size(),
+                                 column + 2 * group <= view.columns, factor, dark, out.data());
+      return;
+    }
+  std::ranges::fill(out, 0.0F);
+  for (std::size_t c = 0; c < group; ++c) {
+    const T* samples = view.at(0, first, column + c);
+    for (std::size_t n = 0; n < out.size(); ++n)
+      out[n] += static_cast<float>(samples[static_cast<std::ptrdiff_t>(n) * view.row_stride]);
+  }
+  for (float& light : out) light = light * factor - dark;
+}
+
+// Columns lie in memory one after the other: some cache lines of each at a time, a few groups at a time.
+template <class T>
+void add_columns(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
+  constexpr std::size_t block = 256, together = 16;
+  const std::size_t groups = view.columns / group;
+  const float factor = 1.0F / static_cast<float>(group);
+  std::vector<float> light(block * groups), sums(together * block);
+  for (std::size_t first = 0; first < view.rows; first += block) {
+    const std::size_t count = std::min(block, view.rows - first);
+    for (std::size_t start = 0; start < groups; start += together) {
+      const std::size_t width = std::min(together, groups - start);
+      for (std::size_t g = 0; g < width; ++g)
+        sum_columns(view, first, (start + g) * group, group, {&sums[g * block], count}, factor, dark);
+      for (std::size_t n = 0; n < count; ++n)
+        for (std::size_t g = 0; g < width; ++g) light[n * groups + start + g] = sums[g * block + n];
+    }
+    for (std::size_t n = 0; n < count; ++n) scale.add_row(&light[n * groups]);
+  }
+}
+
+}  // namespace
+
+double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        if (std::is_integral_v<T> || curve.white_level != 0)
+          return (white_level(curve, sample_maximum<T>()) - curve.dark_level) / 64;
+        double top = 0;  // floating-point samples of no stated range
+        for (std::size_t f = 0; f < view.frames; ++f)
+          for (std::size_t n = 0; n < view.rows; ++n)
+            for (std::size_t c = 0; c < view.columns; ++c)
+              top = std::max(top, static_cast<double>(view(f, n, c)) - curve.dark_level);
+        return top > 0 ? top / 64 : 1;
+      },
+      frames);
+}
+
+std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
+                                    double false_alarms) {
+  const auto floor = static_cast<float>(logarithm_floor(frames, curve));
+  const Shape shape = shape_of(frames);
+  const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
+  const bool whole = saturation_level(frames) > 0;  // integers: a tone of half a stored step is none
+  const float least_swing = whole ? 0.5F : 0.0F;
+  Scale finest(shape.rows, shape.columns / group, 1, group, true);
+  finest.begin(floor, least_swing, false_alarms, finest.tiles());
+  std::visit(
+      [&](const auto& view) {
+        const auto one = view.frame(frame);
+        const auto dark = static_cast<float>(curve.dark_level);
+        if (std::abs(one.row_stride) < std::abs(one.column_stride))
+          add_columns(one, group, dark, finest);
+        else
+          add_rows(one, group, dark, finest);
+      },
+      frames);
+  std::vector<Suspect> suspects;
+  finest.collect(suspects);
+  std::ranges::stable_sort(suspects, std::greater{}, &Suspect::evidence);
+  return suspects;
+}
+
+}  // namespace ocisac

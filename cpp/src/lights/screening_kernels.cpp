@@ -1,0 +1,229 @@
+#include "lights/screening_kernels.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <numbers>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "lights/screening_kernels.cpp"
+#include <hwy/foreach_target.h>  // compiles the rest once for each target
+//
+#include <hwy/cache_control.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ocisac::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile,
+                    const ChunkMoments& out, float* common) {
+  const hn::CappedTag<float, 16> d;
+  const std::size_t lanes = hn::Lanes(d);
+  for (std::size_t g = 0; g < groups; g += lanes) {
+    const auto first = hn::LoadU(d, rows + g), first1 = hn::LoadU(d, rows + g + 1), first2 = hn::LoadU(d, rows + g + 2);
+    auto sum = hn::Zero(d), slope = sum, square = sum, next = sum, second = sum;
+    hn::StoreU(sum, d, common + g);
+    for (std::size_t n = 1; n < chunk_rows; ++n) {
+      const float* row = rows + n * stride + g;
+      const auto x = hn::Sub(hn::LoadU(d, row), first);
+      const auto y = hn::Sub(hn::LoadU(d, row + 1), first1), z = hn::Sub(hn::LoadU(d, row + 2), first2);
+      sum = hn::Add(sum, x);
+      slope = hn::Add(slope, hn::Mul(x, hn::Set(d, static_cast<float>(n))));
+      square = hn::Add(square, hn::Mul(x, x));
+      next = hn::Add(next, hn::Mul(x, y));
+      second = hn::Add(second, hn::Mul(x, z));
+      const auto two = tile > 1 ? hn::Add(x, y) : x;
+      hn::StoreU(tile > 2 ? hn::Add(two, z) : two, d, common + n * stride + g);
+    }
+    hn::StoreU(sum, d, out.sum + g);
+    hn::StoreU(slope, d, out.slope + g);
+    hn::StoreU(square, d, out.square + g);
+    hn::StoreU(next, d, out.next + g);
+    hn::StoreU(second, d, out.second + g);
+  }
+}
+
+using FloatTag = hn::CappedTag<float, 16>;
+using Floats = hn::Vec<FloatTag>;
+
+// Products of groups `apart` over the window, beyond mean and slope of each.
+struct WindowProducts {
+  const WindowScratch& of;
+  const Chunk &earlier, &later;
+  float per_row, per_slope;
+
+  HWY_INLINE Floats operator()(const float* before, const float* after, std::size_t g, std::size_t apart) const {
+    const FloatTag d;
+    const std::size_t h = g + apart;
+    const auto step = hn::LoadU(d, of.step + g), other = hn::LoadU(d, of.step + h);
+    const auto sum = hn::LoadU(d, later.moments.sum + g), other_sum = hn::LoadU(d, later.moments.sum + h);
+    auto total = hn::Add(hn::LoadU(d, before + g), hn::LoadU(d, after + g));
+    total = hn::MulAdd(step, other_sum, total);
+    total = hn::MulAdd(other, sum, total);
+    total = hn::MulAdd(hn::Mul(hn::Set(d, static_cast<float>(chunk_rows)), step), other, total);
+    const auto means = hn::Mul(hn::LoadU(d, of.sum + g), hn::LoadU(d, of.sum + h));
+    const auto slopes = hn::Mul(hn::LoadU(d, of.slope + g), hn::LoadU(d, of.slope + h));
+    total = hn::NegMulAdd(means, hn::Set(d, per_row), total);
+    return hn::NegMulAdd(slopes, hn::Set(d, per_slope), total);
+  }
+};
+
+bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
+                  const WindowScratch& scratch, float* energy) {
+  const FloatTag d;
+  const std::size_t lanes = hn::Lanes(d), groups = tiles + bound.groups - 1;
+  constexpr float rows = chunk_rows, middle = chunk_rows - 0.5F;
+  constexpr float later_slope = 0.5F * rows * rows;  // Σ of n − 15.5 over the later chunk
+  for (std::size_t g = 0; g < groups; g += lanes) {
+    const auto step = hn::Sub(hn::LoadU(d, later.first + g), hn::LoadU(d, earlier.first + g));
+    const auto before = hn::LoadU(d, earlier.moments.sum + g), after = hn::LoadU(d, later.moments.sum + g);
+    hn::StoreU(step, d, scratch.step + g);
+    hn::StoreU(hn::MulAdd(hn::Set(d, rows), step, hn::Add(before, after)), d, scratch.sum + g);
+    auto slope = hn::Add(hn::LoadU(d, earlier.moments.slope + g), hn::LoadU(d, later.moments.slope + g));
+    slope = hn::NegMulAdd(hn::Set(d, middle), before, slope);
+    slope = hn::MulAdd(hn::Set(d, rows - middle), after, slope);
+    hn::StoreU(hn::MulAdd(hn::Set(d, later_slope), step, slope), d, scratch.slope + g);
+  }
+  const WindowProducts products{scratch, earlier, later, 0.5F / rows, 1 / bound.slope_energy};
+  const ChunkMoments &a = earlier.moments, &b = later.moments;
+  for (std::size_t g = 0; g < groups; g += lanes) {
+    hn::StoreU(products(a.square, b.square, g, 0), d, scratch.own + g);
+    hn::StoreU(products(a.next, b.next, g, 1), d, scratch.near + g);
+    hn::StoreU(products(a.second, b.second, g, 2), d, scratch.far + g);
+  }
+  const auto least_energy = hn::Set(d, bound.least_energy);
+  const auto least_share = hn::Set(d, bound.least_share * static_cast<float>(bound.groups));
+  bool any = false;
+  for (std::size_t g = 0; g < tiles; g += lanes) {
+    auto all = hn::LoadU(d, scratch.own + g), common = hn::Zero(d);
+    for (std::size_t k = 1; k < bound.groups; ++k) {
+      all = hn::Add(all, hn::LoadU(d, scratch.own + g + k));
+      common = hn::Add(common, hn::LoadU(d, scratch.near + g + k - 1));
+    }
+    if (bound.groups > 2) common = hn::Add(common, hn::LoadU(d, scratch.far + g));
+    const auto bounded = hn::Add(all, hn::Add(common, common));
+    const auto candidate = hn::And(hn::Gt(all, least_energy), hn::Ge(bounded, hn::Mul(least_share, all)));
+    any = any || !hn::AllFalse(d, hn::And(candidate, hn::FirstN(d, tiles - g)));
+    hn::StoreU(hn::IfThenElseZero(candidate, all), d, energy + g);
+  }
+  return any;
+}
+
+void WaveSums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
+              const float* sine, std::size_t waves, float* even, float* odd) {
+  std::array<float, chunk_rows> sum, difference;
+  for (std::size_t n = 0; n < chunk_rows; ++n) {
+    const float before = earlier[n * stride], after = later[(chunk_rows - 1 - n) * stride] + step;
+    sum[n] = after + before;
+    difference[n] = after - before;
+  }
+  const hn::CappedTag<float, 8> d;
+  for (std::size_t k = 0; k < waves; k += hn::Lanes(d)) {
+    auto a = hn::Zero(d), b = a;
+    for (std::size_t n = 0; n < chunk_rows; ++n) {
+      a = hn::MulAdd(hn::Set(d, sum[n]), hn::LoadU(d, cosine + n * waves + k), a);
+      b = hn::MulAdd(hn::Set(d, difference[n]), hn::LoadU(d, sine + n * waves + k), b);
+    }
+    hn::StoreU(a, d, even + k);
+    hn::StoreU(b, d, odd + k);
+  }
+}
+
+// The next group's columns are fetched ahead: too many streams for the processor to foresee.
+void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t rows, bool more,
+                     float scale, float dark, float* HWY_RESTRICT out) {
+  const FloatTag d;
+  const hn::Rebind<std::int32_t, FloatTag> words;
+  const hn::Rebind<std::uint16_t, FloatTag> halves;
+  const hn::Rebind<std::uint8_t, FloatTag> bytes;
+  const std::size_t lanes = hn::Lanes(d);
+  for (std::ptrdiff_t c = 8; more && c < 16; ++c)
+    for (std::size_t n = 0; n < rows; n += 64) hwy::Prefetch(first + c * stride + n);
+  std::size_t n = 0;
+  for (; n + lanes <= rows; n += lanes) {
+    auto sum = hn::Zero(halves);
+    for (std::ptrdiff_t c = 0; c < 8; ++c)
+      sum = hn::Add(sum, hn::PromoteTo(halves, hn::LoadU(bytes, first + c * stride + n)));
+    const auto light = hn::ConvertTo(d, hn::PromoteTo(words, sum));
+    hn::StoreU(hn::Sub(hn::Mul(light, hn::Set(d, scale)), hn::Set(d, dark)), d, out + n);
+  }
+  for (; n < rows; ++n) {
+    std::int32_t sum = 0;
+    for (std::ptrdiff_t c = 0; c < 8; ++c) sum += first[c * stride + static_cast<std::ptrdiff_t>(n)];
+    out[n] = static_cast<float>(sum) * scale - dark;
+  }
+}
+
+// Plain loops from here on: compilers turn them into the target's instructions.
+void SumEightBytes(const std::uint8_t* HWY_RESTRICT row, std::size_t groups, float scale, float dark,
+                   float* HWY_RESTRICT out) {
+  constexpr std::uint64_t low = 0x00ff00ff00ff00ffU;
+  for (std::size_t g = 0; g < groups; ++g) {
+    std::uint64_t x;
+    std::memcpy(&x, row + 8 * g, sizeof x);
+    x = (x & low) + ((x >> 8) & low);
+    x += x >> 32;
+    const auto sum = static_cast<std::int32_t>((x + (x >> 16)) & 0xffffU);
+    out[g] = static_cast<float>(sum) * scale - dark;
+  }
+}
+
+// ln m = 2·artanh((m − 1)/(m + 1)) for the mantissa m.
+void Logarithms(const float* HWY_RESTRICT light, std::size_t groups, float floor, float* HWY_RESTRICT out) {
+  for (std::size_t g = 0; g < groups; ++g) {
+    const auto bits = std::bit_cast<std::int32_t>(std::max(light[g], 0.0F) + floor);
+    const auto exponent = static_cast<float>((bits >> 23) - 127);
+    const auto mantissa = std::bit_cast<float>((bits & 0x007fffff) | 0x3f800000);
+    const float t = (mantissa - 1) / (mantissa + 1), t2 = t * t;
+    out[g] = exponent * std::numbers::ln2_v<float> + 2 * t * (1 + t2 * (1.0F / 3 + t2 * (0.2F + t2 / 7)));
+  }
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ocisac::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ocisac::kernels {
+
+HWY_EXPORT(ChunkMomentsOf);
+HWY_EXPORT(TileEnergies);
+HWY_EXPORT(WaveSums);
+HWY_EXPORT(SumEightBytes);
+HWY_EXPORT(SumEightColumns);
+HWY_EXPORT(Logarithms);
+
+void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
+                   float* common) {
+  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(rows, stride, groups, tile, out, common);
+}
+
+bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
+                   const WindowScratch& scratch, float* energy) {
+  return HWY_DYNAMIC_DISPATCH(TileEnergies)(earlier, later, tiles, bound, scratch, energy);
+}
+
+void wave_sums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
+               const float* sine, std::size_t waves, float* even, float* odd) {
+  HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, step, stride, cosine, sine, waves, even, odd);
+}
+
+void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
+                       float dark, float* out) {
+  HWY_DYNAMIC_DISPATCH(SumEightColumns)(first, stride, rows, more, scale, dark, out);
+}
+
+void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out) {
+  HWY_DYNAMIC_DISPATCH(SumEightBytes)(row, groups, scale, dark, out);
+}
+
+void logarithms(const float* light, std::size_t groups, float floor, float* out) {
+  HWY_DYNAMIC_DISPATCH(Logarithms)(light, groups, floor, out);
+}
+
+}  // namespace ocisac::kernels
+#endif

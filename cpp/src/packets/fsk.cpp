@@ -1,0 +1,173 @@
+#include "ocisac/packets/fsk.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kLeastResponse = 1e-3;  // a tone in a null of the exposure: nothing to be seen
+constexpr std::size_t kFewestRows = 8;
+constexpr std::size_t kNuisances = 2;  // mean and slope
+
+// ln I₀(x), x ≥ 0; to 2·10⁻⁷ (Abramowitz and Stegun 9.8.1, 9.8.2).
+double log_bessel_i0(double x) {
+  if (x < 3.75) {
+    const double t = (x / 3.75) * (x / 3.75);
+    return std::log1p(
+        t * (3.5156229 + t * (3.0899424 + t * (1.2067492 + t * (0.2659732 + t * (0.0360768 + t * 0.0045813))))));
+  }
+  const double t = 3.75 / x;
+  const double tail =
+      0.39894228 +
+      t * (0.01328592 +
+           t * (0.00225319 +
+                t * (-0.00157565 +
+                     t * (0.00916281 + t * (-0.02057706 + t * (0.02635537 + t * (-0.01647633 + t * 0.00392377)))))));
+  return x - 0.5 * std::log(x) + std::log(tail);
+}
+
+// Takes what the directions before it hold out of a vector and gives it unit length (twice: for the last digits).
+void orthonormalise(std::span<double> vector, std::span<const double> directions) {
+  for (int round = 0; round < 2; ++round)
+    for (std::size_t at = 0; at < directions.size(); at += vector.size()) {
+      const auto direction = directions.subspan(at, vector.size());
+      const double part = std::inner_product(vector.begin(), vector.end(), direction.begin(), 0.0);
+      for (std::size_t n = 0; n < vector.size(); ++n) vector[n] -= part * direction[n];
+    }
+  const double length = std::sqrt(std::inner_product(vector.begin(), vector.end(), vector.begin(), 0.0));
+  for (double& value : vector) value /= length;
+}
+
+// (2 + 2·tones) × rows: mean, slope, then each tone's cosine and sine, orthonormal to mean, slope and each other.
+std::vector<double> directions_of(const Camera& camera, std::span<const double> tones, std::size_t rows) {
+  std::vector<double> weights((kNuisances + 2 * tones.size()) * rows);
+  const auto direction = [&](std::size_t index) { return std::span(weights).subspan(index * rows, rows); };
+  std::ranges::fill(direction(0), 1.0);
+  std::iota(direction(1).begin(), direction(1).end(), -0.5 * static_cast<double>(rows - 1));
+  orthonormalise(direction(0), {});
+  orthonormalise(direction(1), direction(0));
+  std::vector<double> before(weights.begin(), weights.begin() + static_cast<std::ptrdiff_t>(2 * rows));
+  before.resize(3 * rows);
+  for (std::size_t m = 0; m < tones.size(); ++m) {
+    const auto cosine = direction(kNuisances + 2 * m), sine = direction(kNuisances + 2 * m + 1);
+    for (std::size_t n = 0; n < rows; ++n) {
+      const double cycles = std::fmod(tones[m] * camera.row_time * static_cast<double>(n), 1.0);
+      cosine[n] = std::cos(2 * std::numbers::pi * cycles);
+      sine[n] = std::sin(2 * std::numbers::pi * cycles);
+    }
+    orthonormalise(cosine, std::span(before).first(2 * rows));
+    std::ranges::copy(cosine, before.begin() + static_cast<std::ptrdiff_t>(2 * rows));
+    orthonormalise(sine, before);
+  }
+  return weights;
+}
+
+RowWeights weights_of(const Camera& camera, std::span<const double> tones, std::size_t rows) {
+  check_tones(camera, tones);
+  require(rows >= kFewestRows && static_cast<double>(rows) * camera.row_time * *std::ranges::min_element(tones) >= 1,
+          "rows", rows, "8 or more, and a cycle of the slowest tone");
+  return {directions_of(camera, tones, rows), kNuisances + 2 * tones.size(), rows, 1, 3};
+}
+
+// The best of the symbols with a bit at 1 against those with it at 0.
+std::vector<double> soft_bits(std::span<const double> likelihoods, std::size_t bits) {
+  std::vector<double> llr(bits);
+  for (std::size_t bit = 0; bit < bits; ++bit) {
+    double best[2] = {-1e300, -1e300};
+    for (std::size_t symbol = 0; symbol < likelihoods.size(); ++symbol) {
+      double& of_value = best[symbol >> (bits - 1 - bit) & 1U];
+      of_value = std::max(of_value, likelihoods[symbol]);
+    }
+    llr[bit] = best[1] - best[0];
+  }
+  return llr;
+}
+
+}  // namespace
+
+void check_tones(const Camera& camera, std::span<const double> tones) {
+  check(camera);
+  require(tones.size() >= 2 && tones.size() <= kMostTones && std::has_single_bit(tones.size()), "tones",
+          std::to_string(tones.size()) + " tones", "2, 4, 8, … 256 tones");
+  for (std::size_t m = 0; m < tones.size(); ++m) {
+    require_positive("tones", tones[m]);
+    require(tones[m] * camera.row_time < 0.5, "tones", tones[m], "frequencies below half the row rate");
+    for (std::size_t k = 0; k < m; ++k) require(tones[k] != tones[m], "tones", tones[m], "each tone once");
+  }
+}
+
+FskDemodulator::FskDemodulator(const Camera& camera, std::span<const double> tones, std::size_t rows)
+    : bits_(static_cast<std::size_t>(std::countr_zero(tones.size()))), weights_(weights_of(camera, tones, rows)) {
+  for (const double tone : tones)
+    responses_.push_back(std::max(camera.exposure ? std::abs(sinc(tone * *camera.exposure)) : 1.0, kLeastResponse));
+}
+
+FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::optional<double> amplitude) const {
+  require(signal.size() == weights_.rows(), "signal", signal.size(), std::to_string(weights_.rows()) + " rows");
+  for (const double value : signal) require_finite("signal", value);
+  const double middle = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
+  std::vector<double> centred(signal.begin(), signal.end());
+  for (double& value : centred) value -= middle;
+  const AnyFramesView view = dense_view<const double>(centred.data(), 1, centred.size(), 1);
+  const Projection seen = project(view, 0, 0, 1, weights_);
+
+  const std::size_t tones = responses_.size();
+  std::vector<double> lengths(tones);
+  for (std::size_t m = 0; m < tones; ++m)
+    lengths[m] = std::hypot(seen.sums[kNuisances + 2 * m], seen.sums[kNuisances + 2 * m + 1]);
+  const auto longest = static_cast<std::size_t>(std::ranges::max_element(lengths) - lengths.begin());
+  const auto rows = static_cast<double>(signal.size());
+  const double left =
+      seen.squares[0] - seen.sums[0] * seen.sums[0] - seen.sums[1] * seen.sums[1] - lengths[longest] * lengths[longest];
+  const double variance = std::max(left / (rows - 4), 1e-24 * seen.squares[0] + 1e-300);
+  const auto energy = [&](std::size_t m) { return std::max(lengths[m] * lengths[m] / (2 * variance) - 1, 0.0); };
+  const double scale = std::sqrt(rows / 2);
+  const double light = amplitude.value_or(std::sqrt(2 * variance * energy(longest)) / scale / responses_[longest]);
+
+  FskSymbol result;
+  for (std::size_t m = 0; m < tones; ++m) {
+    const double expected = light * responses_[m] * scale;
+    result.likelihoods.push_back(log_bessel_i0(expected * lengths[m] / variance) -
+                                 expected * expected / (2 * variance));
+  }
+  const auto best = std::ranges::max_element(result.likelihoods);
+  result.symbol = static_cast<std::size_t>(best - result.likelihoods.begin());
+  const double highest = *best;
+  for (double& value : result.likelihoods) value -= highest;
+  result.llr = soft_bits(result.likelihoods, bits_);
+  result.snr = energy(result.symbol);
+  result.error_rate = fsk_symbol_error_rate(tones, result.snr);
+  result.amplitude = std::sqrt(2 * variance * result.snr) / scale;
+  result.noise = std::sqrt(variance);
+  return result;
+}
+
+// The integral over what the tone sent shows (a Rice distribution) of the odds that another shows more; u² is its
+// energy over the noise's density.
+double fsk_symbol_error_rate(std::size_t tones, double snr) {
+  require(tones >= 2, "tones", tones, "2 or more");
+  require_not_negative("snr", snr);
+  constexpr int kSteps = 2000;  // even: Simpson's rule
+  const double root = std::sqrt(snr), low = std::max(0.0, 0.5 * root - 8), high = root + 8;
+  const double step = (high - low) / kSteps;
+  double sum = 0;
+  for (int k = 0; k <= kSteps; ++k) {
+    const double u = low + k * step;
+    if (u == 0) continue;
+    const double another = -std::expm1(static_cast<double>(tones - 1) * std::log1p(-std::exp(-u * u)));
+    const double density = 2 * u * std::exp(log_bessel_i0(2 * root * u) - u * u - snr);
+    sum += another * density * (k == 0 || k == kSteps ? 1 : k % 2 == 1 ? 4 : 2);
+  }
+  return std::min(sum * step / 3, 1.0);
+}
+
+}  // namespace ocisac

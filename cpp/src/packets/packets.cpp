@@ -1,0 +1,456 @@
+#include "ocisac/packets/packets.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "ocisac/core/require.hpp"
+#include "packets/reed_solomon.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kNumberBytes = 1, kChecksumBytes = 4;
+constexpr std::size_t kUsualData = 85, kMostData = 170;  // bytes of a codeword of 255
+constexpr std::size_t kMostBlocks = 256;
+constexpr unsigned kHeaderMask = 0x5AA5;
+constexpr double kSureBit = 2;                // nats: a byte with a bit below is not seen
+constexpr double kMostSoftBit = 60;           // nats
+constexpr double kPreambleDoubt = 0.1;        // share of the certainty that may speak against a preamble
+constexpr std::ptrdiff_t kMostSlip = 2;       // chips
+constexpr std::size_t kMostDoubtful = 8;      // stretches
+constexpr std::size_t kMostWaiting = 131072;  // chips
+
+constexpr std::array<std::uint8_t, 14> kStandard = {0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 1};
+constexpr std::array<std::uint8_t, 42> kLengthened = [] {
+  std::array<std::uint8_t, 42> chips{};
+  for (std::size_t k = 0; k < 42; ++k)
+    chips[k] = static_cast<std::uint8_t>(k / 14 == 1 ? 1 - kStandard[k % 14] : kStandard[k % 14]);
+  return chips;
+}();
+
+// x⁴ + x + 1 over the upper 12 bits of a header.
+unsigned crc4(unsigned header) {
+  unsigned rest = header & 0xFFF0U;
+  for (unsigned bit = 15; bit >= 4; --bit)
+    if (rest >> bit & 1U) rest ^= 0b10011U << (bit - 4);
+  return rest;
+}
+
+// Bytes of the sequence s_n = s_(n−5) ⊕ s_(n−9), nine ones first: PN9, which keeps "none" from long runs.
+std::vector<std::uint8_t> whitening(std::size_t bytes) {
+  std::vector<std::uint8_t> s(std::max<std::size_t>(8 * bytes, 9), 1), result(bytes);
+  for (std::size_t n = 9; n < s.size(); ++n) s[n] = s[n - 5] ^ s[n - 9];
+  for (std::size_t n = 0; n < 8 * bytes; ++n) result[n / 8] = static_cast<std::uint8_t>(result[n / 8] << 1 | s[n]);
+  return result;
+}
+
+struct Place {
+  std::size_t codeword, symbol;
+};
+
+// Where byte `position` of a cycle lies: neighbours in different codewords, and each codeword's bytes at changing
+// places of the blocks.
+Place place_of(std::size_t position, const PacketLayout& layout) {
+  const std::size_t coded = position % layout.coded_bytes(), symbol = coded / layout.codewords;
+  return {(coded + symbol) % layout.codewords, symbol};
+}
+
+void check(const PacketFormat& format) {
+  require(format.block_bytes >= 1 && format.block_bytes <= 255, "block_bytes", format.block_bytes, "1 to 255");
+}
+
+std::size_t header_chips(const PacketFormat& format) { return kHeaderBytes * format.line_code.chips_per_byte(); }
+
+std::size_t most_codewords(const PacketFormat& format) { return kMostBlocks * format.block_bytes / 255; }
+
+void append_bits(std::vector<std::uint8_t>& bits, unsigned value, unsigned count) {
+  for (unsigned bit = count; bit-- > 0;) bits.push_back(static_cast<std::uint8_t>(value >> bit & 1U));
+}
+
+// Number, payload, CRC-32 and zeros, in Reed–Solomon words.
+std::vector<ReedSolomon::Word> codewords_of(std::span<const std::uint8_t> payload, unsigned number,
+                                            const PacketLayout& layout) {
+  std::vector<std::uint8_t> data{static_cast<std::uint8_t>(number)};
+  data.insert(data.end(), payload.begin(), payload.end());
+  const std::uint32_t checksum = crc32(data);
+  for (unsigned shift : {24U, 16U, 8U, 0U}) data.push_back(static_cast<std::uint8_t>(checksum >> shift));
+  data.resize(layout.codewords * layout.codeword_data);
+  const ReedSolomon code(layout.codeword_data);
+  std::vector<ReedSolomon::Word> words;
+  std::vector<std::uint8_t> part(layout.codeword_data);
+  for (std::size_t word = 0; word < layout.codewords; ++word) {
+    for (std::size_t symbol = 0; symbol < part.size(); ++symbol) part[symbol] = data[symbol * layout.codewords + word];
+    words.push_back(code.encode(part));
+  }
+  return words;
+}
+
+unsigned header_of(std::size_t block, unsigned number, const PacketLayout& layout) {
+  const std::size_t digit = layout.payload_bytes >> (9 - 3 * (block % 4)) & 7U;
+  const auto fields = static_cast<unsigned>(block << 8 | (number & 1U) << 7 | digit << 4);
+  return (fields | crc4(fields)) ^ kHeaderMask;
+}
+
+bool is_preamble(std::span<const double> llr, std::span<const std::uint8_t> preamble) {
+  double all = 0, against = 0;
+  std::size_t seen = 0;
+  for (std::size_t chip = 0; chip < preamble.size(); ++chip) {
+    all += std::abs(llr[chip]);
+    seen += llr[chip] != 0;
+    if ((llr[chip] > 0) != (preamble[chip] != 0)) against += std::abs(llr[chip]);
+  }
+  return 4 * seen >= 3 * preamble.size() && all >= kSureBit * static_cast<double>(preamble.size()) &&
+         against <= kPreambleDoubt * all;
+}
+
+double least(std::span<const double> llr) {
+  double result = std::abs(llr.front());
+  for (double value : llr) result = std::min(result, std::abs(value));
+  return result;
+}
+
+std::optional<BlockSighting> read_block(std::size_t chip, std::span<const double> header, const LineCode& code) {
+  const LineDecoding decoded = code.decode(header);
+  if (std::ranges::find(decoded.violations, 1) != decoded.violations.end() || least(decoded.llr) < kSureBit)
+    return std::nullopt;
+  unsigned bits = 0;
+  for (double llr : decoded.llr) bits = bits << 1 | (llr > 0 ? 1U : 0U);
+  bits ^= kHeaderMask;
+  if (crc4(bits) != (bits & 0xFU)) return std::nullopt;
+  return BlockSighting{chip, bits >> 8U, bits >> 7U & 1U, bits >> 4U & 7U};
+}
+
+std::ptrdiff_t modulo(std::ptrdiff_t value, std::ptrdiff_t period) { return (value % period + period) % period; }
+
+// Nearest distance round a cycle.
+std::ptrdiff_t distance(std::ptrdiff_t a, std::ptrdiff_t b, std::ptrdiff_t period) {
+  const std::ptrdiff_t ahead = modulo(a - b, period);
+  return std::min(ahead, period - ahead);
+}
+
+// One codeword by the most certain of its symbols; absent where that cannot be.
+struct SoftWord {
+  ReedSolomon::Word symbols;
+  std::array<double, ReedSolomon::kLength> reliability;  // nats
+};
+
+std::optional<ReedSolomon::Word> decode_word(const ReedSolomon& code, const SoftWord& soft) {
+  std::array<int, ReedSolomon::kLength> order{};
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, {}, [&](int place) { return soft.reliability[static_cast<std::size_t>(place)]; });
+  const auto unseen =
+      static_cast<std::size_t>(std::ranges::count_if(soft.reliability, [](double r) { return r < kSureBit; }));
+  const std::size_t redundancy = ReedSolomon::kLength - code.data();
+  if (unseen > redundancy) return std::nullopt;
+  for (const std::size_t doubtful : {std::size_t{0}, (redundancy - unseen) / 2}) {
+    ReedSolomon::Word word = soft.symbols;
+    if (code.decode(word, std::span(order).first(unseen + doubtful))) return word;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::span<const std::uint8_t> preamble_chips(Preamble preamble) {
+  if (preamble == Preamble::lengthened) return kLengthened;
+  return kStandard;
+}
+
+std::size_t block_chips(const PacketFormat& format) {
+  check(format);
+  return preamble_chips(format.preamble).size() +
+         (kHeaderBytes + format.block_bytes) * format.line_code.chips_per_byte();
+}
+
+std::size_t longest_payload(const PacketFormat& format) {
+  check(format);
+  return std::min(kLongestPayload, most_codewords(format) * kMostData - kNumberBytes - kChecksumBytes);
+}
+
+PacketLayout packet_layout(std::size_t payload_bytes, const PacketFormat& format) {
+  const std::size_t longest = longest_payload(format);
+  require(payload_bytes >= 1 && payload_bytes <= longest, "payload", std::to_string(payload_bytes) + " bytes",
+          "1 to " + std::to_string(longest) + " bytes with blocks of " + std::to_string(format.block_bytes) + " bytes");
+  const std::size_t data = kNumberBytes + payload_bytes + kChecksumBytes;
+  const auto parts = [](std::size_t whole, std::size_t part) { return (whole + part - 1) / part; };
+  PacketLayout layout;
+  layout.payload_bytes = payload_bytes;
+  layout.codewords = std::min(parts(data, kUsualData), most_codewords(format));
+  layout.codeword_data = parts(data, layout.codewords);
+  layout.blocks = parts(layout.coded_bytes(), format.block_bytes);
+  layout.block_chips = block_chips(format);
+  return layout;
+}
+
+std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, const PacketFormat& format,
+                                       unsigned number) {
+  require(number <= 255, "number", number, "0 to 255");
+  const PacketLayout layout = packet_layout(payload.size(), format);
+  const auto words = codewords_of(payload, number, layout);
+  const auto white = whitening(layout.blocks * format.block_bytes);
+  const auto preamble = preamble_chips(format.preamble);
+  std::vector<std::uint8_t> chips, bits;
+  chips.reserve(layout.cycle_chips());
+  for (std::size_t block = 0; block < layout.blocks; ++block) {
+    bits.clear();
+    append_bits(bits, header_of(block, number, layout), 16);
+    for (std::size_t position = block * format.block_bytes; position < (block + 1) * format.block_bytes; ++position) {
+      const Place place = place_of(position, layout);
+      append_bits(bits, words[place.codeword][place.symbol] ^ white[position], 8);
+    }
+    const auto coded = format.line_code.encode(bits);
+    chips.insert(chips.end(), preamble.begin(), preamble.end());
+    chips.insert(chips.end(), coded.begin(), coded.end());
+  }
+  return chips;
+}
+
+std::vector<BlockSighting> find_blocks(std::span<const double> llr, const PacketFormat& format) {
+  check(format);
+  const auto preamble = preamble_chips(format.preamble);
+  const std::size_t header = header_chips(format);
+  std::vector<BlockSighting> found;
+  for (std::size_t chip = 0; chip + preamble.size() + header <= llr.size(); ++chip) {
+    if (!is_preamble(llr.subspan(chip, preamble.size()), preamble)) continue;
+    const auto block = read_block(chip, llr.subspan(chip + preamble.size(), header), format.line_code);
+    if (block) found.push_back(*block);
+  }
+  return found;
+}
+
+bool PacketAssembler::Vote::change(unsigned seen) {
+  constexpr int most = 2;  // a change of the sender's is followed at the second header that shows it
+  if (count > 0 && seen == value) {
+    count = std::min(count + 1, most);
+    return false;
+  }
+  if (--count > 0) return false;
+  const bool another = count == 0;
+  value = seen;
+  count = 1;
+  return another;
+}
+
+PacketAssembler::PacketAssembler(PacketFormat format)
+    : format_(std::move(format)),
+      block_chips_(block_chips(format_)),
+      whitening_(whitening(kMostBlocks * format_.block_bytes)) {}
+
+void PacketAssembler::lose_clock() {
+  ++epoch_;
+  origin_.reset();
+  doubtful_.reset();
+  end_.reset();
+}
+
+// What was collected belongs to another packet.
+void PacketAssembler::start_packet() {
+  layout_.reset();
+  origin_.reset();
+  doubtful_.reset();
+  soft_bits_.clear();
+}
+
+void PacketAssembler::read_header(const BlockSighting& sighting) {
+  if (parity_.change(sighting.parity)) {
+    digits_ = {};
+    start_packet();
+  }
+  if (sighting.parity == parity_.value && digits_[sighting.block % 4].change(sighting.digit)) start_packet();
+}
+
+void PacketAssembler::find_layout() {
+  std::size_t length = 0;
+  for (const Vote& digit : digits_) {
+    if (digit.count == 0) return;
+    length = length << 3 | digit.value;
+  }
+  if (length < 1 || length > longest_payload(format_)) return;
+  layout_ = packet_layout(length, format_);
+  soft_bits_.assign(8 * layout_->coded_bytes(), 0);
+}
+
+// The blocks that end their header in a stretch.
+PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr) {
+  if (end_ != first) tail_.clear();
+  end_ = first + static_cast<std::ptrdiff_t>(llr.size());
+  const std::ptrdiff_t searched = first - static_cast<std::ptrdiff_t>(tail_.size());
+  tail_.insert(tail_.end(), llr.begin(), llr.end());
+  Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, searched, find_blocks(tail_, format_)};
+  const std::size_t kept = preamble_chips(format_.preamble).size() + header_chips(format_) - 1;
+  if (tail_.size() > kept) tail_.erase(tail_.begin(), tail_.end() - static_cast<std::ptrdiff_t>(kept));
+  return stretch;
+}
+
+void PacketAssembler::keep(Stretch stretch) {
+  waiting_chips_ += stretch.llr.size();
+  waiting_.push_back(std::move(stretch));
+  while (waiting_chips_ > kMostWaiting) {
+    waiting_chips_ -= waiting_.front().llr.size();
+    waiting_.pop_front();
+  }
+}
+
+std::ptrdiff_t PacketAssembler::origin_by(const Stretch& stretch, const BlockSighting& sighting) const {
+  return stretch.searched + static_cast<std::ptrdiff_t>(sighting.chip) -
+         static_cast<std::ptrdiff_t>(sighting.block * block_chips_);
+}
+
+// Brings the origin up to date with the headers of a stretch; false where they disagree with it, once.
+bool PacketAssembler::follow(const Stretch& stretch) {
+  const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
+  for (const auto& sighting : stretch.blocks) {
+    if (sighting.parity != parity_.value || sighting.block >= layout_->blocks) return false;
+    const std::ptrdiff_t seen = origin_by(stretch, sighting);
+    const bool agrees = !origin_ || distance(seen, *origin_, cycle) <= kMostSlip;
+    if (!agrees && !(doubtful_ && distance(seen, *doubtful_, cycle) <= kMostSlip)) {
+      doubtful_ = seen;
+      return false;
+    }
+    origin_ = seen;
+    doubtful_.reset();
+  }
+  return true;
+}
+
+void PacketAssembler::place_block(std::span<const double> chips, std::size_t block, StretchReport& report) {
+  const std::size_t byte_chips = format_.line_code.chips_per_byte();
+  const auto body = chips.subspan(preamble_chips(format_.preamble).size() + kHeaderBytes * byte_chips);
+  for (std::size_t byte = 0; byte < format_.block_bytes; ++byte) {
+    const auto of_byte = body.subspan(byte * byte_chips, byte_chips);
+    const auto unseen = static_cast<std::size_t>(std::ranges::count(of_byte, 0.0));
+    if (unseen == byte_chips) continue;
+    const LineDecoding decoded = format_.line_code.decode(of_byte);
+    report.violations += static_cast<std::size_t>(std::ranges::count(decoded.violations, 1));
+    ++(least(decoded.llr) >= kSureBit ? report.bytes : unseen > 0 ? report.cut : report.doubtful);
+    const std::size_t position = block * format_.block_bytes + byte;
+    const Place place = place_of(position, *layout_);
+    float* const soft = &soft_bits_[8 * (place.codeword * ReedSolomon::kLength + place.symbol)];
+    for (std::size_t bit = 0; bit < 8; ++bit) {
+      const bool inverted = (whitening_[position] >> (7 - bit) & 1U) != 0;
+      const double llr = std::clamp(decoded.llr[bit], -kMostSoftBit, kMostSoftBit);
+      soft[bit] += static_cast<float>(inverted ? -llr : llr);
+    }
+  }
+}
+
+void PacketAssembler::place(const Stretch& stretch, StretchReport& report) {
+  const auto length = static_cast<std::ptrdiff_t>(block_chips_), end = static_cast<std::ptrdiff_t>(stretch.llr.size());
+  const std::ptrdiff_t into = modulo(stretch.first - *origin_, static_cast<std::ptrdiff_t>(layout_->cycle_chips()));
+  std::vector<double> chips(block_chips_);
+  auto block = static_cast<std::size_t>(into / length);
+  for (std::ptrdiff_t start = -(into % length); start < end; start += length) {
+    std::ranges::fill(chips, 0.0);
+    for (std::ptrdiff_t chip = std::max(start, std::ptrdiff_t{0}); chip < std::min(start + length, end); ++chip)
+      chips[static_cast<std::size_t>(chip - start)] = stretch.llr[static_cast<std::size_t>(chip)];
+    place_block(chips, block, report);
+    block = (block + 1) % layout_->blocks;
+  }
+}
+
+void PacketAssembler::place_waiting(StretchReport& report) {
+  std::deque<Stretch> still;
+  doubtful_.reset();  // only another stretch may confirm a doubtful header
+  for (auto stretch = waiting_.begin(); stretch != waiting_.end(); ++stretch) {
+    if (stretch->epoch != epoch_) continue;  // its clock is gone
+    if (!origin_)
+      for (auto later = stretch; later != waiting_.end() && !origin_; ++later)
+        if (later->epoch == epoch_)
+          for (const auto& sighting : later->blocks)
+            if (sighting.parity == parity_.value) origin_ = origin_by(*later, sighting);
+    if (!origin_ || !follow(*stretch)) {
+      still.push_back(std::move(*stretch));
+      continue;
+    }
+    place(*stretch, report);
+  }
+  while (still.size() > kMostDoubtful) still.pop_front();
+  waiting_ = std::move(still);
+  waiting_chips_ = 0;
+  for (const auto& stretch : waiting_) waiting_chips_ += stretch.llr.size();
+}
+
+std::vector<double> PacketAssembler::reliabilities() const {
+  std::vector<double> result(soft_bits_.size() / 8);
+  for (std::size_t symbol = 0; symbol < result.size(); ++symbol) {
+    double lowest = std::abs(soft_bits_[8 * symbol]);
+    for (std::size_t bit = 1; bit < 8; ++bit) lowest = std::min<double>(lowest, std::abs(soft_bits_[8 * symbol + bit]));
+    result[symbol] = lowest;
+  }
+  return result;
+}
+
+std::optional<Payload> PacketAssembler::decode(std::span<const double> reliability) {
+  const ReedSolomon code(layout_->codeword_data);
+  std::vector<std::uint8_t> data(layout_->codewords * layout_->codeword_data);
+  Payload payload;
+  for (std::size_t word = 0; word < layout_->codewords; ++word) {
+    SoftWord soft{};
+    for (std::size_t symbol = 0; symbol < ReedSolomon::kLength; ++symbol) {
+      const std::size_t at = word * ReedSolomon::kLength + symbol;
+      soft.reliability[symbol] = reliability[at];
+      for (std::size_t bit = 0; bit < 8; ++bit)
+        soft.symbols[symbol] = static_cast<std::uint8_t>(soft.symbols[symbol] << 1 | (soft_bits_[8 * at + bit] > 0));
+    }
+    const auto decoded = decode_word(code, soft);
+    if (!decoded) return std::nullopt;
+    for (std::size_t symbol = 0; symbol < ReedSolomon::kLength; ++symbol)
+      if (soft.reliability[symbol] >= kSureBit && (*decoded)[symbol] != soft.symbols[symbol]) ++payload.corrected;
+    for (std::size_t symbol = 0; symbol < layout_->codeword_data; ++symbol)
+      data[symbol * layout_->codewords + word] = (*decoded)[symbol];
+  }
+  const auto checked = std::span(data).first(kNumberBytes + layout_->payload_bytes);
+  std::uint32_t checksum = 0;
+  for (std::size_t byte = 0; byte < kChecksumBytes; ++byte) checksum = checksum << 8 | data[checked.size() + byte];
+  if (crc32(checked) != checksum || (data[0] & 1U) != parity_.value) return std::nullopt;
+  payload.number = data[0];
+  payload.bytes.assign(checked.begin() + kNumberBytes, checked.end());
+  return payload;
+}
+
+StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double> llr) {
+  for (double value : llr) require(!std::isnan(value), "llr", value, "numbers");
+  StretchReport report;
+  if (end_ && first < *end_) {
+    report.outcome = StretchOutcome::repeated;
+  } else if (std::ranges::all_of(llr, [](double value) { return value == 0; })) {
+    report.outcome = StretchOutcome::unreadable;
+  } else {
+    Stretch stretch = search(first, llr);
+    report.blocks = stretch.blocks.size();
+    for (const auto& sighting : stretch.blocks) read_header(sighting);
+    keep(std::move(stretch));
+    if (!layout_) find_layout();
+    if (layout_) place_waiting(report);
+    if (!waiting_.empty() && waiting_.back().first == first) report.outcome = StretchOutcome::waiting;
+  }
+  if (!layout_) return report;
+
+  const auto reliability = reliabilities();
+  std::size_t scarcest = ReedSolomon::kLength;
+  for (auto word = reliability.begin(); word != reliability.end(); word += ReedSolomon::kLength)
+    scarcest =
+        std::min(scarcest, static_cast<std::size_t>(std::count_if(word, word + ReedSolomon::kLength,
+                                                                  [](double value) { return value >= kSureBit; })));
+  report.share = static_cast<double>(scarcest) / static_cast<double>(layout_->codeword_data);
+  if (report.bytes + report.cut + report.doubtful == 0 || scarcest < layout_->codeword_data) return report;
+  report.payload = decode(reliability);
+  // Where more than twice what is needed does not decode, it is of more than one packet.
+  if (report.payload || scarcest >= std::min(2 * layout_->codeword_data + 40, ReedSolomon::kLength))
+    std::ranges::fill(soft_bits_, 0.0F);
+  return report;
+}
+
+std::uint32_t crc32(std::span<const std::uint8_t> bytes) {
+  std::uint32_t rest = 0xFFFFFFFFU;
+  for (std::uint8_t byte : bytes) {
+    rest ^= byte;
+    for (int bit = 0; bit < 8; ++bit) rest = rest >> 1 ^ (rest & 1U ? 0xEDB88320U : 0U);
+  }
+  return ~rest;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,73 @@
+#include "tones/combine_columns.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace ocisac {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixX2d;
+using Eigen::MatrixXd;
+
+// Amplitudes (signals × 2) of one frame, drawn towards their mean; `noise`: energy of the noise in one of them.
+MatrixX2d shrunken(const MatrixX2d& amplitudes, double noise) {
+  const Eigen::RowVector2d mean = amplitudes.colwise().mean();
+  const MatrixX2d differences = amplitudes.rowwise() - mean;
+  const double spread = differences.squaredNorm();
+  const double chance = 2 * static_cast<double>(amplitudes.rows() - 1) * noise;
+  const double keep = spread > chance ? 1 - chance / spread : 0;
+  return (keep * differences).rowwise() + mean;
+}
+
+// Orthonormal weights (signals × 2), the stronger first, and the energy along each.
+struct Weights {
+  MatrixX2d vectors;
+  Eigen::Vector2d energies;
+};
+
+Weights principal(const MatrixX2d& amplitudes) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(amplitudes.transpose() * amplitudes);
+  Weights weights{amplitudes * solver.eigenvectors().rowwise().reverse(), solver.eigenvalues().reverse()};
+  for (Index i = 0; i < 2; ++i) {
+    const double norm = weights.vectors.col(i).norm();
+    if (norm > 0) weights.vectors.col(i) /= norm;
+  }
+  return weights;
+}
+
+}  // namespace
+
+double chance_energy(std::size_t count) {
+  const auto freedom = static_cast<double>(count);
+  const double spread = 2 / (9 * freedom);
+  return freedom * std::pow(1 - spread + 4.8 * std::sqrt(spread), 3);
+}
+
+CombinedColumns combine_columns(std::span<const double> signals, std::size_t rows, std::size_t group,
+                                const PeriodicModel& model, const PeriodicFit& fit) {
+  const auto length = static_cast<Index>(rows), members = static_cast<Index>(group);
+  const Eigen::Map<const MatrixXd> y(signals.data(), length, static_cast<Index>(signals.size() / rows));
+  const Eigen::Map<const MatrixX2d> amplitudes(fit.amplitudes.data(), y.cols(), 2);
+  const double spare = static_cast<double>(rows - model.parameters()) * static_cast<double>(y.cols());
+  const double noise = 2 / static_cast<double>(rows) * fit.total_residual() / spare;
+  std::vector<Weights> weights;
+  bool two = false;
+  for (Index first = 0; first < y.cols(); first += members) {
+    weights.push_back(principal(shrunken(amplitudes.middleRows(first, members), noise)));
+    two = two || (group > 1 && weights.back().energies(1) >
+                                   std::max(chance_energy(group) * noise, 1e-9 * weights.back().energies(0)));
+  }
+  CombinedColumns out{{}, two ? 2U : 1U};
+  out.signals.resize(weights.size() * out.per_frame * rows);
+  Eigen::Map<MatrixXd> combined(out.signals.data(), length, static_cast<Index>(weights.size() * out.per_frame));
+  const auto kept = static_cast<Index>(out.per_frame);
+  for (Index frame = 0; frame < static_cast<Index>(weights.size()); ++frame)
+    combined.middleCols(frame * kept, kept) =
+        y.middleCols(frame * members, members) * weights[static_cast<std::size_t>(frame)].vectors.leftCols(kept);
+  return out;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,395 @@
+#include "ocisac/tones/equalize.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <optional>
+#include <string>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
+#include "tones/spectrum.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Eigen::Index;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+void check_max_boost(double max_boost) {
+  require(max_boost >= 1 && max_boost <= 1e6, "max_boost", max_boost, "1 to 1e6");
+}
+
+// ---- The ends of the column ----------------------------------------------------------------------------------------
+// Rows beyond the ends are predicted from the nearest rows: the conditional mean where the light is white noise seen
+// through the exposure, on a smooth course of a hundred times its variance, and rows have a thousandth of the light's.
+constexpr double smooth_share = 100;
+constexpr double noise_share = 0.001;
+constexpr double longest_reach = 1024;  // rows; bounds the work for very long exposures
+
+double covariance(double rows_apart, double exposure_rows) {
+  const double reach = rows_apart / (2 * exposure_rows + 16);
+  return std::max(0.0, 1 - rows_apart / std::max(exposure_rows, 1.0)) + smooth_share / (1 + reach * reach);
+}
+
+// (rows predicted × rows used); row 0 predicts the first row beyond the end, column 0 weighs the last row before it.
+// Predictions fade to nothing, so that both ends meet in the period of the DFT.
+Matrix continuation(std::size_t rows, double exposure_rows) {
+  const auto reach = [&](double beyond) {
+    return static_cast<Index>(
+        std::min({std::ceil(4 * exposure_rows) + beyond, longest_reach, static_cast<double>(rows)}));
+  };
+  const Index used = reach(16), predicted = reach(32);
+  const auto of_distance = [&](Index distance) { return covariance(static_cast<double>(distance), exposure_rows); };
+  const Matrix seen = Matrix::NullaryExpr(used, used, [&](Index i, Index j) {
+    return of_distance(std::abs(i - j)) + (i == j ? noise_share * std::max(exposure_rows, 1.0) : 0);
+  });
+  const Matrix ahead = Matrix::NullaryExpr(used, predicted, [&](Index i, Index j) { return of_distance(i + j + 1); });
+  Matrix weights = seen.llt().solve(ahead).transpose();
+  for (Index i = 0; i < predicted; ++i)
+    weights.row(i) *=
+        0.5 + 0.5 * std::cos(std::numbers::pi * static_cast<double>(i + 1) / static_cast<double>(predicted + 1));
+  return weights;
+}
+
+// ---- One column ----------------------------------------------------------------------------------------------------
+
+struct Line {
+  double mean = 0, slope = 0, middle = 0;  // value at row n: mean + slope·(n − middle)
+  [[nodiscard]] double at(double row) const { return mean + slope * (row - middle); }
+};
+
+Line least_squares_line(std::span<const double> signal) {
+  const double count = static_cast<double>(signal.size());
+  Line line{std::accumulate(signal.begin(), signal.end(), 0.0) / count, 0, (count - 1) / 2};
+  double products = 0, squares = 0;
+  for (std::size_t n = 0; n < signal.size(); ++n) {
+    const double from_middle = static_cast<double>(n) - line.middle;
+    products += from_middle * (signal[n] - line.mean);
+    squares += from_middle * from_middle;
+  }
+  if (squares > 0) line.slope = products / squares;
+  return line;
+}
+
+double mean_square(std::span<const double> signal) {
+  return std::inner_product(signal.begin(), signal.end(), signal.begin(), 0.0) / static_cast<double>(signal.size());
+}
+
+double mean_square_difference(std::span<const double> signal, std::size_t lag) {
+  double sum = 0;
+  for (std::size_t n = lag; n < signal.size(); ++n)
+    sum += (signal[n] - signal[n - lag]) * (signal[n] - signal[n - lag]);
+  return sum / static_cast<double>(signal.size() - lag);
+}
+
+// White noise passes y[n−1] − 2·y[n] + y[n+1] with power 6; light that changes over more than a few rows hardly passes.
+double noise_power_of_second_differences(std::span<const double> signal) {
+  if (signal.size() < 3) return 0;
+  double sum = 0;
+  for (std::size_t n = 1; n + 1 < signal.size(); ++n) {
+    const double second = signal[n - 1] - 2 * signal[n] + signal[n + 1];
+    sum += second * second;
+  }
+  return sum / (6 * static_cast<double>(signal.size() - 2));
+}
+
+// What the exposure does to tones of k/length cycles per row, k = 0 … length/2: |H|, with its sign, and its delay.
+struct Response {
+  Response(std::size_t length_of_dft, double exposure_rows)
+      : length(length_of_dft), sinc_at(length / 2 + 1), advance(sinc_at.size()) {
+    for (std::size_t k = 0; k < sinc_at.size(); ++k) {
+      const double turns = static_cast<double>(k) * exposure_rows / static_cast<double>(length);
+      sinc_at[k] = sinc(turns);
+      advance[k] = std::polar(1.0, std::numbers::pi * std::fmod(turns, 2.0));
+    }
+  }
+  [[nodiscard]] double frequency(double bin) const { return bin / static_cast<double>(length); }
+
+  std::size_t length;
+  std::vector<double> sinc_at;
+  std::vector<std::complex<double>> advance;
+};
+
+// Power densities of light to choose from: 1/(1 + (f/corner)²) with corners from 1/2 cycle per row down by half
+// octaves, and a flat one.
+class LightModel {
+ public:
+  LightModel(const Response& response, std::size_t lag) : lag_(lag) {
+    candidates_.push_back(candidate(response, infinity));
+    for (int half_octaves = 0; half_octaves < 20; ++half_octaves)
+      candidates_.push_back(candidate(response, 0.5 * std::exp2(-0.5 * half_octaves)));
+  }
+
+  // Noise power over the light's power density at every frequency: the candidate whose share of differences over `lag`
+  // rows is nearest that of the column (`residual`: without its line). Empty where no light is seen above the noise.
+  [[nodiscard]] std::vector<double> noise_to_light(std::span<const double> residual, double noise_power) const {
+    const double light = mean_square(residual) - noise_power;
+    if (!(light > 0)) return {};
+    const double ratio = std::max((mean_square_difference(residual, lag_) - 2 * noise_power) / light, 1e-12);
+    const auto misfit = [&](const Candidate& c) { return std::abs(std::log(c.ratio / ratio)); };
+    const auto& best = *std::ranges::min_element(candidates_, {}, misfit);
+    std::vector<double> result(best.shape);
+    const double noise_to_mean = noise_power / light;  // first: the light may be close to the smallest number
+    for (double& value : result) value = noise_to_mean * best.power / value;
+    return result;
+  }
+
+ private:
+  struct Candidate {
+    std::vector<double> shape;
+    double power;  // of the rows, for light of power density `shape`
+    double ratio;  // mean square of differences over `lag` rows to that of the rows
+  };
+
+  [[nodiscard]] Candidate candidate(const Response& response, double corner) const {
+    const std::size_t bins = response.sinc_at.size();
+    Candidate result{std::vector<double>(bins), 0, 0};
+    double difference = 0;
+    for (std::size_t k = 0; k < bins; ++k) {
+      const double f = response.frequency(static_cast<double>(k));
+      result.shape[k] = 1 / (1 + (f / corner) * (f / corner));
+      const double power = response.sinc_at[k] * response.sinc_at[k] * result.shape[k];
+      const double sine = std::sin(std::numbers::pi * f * static_cast<double>(lag_));
+      result.power += power;
+      difference += 4 * sine * sine * power;
+    }
+    result.ratio = difference / result.power;
+    result.power /= static_cast<double>(bins);
+    return result;
+  }
+
+  std::size_t lag_;
+  std::vector<Candidate> candidates_;
+};
+
+// ---- All columns ---------------------------------------------------------------------------------------------------
+
+class Equalizer {
+ public:
+  Equalizer(std::size_t rows, double exposure_rows, const EqualizerSettings& settings)
+      : rows_(rows),
+        exposure_rows_(exposure_rows),
+        settings_(settings),
+        continuation_(continuation(rows, exposure_rows)),
+        response_(optimal_dft_length(rows + 2 * static_cast<std::size_t>(continuation_.rows())), exposure_rows),
+        restored_(response_.sinc_at.size(), 0.0) {
+    const double lag = std::min(std::ceil(exposure_rows / 4), static_cast<double>(rows - 1));
+    if (settings.method == EqualizerMethod::wiener)
+      light_model_.emplace(response_, static_cast<std::size_t>(std::max(lag, 1.0)));
+  }
+
+  // `signals` (count × rows) become the equalised ones; `noise` (count, or empty: estimated).
+  void run(std::span<double> signals, std::span<const double> noise, EqualizerReport& report) {
+    const std::size_t count = signals.size() / rows_;
+    std::vector<Line> lines(count);
+    for (std::size_t c = 0; c < count; ++c) {
+      const auto signal = signals.subspan(c * rows_, rows_);
+      lines[c] = least_squares_line(signal);
+      for (std::size_t n = 0; n < rows_; ++n) signal[n] -= lines[c].at(static_cast<double>(n));
+    }
+    auto spectra = half_spectra(extended(signals, count), response_.length);
+    const std::size_t bins = response_.sinc_at.size();
+    for (std::size_t c = 0; c < count; ++c) {
+      const auto residual = signals.subspan(c * rows_, rows_);
+      const double power = settings_.method == EqualizerMethod::inverse ? 0
+                           : noise.empty()                              ? noise_power_of_second_differences(residual)
+                                                                        : noise[c] * noise[c];
+      report.noise.push_back(std::sqrt(power));
+      report.noise_gain.push_back(filter(std::span(spectra).subspan(c * bins, bins), residual, power));
+    }
+    const auto equalised = signals_of_half_spectra(spectra, response_.length);
+    for (std::size_t c = 0; c < count; ++c)
+      for (std::size_t n = 0; n < rows_; ++n)
+        signals[c * rows_ + n] =
+            equalised[c * response_.length + n] + lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
+  }
+
+  // Bands of frequencies (cycles per row) whose restored amplitude, mean over the columns so far, is below a half.
+  [[nodiscard]] std::vector<FrequencyBand> bands_lost(double columns) const {
+    std::vector<FrequencyBand> bands;
+    const auto excess = [&](std::size_t k) { return restored_[k] / columns - 0.5; };
+    bool inside = false;
+    for (std::size_t k = 0; k < restored_.size(); ++k) {
+      const bool lost = excess(k) < 0;
+      if (lost == inside) continue;
+      const double crossing = k == 0 ? 0 : static_cast<double>(k) - excess(k) / (excess(k) - excess(k - 1));
+      if (lost)
+        bands.push_back({response_.frequency(crossing), infinity});
+      else
+        bands.back().high = response_.frequency(crossing);
+      inside = lost;
+    }
+    if (!inside) bands.push_back({0.5, infinity});
+    return bands;
+  }
+
+ private:
+  // (count × length): each signal, its continuation after the end, zeros, its continuation before the start.
+  [[nodiscard]] std::vector<double> extended(std::span<const double> signals, std::size_t count) const {
+    const Index used = continuation_.cols(), predicted = continuation_.rows();
+    const auto columns = static_cast<Index>(count), rows = static_cast<Index>(rows_);
+    const Eigen::Map<const Matrix> inside(signals.data(), columns, rows);
+    std::vector<double> result(count * response_.length, 0.0);
+    Eigen::Map<Matrix> all(result.data(), columns, static_cast<Index>(response_.length));
+    all.leftCols(rows) = inside;
+    all.middleCols(rows, predicted).noalias() =
+        Matrix(inside.rightCols(used).rowwise().reverse()) * continuation_.transpose();
+    all.rightCols(predicted) = (inside.leftCols(used) * continuation_.transpose()).rowwise().reverse();
+    return result;
+  }
+
+  // G = H/max(|H|² + noise/light, 1/max_boost²), H without its delay, and the delay taken back. Returns the noise gain.
+  double filter(std::span<std::complex<double>> spectrum, std::span<const double> residual, double noise_power) {
+    std::vector<double> noise_to_light(spectrum.size(), 0.0);
+    if (noise_power > 0) noise_to_light = light_model_->noise_to_light(residual, noise_power);
+    const double floor = 1 / (settings_.max_boost * settings_.max_boost);
+    double gain_power = 0;
+    for (std::size_t k = 0; k < spectrum.size(); ++k) {
+      const double h = response_.sinc_at[k];
+      const double gain = noise_to_light.empty() ? 0 : h / std::max(h * h + noise_to_light[k], floor);
+      spectrum[k] *= gain * response_.advance[k];
+      restored_[k] += gain * h;
+      gain_power += gain * gain;
+    }
+    return std::sqrt(gain_power / static_cast<double>(spectrum.size()));
+  }
+
+  std::size_t rows_;
+  double exposure_rows_;
+  EqualizerSettings settings_;
+  Matrix continuation_;
+  Response response_;
+  std::optional<LightModel> light_model_;  // for wiener
+  std::vector<double> restored_;           // sum over columns of the restored share of the amplitude
+};
+
+void write(const FramesView<double>& out, std::size_t frame, std::size_t first, std::span<const double> signals) {
+  const std::size_t count = signals.size() / out.rows;
+  for (std::size_t row = 0; row < out.rows; ++row)
+    for (std::size_t c = 0; c < count; ++c) out(frame, row, first + c) = signals[c * out.rows + row];
+}
+
+// Calls work(frame, first column, signals) with blocks of columns, and writes what it leaves in `signals`.
+template <class Work>
+void for_each_block(const AnyFramesView& frames, const Camera& camera, std::size_t block, const FramesView<double>& out,
+                    Work work) {
+  for (std::size_t frame = 0; frame < out.frames; ++frame)
+    for (std::size_t first = 0; first < out.columns; first += block) {
+      const std::size_t count = std::min(block, out.columns - first);
+      auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
+      work(frame, first, std::span(signals));
+      write(out, frame, first, signals);
+    }
+}
+
+// No exposure: nothing to undo. An exposure of the whole frame or more: only the mean is left.
+EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, const FramesView<double>& out) {
+  const bool identity = *camera.exposure == 0;
+  const std::size_t columns = out.frames * out.columns;
+  for_each_block(frames, camera, 64, out, [&](std::size_t, std::size_t, std::span<double> signals) {
+    if (identity) return;
+    for (std::size_t start = 0; start < signals.size(); start += out.rows) {
+      const auto signal = signals.subspan(start, out.rows);
+      std::ranges::fill(signal, least_squares_line(signal).mean);
+    }
+  });
+  EqualizerReport report;
+  report.frequencies_lost = {{identity ? 0.5 / camera.row_time : 0, infinity}};
+  report.noise_gain.assign(columns, identity ? 1 : 1 / std::sqrt(static_cast<double>(out.rows)));
+  report.noise.assign(columns, 0);
+  return report;
+}
+
+void check_settings(const EqualizerSettings& settings, std::size_t columns) {
+  check_max_boost(settings.max_boost);
+  for (double value : settings.noise) require_not_negative("noise", value);
+  const std::size_t count = settings.noise.size();
+  require(count <= 1 || count == columns, "noise", std::to_string(count) + " values", "none, one, or one a column");
+}
+
+// The largest |sinc| between the whole numbers k and k + 1 (k > 0) lies where πx·cos(πx) = sin(πx).
+double lobe_peak(double k) {
+  double low = k, high = k + 0.5;
+  for (int step = 0; step < 60; ++step) {
+    const double middle = (low + high) / 2;
+    const double angle = std::numbers::pi * (middle - k);
+    (std::numbers::pi * middle * std::cos(angle) > std::sin(angle) ? low : high) = middle;
+  }
+  return low;
+}
+
+// Where |sinc| crosses `level` between `above` (there it is higher) and `below` (there it is lower).
+double crossing(double above, double below, double level) {
+  for (int step = 0; step < 60; ++step) {
+    const double middle = (above + below) / 2;
+    (std::abs(sinc(middle)) >= level ? above : below) = middle;
+  }
+  return below;
+}
+
+}  // namespace
+
+std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boost) {
+  check(camera);
+  check_max_boost(max_boost);
+  const double exposure = known_exposure(camera, "equalisation");
+  const double highest = 0.5 / camera.row_time;
+  const double level = 1 / (std::numbers::sqrt2 * max_boost);
+  std::vector<FrequencyBand> bands;
+  double low = exposure > 0 ? crossing(0, 1, level) / exposure : infinity;
+  for (double k = 1; low < highest; ++k) {
+    const double peak = lobe_peak(k);
+    if (std::abs(sinc(peak)) < level) break;  // and so in all later lobes
+    const double high = crossing(peak, k, level) / exposure;
+    if (high >= highest) break;
+    bands.push_back({low, high});
+    low = crossing(peak, k + 1, level) / exposure;
+  }
+  bands.push_back({std::min(low, highest), infinity});
+  return bands;
+}
+
+EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
+                         const FramesView<double>& out) {
+  check(camera);
+  check(frames);
+  const Shape shape = shape_of(frames);
+  const double exposure_rows = known_exposure(camera, "equalisation") / camera.row_time;
+  const std::size_t columns = shape.frames * shape.columns;
+  check_settings(settings, columns);
+  require(out.frames == shape.frames && out.rows == shape.rows && out.columns == shape.columns, "out", "another shape",
+          "the shape of columns");
+  if (exposure_rows == 0 || exposure_rows >= static_cast<double>(shape.rows)) return without_dft(frames, camera, out);
+
+  Equalizer equalizer(shape.rows, exposure_rows, settings);
+  EqualizerReport report;
+  const std::size_t block = std::clamp<std::size_t>(65536 / shape.rows, 4, 64);
+  for_each_block(frames, camera, block, out, [&](std::size_t frame, std::size_t first, std::span<double> signals) {
+    const std::size_t count = signals.size() / shape.rows;
+    const std::vector<double> noise = settings.noise.empty() ? std::vector<double>{}
+                                      : settings.noise.size() == 1
+                                          ? std::vector<double>(count, settings.noise[0])
+                                          : std::vector<double>(&settings.noise[frame * shape.columns + first],
+                                                                &settings.noise[frame * shape.columns + first] + count);
+    equalizer.run(signals, noise, report);
+  });
+  if (settings.method == EqualizerMethod::inverse) {
+    report.frequencies_lost = lost_frequencies(camera, settings.max_boost);
+  } else {
+    report.frequencies_lost = equalizer.bands_lost(static_cast<double>(columns));
+    for (auto& band : report.frequencies_lost) band = {band.low / camera.row_time, band.high / camera.row_time};
+  }
+  return report;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,337 @@
+#include "ocisac/tones/find_frequency.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "ocisac/columns/column_blocks.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/tones/periodic_fit.hpp"
+#include "tones/combine_columns.hpp"
+#include "tones/spectrum.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t fewest_rows = 8;
+constexpr std::size_t most_harmonics = 31;
+constexpr std::size_t compared_harmonics = 3;  // enough to tell a fundamental from its harmonics
+
+struct Range {
+  double lower, upper;
+};
+
+// Dense signals of equal length.
+struct Signals {
+  std::vector<double> samples;
+  std::size_t rows;
+  [[nodiscard]] std::size_t count() const { return samples.size() / rows; }
+  [[nodiscard]] std::span<const double> signal(std::size_t s) const { return {&samples[s * rows], rows}; }
+};
+
+double energy(std::span<const double> x) {
+  double sum = 0;
+  for (const double v : x) sum += v * v;
+  return sum;
+}
+
+// At unit energy, so that no bright overlay outweighs the others; constant ones are left out.
+Signals normalised(const Signals& signals) {
+  Signals out{{}, signals.rows};
+  for (std::size_t s = 0; s < signals.count(); ++s) {
+    const double power = energy(signals.signal(s));
+    if (!(power > 0)) continue;
+    for (const double v : signals.signal(s)) out.samples.push_back(v / std::sqrt(power));
+  }
+  return out;
+}
+
+// For each bin k of a DFT of `length`, summed over the signals: −log(1 − share of the Hann-weighted energy that a tone
+// at k/length explains). It is the likelihood when each signal has a noise level of its own.
+std::vector<double> spectral_votes(const Signals& signals, std::size_t length) {
+  const std::size_t rows = signals.rows;
+  std::vector<double> window(rows);
+  double window_sum = 0;
+  for (std::size_t n = 0; n < rows; ++n) {
+    const double x = (static_cast<double>(n) + 0.5) / static_cast<double>(rows);
+    window_sum += window[n] = std::pow(std::sin(std::numbers::pi * x), 2);
+  }
+  std::vector<double> padded(signals.count() * length);
+  std::vector<double> weighted_energy(signals.count());
+  for (std::size_t s = 0; s < signals.count(); ++s)
+    for (std::size_t n = 0; n < rows; ++n) {
+      const double x = signals.samples[s * rows + n];
+      padded[s * length + n] = window[n] * x;
+      weighted_energy[s] += window[n] * x * x;
+    }
+  const auto spectra = half_spectra(padded, length);
+  const std::size_t bins = length / 2 + 1;
+  std::vector<double> votes(bins);
+  for (std::size_t s = 0; s < signals.count(); ++s)
+    for (std::size_t k = 0; k < bins; ++k) {
+      const double share = 2 * std::norm(spectra[s * bins + k]) / (window_sum * weighted_energy[s]);
+      votes[k] -= std::log1p(-std::min(share, 0.9999));
+    }
+  return votes;
+}
+
+// The strongest local maxima of the votes, in cycles per row.
+std::vector<double> spectral_peaks(const Signals& signals, const Range& range, std::size_t most) {
+  const std::size_t length = optimal_dft_length(2 * signals.rows);
+  const auto votes = spectral_votes(signals, length);
+  const auto inside = [&](std::size_t k) {
+    const double f = static_cast<double>(k) / static_cast<double>(length);
+    return f >= range.lower && f <= range.upper;
+  };
+  const auto vote = [&](std::size_t k) { return k < votes.size() && inside(k) ? votes[k] : 0; };
+  std::vector<std::size_t> peaks;
+  for (std::size_t k = 1; k < votes.size(); ++k)
+    if (inside(k) && vote(k) > vote(k - 1) && vote(k) >= vote(k + 1)) peaks.push_back(k);
+  std::stable_sort(peaks.begin(), peaks.end(), [&](std::size_t a, std::size_t b) { return votes[a] > votes[b]; });
+  peaks.resize(std::min(peaks.size(), most));
+  std::vector<double> frequencies;
+  for (const std::size_t k : peaks) frequencies.push_back(static_cast<double>(k) / static_cast<double>(length));
+  return frequencies;
+}
+
+// Akin to the Bayesian information criterion for signals of unknown noise levels; the smaller the better.
+double misfit(const PeriodicFit& fit, const PeriodicModel& model, std::size_t rows) {
+  const auto n = static_cast<double>(rows);
+  double sum = 0;
+  for (const double residual : fit.residual_energy)  // of signals of unit energy
+    sum += n * std::log(residual + 1e-12) + static_cast<double>(model.parameters()) * std::log(n);
+  return sum;
+}
+
+// A few cycles are below the resolution of a spectrum: the least misfit of a tone on a fine grid up to 4 cycles, and
+// over the whole range where that is narrow.
+std::vector<double> grid_minima(const Signals& signals, const Range& range) {
+  const auto rows = static_cast<double>(signals.rows);
+  const bool narrow = (range.upper - range.lower) * rows < 4;
+  const double last = narrow ? range.upper : std::min(range.upper, 4 / rows);
+  if (!(range.lower <= last)) return {};
+  const auto steps = static_cast<std::size_t>(std::ceil((last - range.lower) * rows / 0.25));
+  std::vector<double> grid, misfits, minima;
+  for (std::size_t i = 0; i <= steps; ++i) {
+    const double share = steps == 0 ? 0 : static_cast<double>(i) / static_cast<double>(steps);
+    grid.push_back(range.lower + share * (last - range.lower));
+    const auto model = periodic_model(grid.back(), signals.rows, 1);
+    misfits.push_back(misfit(fit_periodic(signals.samples, signals.rows, model, grid.back()), model, signals.rows));
+  }
+  for (std::size_t i = 0; i < grid.size(); ++i)
+    if ((i == 0 || misfits[i] < misfits[i - 1]) && (i + 1 == grid.size() || misfits[i] <= misfits[i + 1]))
+      minima.push_back(grid[i]);
+  return minima;
+}
+
+double sum(const std::vector<double>& values) {
+  double total = 0;
+  for (const double v : values) total += v;
+  return total;
+}
+
+struct Candidate {
+  double frequency = nan;
+  double misfit = std::numeric_limits<double>::infinity();
+};
+
+// The fundamental, refined by itself, then judged with its first harmonics. A sub-multiple of the true frequency has an
+// all but empty fundamental and does not count.
+Candidate judged(const Signals& signals, double frequency, const Range& range) {
+  const auto tone = periodic_model(frequency, signals.rows, 1);
+  const int steps = 2;  // from a quarter of a bin to a thousandth
+  const double at =
+      refine_periodic(signals.samples, signals.rows, tone, frequency, range.lower, range.upper, steps).frequency;
+  const auto model = periodic_model(at, signals.rows, compared_harmonics);
+  const auto fit = refine_periodic(signals.samples, signals.rows, model, at, range.lower, range.upper, steps);
+  const double least_share = 0.2;  // a third harmonic of a square wave that folds there has 0.1
+  if (fit.harmonic_energy[0] < least_share * sum(fit.harmonic_energy)) return {};
+  return {fit.frequency, misfit(fit, model, signals.rows)};
+}
+
+// NaN where nothing varies.
+double coarse_frequency(const Signals& all, const Range& range) {
+  const Signals signals = normalised(all);
+  if (signals.count() == 0) return nan;
+  std::vector<double> frequencies = spectral_peaks(signals, range, 5);
+  for (const double f : grid_minima(signals, range)) frequencies.push_back(f);
+  Candidate best;
+  for (const double frequency : frequencies) {
+    const Candidate candidate = judged(signals, frequency, range);
+    if (candidate.misfit < best.misfit) best = candidate;
+  }
+  return best.frequency;
+}
+
+struct FinalFit {
+  PeriodicModel model;
+  PeriodicFit fit;
+  double noise_power = 0;  // of a sample
+};
+
+FinalFit refined(const Signals& signals, PeriodicModel model, double frequency, const Range& range) {
+  FinalFit final;
+  final.fit = refine_periodic(signals.samples, signals.rows, model, frequency, range.lower, range.upper);
+  final.model = std::move(model);
+  const auto spare = static_cast<double>((signals.rows - final.model.parameters()) * signals.count());
+  // Rounding leaves no less than the second term, which keeps noiseless signals from being all harmonics.
+  final.noise_power = std::max(final.fit.total_residual(), 1e-14 * sum(final.fit.periodic_energy)) / spare;
+  return final;
+}
+
+bool stands_out(const FinalFit& final, std::size_t harmonic, std::size_t signals) {
+  return final.fit.harmonic_energy[harmonic] > chance_energy(2 * signals) * final.noise_power;
+}
+
+// The fundamental and those harmonics that stand out.
+PeriodicModel pruned(const FinalFit& final, std::size_t signals) {
+  PeriodicModel model{final.model.trend_degree, {1}};
+  for (std::size_t i = 1; i < final.model.harmonics.size(); ++i)
+    if (stands_out(final, i, signals)) model.harmonics.push_back(final.model.harmonics[i]);
+  return model;
+}
+
+// Harmonics are added step by step: each step finds the frequency well enough for the next, whose minimum is narrower.
+FinalFit final_fit(const Signals& signals, double frequency, const Range& range, Harmonics wanted) {
+  FinalFit final = refined(signals, periodic_model(frequency, signals.rows, 1), frequency, range);
+  if (wanted == Harmonics::fundamental) return final;
+  for (std::size_t count = 3; count <= most_harmonics; count = 2 * count + 1) {
+    const std::size_t before = final.model.harmonics.back();
+    const auto model = periodic_model(final.fit.frequency, signals.rows, count);
+    if (model.harmonics.size() == final.model.harmonics.size()) break;
+    final = refined(signals, model, final.fit.frequency, range);
+    if (wanted == Harmonics::automatic && pruned(final, signals.count()).harmonics.back() <= before) break;
+  }
+  if (wanted == Harmonics::automatic) {
+    const PeriodicModel model = pruned(final, signals.count());
+    if (model.harmonics.size() < final.model.harmonics.size())
+      final = refined(signals, model, final.fit.frequency, range);
+  }
+  return final;
+}
+
+// The signals of the blocks that serve, the blocks of a frame beside each other.
+Signals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
+  Signals out{{}, blocks.rows};
+  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
+    if (used[signal % blocks.blocks]) {
+      const double* first = &blocks.signals[signal * blocks.rows];
+      out.samples.insert(out.samples.end(), first, first + blocks.rows);
+    }
+  return out;
+}
+
+// At 0 and at half the row rate, cosine or sine cannot be told from the mean or vanish.
+Range resolvable(const FrequencySearch& search, double rows) {
+  const double upper = std::clamp(search.upper, 0.1 / rows, 0.5 - 0.05 / rows);
+  const double lower = search.lower > 0 ? search.lower : std::min(1 / rows, upper / 4);
+  return {std::clamp(lower, 0.1 / rows, upper), upper};
+}
+
+FoundFrequency nothing_found(const ColumnBlocks& blocks) {
+  return {nan, nan,           0,
+          0,   flag::no_tone, {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns)}};
+}
+
+// The sum of each frame's signals.
+Signals summed(const Signals& signals, std::size_t group) {
+  Signals out{std::vector<double>(signals.samples.size() / group), signals.rows};
+  for (std::size_t s = 0; s < signals.count(); ++s)
+    for (std::size_t n = 0; n < signals.rows; ++n)
+      out.samples[s / group * signals.rows + n] += signals.samples[s * signals.rows + n];
+  return out;
+}
+
+// No accident of noise: with a noise level of its own in every signal, (rows − p)·log(1 + tone/residual) of a tone of
+// given frequency is a sum of two squared normal deviates.
+bool shows_tone(const Signals& signals, double frequency) {
+  const auto model = periodic_model(frequency, signals.rows, 1);
+  const auto fit = fit_periodic(signals.samples, signals.rows, model, frequency);
+  const auto spare = static_cast<double>(signals.rows - model.parameters());
+  double evidence = 0;
+  for (std::size_t s = 0; s < signals.count(); ++s)
+    if (fit.periodic_energy[s] > 0) evidence += spare * std::log1p(fit.periodic_energy[s] / fit.residual_energy[s]);
+  return evidence > chance_energy(2 * signals.count());
+}
+
+struct Sighting {
+  double frequency;
+  bool in_parts, in_sum;  // where the tone stands out
+};
+
+// First in the parts of the frame, each with its own noise, phase and overlays; where nothing stands out there, in
+// their sum, which is stronger for a weak light that covers the frame.
+Sighting look(const Signals& parts, std::size_t group, const Range& range) {
+  const double frequency = coarse_frequency(parts, range);
+  if (std::isnan(frequency) || shows_tone(parts, frequency)) return {frequency, true, false};
+  if (group > 1) {
+    const Signals sums = summed(parts, group);
+    const double other = coarse_frequency(sums, range);
+    if (!std::isnan(other) && shows_tone(sums, other)) return {other, false, true};
+  }
+  return {frequency, false, false};
+}
+
+Flags flags_of(double cycles, double cycles_std, bool columns_saturated) {
+  Flags flags = 0;
+  if (!(cycles_std < 0.25)) flags |= flag::no_tone;  // over the frame: the peak could be any neighbour
+  if (cycles < 2) flags |= flag::few_cycles;
+  if (columns_saturated) flags |= flag::saturated;
+  return flags;
+}
+
+void check(const FrequencySearch& search) {
+  require(std::isfinite(search.lower) && search.lower >= 0, "bounds", search.lower, "a lower bound of 0 or above");
+  require(search.upper > search.lower, "bounds", search.upper, "an upper bound above the lower one");
+  require(search.lower < 0.5, "bounds", search.lower, "a lower bound below half the row rate (in cycles per row: 0.5)");
+}
+
+}  // namespace
+
+FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch& search) {
+  check(search);
+  const ColumnBlocks blocks = column_blocks(frames, search.saturation);
+  if (blocks.rows < fewest_rows) return nothing_found(blocks);
+  const auto rows = static_cast<double>(blocks.rows);
+  const Range range = resolvable(search, rows);
+  const std::vector<std::uint8_t> every(blocks.blocks, 1);
+  const Sighting sighting = look(chosen(blocks, every), blocks.blocks, range);
+  const double coarse = sighting.frequency;
+  if (std::isnan(coarse)) return nothing_found(blocks);
+
+  const auto model = periodic_model(coarse, blocks.rows, compared_harmonics);
+  const PeriodicFit all = fit_periodic(blocks.signals, blocks.rows, model, coarse);
+  const auto used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all) : every;
+  const Signals parts = chosen(blocks, used);
+  const std::size_t group = parts.count() / blocks.frames;
+  const PeriodicFit fit = fit_periodic(parts.samples, parts.rows, model, coarse);
+  CombinedColumns combined = combine_columns(parts.samples, parts.rows, group, model, fit);
+  const Signals signals{std::move(combined.signals), parts.rows};
+  const FinalFit final = final_fit(signals, coarse, range, search.harmonics);
+  const double std = frequency_std(signals.samples, signals.rows, combined.per_frame, final.model, final.fit.frequency);
+  ToneColumns columns = spread_over_columns(blocks, used, all);
+  Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
+  if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
+  if (!sighting.in_parts && !sighting.in_sum) flags |= flag::no_tone;
+  const double noise = final.noise_power * rows * static_cast<double>(signals.count());
+  return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
+          final.model.harmonics.back(), flags, std::move(columns)};
+}
+
+std::size_t pick_channel(std::span<const AnyFramesView> channels, const FrequencySearch& search) {
+  require(!channels.empty(), "channels", "0 channels", "at least one");
+  std::size_t best = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t channel = 0; channel < channels.size(); ++channel) {
+    const FoundFrequency found = find_frequency(channels[channel], search);
+    if ((found.flags & flag::no_tone) == 0 && found.frequency_std < least) {
+      least = found.frequency_std;
+      best = channel;
+    }
+  }
+  return best;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,231 @@
+#include "tones/gain_kernel.hpp"
+
+#include <algorithm>
+#include <numbers>
+#include <vector>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "tones/gain_kernel.cpp"
+#include <hwy/foreach_target.h>  // compiles the rest once for each target
+//
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ocisac::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+constexpr double kWeak = 3;                   // standard errors
+constexpr double kRounding = 1e-9;            // contrast below which a steady column differs from 0 by rounding alone
+constexpr double kRoundingOfSquares = 1e-14;  // of a column's sum of squares
+
+const hn::ScalableTag<double> d64;
+using Vector = hn::Vec<decltype(d64)>;
+
+HWY_INLINE Vector constant(double value) { return hn::Set(d64, value); }
+
+// kVectors vectors of columns of `fit`, written `stride` apart. kEstimates: 3, those of one tone, or 0: fit.estimates.
+// Many columns at a time spare loads of the matrices.
+template <std::size_t kEstimates, std::size_t kVectors>
+HWY_INLINE void solve_columns(const FitSums& fit, std::size_t column, std::size_t stride,
+                              double* HWY_RESTRICT parameters, double* HWY_RESTRICT noise) {
+  const std::size_t size = kEstimates ? kEstimates : fit.estimates;
+  const std::size_t lanes = hn::Lanes(d64);
+  Vector sum[kVectors], rest[kVectors];
+  for (std::size_t i = 0; i < size; ++i) {
+    const double* row = fit.transform + i * size;
+    for (std::size_t v = 0; v < kVectors; ++v)
+      sum[v] = hn::Mul(constant(*row), hn::LoadU(d64, fit.totals + column + v * lanes));
+    for (std::size_t j = 1; j < size; ++j)
+      for (std::size_t v = 0; v < kVectors; ++v)
+        sum[v] =
+            hn::MulAdd(constant(row[j]), hn::LoadU(d64, fit.sums + (j - 1) * fit.stride + column + v * lanes), sum[v]);
+    for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[v], d64, parameters + i * stride + v * lanes);
+  }
+  for (std::size_t v = 0; v < kVectors; ++v) rest[v] = hn::LoadU(d64, fit.squares + column + v * lanes);
+  for (std::size_t i = 0; i < size; ++i) {  // gram is symmetric: what is beside its diagonal counts twice
+    const double* row = fit.gram + i * size;
+    for (std::size_t v = 0; v < kVectors; ++v) sum[v] = hn::Zero(d64);
+    for (std::size_t j = i + 1; j < size; ++j)
+      for (std::size_t v = 0; v < kVectors; ++v)
+        sum[v] = hn::MulAdd(constant(2 * row[j]), hn::LoadU(d64, parameters + j * stride + v * lanes), sum[v]);
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      const Vector own = hn::LoadU(d64, parameters + i * stride + v * lanes);
+      rest[v] = hn::NegMulAdd(own, hn::MulAdd(constant(row[i]), own, sum[v]), rest[v]);
+    }
+  }
+  for (std::size_t v = 0; v < kVectors; ++v) {
+    const Vector all = hn::LoadU(d64, fit.squares + column + v * lanes);
+    const auto more_than_rounding = hn::Gt(rest[v], hn::Mul(constant(kRoundingOfSquares), all));
+    hn::StoreU(hn::IfThenElseZero(more_than_rounding, hn::Mul(rest[v], constant(1 / fit.freedom))), d64,
+               noise + v * lanes);
+  }
+}
+
+template <std::size_t kEstimates>
+void parameters_of_estimates(const FitSums& fit, double* parameters, double* noise_variance) {
+  constexpr std::size_t kAtOnce = 4;
+  const std::size_t lanes = hn::Lanes(d64);
+  std::size_t c = 0;
+  for (; c + kAtOnce * lanes <= fit.count; c += kAtOnce * lanes)
+    solve_columns<kEstimates, kAtOnce>(fit, c, fit.count, parameters + c, noise_variance + c);
+  for (; c + lanes <= fit.count; c += lanes)
+    solve_columns<kEstimates, 1>(fit, c, fit.count, parameters + c, noise_variance + c);
+  if (c == fit.count) return;
+  // What is left, in padded copies.
+  const std::size_t rest = fit.count - c;
+  std::vector<double> padded(2 * (fit.estimates + 1) * lanes);
+  double* sums = padded.data();  // the totals first
+  double* squares = sums + fit.estimates * lanes;
+  double* result = squares + lanes;
+  double* noise = result + fit.estimates * lanes;
+  std::copy_n(fit.totals + c, rest, sums);
+  for (std::size_t i = 1; i < fit.estimates; ++i)
+    std::copy_n(fit.sums + (i - 1) * fit.stride + c, rest, sums + i * lanes);
+  std::copy_n(fit.squares + c, rest, squares);
+  const FitSums few{fit.estimates, lanes, lanes, sums, sums + lanes, squares, fit.transform, fit.gram, fit.freedom};
+  solve_columns<kEstimates, 1>(few, 0, lanes, result, noise);
+  for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(result + i * lanes, rest, parameters + i * fit.count + c);
+  std::copy_n(noise, rest, noise_variance + c);
+}
+
+void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_variance) {
+  if (fit.estimates == 3) return parameters_of_estimates<3>(fit, parameters, noise_variance);
+  parameters_of_estimates<0>(fit, parameters, noise_variance);
+}
+
+// NaN stays NaN.
+HWY_INLINE Vector not_negative(Vector v) { return hn::IfThenElse(hn::Lt(v, hn::Zero(d64)), hn::Zero(d64), v); }
+
+struct Direction {
+  Vector cosine, angle;  // (−π, π]; of (0, 0): √½ and 0
+};
+
+// Of (x, y), `length` long. Divisions and roots take most of a gain's time, so both share one. Folded into an octant
+// and turned back by the nearest multiple of π/8, the tangent t is at most tan(π/16), where eleven terms of t − t³/3 +
+// t⁵/5 − … leave 2·10⁻¹⁷.
+HWY_INLINE Direction direction_of(Vector x, Vector y, Vector length) {
+  constexpr double kOneEighth = 0.41421356237309504880;        // tan(π/8)
+  constexpr double kOneSixteenth = 0.19891236737965800691;     // tan(π/16)
+  constexpr double kThreeSixteenths = 0.66817863791929891999;  // tan(3π/16)
+  const Vector zero = hn::Zero(d64), high = hn::Max(hn::Abs(x), hn::Abs(y)), low = hn::Min(hn::Abs(x), hn::Abs(y));
+  const auto past_first = hn::Gt(low, hn::Mul(constant(kOneSixteenth), high));
+  const auto past_second = hn::Gt(low, hn::Mul(constant(kThreeSixteenths), high));
+  const Vector turned = hn::IfThenElse(past_second, constant(1), hn::IfThenElseZero(past_first, constant(kOneEighth)));
+  const Vector angle = hn::IfThenElse(past_second, constant(std::numbers::pi / 4),
+                                      hn::IfThenElseZero(past_first, constant(std::numbers::pi / 8)));
+  const Vector beside = hn::NegMulAdd(turned, high, low), along = hn::MulAdd(turned, low, high);
+  const Vector reciprocal = hn::Div(constant(1), hn::Mul(along, length));
+  const Vector t = hn::Mul(hn::Mul(beside, length), reciprocal);
+  const Vector square = hn::Mul(t, t), fourth = hn::Mul(square, square);
+  // Every second term is added, the others are taken off: neither sum waits for the other.
+  Vector added = constant(1.0 / 21), taken_off = constant(1.0 / 19);
+  for (int n = 17; n > 0; n -= 4) added = hn::MulAdd(added, fourth, constant(1.0 / n));
+  for (int n = 15; n > 0; n -= 4) taken_off = hn::MulAdd(taken_off, fourth, constant(1.0 / n));
+  const Vector series = hn::NegMulAdd(square, taken_off, added);
+  const Vector octant = hn::MulAdd(t, series, angle);
+  const Vector steep = hn::Sub(constant(std::numbers::pi / 2), octant);
+  const Vector acute =
+      hn::IfThenZeroElse(hn::Eq(y, zero), hn::IfThenElse(hn::Gt(hn::Abs(y), hn::Abs(x)), steep, octant));
+  const Vector cosine =
+      hn::IfThenElse(hn::Gt(length, zero), hn::Mul(hn::Mul(x, along), reciprocal), constant(std::numbers::sqrt2 / 2));
+  return {cosine, hn::CopySign(hn::IfThenElse(hn::Lt(x, zero), hn::Sub(constant(std::numbers::pi), acute), acute), y)};
+}
+
+// Into (−π, π].
+HWY_INLINE Vector wrapped(Vector phase) {
+  const Vector turn = constant(2 * std::numbers::pi);
+  const Vector rest = hn::Sub(phase, hn::Mul(turn, hn::Round(hn::Mul(phase, constant(0.5 / std::numbers::pi)))));
+  return hn::IfThenElse(hn::Le(rest, constant(-std::numbers::pi)), hn::Add(rest, turn), rest);
+}
+
+struct Inputs {
+  Vector mean, cosine, sine, noise;
+};
+
+struct Outputs {
+  Vector gain, gain_std, phase, snr, remark;
+};
+
+HWY_INLINE Outputs gains(const Inputs& in, const FittedTone& fit) {
+  const Vector power = hn::MulAdd(in.cosine, in.cosine, hn::Mul(in.sine, in.sine));
+  const Direction direction = direction_of(in.cosine, hn::Neg(in.sine), hn::Sqrt(power));
+  const Vector share_cosine = hn::Mul(direction.cosine, direction.cosine);
+  const Vector share_sine = hn::Sub(constant(1), share_cosine);
+  const Vector radial =
+      hn::MulAdd(share_cosine, constant(fit.variance_cosine), hn::Mul(share_sine, constant(fit.variance_sine)));
+  const Vector tangential =
+      hn::MulAdd(share_sine, constant(fit.variance_cosine), hn::Mul(share_cosine, constant(fit.variance_sine)));
+  // Noise across the phasor lengthens it: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
+  const Vector amplitude = hn::Sqrt(not_negative(hn::NegMulAdd(in.noise, tangential, power)));
+  const auto noiseless = hn::Eq(in.noise, hn::Zero(d64));
+  const Vector noise = hn::IfThenElse(noiseless, constant(1), in.noise);
+  const Vector reciprocal = hn::Div(constant(1), hn::Mul(in.mean, noise));  // of both
+  const Vector per_mean = hn::Mul(noise, reciprocal);
+  const Vector per_noise = hn::IfThenElse(noiseless, hn::Inf(d64), hn::Mul(in.mean, reciprocal));
+  const Vector contrast = hn::Mul(amplitude, per_mean);
+  // The ratio's error by its first derivatives.
+  const Vector of_mean = hn::MulAdd(contrast, constant(fit.variance_mean),
+                                    hn::Mul(direction.cosine, constant(-2 * fit.covariance_mean_cosine)));
+  const Vector variance = hn::Mul(in.noise, hn::MulAdd(contrast, of_mean, radial));
+  const Vector level = hn::Mul(amplitude, constant(1 / fit.full_depth_ratio));  // G·C
+  const Vector rounding = hn::Mul(constant(kRounding), in.mean);
+  const auto weak = hn::Or(hn::Lt(power, hn::Mul(hn::Mul(constant(kWeak * kWeak), in.noise), radial)),
+                           hn::Le(power, hn::Mul(rounding, rounding)));
+  const Vector per_full_mean = hn::Mul(per_mean, constant(1 / fit.full_depth_ratio));
+  return {hn::Mul(amplitude, per_full_mean), hn::Mul(hn::Sqrt(not_negative(variance)), per_full_mean),
+          wrapped(hn::Add(constant(fit.phase_at_zero), direction.angle)), hn::Mul(hn::Mul(level, level), per_noise),
+          hn::IfThenElse(hn::Gt(in.mean, hn::Zero(d64)),
+                         hn::IfThenElse(weak, constant(kWeakTone),
+                                        hn::IfThenElseZero(hn::Lt(in.noise, constant(1)), constant(kLittleNoise))),
+                         constant(kNoLight))};
+}
+
+bool GainsOfFit(const FittedTone& fit, const GainOutputs& out) {
+  const std::size_t lanes = hn::Lanes(d64);
+  Vector remarks = hn::Zero(d64);
+  std::size_t i = 0;
+  for (; i + lanes <= fit.count; i += lanes) {
+    const Outputs result = gains({hn::LoadU(d64, fit.mean + i), hn::LoadU(d64, fit.cosine + i),
+                                  hn::LoadU(d64, fit.sine + i), hn::LoadU(d64, fit.noise_variance + i)},
+                                 fit);
+    hn::StoreU(result.gain, d64, out.gain + i);
+    hn::StoreU(result.gain_std, d64, out.gain_std + i);
+    hn::StoreU(result.phase, d64, out.phase + i);
+    hn::StoreU(result.snr, d64, out.snr + i);
+    hn::StoreU(result.remark, d64, out.remark + i);
+    remarks = hn::Max(remarks, result.remark);
+  }
+  // What is left, one column in all lanes: the same numbers as in a full vector.
+  for (; i < fit.count; ++i) {
+    const Outputs result = gains(
+        {constant(fit.mean[i]), constant(fit.cosine[i]), constant(fit.sine[i]), constant(fit.noise_variance[i])}, fit);
+    out.gain[i] = hn::GetLane(result.gain);
+    out.gain_std[i] = hn::GetLane(result.gain_std);
+    out.phase[i] = hn::GetLane(result.phase);
+    out.snr[i] = hn::GetLane(result.snr);
+    out.remark[i] = hn::GetLane(result.remark);
+    remarks = hn::Max(remarks, result.remark);
+  }
+  return !hn::AllTrue(d64, hn::Eq(remarks, hn::Zero(d64)));
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ocisac::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ocisac::kernels {
+
+HWY_EXPORT(ParametersOfSums);
+HWY_EXPORT(GainsOfFit);
+
+void parameters_of_sums(const FitSums& fit, double* parameters, double* noise_variance) {
+  HWY_DYNAMIC_DISPATCH(ParametersOfSums)(fit, parameters, noise_variance);
+}
+
+bool gains_of_fit(const FittedTone& fit, const GainOutputs& out) { return HWY_DYNAMIC_DISPATCH(GainsOfFit)(fit, out); }
+
+}  // namespace ocisac::kernels
+#endif

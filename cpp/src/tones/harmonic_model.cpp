@@ -1,0 +1,218 @@
+#include "tones/harmonic_model.hpp"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kIllConditioned = 1e6;  // condition number from which on an answer has lost its meaning in noise
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// A tone is lost where its sines or cosines vanish on every row: at multiples of half the row rate, but for the
+// rounding of f·T_r.
+bool at_multiple_of_half_row_rate(double cycles_per_row) {
+  const double halves = 2 * cycles_per_row;
+  return std::abs(halves - std::nearbyint(halves)) <= 4 * std::numeric_limits<double>::epsilon() * halves;
+}
+
+Flags frequency_flags(double cycles_per_row, std::size_t rows) {
+  Flags flags = 0;
+  if (cycles_per_row * static_cast<double>(rows) < 1) flags |= flag::few_cycles;
+  if (cycles_per_row > 0.5) flags |= flag::aliased;
+  if (at_multiple_of_half_row_rate(cycles_per_row)) flags |= flag::unresolvable;
+  return flags;
+}
+
+struct Oscillation {
+  std::size_t tone;
+  double cycles_per_row;
+};
+
+struct Oscillations {
+  std::vector<Oscillation> all;  // fundamentals first
+  std::size_t fundamentals = 0;
+};
+
+// The oscillations that the rows can carry: the fundamentals, then harmonics from the lowest on until half of the
+// degrees of freedom are used, without those that fall on another tone's fundamental (a quarter of a bin or nearer).
+Oscillations usable_oscillations(std::span<const ModelTone> tones, std::size_t rows, std::span<Flags> flags) {
+  Oscillations usable;
+  std::vector<Oscillation> harmonics;
+  for (std::size_t k = 0; k < tones.size(); ++k) {
+    if (flags[k] & flag::unresolvable) continue;
+    usable.all.push_back({k, tones[k].cycles_per_row});
+    for (const int h : tones[k].harmonics)
+      if (h > 1) harmonics.push_back({k, h * tones[k].cycles_per_row});
+  }
+  usable.fundamentals = usable.all.size();
+  std::ranges::stable_sort(harmonics, {}, &Oscillation::cycles_per_row);
+  const double quarter_bin = 0.25 / static_cast<double>(rows);
+  for (const Oscillation& harmonic : harmonics) {
+    const bool taken = std::ranges::any_of(usable.all, [&](const Oscillation& other) {
+      return std::abs(other.cycles_per_row - harmonic.cycles_per_row) < quarter_bin;
+    });
+    const bool rows_left = 2 * (2 * usable.all.size() + 3) <= rows + 2;
+    if (taken || !rows_left || at_multiple_of_half_row_rate(harmonic.cycles_per_row))
+      flags[harmonic.tone] |= flag::harmonics_dropped;
+    else
+      usable.all.push_back(harmonic);
+  }
+  return usable;
+}
+
+// Rows u and −u enter a symmetric block only by (y(u) + y(−u))/√2, an antisymmetric one by the difference: half the
+// rows, orthonormally. This is the scale of folded row i, whose u is the (i+1)-th that is not negative.
+struct Folding {
+  explicit Folding(std::size_t rows) : count(static_cast<Index>((rows + 1) / 2)), odd(rows % 2 == 1) {}
+  Index count;
+  bool odd;
+  [[nodiscard]] double position(Index i) const { return static_cast<double>(i) + (odd ? 0.0 : 0.5); }
+  [[nodiscard]] double scale(Index i) const { return odd && i == 0 ? 1.0 : std::numbers::sqrt2; }
+};
+
+// One half of the model: least squares by QR, which does not square the condition number as normal equations do.
+struct Block {
+  MatrixXd basis;       // (folded rows × rank), orthonormal
+  MatrixXd weights;     // (folded rows × wanted): columns of the transposed pseudo-inverse
+  MatrixXd covariance;  // (wanted × wanted)
+  double condition = 1;
+};
+
+Block solve_block(const MatrixXd& design, Index wanted) {
+  if (design.cols() == 0) return {MatrixXd(design.rows(), 0), MatrixXd(design.rows(), 0), MatrixXd(0, 0)};
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(design);
+  const Index rank = qr.rank();
+  Block block;
+  block.basis = qr.householderQ() * MatrixXd::Identity(design.rows(), rank);
+  const auto triangle = qr.matrixR().topLeftCorner(rank, rank);
+  if (rank < design.cols())
+    block.condition = kInfinity;
+  else if (rank > 0)
+    block.condition = std::abs(triangle(0, 0) / triangle(rank - 1, rank - 1));
+  // Parameter p is column j of R after pivoting: its row of the pseudo-inverse is Q·R^{-T}·e_j.
+  MatrixXd selected = MatrixXd::Zero(rank, wanted);
+  for (Index j = 0; j < rank; ++j) {
+    const Index parameter = qr.colsPermutation().indices()(j);
+    if (parameter < wanted) selected(j, parameter) = 1;
+  }
+  const MatrixXd solved = triangle.triangularView<Eigen::Upper>().transpose().solve(selected);
+  block.weights = block.basis * solved;
+  block.covariance = solved.transpose() * solved;
+  return block;
+}
+
+template <class Oscillate>
+void fill_column(MatrixXd& design, Index column, const Folding& folding, Oscillate oscillate) {
+  for (Index i = 0; i < folding.count; ++i) design(i, column) = folding.scale(i) * oscillate(folding.position(i));
+}
+
+MatrixXd cosine_design(const std::vector<Oscillation>& oscillations, const Folding& folding) {
+  MatrixXd design(folding.count, static_cast<Index>(oscillations.size()) + 1);
+  fill_column(design, 0, folding, [](double) { return 1.0; });
+  for (Index column = 1; const auto& oscillation : oscillations)
+    fill_column(design, column++, folding, [&](double u) { return phasor(oscillation.cycles_per_row, u).cosine; });
+  return design;
+}
+
+MatrixXd sine_design(const std::vector<Oscillation>& oscillations, const Folding& folding) {
+  MatrixXd design(folding.count, static_cast<Index>(oscillations.size()));
+  for (Index column = 0; const auto& oscillation : oscillations)
+    fill_column(design, column++, folding, [&](double u) { return phasor(oscillation.cycles_per_row, u).sine; });
+  return design;
+}
+
+// Writes a folded column as the full one: symmetric (sign = 1) or antisymmetric (sign = −1).
+void unfold(const Eigen::Ref<const VectorXd>& folded, const Folding& folding, double sign, std::span<double> full) {
+  const std::size_t rows = full.size();
+  for (Index i = 0; i < folding.count; ++i) {
+    const double value = folded(i) / folding.scale(i);
+    const auto above = rows / 2 + static_cast<std::size_t>(i);
+    full[rows - 1 - above] = sign * value;
+    full[above] = value;
+  }
+}
+
+// Adds what a block knows to the model; `places`: where its estimates stand among the model's.
+void add_block(const Block& block, const Folding& folding, double sign, const std::vector<std::size_t>& places,
+               HarmonicModel& model) {
+  const auto row_of = [&](std::vector<double>& table, std::size_t index) {
+    return std::span(table).subspan(index * model.rows, model.rows);
+  };
+  const auto first = model.parameters;
+  model.parameters += static_cast<std::size_t>(block.basis.cols());
+  model.basis.resize(model.parameters * model.rows);
+  for (Index j = 0; j < block.basis.cols(); ++j)
+    unfold(block.basis.col(j), folding, sign, row_of(model.basis, first + static_cast<std::size_t>(j)));
+  for (std::size_t j = 0; j < places.size(); ++j) {
+    unfold(block.weights.col(static_cast<Index>(j)), folding, sign, row_of(model.weights, places[j]));
+    for (std::size_t k = 0; k < places.size(); ++k)
+      model.covariance[places[j] * model.estimates + places[k]] =
+          block.covariance(static_cast<Index>(j), static_cast<Index>(k));
+  }
+}
+
+}  // namespace
+
+Phasor phasor(double cycles_per_row, double u) {
+  const double product = cycles_per_row * u;
+  const double rest = std::fma(cycles_per_row, u, -product);
+  const double cycles = (product - std::nearbyint(product)) + rest;
+  return {std::cos(2 * std::numbers::pi * cycles), std::sin(2 * std::numbers::pi * cycles)};
+}
+
+std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
+  std::vector<int> harmonics{1};
+  for (int h = 2; h * cycles_per_row < 0.5; ++h)
+    if (std::abs(sinc(h * duty)) > 1e-9) harmonics.push_back(h);
+  return harmonics;
+}
+
+HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones) {
+  require(rows > 0, "rows", rows, "at least 1");
+  HarmonicModel model;
+  model.rows = rows;
+  model.estimates = 1 + 2 * tones.size();
+  model.weights.assign(model.estimates * rows, 0.0);
+  model.covariance.assign(model.estimates * model.estimates, 0.0);
+  for (std::size_t i = 1; i < model.estimates; ++i) model.covariance[i * model.estimates + i] = kInfinity;
+  for (const ModelTone& tone : tones) {
+    require_positive("frequency", tone.cycles_per_row);
+    const Flags too_few_rows = rows <= model.estimates ? flag::unresolvable : 0;  // one more, for the noise
+    model.tone_flags.push_back(frequency_flags(tone.cycles_per_row, rows) | too_few_rows);
+  }
+
+  const Oscillations oscillations = usable_oscillations(tones, rows, model.tone_flags);
+  const Folding folding(rows);
+  const auto wanted = static_cast<Index>(oscillations.fundamentals);
+  std::vector<std::size_t> even_places{0};
+  std::vector<std::size_t> odd_places;
+  for (std::size_t k = 0; k < oscillations.fundamentals; ++k) {
+    even_places.push_back(2 * oscillations.all[k].tone + 1);
+    odd_places.push_back(2 * oscillations.all[k].tone + 2);
+  }
+  const Block even = solve_block(cosine_design(oscillations.all, folding), wanted + 1);
+  add_block(even, folding, 1, even_places, model);
+  const Block odd = solve_block(sine_design(oscillations.all, folding), wanted);
+  add_block(odd, folding, -1, odd_places, model);
+
+  const double condition = std::max(even.condition, odd.condition);
+  for (Flags& flags : model.tone_flags) {
+    if (condition > kIllConditioned) flags |= flag::ill_conditioned;
+    if (condition == kInfinity) flags |= flag::unresolvable;
+  }
+  return model;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,47 @@
+// Mean + tones + harmonics as a linear model of a column, solved by least squares (cf. IEEE Std 1057).
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "ocisac/core/flags.hpp"
+
+namespace ocisac {
+
+// One tone of the model: cycles per row ν = f·T_r, and the multiples of ν that are fitted with it.
+struct ModelTone {
+  double cycles_per_row;
+  std::vector<int> harmonics;  // starts with 1
+};
+
+// The multiples of a square wave of `duty` that lie below half the row rate and do not vanish; at least {1}.
+std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
+
+// The least-squares solution as plain row weights. With u = n − (rows − 1)/2 a column is modelled as
+//   y(n) = c + Σ_k Σ_h [a_kh·cos(2π h ν_k u) + b_kh·sin(2π h ν_k u)] + noise,
+// and parameters = weights·y, where only c and the fundamentals a_k1, b_k1 have weights, in this order:
+// c, a_1, b_1, a_2, b_2, … Counting u from the middle makes sines and cosines orthogonal, which splits the model
+// into two of half the size. All tables are dense.
+struct HarmonicModel {
+  std::size_t rows = 0;
+  std::size_t estimates = 0;       // 1 + 2·tones: the parameters that have weights
+  std::size_t parameters = 0;      // all that are fitted; rows − parameters degrees of freedom are left to the noise
+  std::vector<double> weights;     // (estimates × rows)
+  std::vector<double> covariance;  // (estimates × estimates), of the estimates for noise of variance 1
+  std::vector<double> basis;       // (parameters × rows): orthonormal basis of all that the model can fit
+  // A flag word a tone: few_cycles, aliased, unresolvable, ill_conditioned, harmonics_dropped. An unresolvable tone
+  // has weights of 0 and an infinite variance.
+  std::vector<Flags> tone_flags;
+};
+
+// Throws std::invalid_argument for 0 rows and for frequencies that are not finite and positive.
+HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones);
+
+// cos and sin of 2π·h·ν·u with the whole cycles taken off exactly before rounding.
+struct Phasor {
+  double cosine, sine;
+};
+Phasor phasor(double cycles_per_row, double u);
+
+}  // namespace ocisac

@@ -1,0 +1,988 @@
+#include "tones/projection_kernels.hpp"
+
+#include <algorithm>
+#include <array>
+#include <new>
+#include <numeric>
+#include <span>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "tones/projection_kernels.cpp"
+#include <hwy/foreach_target.h>  // compiles the rest once for each target
+//
+#include <hwy/aligned_allocator.h>
+#include <hwy/cache_control.h>
+#include <hwy/highway.h>
+
+#ifndef OCISAC_INLINE_LAMBDA
+#define OCISAC_INLINE_LAMBDA __attribute__((always_inline))
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace ocisac::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Vectors as wide as a line of a cache, and twice as many of them in the registers: AVX-512.
+constexpr bool kWide = HWY_TARGET <= HWY_AVX3;
+
+// Rows that are worked on at a time: few enough for the second cache to hold them and the next ones, enough to spare
+// the sums' way to the first; where there are more sums than those of one tone, more.
+constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64 : 48;
+[[maybe_unused]] constexpr std::size_t kRowsPerSampleBlock = 16;  // wider samples
+
+#if HWY_TARGET == HWY_SCALAR
+
+// Without vectors: the loops as they are meant.
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  const auto group = static_cast<std::size_t>(weights.row_group);
+  if (to.first) {
+    for (double* values : {to.moments.totals, to.moments.squares, to.moments.maximum})
+      std::fill_n(values, block.columns, 0.0);
+    for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * block.columns, block.columns, 0.0);
+  }
+  const auto sum_of_group = [&](const std::uint8_t* pixels, std::size_t c) {
+    std::int32_t sum = 0;
+    for (std::size_t r = 0; r < group; ++r, pixels += block.row_stride) {
+      to.moments.maximum[c] = std::max(to.moments.maximum[c], static_cast<double>(pixels[c]));
+      sum += pixels[c];
+    }
+    return sum;
+  };
+  for (std::size_t g = 0; g < block.groups; ++g)
+    for (std::size_t c = 0; c < block.columns; ++c) {
+      const auto rows = static_cast<std::ptrdiff_t>(g * group) * block.row_stride;
+      const std::int32_t near = sum_of_group(block.pixels + rows, c);
+      const std::int32_t far = block.mirrored ? sum_of_group(block.mirrored - rows, c) : 0;
+      for (std::size_t p = 0; p < weights.parts.size(); ++p) {
+        const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + g / 2]);
+        const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
+        to.sums[weights.parts[p] * block.columns + c] += weight * (p < weights.even ? near + far : near - far);
+      }
+      to.moments.totals[c] += near + far;
+      to.moments.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
+    }
+}
+
+#else
+
+const hn::ScalableTag<std::uint16_t> d16;
+const hn::ScalableTag<std::int16_t> d16s;
+const hn::ScalableTag<std::int32_t> d32;
+using Sum16 = hn::Vec<decltype(d16)>;
+using Pair16 = hn::Vec<decltype(d16s)>;
+using Sum32 = hn::Vec<decltype(d32)>;
+
+// sum + a₀·b₀ + a₁·b₁ in every 32-bit lane, whose halves are (a₀, a₁) and (b₀, b₁).
+HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
+#if HWY_ARCH_X86 && HWY_TARGET != HWY_EMU128
+  Sum32 unused = hn::Zero(d32);
+  return hn::ReorderWidenMulAccumulate(d32, a, b, sum, unused);  // vpmaddwd, which keeps this order
+#else
+  const Sum32 x = hn::BitCast(d32, a);
+  const Sum32 y = hn::BitCast(d32, b);
+  const auto low = [](Sum32 v) { return hn::ShiftRight<16>(hn::ShiftLeft<16>(v)); };
+  const auto high = [](Sum32 v) { return hn::ShiftRight<16>(v); };
+  return hn::Add(sum, hn::Add(hn::Mul(low(x), low(y)), hn::Mul(high(x), high(y))));
+#endif
+}
+
+// A strip of columns is as wide as a vector of bytes.
+constexpr std::size_t kVectors = 4;  // of 32-bit sums a strip
+const hn::ScalableTag<std::uint8_t> d8;
+using Bytes = hn::Vec<decltype(d8)>;
+
+// a₀ + a₁ and a₀ − a₁ in every 16-bit lane, whose bytes are (a₀, a₁).
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_SSSE3
+
+const hn::ScalableTag<std::int8_t> d8s;
+
+// vpmaddubsw
+HWY_INLINE Pair16 multiply_neighbours(Bytes a, hn::Vec<decltype(d8s)> b) {
+#if HWY_TARGET <= HWY_AVX3
+  return Pair16{_mm512_maddubs_epi16(a.raw, b.raw)};
+#elif HWY_TARGET == HWY_AVX2
+  return Pair16{_mm256_maddubs_epi16(a.raw, b.raw)};
+#else
+  return Pair16{_mm_maddubs_epi16(a.raw, b.raw)};
+#endif
+}
+
+HWY_INLINE Pair16 sum_of_neighbours(Bytes a) { return multiply_neighbours(a, hn::Set(d8s, 1)); }
+HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
+  return multiply_neighbours(a, hn::BitCast(d8s, hn::Set(d16, 0xff01)));  // 1 and -1
+}
+
+#else
+
+HWY_INLINE Sum16 first_of_neighbours(Bytes a) { return hn::And(hn::BitCast(d16, a), hn::Set(d16, 255)); }
+HWY_INLINE Sum16 second_of_neighbours(Bytes a) { return hn::ShiftRight<8>(hn::BitCast(d16, a)); }
+HWY_INLINE Pair16 sum_of_neighbours(Bytes a) {
+  return hn::BitCast(d16s, hn::Add(first_of_neighbours(a), second_of_neighbours(a)));
+}
+HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
+  return hn::BitCast(d16s, hn::Sub(first_of_neighbours(a), second_of_neighbours(a)));
+}
+
+#endif
+
+constexpr std::size_t kLine = 64;  // of a cache
+
+// Rows are asked for before they are worked on, in one of two ways (bench/README.md has the figures):
+//
+// * In runs of lines, in the order of memory, one block ahead. Strip by strip, none of the prefetchers of the hardware
+//   that this was made on (Zen 3) would follow.
+// * Wide vectors: every row asks for its own lines of strips ahead, for every line four times: what is asked for while
+//   too many lines are on their way is forgotten (Zen 5).
+constexpr std::size_t kStripsAhead[] = {5, 3, 2, 1};
+
+// Lines of a run, asked for with every pair of groups, of either side.
+template <int kGroup>
+constexpr std::size_t kLinesPerPair = std::max<std::size_t>(2 * kGroup * hn::MaxLanes(d8) / kLine, 1);
+
+// Runs of `bytes` that cover a block of rows, the lowest first, as offsets from its lowest row; `count` of them, the
+// last repeated.
+std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::ptrdiff_t row_stride, std::size_t columns,
+                                    std::size_t count) {
+  const auto apart = static_cast<std::size_t>(std::abs(row_stride));
+  if (apart == columns) {
+    columns *= rows;
+    rows = 1;
+  }
+  std::vector<std::ptrdiff_t> runs;
+  runs.reserve(count);
+  for (std::size_t row = 0; row < rows; ++row)
+    for (std::size_t c = 0; c < columns && runs.size() < count; c += bytes)
+      runs.push_back(static_cast<std::ptrdiff_t>(row * apart + std::min(c, columns - std::min(columns, bytes))));
+  runs.resize(count, runs.back());
+  return runs;
+}
+
+// The lowest of the rows to ask for and of their mirror images, and the next run, of both.
+struct RowsAhead {
+  const std::uint8_t *near, *far;
+  const std::ptrdiff_t* run;
+};
+
+template <std::size_t kLines>
+HWY_INLINE void ask_for(const std::uint8_t* run) {
+  for (std::size_t i = 0; i < kLines; ++i) hwy::Prefetch(run + i * kLine);
+}
+
+template <int kGroup, bool kNear, bool kFar>
+HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
+  if constexpr (kWide) return;
+  if (kNear) ask_for<kLinesPerPair<kGroup> >(ahead.near + ahead.run[pair]);
+  if (kFar) ask_for<kLinesPerPair<kGroup> >(ahead.far + ahead.run[pair]);
+}
+
+// From a row of a strip to what it asks for.
+using LinesAhead = std::array<std::ptrdiff_t, kWide ? std::size(kStripsAhead) : 0>;
+
+// A strip is done in slices, as many as let all sums of one tone stay in registers.
+constexpr std::size_t kSlices = kWide ? 1 : 2, kPerSlice = kVectors / kSlices;
+
+// Two groups of rows of a slice of a strip side by side in 32-bit lanes: as they are, or the sums with their mirror
+// images and the differences. Lane i of block b (of 128 bits) of vector v is column 16·b + 4·v + i of the strip, v
+// counted through all slices.
+struct Pairs {
+  HWY_INLINE Pairs() {}  // the implicit one is not for the target: GCC for Arm refuses to inline the vectors' own
+  Pair16 sums[kPerSlice];
+  Pair16 differences[kPerSlice];
+};
+
+// Where a strip's rows are, from the block's first on, and, mirrored, from its last group on backwards (unfolded: not
+// used).
+struct Rows {
+  const std::uint8_t* near;
+  const std::uint8_t* far;
+  std::ptrdiff_t stride;
+  LinesAhead near_ahead{}, far_ahead{};
+
+  template <bool kFold>
+  HWY_INLINE void advance(std::ptrdiff_t count) {
+    near += count * stride;
+    if (kFold) far -= count * stride;
+  }
+};
+
+// A row of a strip; raises the maximum.
+HWY_INLINE Bytes load_row(const std::uint8_t* HWY_RESTRICT pixels, const LinesAhead& ahead, Bytes& maximum) {
+  for (const std::ptrdiff_t line : ahead) hwy::Prefetch(pixels + line);
+  Bytes row = hn::LoadU(d8, pixels);
+#if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
+  asm("" : "+v"(row.raw));  // in a register: it is loaded for every use else (four tones: 105 instead of 95 µs)
+#endif
+  maximum = hn::Max(maximum, row);
+  return row;
+}
+
+// The lower or the upper halves of the blocks, side by side.
+template <bool kUpper, class D, class V>
+HWY_INLINE V interleave(D d, V a, V b) {
+  return kUpper ? hn::InterleaveUpper(d, a, b) : hn::InterleaveLower(d, a, b);
+}
+
+// Two rows and their mirror images.
+struct FourRows {
+  Bytes a, b, far_a, far_b;
+};
+
+// Half of a strip's pairs of single rows, of the lower or the upper halves of the blocks: those and their mirror images
+// as bytes of a lane, whose neighbours make sums and differences.
+template <bool kFold, bool kUpper>
+HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* differences) {
+  const Pair16 a = hn::BitCast(d16s, interleave<kUpper>(d8, rows.a, rows.far_a));
+  const Pair16 b = hn::BitCast(d16s, interleave<kUpper>(d8, rows.b, rows.far_b));
+  const Pair16 first = hn::InterleaveLower(d16s, a, b), second = hn::InterleaveUpper(d16s, a, b);
+  sums[0] = kFold ? sum_of_neighbours(hn::BitCast(d8, first)) : first;
+  sums[1] = kFold ? sum_of_neighbours(hn::BitCast(d8, second)) : second;
+  if constexpr (!kFold) return;
+  differences[0] = difference_of_neighbours(hn::BitCast(d8, first));
+  differences[1] = difference_of_neighbours(hn::BitCast(d8, second));
+}
+
+// Two single rows and, folded, their mirror images. The maximum is raised once, with the first slice.
+template <bool kFold, bool kLone, std::size_t kSlice>
+HWY_INLINE void load_rows(const Rows& rows, Bytes& top, Pairs& to) {
+  const Bytes none = hn::Zero(d8);
+  const auto load = [&top](const std::uint8_t* pixels, const LinesAhead& ahead) {
+    return kSlice == 0 ? load_row(pixels, ahead, top) : hn::LoadU(d8, pixels);
+  };
+  const FourRows four{load(rows.near, rows.near_ahead), kLone ? none : load(rows.near + rows.stride, rows.near_ahead),
+                      kFold ? load(rows.far, rows.far_ahead) : none,
+                      kFold && !kLone ? load(rows.far - rows.stride, rows.far_ahead) : none};
+  if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences);
+  if (kSlice + 1 == kSlices) pair_rows<kFold, true>(four, to.sums + kPerSlice - 2, to.differences + kPerSlice - 2);
+}
+
+// Sums of a group of rows: those of columns that lie in the lower and in the upper halves of a vector's blocks.
+struct GroupSum {
+  Pair16 lower, upper;
+};
+
+template <int kGroup>
+HWY_INLINE GroupSum sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::ptrdiff_t stride,
+                                 const LinesAhead& ahead, Bytes& maximum) {
+  GroupSum sum{hn::Zero(d16s), hn::Zero(d16s)};
+  for (int i = 0; i < kGroup; i += 2, pixels += 2 * stride) {
+    const Bytes a = load_row(pixels, ahead, maximum), b = load_row(pixels + stride, ahead, maximum);
+    sum.lower = hn::Add(sum.lower, sum_of_neighbours(hn::InterleaveLower(d8, a, b)));
+    sum.upper = hn::Add(sum.upper, sum_of_neighbours(hn::InterleaveUpper(d8, a, b)));
+  }
+  return sum;
+}
+
+HWY_INLINE void interleave_groups(const GroupSum& a, const GroupSum& b, Pair16* lower, Pair16* upper) {
+  lower[0] = hn::InterleaveLower(d16s, a.lower, b.lower);
+  lower[1] = hn::InterleaveUpper(d16s, a.lower, b.lower);
+  upper[0] = hn::InterleaveLower(d16s, a.upper, b.upper);
+  upper[1] = hn::InterleaveUpper(d16s, a.upper, b.upper);
+}
+
+// Two groups of rows and, folded, their mirror images, of a whole strip, whose last slice may be its first.
+template <int kGroup, bool kFold, bool kLone>
+HWY_INLINE void load_groups(const Rows& rows, Bytes& top, Pairs& first, Pairs& last) {
+  const std::ptrdiff_t second = kGroup * rows.stride;
+  const GroupSum none{hn::Zero(d16s), hn::Zero(d16s)};
+  const auto near = [&](const std::uint8_t* at) { return sum_of_group<kGroup>(at, rows.stride, rows.near_ahead, top); };
+  const auto far = [&](const std::uint8_t* at) { return sum_of_group<kGroup>(at, rows.stride, rows.far_ahead, top); };
+  const GroupSum a = near(rows.near);
+  const GroupSum c = kFold ? far(rows.far) : none;
+  const GroupSum b = kLone ? none : near(rows.near + second);
+  const GroupSum d = kFold && !kLone ? far(rows.far - second) : none;
+  constexpr std::size_t kUpper = kPerSlice - 2;
+  interleave_groups({hn::Add(a.lower, c.lower), hn::Add(a.upper, c.upper)},
+                    {hn::Add(b.lower, d.lower), hn::Add(b.upper, d.upper)}, first.sums, last.sums + kUpper);
+  if constexpr (!kFold) return;
+  interleave_groups({hn::Sub(a.lower, c.lower), hn::Sub(a.upper, c.upper)},
+                    {hn::Sub(b.lower, d.lower), hn::Sub(b.upper, d.upper)}, first.differences,
+                    last.differences + kUpper);
+}
+
+// Strips of a vector's width that cover the columns; neighbours overlap instead of being cut. Where rows are a whole
+// number of vectors apart, all but the first lie on vectors' boundaries: loads across two lines of a cache take up to
+// 8 % of the time. With less arithmetic, where four rows or more are added, narrow ones lie half a vector beside them
+// instead: what the loads touch of the next line brings it near in time (frames from memory: 10 %).
+class StripGrid {
+ public:
+  StripGrid(const ByteBlock& block, int row_group) : columns_(static_cast<std::ptrdiff_t>(block.columns)) {
+    if (columns_ < kWidth) return;
+    const std::intptr_t beside = kWide || row_group < 4 ? 0 : kWidth / 2;
+    if (block.row_stride % kWidth == 0) before_ = (reinterpret_cast<std::intptr_t>(block.pixels) + beside) % kWidth;
+    count_ = static_cast<std::size_t>((columns_ + before_ + kWidth - 1) / kWidth);
+  }
+
+  [[nodiscard]] std::size_t count() const { return count_; }
+  // First column of strip i.
+  [[nodiscard]] HWY_INLINE std::ptrdiff_t first(std::size_t i) const {
+    const std::ptrdiff_t wanted = static_cast<std::ptrdiff_t>(i) * kWidth - before_;
+    return std::max<std::ptrdiff_t>(std::min(wanted, columns_ - kWidth), 0);
+  }
+  // From strip i to the one `ahead` of it; after the last come those of the rows that lie `next_rows` on.
+  [[nodiscard]] std::ptrdiff_t step(std::size_t i, std::size_t ahead, std::ptrdiff_t next_rows) const {
+    const std::size_t to = i + ahead;
+    return to < count_ ? first(to) - first(i) : next_rows + first(std::min(to - count_, count_ - 1)) - first(i);
+  }
+  // Columns before the next strip.
+  [[nodiscard]] std::size_t own_columns(std::size_t i) const {
+    return static_cast<std::size_t>((i + 1 < count_ ? first(i + 1) : columns_) - first(i));
+  }
+
+ private:
+  static constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
+  std::ptrdiff_t columns_;
+  std::ptrdiff_t before_ = 0;  // columns of the first strip that would lie before the block
+  std::size_t count_ = 1;
+};
+
+// Where a strip is added up. sums: kVectors vectors of a part, one part after the other, then the squares. The totals
+// of the last rows are kept in 16 bits until they might overflow.
+struct Strip {
+  std::int32_t* sums;
+  std::uint16_t* totals;
+  std::uint8_t* maximum;
+};
+
+constexpr std::size_t kRowsPerTotal = 512;  // two groups of each pair apart: 255·kRowsPerTotal/2 < 2^16
+constexpr std::size_t kPerSum = kVectors * hn::MaxLanes(d32);
+
+// Memory of a thread for so many numbers, kept from call to call.
+std::int32_t* kept_memory(std::size_t size) {
+  thread_local hwy::AlignedFreeUniquePtr<std::int32_t[]> memory;
+  thread_local std::size_t room = 0;
+  if (room < size) {
+    room = 0;
+    memory = hwy::AllocateAligned<std::int32_t>(size);
+    if (!memory) throw std::bad_alloc();
+    room = size;
+  }
+  return memory.get();
+}
+
+// What is added to with every block lies side by side: it goes to the first cache and back each time.
+class Strips {
+ public:
+  Strips(const ByteBlock& block, const ByteWeights& weights)
+      : grid(block, weights.row_group), parts_(weights.parts.size()), memory_(kept_memory(size())) {
+    std::fill_n(memory_, size(), 0);
+  }
+
+  const StripGrid grid;
+
+  [[nodiscard]] HWY_INLINE Strip at(std::size_t i) {
+    std::int32_t* sums = memory_ + i * per_strip();
+    std::int32_t* totals = sums + (parts_ + 1) * kPerSum;
+    return {sums, reinterpret_cast<std::uint16_t*>(totals), reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
+  }
+  // Totals of strip i in 32 bits.
+  [[nodiscard]] std::int32_t* totals(std::size_t i) { return memory_ + grid.count() * per_strip() + i * kPerSum; }
+  [[nodiscard]] std::int32_t* spare() { return totals(grid.count()); }
+
+ private:
+  [[nodiscard]] std::size_t size() const { return grid.count() * (per_strip() + kPerSum) + kPerSum; }
+  [[nodiscard]] std::size_t per_strip() const { return (parts_ + 2) * kPerSum + kPerSum / kVectors; }
+
+  std::size_t parts_;
+  std::int32_t* memory_;
+};
+
+// What the pairs of a slice are added to: squares, totals and the outputs of one tone, the first of either kind
+// (unfolded: the first two), which is what the registers hold. Where there are more outputs, pairs are kept for all.
+struct SliceOutputs {
+  const std::int32_t *first_weights, *second_weights;
+  std::int32_t *first, *second, *squares;
+  std::uint16_t* totals;
+  std::uint8_t* maximum;
+  Pairs* keep;
+};
+
+// Calls body(v) for every vector of a slice, v a constant: arrays that are indexed by nothing else stay in registers,
+// which loops over v leave to chance (GCC 12: 46 or 60 µs for a frame in the cache).
+template <class Body>
+HWY_INLINE void for_each_vector(Body body) {
+  [&]<std::size_t... kVector>(std::index_sequence<kVector...>) OCISAC_INLINE_LAMBDA {
+    (body(std::integral_constant<std::size_t, kVector>()), ...);
+  }
+  (std::make_index_sequence<kPerSlice>());
+}
+
+// load(p, top, pairs) makes those of the p-th of `count` pairs of groups and raises the maximum.
+template <bool kFold, bool kTone, bool kKeep, class Load>
+HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
+  Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
+  Sum16 total[kPerSlice];
+  for_each_vector([&](auto v) OCISAC_INLINE_LAMBDA {
+    if (kTone) a[v] = hn::Load(d32, to.first + v * hn::Lanes(d32));
+    if (kTone) b[v] = hn::Load(d32, to.second + v * hn::Lanes(d32));
+    square[v] = hn::Load(d32, to.squares + v * hn::Lanes(d32));
+    total[v] = hn::Load(d16, to.totals + v * hn::Lanes(d16));
+  });
+  Bytes top = hn::LoadU(d8, to.maximum);
+#pragma GCC unroll 1  // else the compiler reorders the additions and spills
+  for (std::size_t p = 0; p < count; ++p) {
+    Pairs pairs;
+    load(p, top, pairs);
+    const Pair16 weight_a = hn::BitCast(d16s, hn::Set(d32, to.first_weights[p]));
+    const Pair16 weight_b = hn::BitCast(d16s, hn::Set(d32, to.second_weights[p]));
+    for_each_vector([&](auto v) OCISAC_INLINE_LAMBDA {
+      const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
+      total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
+      if (kTone) a[v] = multiply_pairs(a[v], sum, weight_a);
+      if (kTone) b[v] = multiply_pairs(b[v], other, weight_b);
+      square[v] = multiply_pairs(square[v], sum, sum);
+      if (kFold) square[v] = multiply_pairs(square[v], other, other);
+      if (kKeep) to.keep[p].sums[v] = sum;
+      if (kKeep && kFold) to.keep[p].differences[v] = other;
+    });
+  }
+  hn::StoreU(top, d8, to.maximum);
+  for_each_vector([&](auto v) OCISAC_INLINE_LAMBDA {
+    if (kTone) hn::Store(a[v], d32, to.first + v * hn::Lanes(d32));
+    if (kTone) hn::Store(b[v], d32, to.second + v * hn::Lanes(d32));
+    hn::Store(square[v], d32, to.squares + v * hn::Lanes(d32));
+    hn::Store(total[v], d16, to.totals + v * hn::Lanes(d16));
+  });
+}
+
+// kOutputs of one kind at a time, of a slice.
+template <std::size_t kOutputs, bool kDifferences>
+HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
+                            std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
+  const std::size_t count = pairs.size();
+  Sum32 out[kOutputs][kPerSlice];
+  for (std::size_t o = 0; o < kOutputs; ++o)
+    for (std::size_t v = 0; v < kPerSlice; ++v) out[o][v] = hn::Load(d32, sums + o * kPerSum + v * hn::Lanes(d32));
+#pragma GCC unroll 1
+  for (std::size_t p = 0; p < count; ++p)
+    for (std::size_t o = 0; o < kOutputs; ++o) {
+      const Pair16 weight = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
+      for (std::size_t v = 0; v < kPerSlice; ++v)
+        out[o][v] = multiply_pairs(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
+    }
+  for (std::size_t o = 0; o < kOutputs; ++o)
+    for (std::size_t v = 0; v < kPerSlice; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
+}
+
+// All of one kind, from part `first` up to `end`.
+template <bool kDifferences>
+HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
+                                    std::size_t end, std::int32_t* sums) {
+  const auto add = [&]<std::size_t kOutputs>() {
+    add_outputs<kOutputs, kDifferences>(pairs, weights.pairs + first * weights.stride, weights.stride,
+                                        sums + first * kPerSum);
+  };
+  for (; first + 4 <= end; first += 4) add.template operator()<4>();
+  if (first + 3 == end) add.template operator()<3>();
+  if (first + 2 == end) add.template operator()<2>();
+  if (first + 1 == end) add.template operator()<1>();
+}
+
+// Pairs of groups of rows that are worked on at a time, and their rows, mirror images not counted.
+template <int kGroup, bool kFold, bool kMore>
+constexpr std::size_t kPairsPerBlock = std::max<std::size_t>((kMore ? kRowsForMore : kRowsPerBlock) /
+                                                                 ((kFold ? 4 : 2) * kGroup),
+                                                             1);
+template <int kGroup, bool kFold, bool kMore>
+constexpr std::size_t kRowsAhead = kPairsPerBlock<kGroup, kFold, kMore> * 2 * kGroup;
+
+// What all strips of a block have in common. The first output of a kind that has none is weighted by 0 and goes to
+// the spare.
+struct BlockPlan {
+  const ByteWeights& weights;
+  std::size_t count;   // pairs of groups
+  std::size_t second;  // the part where the second kind begins
+  std::int32_t* spare;
+
+  BlockPlan(const ByteWeights& of, std::size_t pairs, bool fold, std::int32_t* spare_sums)
+      : weights(of),
+        count(pairs),
+        second(fold ? of.even : std::min<std::size_t>(of.parts.size(), 1)),
+        spare(spare_sums) {}
+
+  [[nodiscard]] bool has_first() const { return second > 0; }
+  [[nodiscard]] bool has_second() const { return second < weights.parts.size(); }
+  [[nodiscard]] const std::int32_t* weights_of(std::size_t part, bool there) const {
+    static constexpr std::array<std::int32_t, kRowsForMore> kNone{};
+    return there ? weights.pairs + part * weights.stride : kNone.data();
+  }
+  [[nodiscard]] HWY_INLINE std::int32_t* sums_of(std::int32_t* sums, std::size_t part, bool there) const {
+    return there ? sums + part * kPerSum : spare;
+  }
+};
+
+// Whether there are outputs beside those of one tone.
+bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size() > 2 || (fold && weights.even != 1); }
+
+// A slice of a strip. `load` makes its pairs, as for add_slice(), which keeps them in `kept` where kKeep; else they are
+// there. Folded, squares count twice.
+template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, class Load>
+HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
+  const std::size_t parts = plan.weights.parts.size();
+  std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
+  add_slice<kFold, !kMore, kKeep>(
+      plan.count,
+      {plan.weights_of(0, plan.has_first()), plan.weights_of(plan.second, plan.has_second()),
+       plan.sums_of(sums, 0, plan.has_first()), plan.sums_of(sums, plan.second, plan.has_second()),
+       sums + parts * kPerSum, strip.totals + kSlice * kPerSlice * hn::Lanes(d16), strip.maximum, kept},
+      load);
+  if constexpr (!kMore) return;
+  const std::span<const Pairs> pairs(kept, plan.count);
+  add_outputs_of_kind<false>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
+  if (kFold) add_outputs_of_kind<true>(pairs, plan.weights, plan.second, parts, sums);
+}
+
+// Calls add<slice>() for every slice.
+template <class Add>
+HWY_INLINE void for_each_slice(Add add) {
+  add.template operator()<0>();
+  if constexpr (kSlices == 2) add.template operator()<1>();
+}
+
+// The pairs of one strip, straight from the pixels.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+HWY_INLINE void add_strip(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
+  Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
+  for_each_slice([&]<std::size_t kSlice>() {
+    add_slice_of_strip<kFold, kMore, kMore, kSlice>(plan, strip, kept,
+                                                    [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
+                                                      ask_for_run<kGroup, kSlice == 0, kFold && kSlice == 1>(ahead, p);
+                                                      if constexpr (kGroup == 1)
+                                                        load_rows<kFold, kLone, kSlice>(at, top, pairs);
+                                                      else
+                                                        load_groups<kGroup, kFold, kLone>(at, top, pairs, pairs);
+                                                      at.advance<kFold>(2 * kGroup);
+                                                    });
+  });
+}
+
+// Groups of rows by way of memory, so that the rows are read once for all slices.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+HWY_INLINE void add_strip_by_memory(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead,
+                                    const Strip& strip) {
+  Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
+  Bytes top = hn::LoadU(d8, strip.maximum);
+  Rows at = rows;
+#pragma GCC unroll 1
+  for (std::size_t p = 0; p < plan.count; ++p) {
+    ask_for_run<kGroup, true, kFold>(ahead, p);
+    load_groups<kGroup, kFold, kLone>(at, top, slices[0][p], slices[kSlices - 1][p]);
+    at.advance<kFold>(2 * kGroup);
+  }
+  hn::StoreU(top, d8, strip.maximum);
+  for_each_slice([&]<std::size_t kSlice>() {
+    const Pairs* made = slices[kSlice];
+    add_slice_of_strip<kFold, kMore, false, kSlice>(plan, strip, slices[kSlice],
+                                                    [made](std::size_t p, Bytes&, Pairs& pairs) {
+                                                      for (std::size_t v = 0; v < kPerSlice; ++v) {
+                                                        pairs.sums[v] = made[p].sums[v];
+                                                        if (kFold) pairs.differences[v] = made[p].differences[v];
+                                                      }
+                                                    });
+  });
+}
+
+// The rows of a block that is narrower than a strip, which leave the rest of a vector 0.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+class PaddedRows {
+ public:
+  PaddedRows(const ByteBlock& block, std::size_t count) {
+    const std::size_t rows = (kLone ? 1 : 2) * kGroup * count;
+    const auto back = static_cast<std::ptrdiff_t>(rows - kGroup);  // from the last group to the first
+    copy(block.pixels, block, rows, near_.data());
+    if (kFold) copy(block.mirrored - back * block.row_stride, block, rows, far_.data());
+    rows_ = {near_.data(), far_.data() + (kFold ? back * kWidth : 0), kWidth};
+  }
+  PaddedRows(const PaddedRows&) = delete;
+  PaddedRows& operator=(const PaddedRows&) = delete;
+
+  [[nodiscard]] const Rows& rows() const { return rows_; }
+
+ private:
+  static constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
+  static constexpr std::size_t kBytes = kRowsAhead<kGroup, kFold, kMore> * hn::MaxLanes(d8);
+
+  static void copy(const std::uint8_t* from, const ByteBlock& block, std::size_t rows, std::uint8_t* to) {
+    for (std::size_t r = 0; r < rows; ++r)
+      std::copy_n(from + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns, to + r * hn::Lanes(d8));
+  }
+
+  std::array<std::uint8_t, kBytes> near_{};
+  std::array<std::uint8_t, kFold ? kBytes : 1> far_{};
+  Rows rows_{};
+};
+
+// All strips of a block.
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+void add_strips(const Rows& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
+  const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>((kLone ? 1 : 2) * kGroup * plan.count) * rows.stride;
+  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += kWide ? 0 : plan.count) {
+    const std::ptrdiff_t first = strips.grid.first(i);
+    Rows here{rows.near + first, rows.far + first, rows.stride};
+    for (std::size_t n = 0; n < here.near_ahead.size(); ++n) {
+      here.near_ahead[n] = strips.grid.step(i, kStripsAhead[n], next_rows);
+      here.far_ahead[n] = strips.grid.step(i, kStripsAhead[n], -next_rows);
+    }
+    if constexpr (kGroup == 1 || kSlices == 1)
+      add_strip<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+    else
+      add_strip_by_memory<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+  }
+}
+
+template <int kGroup, bool kFold, bool kMore, bool kLone>
+void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& ahead, Strips& strips) {
+  const Rows rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
+  if (block.columns < hn::Lanes(d8))
+    add_strips<kGroup, kFold, kMore, kLone>(PaddedRows<kGroup, kFold, kMore, kLone>(block, plan.count).rows(), plan,
+                                            ahead, strips);
+  else
+    add_strips<kGroup, kFold, kMore, kLone>(rows, plan, ahead, strips);
+}
+
+// Moves the totals from 16 to 32 bits.
+void widen_totals(Strips& strips) {
+  for (std::size_t i = 0; i < strips.grid.count(); ++i) {
+    const Strip strip = strips.at(i);
+    std::int32_t* to = strips.totals(i);
+    for (std::size_t v = 0; v < kVectors; ++v, to += hn::Lanes(d32)) {
+      std::uint16_t* from = strip.totals + v * hn::Lanes(d16);
+      const auto both = hn::BitCast(hn::ScalableTag<std::uint32_t>(), hn::Load(d16, from));
+      const auto one = hn::And(both, hn::Set(hn::ScalableTag<std::uint32_t>(), 0xffff));
+      const Sum32 sum = hn::BitCast(d32, hn::Add(one, hn::ShiftRight<16>(both)));
+      hn::Store(hn::Add(hn::Load(d32, to), sum), d32, to);
+      hn::Store(hn::Zero(d16), d16, from);
+    }
+  }
+}
+
+template <int kGroup, bool kFold, bool kMore>
+class BlockProjector {
+ public:
+  BlockProjector(const ByteBlock& block, const ByteWeights& weights, Strips& strips)
+      : rest_(block),
+        weights_(weights),
+        strips_(strips),
+        rows_ahead_(std::min(kRows, block.groups * kGroup)),
+        runs_(kWide ? std::vector<std::ptrdiff_t>()
+                    : runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)) {}
+
+  void run() {
+    const RowsAhead first = rows_after(0);
+    for (const std::ptrdiff_t run : runs_) {
+      ask_for<kRun / kLine>(first.near + run);
+      if (kFold) ask_for<kRun / kLine>(first.far + run);
+    }
+    while (rest_.groups >= 2) add<false>(std::min(rest_.groups / 2, kPairs));
+    if (rest_.groups > 0) add<true>(1);
+    widen_totals(strips_);
+  }
+
+ private:
+  static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
+  static constexpr std::size_t kPairs = kPairsPerBlock<kGroup, kFold, kMore>;
+  static constexpr std::size_t kRows = kRowsAhead<kGroup, kFold, kMore>;
+  static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
+
+  [[nodiscard]] std::ptrdiff_t offset(std::ptrdiff_t rows) const { return rows * rest_.row_stride; }
+
+  // The rows after the next `done`; at the end, where there are fewer, the last ones. Mirror images follow one another
+  // backwards.
+  [[nodiscard]] RowsAhead rows_after(std::size_t done) const {
+    const auto rows = static_cast<std::ptrdiff_t>(rows_ahead_);
+    const auto left = static_cast<std::ptrdiff_t>(rest_.groups * kGroup);
+    const std::ptrdiff_t first = std::min(static_cast<std::ptrdiff_t>(done), left - rows);
+    const std::ptrdiff_t to_lowest = std::min<std::ptrdiff_t>(offset(rows - 1), 0);
+    const std::uint8_t* near = rest_.pixels + offset(first) + to_lowest;
+    if (!kFold) return {near, near, runs_.data()};
+    return {near, rest_.mirrored + offset(kGroup - first - rows) + to_lowest, runs_.data()};
+  }
+
+  template <bool kLone>
+  void add(std::size_t count) {
+    if (rows_in_totals_ + count * kRowsPerPair > kRowsPerTotal) {
+      widen_totals(strips_);
+      rows_in_totals_ = 0;
+    }
+    rows_in_totals_ += count * kRowsPerPair;
+    add_block<kGroup, kFold, kMore, kLone>(rest_, {weights_, count, kFold, strips_.spare()},
+                                           rows_after(2 * kGroup * count), strips_);
+    const std::size_t groups = kLone ? 1 : 2 * count;
+    rest_.groups -= groups;
+    if (rest_.groups == 0) return;
+    const std::ptrdiff_t done = offset(static_cast<std::ptrdiff_t>(groups * kGroup));
+    rest_.pixels += done;
+    if (kFold) rest_.mirrored -= done;
+    weights_.pairs += count;
+  }
+
+  ByteBlock rest_;
+  ByteWeights weights_;
+  Strips& strips_;
+  std::size_t rows_ahead_;
+  std::vector<std::ptrdiff_t> runs_;
+  std::size_t rows_in_totals_ = 0;
+};
+
+template <int kGroup, bool kFold>
+void project_folded(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  if (has_more(weights, kFold))
+    BlockProjector<kGroup, kFold, true>(block, weights, strips).run();
+  else
+    BlockProjector<kGroup, kFold, false>(block, weights, strips).run();
+}
+
+template <int kGroup>
+void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  if (block.mirrored)
+    project_folded<kGroup, true>(block, weights, strips);
+  else
+    project_folded<kGroup, false>(block, weights, strips);
+}
+
+// Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers, or writes them
+// there.
+template <bool kWrite>
+HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to,
+                             std::size_t columns) {
+  constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes that interleaving keeps together
+  const hn::CappedTag<double, kInBlock> d_double;
+  const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
+  if (columns == kPerSum) {
+    for (std::size_t b = 0; b < kPerSum / kVectors; b += kInBlock)
+      for (std::size_t v = 0; v < kVectors; ++v)
+        for (std::size_t i = 0; i < kInBlock; i += hn::Lanes(d_double), to += hn::Lanes(d_double)) {
+          const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, from + v * hn::Lanes(d32) + b + i));
+          const auto before = kWrite ? hn::Zero(d_double) : hn::LoadU(d_double, to);
+          hn::StoreU(hn::Add(before, hn::Mul(hn::Set(d_double, unit), sums)), d_double, to);
+        }
+    return;
+  }
+  for (std::size_t c = 0; c < columns; ++c) {
+    const std::size_t block = c / kInBlock;
+    const std::size_t lane = block % kVectors * hn::Lanes(d32) + block / kVectors * kInBlock + c % kInBlock;
+    to[c] = (kWrite ? 0 : to[c]) + unit * from[lane];
+  }
+}
+
+// The same for the largest bytes of `columns` columns.
+template <bool kWrite>
+HWY_INLINE void raise_in_order(const std::uint8_t* HWY_RESTRICT from, double* HWY_RESTRICT to, std::size_t columns) {
+  const hn::ScalableTag<double> d_double;
+  const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
+  const hn::Rebind<std::uint8_t, decltype(d_double)> d_byte;
+  std::size_t c = 0;
+  for (; c + hn::Lanes(d_double) <= columns; c += hn::Lanes(d_double)) {
+    const auto bytes = hn::PromoteTo(d_double, hn::PromoteTo(d_int, hn::LoadU(d_byte, from + c)));
+    hn::StoreU(kWrite ? bytes : hn::Max(bytes, hn::LoadU(d_double, to + c)), d_double, to + c);
+  }
+  for (; c < columns; ++c) to[c] = std::max(kWrite ? 0 : to[c], static_cast<double>(from[c]));
+}
+
+// Of all outputs of a strip, in its first `count` columns, which lie at `first`.
+template <bool kWrite>
+void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const ByteWeights& weights, bool folded,
+                        const ProjectionSums& to, std::size_t first, std::size_t count, std::size_t columns) {
+  const std::int32_t* from = strip.sums;
+  for (const std::size_t part : weights.parts) {
+    add_in_order<kWrite>(from, 1, to.sums + part * columns + first, count);
+    from += kPerSum;
+  }
+  add_in_order<kWrite>(from, folded ? 0.5 : 1, to.moments.squares + first, count);
+  add_in_order<kWrite>(totals, 1, to.moments.totals + first, count);
+  raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
+}
+
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  Strips strips(block, weights);
+  if (weights.row_group == 1) project_any<1>(block, weights, strips);
+  if (weights.row_group == 2) project_any<2>(block, weights, strips);
+  if (weights.row_group == 4) project_any<4>(block, weights, strips);
+  if (weights.row_group == 8) project_any<8>(block, weights, strips);
+  for (std::size_t i = 0; i < strips.grid.count(); ++i) {
+    const auto first = static_cast<std::size_t>(strips.grid.first(i));
+    const std::size_t count = strips.grid.own_columns(i);
+    const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
+    add(strips.at(i), strips.totals(i), weights, block.mirrored != nullptr, to, first, count, block.columns);
+  }
+}
+
+#endif  // HWY_TARGET == HWY_SCALAR
+
+const hn::ScalableTag<double> d64;
+using Sum64 = hn::Vec<decltype(d64)>;
+
+HWY_INLINE Sum64 load_samples(const double* p) { return hn::LoadU(d64, p); }
+HWY_INLINE Sum64 load_samples(const float* p) {
+  return hn::PromoteTo(d64, hn::LoadU(hn::Rebind<float, decltype(d64)>(), p));
+}
+HWY_INLINE Sum64 load_samples(const std::uint16_t* p) {
+  const hn::Rebind<std::int32_t, decltype(d64)> d_int;
+  const hn::Rebind<std::uint16_t, decltype(d64)> d_short;
+  return hn::PromoteTo(d64, hn::PromoteTo(d_int, hn::LoadU(d_short, p)));
+}
+
+// Adds kGroups groups of rows of one strip to up to three outputs.
+template <int kOutputs, class T>
+HWY_INLINE void add_sample_outputs(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, int row_group,
+                                   std::size_t groups, const double* HWY_RESTRICT weights, std::size_t weights_stride,
+                                   double* HWY_RESTRICT sums, std::size_t per_output, const Moments* moments) {
+  Sum64 out[std::max(kOutputs, 1)];
+  for (int o = 0; o < kOutputs; ++o) out[o] = hn::LoadU(d64, sums + static_cast<std::size_t>(o) * per_output);
+  Sum64 total = hn::Zero(d64), square = total, top = total;
+  if (moments) {
+    total = hn::LoadU(d64, moments->totals);
+    square = hn::LoadU(d64, moments->squares);
+    top = hn::LoadU(d64, moments->maximum);
+  }
+  for (std::size_t g = 0; g < groups; ++g) {
+    Sum64 v = load_samples(pixels);
+    if (moments) top = hn::Max(top, v);
+    pixels += stride;
+    for (int i = 1; i < row_group; ++i, pixels += stride) {
+      const Sum64 next = load_samples(pixels);
+      if (moments) top = hn::Max(top, next);
+      v = hn::Add(v, next);
+    }
+    for (int o = 0; o < kOutputs; ++o)
+      out[o] = hn::MulAdd(v, hn::Set(d64, weights[static_cast<std::size_t>(o) * weights_stride + g]), out[o]);
+    if (moments) total = hn::Add(total, v);
+    if (moments) square = hn::MulAdd(v, v, square);
+  }
+  for (int o = 0; o < kOutputs; ++o) hn::StoreU(out[o], d64, sums + static_cast<std::size_t>(o) * per_output);
+  if (!moments) return;
+  hn::StoreU(total, d64, moments->totals);
+  hn::StoreU(square, d64, moments->squares);
+  hn::StoreU(top, d64, moments->maximum);
+}
+
+template <class T>
+void add_sample_strip(const T* pixels, std::ptrdiff_t stride, int row_group, std::size_t groups, const double* weights,
+                      std::size_t weights_stride, std::size_t outputs, double* sums, std::size_t per_output,
+                      const Moments& moments) {
+  for (std::size_t o = 0; o == 0 || o < outputs; o += 3) {
+    const auto run = [&]<int kOutputs>() {
+      add_sample_outputs<kOutputs>(pixels, stride, row_group, groups, weights + o * weights_stride, weights_stride,
+                                   sums + o * per_output, per_output, o == 0 ? &moments : nullptr);
+    };
+    if (outputs - o >= 3) run.template operator()<3>();
+    if (outputs - o == 2) run.template operator()<2>();
+    if (outputs - o == 1) run.template operator()<1>();
+    if (outputs == 0) run.template operator()<0>();
+  }
+}
+
+template <class T>
+void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  const std::size_t outputs = weights.outputs;
+  const std::size_t strip = hn::Lanes(d64);
+  const auto row_group = static_cast<std::size_t>(weights.row_group);
+  const std::size_t groups_per_block = std::max<std::size_t>(kRowsPerSampleBlock / row_group, 1);
+  const std::size_t whole = block.columns / strip * strip;
+  const std::size_t rest = block.columns - whole;
+  std::vector<T> padded(rest ? kRowsPerSampleBlock * strip : 0);
+  std::vector<double> padded_sums((outputs + 3) * strip);
+  double* moments = padded_sums.data() + outputs * strip;
+  for (std::size_t g = 0; g < block.groups; g += groups_per_block) {
+    const std::size_t groups = std::min(groups_per_block, block.groups - g);
+    const T* pixels = block.pixels + static_cast<std::ptrdiff_t>(g * row_group) * block.row_stride;
+    for (std::size_t c = 0; c < whole; c += strip)
+      add_sample_strip(pixels + c, block.row_stride, weights.row_group, groups, weights.values + g, weights.stride,
+                       outputs, to.sums + c, block.columns,
+                       {to.moments.totals + c, to.moments.squares + c, to.moments.maximum + c});
+    if (rest == 0) continue;
+    for (std::size_t r = 0; r < groups * row_group; ++r)
+      std::copy_n(pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride + whole, rest, padded.data() + r * strip);
+    std::fill(padded_sums.begin(), padded_sums.end(), 0.0);
+    const auto row_of = [&](std::size_t o) {
+      if (o < outputs) return to.sums + o * block.columns + whole;
+      return std::array{to.moments.totals, to.moments.squares, to.moments.maximum}[o - outputs] + whole;
+    };
+    for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(row_of(o), rest, padded_sums.data() + o * strip);
+    add_sample_strip(padded.data(), static_cast<std::ptrdiff_t>(strip), weights.row_group, groups, weights.values + g,
+                     weights.stride, outputs, padded_sums.data(), strip,
+                     {moments, moments + strip, moments + 2 * strip});
+    for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(padded_sums.data() + o * strip, rest, row_of(o));
+  }
+}
+
+void ProjectShorts(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  ProjectSamples(block, weights, to);
+}
+void ProjectFloats(const SampleBlock<float>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  ProjectSamples(block, weights, to);
+}
+void ProjectDoubles(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  ProjectSamples(block, weights, to);
+}
+
+std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
+#if HWY_TARGET == HWY_SCALAR
+  return std::accumulate(data, data + size, std::uint64_t{0});
+#else
+  const hn::ScalableTag<std::uint64_t> d_sum;
+  const std::size_t lanes = hn::Lanes(d8);
+  auto a = hn::Zero(d_sum), b = a, c = a, d = a;
+  std::size_t i = 0;
+  for (; i + 4 * lanes <= size; i += 4 * lanes) {
+    a = hn::Add(a, hn::SumsOf8(hn::LoadU(d8, data + i)));
+    b = hn::Add(b, hn::SumsOf8(hn::LoadU(d8, data + i + lanes)));
+    c = hn::Add(c, hn::SumsOf8(hn::LoadU(d8, data + i + 2 * lanes)));
+    d = hn::Add(d, hn::SumsOf8(hn::LoadU(d8, data + i + 3 * lanes)));
+  }
+  std::uint64_t sum = hn::GetLane(hn::SumOfLanes(d_sum, hn::Add(hn::Add(a, b), hn::Add(c, d))));
+  for (; i < size; ++i) sum += data[i];
+  return sum;
+#endif
+}
+
+const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
+
+bool HasWideVectors() { return kWide; }
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ocisac::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ocisac::kernels {
+
+HWY_EXPORT(ProjectBytes);
+HWY_EXPORT(ProjectShorts);
+HWY_EXPORT(ProjectFloats);
+HWY_EXPORT(ProjectDoubles);
+HWY_EXPORT(ReadBytes);
+HWY_EXPORT(TargetName);
+HWY_EXPORT(HasWideVectors);
+
+void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, to);
+}
+
+template <>
+void project_samples(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectShorts)(block, weights, to);
+}
+template <>
+void project_samples(const SampleBlock<float>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectFloats)(block, weights, to);
+}
+template <>
+void project_samples(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectDoubles)(block, weights, to);
+}
+
+std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size) {
+  return HWY_DYNAMIC_DISPATCH(ReadBytes)(data, size);
+}
+
+const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
+
+bool has_wide_vectors() { return HWY_DYNAMIC_DISPATCH(HasWideVectors)(); }
+
+}  // namespace ocisac::kernels
+#endif

@@ -1,0 +1,198 @@
+#include "tones/streaming_fit.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <list>
+#include <mutex>
+#include <numbers>
+
+#include "tones/gain_kernel.hpp"
+#include "tones/harmonic_model.hpp"
+#include "tones/projection_kernels.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+HarmonicModel fundamentals_only(std::size_t rows, std::span<const double> cycles_per_row, double factor) {
+  std::vector<ModelTone> tones;
+  for (const double cycles : cycles_per_row) tones.push_back({cycles * factor, {1}});
+  return harmonic_model(rows, tones);
+}
+
+constexpr std::size_t kFewRows = 256;  // whose weights are large beside their rounding, and cost little
+
+// Amplitude that a tone keeps when `row_group` rows are averaged.
+double group_gain(double cycles_per_row, int row_group) {
+  if (row_group == 1) return 1;
+  return std::sin(std::numbers::pi * cycles_per_row * row_group) /
+         (row_group * std::sin(std::numbers::pi * cycles_per_row));
+}
+
+double tone_of(std::size_t estimate, std::span<const double> per_tone, double for_mean) {
+  return estimate == 0 ? for_mean : per_tone[(estimate - 1) / 2];
+}
+
+std::vector<double> dense(const RowMajor& matrix) { return {matrix.data(), matrix.data() + matrix.size()}; }
+
+}  // namespace
+
+// The fit of sums of `row_group` rows, in terms of the rows.
+struct StreamingFit::Candidate {
+  int row_group;
+  std::vector<Flags> flags;  // of the tones
+  RowMajor weights;          // (estimates × groups), of sums
+  RowMajor design;           // (groups × estimates), of sums
+  RowMajor covariance;       // for rows with noise of variance 1
+};
+
+StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<const double> cycles_per_row,
+                                                int row_group) {
+  const std::size_t groups = rows / static_cast<std::size_t>(row_group);
+  const HarmonicModel model = fundamentals_only(groups, cycles_per_row, row_group);
+  std::vector<double> gains;
+  for (const double cycles : cycles_per_row) gains.push_back(group_gain(cycles, row_group));
+  const auto size = static_cast<Eigen::Index>(model.estimates);
+  Candidate result{row_group, model.tone_flags, RowMajor(size, static_cast<Eigen::Index>(groups)),
+                   RowMajor(static_cast<Eigen::Index>(groups), size), RowMajor(size, size)};
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const auto estimate = static_cast<std::size_t>(i);
+    const double scale = row_group * tone_of(estimate, gains, 1);
+    const double cycles = row_group * tone_of(estimate, cycles_per_row, 0);
+    for (Eigen::Index j = 0; j < static_cast<Eigen::Index>(groups); ++j) {
+      const Phasor at = phasor(cycles, static_cast<double>(j) - (static_cast<double>(groups) - 1) / 2);
+      result.weights(i, j) = model.weights[estimate * groups + static_cast<std::size_t>(j)] / scale;
+      result.design(j, i) = scale * (i == 0 || i % 2 == 1 ? at.cosine : at.sine);
+    }
+    for (Eigen::Index k = 0; k < size; ++k)
+      result.covariance(i, k) = model.covariance[estimate * model.estimates + static_cast<std::size_t>(k)] * row_group /
+                                (scale * row_group * tone_of(static_cast<std::size_t>(k), gains, 1));
+  }
+  return result;
+}
+
+namespace {
+
+// Whether the sums can keep the share at all: a quick look, for many cycles in the frame. Tones must not fold.
+bool may_keep(double efficiency, std::span<const double> cycles_per_row, int row_group) {
+  constexpr double kFewCycles = 0.95;  // what few cycles may add to the share
+  return std::ranges::all_of(cycles_per_row, [&](double cycles) {
+    const double gain = group_gain(cycles, row_group);
+    return efficiency < 1 && cycles * row_group < 0.5 && gain * gain >= kFewCycles * efficiency;
+  });
+}
+
+// Whether the sums keep the share of every tone's information.
+bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
+  for (Eigen::Index a = 1; a < sums.rows(); a += 2) {
+    const double before = all_rows(a, a) + all_rows(a + 1, a + 1);
+    const double after = sums(a, a) + sums(a + 1, a + 1);
+    if (!(before >= efficiency * after)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows)
+    : estimates_(1 + 2 * cycles_per_row.size()), weights_(std::vector<double>(rows), 1, rows, 1, 1) {
+  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency, add_rows);
+}
+
+void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows) {
+  const Candidate all_rows = candidate(rows, cycles_per_row, 1);
+  flags_ = all_rows.flags;
+  const Flags hard = flag::few_cycles | flag::unresolvable | flag::ill_conditioned;
+  well_posed_ = std::ranges::none_of(flags_, [](Flags flags) { return (flags & hard) != 0; });
+  if (!well_posed_) return;
+  for (const int row_group : {8, 4, 2}) {
+    if (!add_rows || !may_keep(efficiency, cycles_per_row, row_group)) continue;
+    if (rows / static_cast<std::size_t>(row_group) <= 2 * estimates_) continue;
+    const Candidate sums = candidate(rows, cycles_per_row, row_group);
+    if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
+  }
+  adopt(rows, all_rows, efficiency < 1 || rows >= kFewRows ? 1 : 3);
+}
+
+void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
+  const auto estimates = chosen.weights.rows();
+  const auto groups = static_cast<std::size_t>(chosen.design.rows());
+  middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
+  freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
+  covariance_ = dense(chosen.covariance);
+  gram_ = dense(chosen.design.transpose() * chosen.design);
+  // The mean's row is not needed: with those of the tones, the plain sum spans the same estimates.
+  const auto tones = chosen.weights.rows() - 1;
+  weights_ = RowWeights(dense(chosen.weights.bottomRows(tones)), estimates_ - 1, rows, chosen.row_group, limbs);
+  const auto transform = [&](std::span<const double> of_tones) {
+    RowMajor all = RowMajor::Ones(estimates, chosen.weights.cols());
+    all.bottomRows(tones) = Eigen::Map<const RowMajor>(of_tones.data(), tones, chosen.weights.cols());
+    return dense((all * chosen.design).inverse());
+  };
+  of_samples_ = transform(weights_.weights());
+  of_bytes_ = transform(weights_.byte_weights());
+}
+
+namespace {
+
+struct PlanKey {
+  std::size_t rows;
+  double efficiency;
+  bool add_rows;
+  std::vector<double> cycles_per_row;
+  bool operator==(const PlanKey&) const = default;
+};
+
+struct KeptPlan {
+  PlanKey key;
+  std::shared_ptr<const StreamingFit> plan;
+};
+
+constexpr std::size_t kKeptPlans = 32;
+
+// In a pass over bytes: not with AVX-512 and one tone, where single rows are read and weighted as fast, and two threads
+// read them faster (bench/README.md).
+bool added_rows_are_faster(std::size_t tones) { return tones > 1 || !kernels::has_wide_vectors(); }
+
+}  // namespace
+
+std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
+                                                       double efficiency, bool bytes) {
+  static std::mutex mutex;
+  static std::list<KeptPlan> kept;  // the last used first
+  const bool add_rows = !bytes || added_rows_are_faster(cycles_per_row.size());
+  const PlanKey key{rows, efficiency, add_rows, cycles_per_row};
+  {
+    const std::lock_guard lock(mutex);
+    const auto found = std::ranges::find(kept, key, &KeptPlan::key);
+    if (found != kept.end()) {
+      kept.splice(kept.begin(), kept, found);
+      return found->plan;
+    }
+  }
+  auto made = std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, add_rows);
+  const std::lock_guard lock(mutex);
+  kept.push_front({key, made});
+  if (kept.size() > kKeptPlans) kept.pop_back();
+  return made;
+}
+
+void StreamingFit::add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+                          Projection& to) const {
+  project(frames, frame, first, count, weights_, to);
+}
+
+void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count,
+                            Columns& to) const {
+  to.parameters.resize(estimates_ * count);
+  to.noise_variance.resize(count);
+  kernels::parameters_of_sums({estimates_, count, sums.totals.size(), &sums.totals[first], &sums.sums[first],
+                               &sums.squares[first], (bytes ? of_bytes_ : of_samples_).data(), gram_.data(), freedom_},
+                              to.parameters.data(), to.noise_variance.data());
+}
+
+}  // namespace ocisac

@@ -1,0 +1,80 @@
+#include "ocisac/tones/tone_columns.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double least_ratio = 1.0 / 8;      // of the best block's ratio of periodic to other energy
+constexpr double most_saturated = 1.0 / 10;  // of a block's pixels
+
+struct BlockEnergy {
+  double periodic = 0, residual = 0;
+  // A bound keeps signals without noise comparable.
+  [[nodiscard]] double ratio() const { return periodic > 0 ? periodic / (residual + 1e-6 * periodic) : 0; }
+  [[nodiscard]] double share() const { return periodic > 0 ? periodic / (periodic + residual) : 0; }
+};
+
+// Over all frames.
+std::vector<BlockEnergy> block_energies(const ColumnBlocks& blocks, const PeriodicFit& fit) {
+  std::vector<BlockEnergy> energies(blocks.blocks);
+  for (std::size_t signal = 0; signal < fit.residual_energy.size(); ++signal) {
+    energies[signal % blocks.blocks].periodic += fit.periodic_energy[signal];
+    energies[signal % blocks.blocks].residual += fit.residual_energy[signal];
+  }
+  return energies;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> tone_blocks(const ColumnBlocks& blocks, const PeriodicFit& fit) {
+  const auto energies = block_energies(blocks, fit);
+  double best = 0, best_clear = 0;
+  for (std::size_t b = 0; b < blocks.blocks; ++b) {
+    best = std::max(best, energies[b].ratio());
+    if (blocks.saturated_share[b] <= most_saturated) best_clear = std::max(best_clear, energies[b].ratio());
+  }
+  const bool clear_only = best_clear > 0 && best_clear >= least_ratio * best;
+  const double least = least_ratio * (clear_only ? best_clear : best);
+  std::vector<std::uint8_t> used(blocks.blocks);
+  for (std::size_t b = 0; b < blocks.blocks; ++b)
+    used[b] = energies[b].ratio() >= least && (!clear_only || blocks.saturated_share[b] <= most_saturated);
+  return used;
+}
+
+ToneColumns spread_over_columns(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used_blocks,
+                                const PeriodicFit& fit) {
+  const auto energies = block_energies(blocks, fit);
+  ToneColumns columns;
+  double saturated = 0, used = 0;
+  for (std::size_t column = 0; column < blocks.columns; ++column) {
+    const std::size_t block = column / blocks.width;
+    columns.used.push_back(used_blocks[block]);
+    columns.strength.push_back(energies[block].share());
+    used += used_blocks[block];
+    saturated += used_blocks[block] * blocks.saturated_share[block];
+  }
+  columns.saturated = saturated > most_saturated * used;
+  return columns;
+}
+
+ToneColumns tone_columns(const AnyFramesView& frames, double frequency, double saturation) {
+  require_positive("frequency", frequency);
+  const ColumnBlocks blocks = column_blocks(frames, saturation);
+  const auto rows = static_cast<double>(blocks.rows);
+  // Not quite 0 or half the row rate, where a tone is no more than a mean or an alternation.
+  const double alias =
+      std::clamp(std::abs(frequency - std::nearbyint(frequency)), std::min(0.1 / rows, 0.25), 0.5 - 0.05 / rows);
+  const PeriodicModel model = periodic_model(alias, blocks.rows, 3);
+  if (blocks.rows <= model.parameters()) {
+    return {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns), false};
+  }
+  const PeriodicFit fit = fit_periodic(blocks.signals, blocks.rows, model, alias);
+  return spread_over_columns(blocks, tone_blocks(blocks, fit), fit);
+}
+
+}  // namespace ocisac

@@ -1,0 +1,584 @@
+#include "ocisac/tones/tone_gain.hpp"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <string>
+
+#include "core/parallel.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
+#include "tones/gain_kernel.hpp"
+#include "tones/harmonic_model.hpp"
+#include "tones/spectrum.hpp"
+#include "tones/streaming_fit.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNearNull = 0.05;               // |sinc| below which a gain is called near a null
+constexpr double kOffBin = 0.01;                 // bins
+constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory is read best along rows
+constexpr std::size_t kColumnsPerPart = 256;     // at least, where threads share one
+constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
+constexpr std::size_t kColumnsAtOnce = 256;      // from sums to gains: few enough for the first cache
+
+// What a block of columns says of one tone, on the way to the gain: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
+struct Variances {  // for noise of variance 1
+  double mean, cosine, sine, mean_and_cosine;
+};
+
+struct Estimates {
+  std::span<double> mean;                                // (columns,); turned into the source's own
+  std::span<const double> cosine, sine, noise_variance;  // (columns,); the noise is that of one row
+  Variances variances;
+};
+
+// The same with memory of its own.
+struct OwnEstimates {
+  std::vector<double> mean, cosine, sine, noise_variance;
+  Variances variances;
+  Estimates view() { return {mean, cosine, sine, noise_variance, variances}; }
+};
+
+struct Tone {
+  double frequency;
+  double cycles_per_row;
+  Flags flags;           // those that hold for every column
+  double phase_at_zero;  // phase of the light at row 0 for a column whose fitted phase is 0, rad
+};
+
+struct Context {
+  std::vector<Tone> tones;
+  double ratio;  // full_depth_ratio
+  const Camera* camera;
+  const ToneGainOptions* options;
+  Shape shape;
+  bool whole_numbers;  // samples are light in steps of 1
+};
+
+// Half an exposure of delay, and half a turn where sinc is negative (angle of H).
+double exposure_phase(const Camera& camera, double frequency) {
+  if (!camera.exposure) return 0;
+  const double cycles = frequency * *camera.exposure;
+  return -std::numbers::pi * std::fmod(cycles, 2.0) + (sinc(cycles) < 0 ? std::numbers::pi : 0.0);
+}
+
+Flags exposure_flags(const Camera& camera, double frequency) {
+  if (!camera.exposure) return 0;
+  return std::abs(sinc(frequency * *camera.exposure)) < kNearNull ? flag::near_null : 0;
+}
+
+// With less noise than half a step, rounding is a function of the light instead of noise. It pulls an amplitude by up
+// to this, in steps: RMS over where the light lies between two codes, from Widrow's series, with <J1²(x)> = 1/(πx).
+double rounding_pull(double amplitude, double noise_variance) {
+  constexpr double scale = 0.1111;                                  // √(ζ(3)/π⁴)
+  const bool on_two_codes = amplitude < 1 && noise_variance < 0.3;  // their changes look like noise
+  const double noise = on_two_codes ? 0 : std::max(noise_variance - 1.0 / 12, 0.0);
+  return scale / std::sqrt(std::max(amplitude, 0.1)) * std::exp(-2 * std::numbers::pi * std::numbers::pi * noise);
+}
+
+double background_of(const Context& context, std::size_t frame, std::size_t column) {
+  const auto& background = context.options->background;
+  if (background.empty()) return 0;
+  return background.size() == 1 ? background[0] : background[frame * context.shape.columns + column];
+}
+
+// Of column 0 in the result's arrays.
+std::size_t index_of(const Context& context, std::size_t tone, std::size_t frame) {
+  return (tone * context.shape.frames + frame) * context.shape.columns;
+}
+
+void mark_unknown(const ToneGainView& result, std::size_t index) {
+  for (const auto& values : {result.gain, result.gain_std, result.phase, result.snr}) values[index] = kNaN;
+}
+
+void take_off(double light, std::span<double> mean) {
+  if (light == 0) return;
+  for (double& value : mean) value -= light;
+}
+
+// Takes off what is not the source's.
+void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::span<double> mean) {
+  const auto& background = context.options->background;
+  if (background.empty()) return;
+  if (background.size() == 1) return take_off(background[0], mean);
+  for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
+}
+
+// Whether rounding to codes may pull the amplitude of column i by more than noise does. From a noise variance of 1 on
+// the pull is below 10⁻⁸ of a step.
+bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
+  const double noise = estimates.noise_variance[i];
+  const double cosine = estimates.cosine[i] * estimates.cosine[i];
+  const double sine = estimates.sine[i] * estimates.sine[i];
+  const double radial =
+      noise * (cosine * estimates.variances.cosine + sine * estimates.variances.sine) / (cosine + sine);
+  return rounding_pull(amplitude, noise) > std::sqrt(radial);
+}
+
+// Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
+// `first` in the result on. of_pixels: (columns,), flags beside the tone's.
+void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
+                  std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result) {
+  const std::size_t count = estimates.mean.size();
+  const Variances& variances = estimates.variances;
+  thread_local std::vector<double> remarks;  // kept from call to call, as StreamMemory is
+  remarks.resize(count);
+  const bool any = kernels::gains_of_fit(
+      {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
+       variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
+      {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], remarks.data()});
+  std::copy(estimates.mean.begin(), estimates.mean.end(), result.mean.begin() + static_cast<std::ptrdiff_t>(first));
+  for (std::size_t i = 0; i < count; ++i) result.flags[first + i] = tone.flags | of_pixels[i];
+  if (!any && !(tone.flags & flag::unresolvable)) return;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t index = first + i;
+    Flags& flags = result.flags[index];
+    if (remarks[i] == kernels::kNoLight) flags |= flag::no_light;
+    if (flags & (flag::unresolvable | flag::no_light))
+      mark_unknown(result, index);
+    else if (remarks[i] == kernels::kWeakTone)
+      flags |= flag::weak;
+    else if (remarks[i] == kernels::kLittleNoise && context.whole_numbers &&
+             is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i]))
+      flags |= flag::quantised;
+  }
+}
+
+// Columns with samples at the top of the scale.
+template <class T>
+bool is_saturated(const FramesView<const T>& view, std::size_t frame, std::size_t column, double level) {
+  for (std::size_t row = 0; row < view.rows; ++row)
+    if (static_cast<double>(view(frame, row, column)) >= level) return true;
+  return false;
+}
+
+double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
+  return curve.white_level != 0 ? curve.white_level : ocisac::saturation_level(frames);
+}
+
+// One method's estimates for a block of signals (count × rows), of each tone.
+class Estimator {
+ public:
+  virtual ~Estimator() = default;
+  [[nodiscard]] virtual std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const = 0;
+};
+
+class FitEstimator final : public Estimator {
+ public:
+  explicit FitEstimator(HarmonicModel model) : model_(std::move(model)) {}
+
+  [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
+    const auto rows = static_cast<Eigen::Index>(model_.rows);
+    const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
+    const Eigen::Map<const RowMajor> y(signals.data(), count, rows);
+    const Eigen::Map<const RowMajor> weights(model_.weights.data(), static_cast<Eigen::Index>(model_.estimates), rows);
+    const Eigen::Map<const RowMajor> basis(model_.basis.data(), static_cast<Eigen::Index>(model_.parameters), rows);
+    const RowMajor values = y * weights.transpose();
+    const RowMajor residual = y - (y * basis.transpose()) * basis;
+    const auto freedom = static_cast<double>(model_.rows - std::min(model_.rows, model_.parameters));
+    const auto tones = static_cast<Eigen::Index>(model_.tone_flags.size());
+    std::vector<double> noise(static_cast<std::size_t>(count), kNaN);
+    for (Eigen::Index column = 0; freedom > 0 && column < count; ++column)
+      noise[static_cast<std::size_t>(column)] = residual.row(column).squaredNorm() / freedom;
+    const auto estimates_of = [&](Eigen::Index i) {
+      const Eigen::VectorXd column = values.col(i);
+      return std::vector<double>(column.begin(), column.end());
+    };
+    std::vector<OwnEstimates> estimates;
+    for (Eigen::Index a = 1; a < 2 * tones; a += 2)
+      estimates.push_back({estimates_of(0),
+                           estimates_of(a),
+                           estimates_of(a + 1),
+                           noise,
+                           {covariance(0, 0), covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)}});
+    return estimates;
+  }
+
+ private:
+  [[nodiscard]] double covariance(Eigen::Index i, Eigen::Index j) const {
+    return model_.covariance[static_cast<std::size_t>(i) * model_.estimates + static_cast<std::size_t>(j)];
+  }
+  HarmonicModel model_;
+};
+
+// The bin of eq. 25, folded into [0, rows/2].
+struct Bin {
+  std::size_t index;
+  bool conjugate;  // seen through its alias
+};
+
+Bin nearest_bin(double cycles_per_row, std::size_t rows) {
+  const auto length = static_cast<double>(rows);
+  const double bin = std::fmod(std::nearbyint(cycles_per_row * length), length);
+  const bool conjugate = 2 * bin > length;
+  return {static_cast<std::size_t>(conjugate ? length - bin : bin), conjugate};
+}
+
+class DftEstimator final : public Estimator {
+ public:
+  DftEstimator(std::size_t rows, std::vector<Bin> bins) : rows_(rows), bins_(std::move(bins)) {}
+
+  // Steps 1–4 of the paper; the noise is all that is neither in the mean nor in the bin.
+  [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
+    const std::size_t count = signals.size() / rows_;
+    const std::size_t width = rows_ / 2 + 1;
+    const auto length = static_cast<double>(rows_);
+    const auto spectra = half_spectra(signals, rows_);
+    std::vector<OwnEstimates> estimates;
+    for (const Bin bin : bins_) {
+      OwnEstimates of_tone{{}, {}, {}, {}, {1 / length, 2 / length, 2 / length, 0}};
+      for (std::size_t column = 0; column < count; ++column) {
+        const auto mean = spectra[column * width].real() / length;
+        auto line = 2.0 / length * spectra[column * width + bin.index];
+        if (bin.conjugate) line = std::conj(line);
+        double squares = 0;
+        for (const double v : std::span(signals).subspan(column * rows_, rows_)) squares += (v - mean) * (v - mean);
+        const double rest = std::max(squares - std::norm(line) * length / 2, 0.0);
+        of_tone.mean.push_back(mean);
+        of_tone.cosine.push_back(line.real());
+        of_tone.sine.push_back(-line.imag());
+        of_tone.noise_variance.push_back(rows_ > 3 ? rest / (length - 3) : kNaN);
+      }
+      estimates.push_back(std::move(of_tone));
+    }
+    return estimates;
+  }
+
+ private:
+  std::size_t rows_;
+  std::vector<Bin> bins_;
+};
+
+// Row 0 lies `middle` rows before the point that a fit counts its phase from.
+void count_phase_from(Tone& tone, double middle, Flags flags) {
+  const Phasor turn = phasor(tone.cycles_per_row, -middle);
+  tone.phase_at_zero += std::atan2(turn.sine, turn.cosine);
+  tone.flags |= flags;
+}
+
+std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
+  const auto& options = *context.options;
+  return options.waveform == WaveformShape::square ? square_wave_harmonics(tone.cycles_per_row, options.duty)
+                                                   : std::vector<int>{1};
+}
+
+std::unique_ptr<Estimator> fit_estimator(Context& context) {
+  std::vector<ModelTone> model_tones;
+  for (const Tone& tone : context.tones) model_tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
+  auto model = harmonic_model(context.shape.rows, model_tones);
+  const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
+  for (std::size_t k = 0; k < context.tones.size(); ++k)
+    count_phase_from(context.tones[k], middle, model.tone_flags[k]);
+  return std::make_unique<FitEstimator>(std::move(model));
+}
+
+std::unique_ptr<Estimator> dft_estimator(Context& context) {
+  const auto rows = static_cast<double>(context.shape.rows);
+  std::vector<Bin> bins;
+  for (Tone& tone : context.tones) {
+    const double position = tone.cycles_per_row * rows;
+    const Bin bin = nearest_bin(tone.cycles_per_row, context.shape.rows);
+    if (position < 1) tone.flags |= flag::few_cycles;
+    if (tone.cycles_per_row > 0.5) tone.flags |= flag::aliased;
+    if (std::abs(position - std::nearbyint(position)) > kOffBin) tone.flags |= flag::off_bin;
+    if (bin.index == 0 || 2 * bin.index == context.shape.rows || context.shape.rows < 4)
+      tone.flags |= flag::unresolvable;
+    bins.push_back(bin);
+  }
+  return std::make_unique<DftEstimator>(context.shape.rows, std::move(bins));
+}
+
+void check_options(const ToneGainOptions& options, const Shape& shape) {
+  require(options.duty > 0 && options.duty < 1, "duty", options.duty, "inside (0, 1)");
+  require(options.efficiency > 0 && options.efficiency <= 1, "efficiency", options.efficiency, "inside (0, 1]");
+  const std::size_t size = options.background.size();
+  require(size <= 1 || size == shape.frames * shape.columns, "background", std::to_string(size) + " values",
+          "one value, or one for each column of each frame");
+  for (const double value : options.background) require_finite("background", value);
+}
+
+Context make_context(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                     const ToneGainOptions& options) {
+  check(camera);
+  check(frames);
+  const bool integers = std::holds_alternative<FramesView<const std::uint8_t>>(frames) ||
+                        std::holds_alternative<FramesView<const std::uint16_t>>(frames);
+  Context context{{},
+                  full_depth_ratio(options.waveform, options.duty),
+                  &camera,
+                  &options,
+                  shape_of(frames),
+                  integers && camera.tone_curve.kind == ToneCurve::Kind::linear};
+  check_options(options, context.shape);
+  require(!frequencies.empty(), "frequency", "no values", "at least one frequency");
+  for (const double frequency : frequencies) {
+    require_positive("frequency", frequency);
+    const double cycles = frequency * camera.row_time;
+    require(cycles > 0 && cycles * static_cast<double>(context.shape.rows) < 0x1p52, "frequency", frequency,
+            "a frequency whose cycles in the frame can be counted");
+    context.tones.push_back({frequency, cycles, exposure_flags(camera, frequency), -exposure_phase(camera, frequency)});
+  }
+  return context;
+}
+
+ToneGain empty_result(std::size_t tones, std::size_t frames, std::size_t columns) {
+  const std::size_t size = tones * frames * columns;
+  const auto values = [&] { return std::vector<double>(size); };
+  return {tones, frames, columns, values(), values(), values(), values(), values(), std::vector<Flags>(size)};
+}
+
+ToneGainView view_of(ToneGain& result) {
+  return {result.gain, result.gain_std, result.phase, result.mean, result.snr, result.flags};
+}
+
+void check_room(const ToneGainView& result, std::size_t size) {
+  for (const auto& values : {result.gain, result.gain_std, result.phase, result.mean, result.snr})
+    require(values.size() == size, "result", values.size(), "tones × frames × columns values");
+  require(result.flags.size() == size, "result", result.flags.size(), "tones × frames × columns flags");
+}
+
+bool holds_bytes(const AnyFramesView& frames) { return std::holds_alternative<FramesView<const std::uint8_t>>(frames); }
+
+// The plan of a pass over the pixels themselves, where that answers as well as the fit of signals of linear light in
+// float64 does; null otherwise. At full efficiency floats are left to the latter, which is exact in its residual too.
+std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
+  const auto& options = *context.options;
+  const bool integers = !std::holds_alternative<FramesView<const float>>(frames) &&
+                        !std::holds_alternative<FramesView<const double>>(frames);
+  if (options.method != GainMethod::fit || context.camera->tone_curve.kind != ToneCurve::Kind::linear ||
+      (options.efficiency == 1 && !integers))
+    return nullptr;
+  std::vector<double> cycles;  // the tones first, then their harmonics
+  for (const Tone& tone : context.tones) cycles.push_back(tone.cycles_per_row);
+  for (const Tone& tone : context.tones)
+    for (const int harmonic : harmonics_of(context, tone))
+      if (harmonic != 1) cycles.push_back(harmonic * tone.cycles_per_row);
+  auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency, holds_bytes(frames));
+  if (!fit->well_posed()) return nullptr;
+  for (std::size_t k = 0; k < context.tones.size(); ++k)
+    count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
+  return fit;
+}
+
+Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& columns, std::size_t tone) {
+  const std::size_t count = columns.noise_variance.size();
+  const std::size_t a = 2 * tone + 1;
+  const auto parameter = [&](std::size_t i) { return std::span(columns.parameters).subspan(i * count, count); };
+  return {parameter(0),
+          parameter(a),
+          parameter(a + 1),
+          columns.noise_variance,
+          {fit.covariance(0, 0), fit.covariance(a, a), fit.covariance(a + 1, a + 1), fit.covariance(0, a)}};
+}
+
+// Memory of a thread, kept from call to call: the C library may give it back to the system after every one, and taking
+// it anew then takes longer than the arithmetic (four tones in 80 rows: 125 instead of 55 µs).
+struct StreamMemory {
+  Projection sums;
+  StreamingFit::Columns columns;
+  std::vector<Flags> of_pixels;
+};
+
+// Columns that are done in one go.
+struct Piece {
+  std::size_t frame, first, count;
+};
+
+constexpr std::size_t kLine = 64;  // bytes of a cache
+
+// Of the parts of a frame that threads share: halves, or as many as let every thread have one.
+std::size_t columns_per_part(const Shape& shape, std::size_t threads) {
+  const auto share = [](std::size_t of, std::size_t parts) { return (of + parts - 1) / parts; };
+  const std::size_t parts = std::max<std::size_t>(share(threads, std::max<std::size_t>(shape.frames, 1)), 2);
+  return std::max(share(share(shape.columns, parts), kLine) * kLine, kColumnsPerPart);
+}
+
+// Of a frame's first row, to where a line of a cache begins.
+std::size_t columns_before_line(const AnyFramesView& frames, std::size_t frame) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        const std::size_t past = reinterpret_cast<std::uintptr_t>(view.at(frame, 0, 0)) % kLine;
+        return view.column_stride == 1 ? (kLine - past) % kLine / sizeof(T) : 0;
+      },
+      frames);
+}
+
+// Whole frames, whose rows are read best; the last one of each thread in parts, so that all end together. A line that
+// lay in two parts would be read twice. The numbers do not depend on it.
+std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, std::size_t threads) {
+  std::vector<Piece> pieces;
+  const std::size_t part = std::min(columns_per_part(shape, threads), kColumnsPerStream);
+  for (std::size_t frame = 0; frame < shape.frames; ++frame) {
+    const bool last = threads > 1 && frame + threads >= shape.frames;
+    std::size_t end = columns_before_line(frames, frame);
+    for (std::size_t first = 0; first < shape.columns; first = end) {
+      end = std::min(end + (last ? part : kColumnsPerStream), shape.columns);
+      pieces.push_back({frame, first, end - first});
+    }
+  }
+  return pieces;
+}
+
+void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
+                  const ToneGainView& result) {
+  const double level = saturation_level(frames, context.camera->tone_curve);
+  const bool bytes = holds_bytes(frames);
+  const auto pieces = pieces_of(frames, context.shape, static_cast<std::size_t>(context.options->threads));
+  for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
+    const auto [frame, first, count] = pieces[block];
+    thread_local StreamMemory memory;
+    auto& [sums, columns, of_pixels] = memory;
+    fit.add_up(frames, frame, first, count, sums);
+    for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
+      const std::size_t here = std::min(kColumnsAtOnce, count - done);
+      fit.estimate(sums, bytes, done, here, columns);
+      const auto mean = std::span(columns.parameters).first(here);
+      take_off(context.camera->tone_curve.dark_level, mean);
+      take_off_background(context, frame, first + done, mean);
+      of_pixels.resize(here);
+      for (std::size_t i = 0; i < here; ++i) of_pixels[i] = sums.maximum[done + i] >= level ? flag::saturated : 0;
+      for (std::size_t k = 0; k < context.tones.size(); ++k)
+        write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), of_pixels,
+                     index_of(context, k, frame) + first + done, result);
+    }
+  });
+}
+
+std::unique_ptr<Estimator> make_estimator(Context& context) {
+  return context.options->method == GainMethod::fit ? fit_estimator(context) : dft_estimator(context);
+}
+
+// All columns of a frame as one.
+struct PooledColumn {
+  std::vector<double> signal;  // (rows,), linear light
+  double background = 0;
+  bool saturated = false;
+};
+
+// Calls visit(column, signal) for every column of a frame.
+template <class Visit>
+void for_each_column(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, Visit visit) {
+  const auto [frame_count, rows, columns] = shape_of(frames);
+  for (std::size_t first = 0; first < columns; first += kColumnsPerBlock) {
+    const std::size_t count = std::min(kColumnsPerBlock, columns - first);
+    const auto signals = column_signals(frames, frame, first, count, curve);
+    for (std::size_t i = 0; i < count; ++i) visit(first + i, std::span(signals).subspan(i * rows, rows));
+  }
+}
+
+// With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio.
+std::vector<double> brightness_weights(const AnyFramesView& frames, const Context& context, std::size_t frame) {
+  std::vector<double> weights(context.shape.columns);
+  for_each_column(frames, frame, context.camera->tone_curve, [&](std::size_t column, std::span<const double> signal) {
+    double sum = 0;
+    for (const double v : signal) sum += v;
+    const double mean = sum / static_cast<double>(signal.size());
+    weights[column] = std::max(mean - background_of(context, frame, column), 0.0);
+  });
+  if (std::ranges::all_of(weights, [](double w) { return w == 0; })) std::ranges::fill(weights, 1.0);
+  return weights;
+}
+
+PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, std::size_t frame) {
+  auto weights = brightness_weights(frames, context, frame);
+  const double level = saturation_level(frames, context.camera->tone_curve);
+  PooledColumn pooled;
+  std::vector<double> unsaturated = weights;
+  for (std::size_t column = 0; column < weights.size(); ++column)
+    std::visit(
+        [&](const auto& view) {
+          if (is_saturated(view, frame, column, level)) unsaturated[column] = 0;
+        },
+        frames);
+  pooled.saturated = std::ranges::all_of(unsaturated, [](double w) { return w == 0; });
+  if (!pooled.saturated) weights = std::move(unsaturated);
+
+  double total = 0;
+  for (const double w : weights) total += w;
+  pooled.signal.assign(context.shape.rows, 0.0);
+  for_each_column(frames, frame, context.camera->tone_curve, [&](std::size_t column, std::span<const double> signal) {
+    const double share = weights[column] / total;
+    if (share == 0) return;
+    for (std::size_t row = 0; row < signal.size(); ++row) pooled.signal[row] += share * signal[row];
+    pooled.background += share * background_of(context, frame, column);
+  });
+  return pooled;
+}
+
+}  // namespace
+
+double full_depth_ratio(WaveformShape waveform, double duty) {
+  return waveform == WaveformShape::tone ? 1.0 : 2 * sinc(duty);
+}
+
+void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+               const ToneGainOptions& options, const ToneGainView& result) {
+  Context context = make_context(frames, camera, frequencies, options);
+  const auto [frame_count, rows, columns] = context.shape;
+  check_room(result, frequencies.size() * frame_count * columns);
+  if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
+  const auto estimator = make_estimator(context);
+  const double level = saturation_level(frames, camera.tone_curve);
+  const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
+  for_each_block(frame_count * blocks, options.threads, [&](std::size_t block) {
+    const std::size_t frame = block / blocks;
+    const std::size_t first = block % blocks * kColumnsPerBlock;
+    const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
+    auto estimates = estimator->estimate(column_signals(frames, frame, first, count, camera.tone_curve));
+    std::vector<Flags> of_pixels(count);
+    for (std::size_t i = 0; i < count; ++i)
+      of_pixels[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames)
+                         ? flag::saturated
+                         : 0;
+    for (std::size_t k = 0; k < context.tones.size(); ++k) {
+      take_off_background(context, frame, first, estimates[k].mean);
+      write_result(context, context.tones[k], estimates[k].view(), of_pixels, index_of(context, k, frame) + first,
+                   result);
+    }
+  });
+}
+
+ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                   const ToneGainOptions& options) {
+  const Shape shape = shape_of(frames);
+  ToneGain result = empty_result(frequencies.size(), shape.frames, shape.columns);
+  tone_gain(frames, camera, frequencies, options, view_of(result));
+  return result;
+}
+
+void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                      const ToneGainOptions& options, const ToneGainView& result) {
+  Context context = make_context(frames, camera, frequencies, options);
+  context.whole_numbers = false;  // a mean of columns is not
+  const auto estimator = make_estimator(context);
+  check_room(result, frequencies.size() * context.shape.frames);
+  for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
+    const PooledColumn pooled = pool_columns(frames, context, frame);
+    auto estimates = estimator->estimate(pooled.signal);
+    for (std::size_t k = 0; k < context.tones.size(); ++k) {
+      estimates[k].mean[0] -= pooled.background;
+      write_result(context, context.tones[k], estimates[k].view(),
+                   std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame, result);
+    }
+  });
+}
+
+ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+                          const ToneGainOptions& options) {
+  ToneGain result = empty_result(frequencies.size(), shape_of(frames).frames, 1);
+  pooled_tone_gain(frames, camera, frequencies, options, view_of(result));
+  return result;
+}
+
+}  // namespace ocisac

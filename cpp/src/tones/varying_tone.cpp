@@ -1,0 +1,246 @@
+#include "ocisac/tones/varying_tone.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/QR>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "core/parallel.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+#include "tones/harmonic_model.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kIllConditioned = 1e6;
+constexpr double kSure = 4;         // standard errors from which on a bias is none of the noise
+constexpr double kWeak = 3;         // standard errors
+constexpr double kRounding = 1e-9;  // gains below it are rounding
+constexpr std::size_t kColumnsPerBlock = 64;
+
+// Places along the rows, −1 to 1, at which the tone's amplitude is taken, and their shares (Gauss–Legendre).
+struct Place {
+  double x, share;
+};
+constexpr std::array<Place, 8> kPlaces{{{-0.9602898564975363, 0.0506142681451881},
+                                        {-0.7966664774136267, 0.1111905172266872},
+                                        {-0.5255324099163290, 0.1568533229389436},
+                                        {-0.1834346424956498, 0.1813418916891810},
+                                        {0.1834346424956498, 0.1813418916891810},
+                                        {0.5255324099163290, 0.1568533229389436},
+                                        {0.7966664774136267, 0.1111905172266872},
+                                        {0.9602898564975363, 0.0506142681451881}}};
+
+// Legendre polynomials of degrees 0 to `degree` at x.
+VectorXd legendre(double x, int degree) {
+  VectorXd values(degree + 1);
+  for (Index k = 0; k <= degree; ++k) {
+    const auto n = static_cast<double>(k);
+    values(k) = k == 0 ? 1 : k == 1 ? x : ((2 * n - 1) * x * values(k - 1) - (n - 1) * values(k - 2)) / n;
+  }
+  return values;
+}
+
+// Polynomials alone, then times cosine and sine of each harmonic: (rows × terms·(1 + 2·harmonics)).
+MatrixXd design_matrix(std::size_t rows, double cycles_per_row, const std::vector<int>& harmonics, int degree) {
+  const Index terms = degree + 1;
+  MatrixXd design(static_cast<Index>(rows), terms * (1 + 2 * static_cast<Index>(harmonics.size())));
+  for (Index n = 0; n < design.rows(); ++n) {
+    const double u = static_cast<double>(n) - (static_cast<double>(rows) - 1) / 2;
+    const Eigen::RowVectorXd polynomials = legendre(2 * u / static_cast<double>(rows), degree).transpose();
+    design.row(n).head(terms) = polynomials;
+    for (Index first = terms; const int h : harmonics) {
+      const Phasor at = phasor(h * cycles_per_row, u);
+      design.row(n).segment(first, terms) = at.cosine * polynomials;
+      design.row(n).segment(first + terms, terms) = at.sine * polynomials;
+      first += 2 * terms;
+    }
+  }
+  return design;
+}
+
+// Harmonics from the lowest on until half of the degrees of freedom are used, none so near to half the row rate that
+// its polynomials meet their mirror images.
+std::vector<int> usable_harmonics(std::vector<int> harmonics, std::size_t rows, double cycles_per_row, int degree) {
+  const auto terms = static_cast<std::size_t>(degree) + 1;
+  const double highest = 0.5 - static_cast<double>(terms) / (2 * static_cast<double>(rows));
+  while (harmonics.size() > 1 &&
+         (harmonics.back() * cycles_per_row > highest || 2 * terms * (1 + 2 * harmonics.size()) > rows))
+    harmonics.pop_back();
+  return harmonics;
+}
+
+// Least squares for all columns: parameters = weights·y. The first `terms` parameters are of the light, then of cosine
+// and sine of the fundamental; the last three those of tone_gain: mean, cosine, sine.
+struct Plan {
+  Index terms = 1;
+  MatrixXd weights;      // (3·terms + 3 × rows)
+  MatrixXd covariance;   // of the parameters, for noise of variance 1
+  MatrixXd basis;        // (rows × parameters of the model), orthonormal
+  MatrixXd polynomials;  // (places × terms)
+  Flags flags = 0;
+
+  [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
+  [[nodiscard]] double freedom() const { return static_cast<double>(basis.rows() - basis.cols()); }
+};
+
+Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions& options) {
+  const auto shape_harmonics = options.waveform == WaveformShape::square
+                                   ? square_wave_harmonics(cycles_per_row, options.duty)
+                                   : std::vector<int>{1};
+  const auto harmonics = usable_harmonics(shape_harmonics, rows, cycles_per_row, options.degree);
+  Plan plan;
+  plan.terms = options.degree + 1;
+  if (harmonics.size() < shape_harmonics.size()) plan.flags |= flag::harmonics_dropped;
+  if (cycles_per_row * static_cast<double>(rows) < 1 + options.degree / 2.0) plan.flags |= flag::few_cycles;
+  const MatrixXd design = design_matrix(rows, cycles_per_row, harmonics, options.degree);
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(design);
+  if (design.rows() <= design.cols() || qr.rank() < design.cols()) {
+    plan.flags |= flag::unresolvable;
+    return plan;
+  }
+  const auto triangle = qr.matrixR().topRows(design.cols());
+  if (std::abs(triangle(0, 0)) > kIllConditioned * std::abs(triangle(design.cols() - 1, design.cols() - 1)))
+    plan.flags |= flag::ill_conditioned;
+  plan.basis = qr.householderQ() * MatrixXd::Identity(design.rows(), design.cols());
+  const MatrixXd solved =
+      qr.colsPermutation() * MatrixXd(triangle.triangularView<Eigen::Upper>().solve(MatrixXd(plan.basis.transpose())));
+
+  const std::array<ModelTone, 1> tone{{{cycles_per_row, shape_harmonics}}};
+  const HarmonicModel steady = harmonic_model(rows, tone);
+  plan.weights.resize(3 * plan.terms + 3, design.rows());
+  plan.weights << solved.topRows(3 * plan.terms),
+      Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(steady.weights.data(), 3,
+                                                                                  design.rows());
+  plan.covariance = plan.weights * plan.weights.transpose();
+  plan.polynomials.resize(kPlaces.size(), plan.terms);
+  for (std::size_t i = 0; i < kPlaces.size(); ++i)
+    plan.polynomials.row(static_cast<Index>(i)) = legendre(kPlaces[i].x, options.degree).transpose();
+  return plan;
+}
+
+// The tone's amplitude, mean over the rows, and its derivatives by the parameters.
+struct Amplitude {
+  double value = 0;
+  VectorXd slope;
+};
+
+Amplitude mean_amplitude(const Plan& plan, const VectorXd& parameters, double noise) {
+  const Index terms = plan.terms;
+  Amplitude amplitude{0, VectorXd::Zero(parameters.size())};
+  const MatrixXd covariance = noise * plan.covariance.block(terms, terms, 2 * terms, 2 * terms);
+  for (std::size_t i = 0; i < kPlaces.size(); ++i) {
+    const VectorXd polynomials = plan.polynomials.row(static_cast<Index>(i)).transpose();
+    const double cosine = polynomials.dot(parameters.segment(terms, terms));
+    const double sine = polynomials.dot(parameters.segment(2 * terms, terms));
+    const double length = std::hypot(cosine, sine);
+    if (!(length > 0)) continue;
+    VectorXd across(2 * terms);
+    across << -sine / length * polynomials, cosine / length * polynomials;
+    // Noise across the phasor lengthens it, as in tone_gain.
+    const double tangential = across.dot(covariance * across);
+    amplitude.value += kPlaces[i].share * std::sqrt(std::max(length * length - tangential, 0.0));
+    amplitude.slope.segment(terms, terms) += kPlaces[i].share * cosine / length * polynomials;
+    amplitude.slope.segment(2 * terms, terms) += kPlaces[i].share * sine / length * polynomials;
+  }
+  return amplitude;
+}
+
+// Derivatives of amplitude/mean by the parameters, where `mean` is that of parameter `index_of_mean`.
+VectorXd contrast_slope(const Amplitude& amplitude, double mean, Index index_of_mean) {
+  VectorXd slope = amplitude.slope / mean;
+  slope(index_of_mean) -= amplitude.value / (mean * mean);
+  return slope;
+}
+
+struct Column {
+  double gain, gain_std, mean, bias, bias_std;
+  Flags flags;
+};
+
+// `steady_gain`, `steady_std`, `flags`: those of tone_gain.
+Column judge(const Plan& plan, const VectorXd& parameters, double noise, double background, double ratio,
+             double steady_gain, double steady_std, Flags flags) {
+  const double mean = parameters(0) - background;
+  if (!(mean > 0)) flags |= flag::no_light;
+  if (flags & (flag::unresolvable | flag::no_light)) return {kNaN, kNaN, mean, kNaN, kNaN, flags};
+  const auto error = [&](const VectorXd& slope) {
+    return std::sqrt(std::max(noise * slope.dot(plan.covariance * slope), 0.0)) / ratio;
+  };
+  const Amplitude varying = mean_amplitude(plan, parameters, noise);
+  const VectorXd slope = contrast_slope(varying, mean, 0);
+  const double gain = varying.value / mean / ratio;
+  const double gain_std = error(slope);
+
+  const Index at = 3 * plan.terms;  // of tone_gain's own
+  const double steady_mean = parameters(at) - background;
+  Amplitude steady{std::hypot(parameters(at + 1), parameters(at + 2)), VectorXd::Zero(parameters.size())};
+  if (steady.value > 0) steady.slope.tail(2) = parameters.tail(2) / steady.value;
+  const double bias = steady_gain - gain;
+  const double bias_std = error(contrast_slope(steady, steady_mean, at) - slope);
+  if (gain < std::max(kWeak * gain_std, kRounding)) flags |= flag::weak;
+  if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kRounding})) flags |= flag::model_misfit;
+  return {gain, gain_std, mean, bias, bias_std, flags};
+}
+
+VaryingToneGain empty_result(std::size_t frames, std::size_t columns) {
+  const std::vector<double> values(frames * columns, kNaN);
+  return {frames, columns, values, values, values, values, values, std::vector<Flags>(frames * columns)};
+}
+
+}  // namespace
+
+VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency,
+                                  const VaryingToneOptions& options) {
+  require(options.degree >= 0 && options.degree <= 4, "degree", options.degree, "0 to 4");
+  const std::array<double, 1> frequencies{frequency};
+  const ToneGain steady =
+      tone_gain(frames, camera, frequencies,
+                {GainMethod::fit, options.waveform, options.duty, options.background, 1.0, options.threads});
+  const Shape shape = shape_of(frames);
+  VaryingToneGain result = empty_result(shape.frames, shape.columns);
+  const Plan plan = make_plan(shape.rows, frequency * camera.row_time, options);
+  if (!plan.resolvable()) {
+    for (std::size_t i = 0; i < result.flags.size(); ++i) result.flags[i] = steady.flags[i] | plan.flags;
+    return result;
+  }
+  const double ratio = full_depth_ratio(options.waveform, options.duty);
+  const auto& background = options.background;
+  const std::size_t blocks = (shape.columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
+  for_each_block(shape.frames * blocks, options.threads, [&](std::size_t block) {
+    const std::size_t frame = block / blocks;
+    const std::size_t first = block % blocks * kColumnsPerBlock;
+    const std::size_t count = std::min(kColumnsPerBlock, shape.columns - first);
+    const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
+    const Eigen::Map<const MatrixXd> y(signals.data(), static_cast<Index>(shape.rows), static_cast<Index>(count));
+    const MatrixXd parameters = plan.weights * y;
+    const MatrixXd residual = y - plan.basis * (plan.basis.transpose() * y);
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto column = static_cast<Index>(i);
+      const std::size_t index = frame * shape.columns + first + i;
+      const double ambient = background.empty() ? 0 : background.size() == 1 ? background[0] : background[index];
+      const double noise = residual.col(column).squaredNorm() / plan.freedom();
+      const Flags flags = (steady.flags[index] & ~flag::weak) | plan.flags;
+      const Column judged =
+          judge(plan, parameters.col(column), noise, ambient, ratio, steady.gain[index], steady.gain_std[index], flags);
+      result.gain[index] = judged.gain;
+      result.gain_std[index] = judged.gain_std;
+      result.mean[index] = judged.mean;
+      result.bias[index] = judged.bias;
+      result.bias_std[index] = judged.bias_std;
+      result.flags[index] = judged.flags;
+    }
+  });
+  return result;
+}
+
+}  // namespace ocisac

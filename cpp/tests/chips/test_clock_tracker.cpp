@@ -1,0 +1,114 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "ocisac/chips/clock_tracker.hpp"
+
+namespace {
+
+// A light of 3.7 rows a chip, frames 1501.3 rows apart, measured with an error of `phase_std` rows in the middle chip.
+struct Light {
+  double rows_per_chip = 3.7, frame_rows = 1501.3, start = 1.1;
+  std::mt19937 random{1};
+
+  [[nodiscard]] double chip_time(double chip) const { return start + chip * rows_per_chip; }
+
+  ocisac::ChipClock measure(std::int64_t frame, double phase_std, double rate_std, ocisac::ClockErrors& errors) {
+    std::normal_distribution<double> normal(0, 1);
+    const double begin = static_cast<double>(frame) * frame_rows;
+    const double first = std::ceil((begin - start) / rows_per_chip);
+    constexpr double kMiddle = 140;
+    const double period = rows_per_chip + rate_std * normal(random);
+    const double middle = chip_time(first + kMiddle) - begin + phase_std * normal(random);
+    errors = {140, {phase_std * phase_std, 0, 0, 0, rate_std * rate_std, 0, 0, 0, 0.04}};
+    return {period, middle - kMiddle * period, 20 + 0.2 * normal(random)};
+  }
+};
+
+}  // namespace
+
+TEST_CASE("the next frame's phase is predicted within its standard error, missing frames included") {
+  double squares = 0;
+  int count = 0;
+  for (unsigned seed = 0; seed < 40; ++seed) {
+    Light light;
+    light.random.seed(seed);
+    ocisac::ClockTracker tracker({.frame_rows = 1501.0, .frame_rows_std = 0.5, .drift = 0});
+    CHECK_FALSE(tracker.predict(0));
+    ocisac::ClockErrors errors;
+    for (std::int64_t frame = 0; frame < 40; ++frame) {
+      if (frame % 7 == 3) continue;
+      const auto clock = light.measure(frame, 0.05, 3e-4, errors);
+      CHECK(tracker.update(frame, clock, errors));
+    }
+    const auto predicted = tracker.predict(43);
+    REQUIRE(predicted);
+    const double first = std::ceil((43 * light.frame_rows - light.start) / light.rows_per_chip);
+    const double truth = light.chip_time(static_cast<double>(predicted->chip)) - 43 * light.frame_rows;
+    CHECK(std::abs(static_cast<double>(predicted->chip) - first) <= 1);  // no chip lost or won in 16 000
+    squares += std::pow((predicted->clock.phase - truth) / predicted->errors.phase_std(0), 2);
+    ++count;
+    CHECK(predicted->chips_lost < 0.03);
+    CHECK(predicted->clock.rows_per_chip == doctest::Approx(3.7).epsilon(6e-5));
+    CHECK(predicted->clock.exposure == doctest::Approx(20).epsilon(0.01));
+  }
+  const double spread = std::sqrt(squares / count);
+  CHECK(spread > 0.7);
+  CHECK(spread < 1.4);
+}
+
+TEST_CASE("a clock that drifts is followed") {
+  Light light;
+  ocisac::ClockTracker tracker({.frame_rows = 1501.3, .drift = 2e-6});
+  ocisac::ClockErrors errors;
+  double offset = 0;                                    // rows that the drift has added so far
+  for (std::int64_t frame = 0; frame < 200; ++frame) {  // 50 ppm in the end
+    auto clock = light.measure(frame, 0.02, 3e-4, errors);
+    const double drift = 50e-6 * static_cast<double>(frame) / 200;
+    offset += drift * light.frame_rows;
+    clock.phase += offset;
+    clock.rows_per_chip *= 1 + drift;
+    CHECK(tracker.update(frame, clock, errors));
+  }
+  CHECK(tracker.predict(200)->clock.rows_per_chip == doctest::Approx(3.7 * (1 + 50e-6)).epsilon(1e-5));
+}
+
+TEST_CASE("a jump of the clock begins anew, and time does not go back") {
+  Light light;
+  ocisac::ClockTracker tracker({.frame_rows = 1501.3});
+  ocisac::ClockErrors errors;
+  for (std::int64_t frame = 0; frame < 5; ++frame)
+    tracker.update(frame, light.measure(frame, 0.02, 1e-4, errors), errors);
+  auto clock = light.measure(6, 0.02, 1e-4, errors);
+  clock.phase += 1.5;
+  CHECK_FALSE(tracker.update(6, clock, errors));
+  const auto anew = tracker.predict(6);
+  CHECK(anew->clock.phase - static_cast<double>(anew->chip) * anew->clock.rows_per_chip ==
+        doctest::Approx(clock.phase));
+  CHECK_THROWS_AS(tracker.update(6, clock, errors), std::invalid_argument);
+  CHECK_THROWS_AS(static_cast<void>(tracker.predict(5)), std::invalid_argument);
+  tracker.reset();
+  CHECK_FALSE(tracker.predict(9));
+  CHECK_THROWS_AS(ocisac::ClockTracker({.frame_rows = 0}), std::invalid_argument);
+}
+
+TEST_CASE("a frame begins with the clock predicted and the levels seen before") {
+  Light light;
+  ocisac::ClockTracker tracker({.frame_rows = 1501.3});
+  ocisac::ClockErrors errors;
+  tracker.update(0, light.measure(0, 0.02, 1e-4, errors), errors);
+  ocisac::ChannelEstimate earlier;
+  earlier.dark = {10, 1};
+  earlier.swing = {40};
+  earlier.noise = 0.3;
+  const auto clock = tracker.predict(1);
+  REQUIRE(clock);
+  const auto start = ocisac::predicted_channel(earlier, *clock, 1080);
+  CHECK(start.clock.phase == clock->clock.phase);
+  CHECK(start.errors.phase_std(0) == clock->errors.phase_std(0));
+  CHECK(start.rows.size() == 1080);
+  CHECK(start.dark == earlier.dark);
+  CHECK(start.noise == 0.3);
+}

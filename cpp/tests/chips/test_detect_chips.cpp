@@ -1,0 +1,223 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include "ocisac/chips/detect_chips.hpp"
+#include "ocisac/chips/error_rates.hpp"
+#include "ocisac/chips/sequence_detector.hpp"
+
+namespace {
+
+using ocisac::DetectorMethod;
+
+struct Frame {
+  std::vector<double> chips, rows;
+  ocisac::ChipQuestion question;
+
+  Frame(double rows_per_chip, double length, double noise, std::size_t frame_rows, unsigned seed) {
+    std::mt19937 random(seed);
+    const double exposure = length * rows_per_chip;
+    const auto before = static_cast<std::ptrdiff_t>(std::ceil(0.5 * length)) + 1;
+    const auto count = static_cast<std::size_t>(static_cast<double>(frame_rows) / rows_per_chip + length) + 4;
+    for (std::size_t k = 0; k < count; ++k) chips.push_back(static_cast<double>(random() & 1U));
+    const double phase = std::uniform_real_distribution<double>(0, rows_per_chip)(random);
+    question = {{}, {rows_per_chip, phase, exposure}, noise, -before, count};
+    rows.resize(frame_rows);
+    ocisac::expose_chips({chips, question.first}, question.clock, rows);
+    for (double& row : rows) row += noise * std::normal_distribution<double>(0, 1)(random);
+    question.rows = rows;
+  }
+  Frame(const Frame&) = delete;
+  Frame& operator=(const Frame&) = delete;
+
+  // Of chips `exposures` away from the ends.
+  struct Count {
+    std::size_t wrong = 0, chips = 0;
+  };
+  [[nodiscard]] Count errors(DetectorMethod method, double exposures) const {
+    const auto found = ocisac::detect_chips(question, method).log_likelihood_ratios;
+    const double away = exposures * question.clock.exposure + question.clock.rows_per_chip;
+    Count result;
+    for (std::size_t k = 0; k < chips.size(); ++k) {
+      const double begin = question.clock.phase + (static_cast<double>(question.first) + static_cast<double>(k)) *
+                                                      question.clock.rows_per_chip;
+      if (begin < away || begin + away + question.clock.rows_per_chip > static_cast<double>(rows.size())) continue;
+      ++result.chips;
+      result.wrong += (found[k] > 0) != (chips[k] > 0.5);
+    }
+    return result;
+  }
+};
+
+double share_of_errors(DetectorMethod method, double rows_per_chip, double length, double noise, unsigned frames,
+                       double exposures) {
+  Frame::Count sum;
+  for (unsigned seed = 0; seed < frames; ++seed) {
+    const auto one = Frame(rows_per_chip, length, noise, 1080, seed).errors(method, exposures);
+    sum.wrong += one.wrong;
+    sum.chips += one.chips;
+  }
+  return static_cast<double>(sum.wrong) / static_cast<double>(sum.chips);
+}
+
+constexpr DetectorMethod kAll[] = {DetectorMethod::slicer,   DetectorMethod::wiener,  DetectorMethod::dfe,
+                                   DetectorMethod::inverse,  DetectorMethod::reduced, DetectorMethod::mlse,
+                                   DetectorMethod::automatic};
+
+}  // namespace
+
+TEST_CASE("a search that gives nothing up is that of all sequences") {
+  for (const double length : {0.4, 1.0, 2.7, 5.0})
+    for (unsigned seed = 0; seed < 3; ++seed) {
+      const Frame frame(2.3, length, 0.2, 60, seed);
+      const ocisac::ChipEquations equations(frame.question, ocisac::kLongestReducedExposure);
+      const auto found = ocisac::search_reduced(equations, {1U << 20U, 1U << 20U, 1e9});
+      const auto all = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+      CAPTURE(length);
+      for (std::size_t k = 0; k < all.size(); ++k) CHECK(std::abs(found[k] - all[k]) <= 1e-3 * (1 + std::abs(all[k])));
+    }
+}
+
+TEST_CASE("the reduced search finds the likeliest sequence, with the same certainty of doubtful chips") {
+  std::size_t doubtful = 0;
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    const Frame frame(2.1, 7.3, 0.04, 540, seed);
+    const auto found = ocisac::detect_chips(frame.question, DetectorMethod::reduced).log_likelihood_ratios;
+    const auto all = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+    for (std::size_t k = 20; k + 20 < all.size(); ++k) {
+      CHECK((found[k] > 0) == (all[k] > 0));
+      if (std::abs(all[k]) > 5) continue;
+      ++doubtful;
+      CHECK(found[k] == doctest::Approx(all[k]).epsilon(0.05));
+    }
+  }
+  CHECK(doubtful > 5);
+}
+
+TEST_CASE("chips of which only one kind was kept have the certainty of the nearest other sequence") {
+  std::size_t sure = 0, alike = 0;
+  for (const double length : {0.6, 1.9, 4.4, 7.3})
+    for (unsigned seed = 0; seed < 3; ++seed) {
+      const Frame frame(3.1, length, 0.02, 540, seed);
+      const auto found = ocisac::detect_chips(frame.question, DetectorMethod::reduced).log_likelihood_ratios;
+      const auto all = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+      CAPTURE(length);
+      for (std::size_t k = 20; k + 20 < all.size(); ++k) {
+        if (std::abs(all[k]) < 12) continue;
+        ++sure;
+        alike += std::abs(found[k] - all[k]) < 0.02 * std::abs(all[k]);
+        CHECK(found[k] / all[k] > 0.98);  // one other sequence is an upper bound
+      }
+    }
+  CHECK(sure > 1000);
+  CHECK(static_cast<double>(alike) > 0.8 * static_cast<double>(sure));
+}
+
+TEST_CASE("much noise is no reason to slice an exposure of many chips") {
+  CHECK(ocisac::detect_chips(Frame(4, 7, 2.0, 300, 1).question).method == DetectorMethod::reduced);
+}
+
+TEST_CASE("exposures of 14 and of 20 chips are read without an error at little noise") {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    CHECK(Frame(4.3, 14, 0.01, 1080, seed).errors(DetectorMethod::automatic, 0.5).wrong == 0);
+    CHECK(Frame(7.1, 20.4, 0.005, 2160, seed).errors(DetectorMethod::automatic, 0.5).wrong == 0);
+  }
+}
+
+TEST_CASE("every detector reads an exposure of half a chip, and says how sure it is") {
+  for (const auto method : kAll) {
+    const Frame frame(4.3, 0.5, 0.05, 300, 1);
+    CAPTURE(static_cast<int>(method));
+    const auto found = ocisac::detect_chips(frame.question, method);
+    for (std::size_t k = 2; k + 4 < frame.chips.size(); ++k) {
+      CHECK((found.log_likelihood_ratios[k] > 0) == (frame.chips[k] > 0.5));
+      CHECK(std::abs(found.log_likelihood_ratios[k]) > 5);
+    }
+    CHECK(found.method == (method == DetectorMethod::automatic ? DetectorMethod::slicer : method));
+  }
+  CHECK(ocisac::detect_chips(Frame(4, 3, 0.05, 300, 1).question).method == DetectorMethod::reduced);
+}
+
+TEST_CASE("detectors make the errors that are foretold") {
+  struct Case {
+    double rows_per_chip, length, noise;
+  };
+  for (const auto& [rows_per_chip, length, noise] :
+       {Case{2.13, 1.2, 0.2}, Case{4.07, 2.3, 0.2}, Case{3.3, 5.2, 0.08}}) {
+    const auto told = ocisac::detector_error_rates(rows_per_chip, length * rows_per_chip, noise);
+    const auto measured = [&](DetectorMethod method) {
+      return share_of_errors(method, rows_per_chip, length, noise, 30, 3);
+    };
+    CAPTURE(length);
+    CHECK(measured(DetectorMethod::slicer) == doctest::Approx(told.slicer).epsilon(0.15));
+    CHECK(measured(DetectorMethod::inverse) == doctest::Approx(told.inverse).epsilon(0.25));
+    CHECK(measured(DetectorMethod::wiener) == doctest::Approx(told.wiener).epsilon(0.15));
+    CHECK(measured(DetectorMethod::dfe) > 0.8 * told.dfe);  // others follow
+    const double likeliest = measured(DetectorMethod::mlse);
+    CHECK(likeliest < 1.3 * told.mlse);
+    CHECK(likeliest > 0.4 * told.mlse);
+  }
+}
+
+TEST_CASE("the slicer is not taken where chips slide past the rows") {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    const double rows_per_chip = 1 + 0.002 * (seed - 3.5);
+    CHECK(Frame(rows_per_chip, 1, 0.02, 1080, seed).errors(DetectorMethod::automatic, 1).wrong == 0);
+  }
+}
+
+TEST_CASE("a value with more others than can be tried has the error rate of all their signs") {
+  const std::vector<double> others{0.3, -0.2, 0.15, 0.1, -0.08, 0.07, 0.05, 0.04, 0.03, 0.02, 0.01};
+  double sum = 0;
+  for (unsigned word = 0; word < 1U << others.size(); ++word) {
+    double value = 0.5;
+    for (std::size_t j = 0; j < others.size(); ++j) value += ((word >> j) & 1U ? 0.5 : -0.5) * others[j];
+    sum += 0.5 * std::erfc(value / 0.12 / std::sqrt(2.0));
+  }
+  CHECK(ocisac::sliced_error_rate(1, others, 0.12) == doctest::Approx(sum / 2048).epsilon(1e-9));
+}
+
+TEST_CASE("what a linear estimate leaves of a chip is the diagonal of the inverse") {
+  const Frame frame(2.2, 3.4, 0.1, 40, 1);
+  const ocisac::ChipEquations equations(frame.question, 24);
+  const auto variances = equations.variances();
+  // Column k of A⁻¹ by Gauss–Seidel on A.
+  for (std::size_t k = 0; k < equations.count(); ++k) {
+    std::vector<double> x(equations.count(), 0.0);
+    for (int round = 0; round < 3000; ++round)
+      for (std::size_t i = 0; i < x.size(); ++i) {
+        double rest = i == k ? 1 : 0;
+        for (std::size_t j = 0; j < x.size(); ++j)
+          if (j != i) rest -= equations.normal(std::max(i, j), i > j ? i - j : j - i) * x[j];
+        x[i] = rest / equations.normal(i, 0);
+      }
+    CHECK(variances[k] == doctest::Approx(x[k]).epsilon(1e-6));
+  }
+}
+
+TEST_CASE("questions without meaning are refused by every detector") {
+  for (const auto method : kAll) {
+    Frame frame(4, 8, 0.1, 100, 1);
+    frame.question.noise = 0;
+    CHECK_THROWS_WITH_AS(ocisac::detect_chips(frame.question, method), doctest::Contains("noise: got 0"),
+                         std::invalid_argument);
+    frame.question.noise = 0.1;
+    frame.question.clock.exposure = 100;
+    CHECK_THROWS_WITH_AS(ocisac::detect_chips(frame.question, method), doctest::Contains("exposure: got 100"),
+                         std::invalid_argument);
+    frame.question.clock.exposure = 8;
+    frame.question.count = 0;
+    CHECK(ocisac::detect_chips(frame.question, method).log_likelihood_ratios.empty());
+    frame.question.count = 30;
+    frame.question.rows = {};
+    for (const double ratio : ocisac::detect_chips(frame.question, method).log_likelihood_ratios) CHECK(ratio == 0);
+    if (method == DetectorMethod::mlse) continue;
+    frame.question.clock.exposure = 4 * 23.9;  // no more sequences are kept than there is room for
+    CHECK(ocisac::detect_chips(frame.question, method).log_likelihood_ratios.size() == 30);
+  }
+  CHECK_THROWS_WITH_AS(ocisac::detector_method("best"), doctest::Contains("method: got best"), std::invalid_argument);
+}

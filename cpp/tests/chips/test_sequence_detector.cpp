@@ -1,0 +1,125 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include "ocisac/chips/detect_chips.hpp"
+#include "ocisac/chips/sequence_detector.hpp"
+#include "plain_mlse.hpp"
+
+namespace {
+
+std::vector<double> detect_levels(const ocisac::ChipQuestion& question) {
+  return ocisac::level_detector(ocisac::DetectorMethod::mlse)(question);
+}
+
+// Random chips, and the rows that see none but them.
+struct Frame {
+  std::vector<double> chips, rows;
+  ocisac::ChipQuestion question;
+
+  Frame(double rows_per_chip, double exposure, double noise, std::size_t count, unsigned seed)
+      : question{{}, {rows_per_chip, -0.5 * exposure - 0.37, exposure}, std::max(noise, 1e-3), 0, count} {
+    std::mt19937 random(seed);
+    for (std::size_t k = 0; k < count; ++k) chips.push_back(static_cast<double>(random() & 1U));
+    rows.resize(static_cast<std::size_t>(static_cast<double>(count) * rows_per_chip - exposure - 0.37));
+    ocisac::expose_chips({chips, 0}, question.clock, rows);
+    for (double& row : rows) row += noise * std::normal_distribution<double>(0, 1)(random);
+    question.rows = rows;
+  }
+
+  // Without the chips that only a few rows at the ends see.
+  [[nodiscard]] std::size_t errors() const {
+    const auto found = detect_levels(question);
+    const auto edge = static_cast<std::size_t>(question.clock.exposure / question.clock.rows_per_chip) + 2;
+    std::size_t wrong = 0;
+    for (std::size_t k = edge; k + edge < chips.size(); ++k) wrong += found[k] != chips[k];
+    return wrong;
+  }
+};
+
+double squares_of(const Frame& frame, const std::vector<double>& chips) {
+  std::vector<double> rows(frame.rows.size());
+  ocisac::expose_chips({chips, 0}, frame.question.clock, rows);
+  double squares = 0;
+  for (std::size_t n = 0; n < rows.size(); ++n) squares += std::pow(frame.rows[n] - rows[n], 2);
+  return squares;
+}
+
+}  // namespace
+
+TEST_CASE("the likelihood ratios are those of all sequences, known chips counted in") {
+  constexpr std::size_t kChips = 11;
+  const std::vector<double> known{1, 0, 1};
+  for (const bool some_known : {false, true})
+    for (const double exposure : {0.0, 1.3, 2.0, 7.7, 12.2})
+      for (unsigned seed = 0; seed < 5; ++seed) {
+        Frame frame(3.3, exposure, 0.1, kChips, seed);
+        if (some_known) frame.question.known = {known, 4};
+        CAPTURE(some_known);
+        CAPTURE(exposure);
+        CAPTURE(seed);
+        double best[kChips][2];
+        for (auto& of_chip : best) of_chip[0] = of_chip[1] = std::numeric_limits<double>::infinity();
+        std::vector<double> chips(kChips);
+        for (unsigned word = 0; word < 1U << kChips; ++word) {
+          for (std::size_t k = 0; k < kChips; ++k) chips[k] = (word >> k) & 1U;
+          double nats = squares_of(frame, chips) / (2 * 0.1 * 0.1);
+          for (std::size_t k = 0; some_known && k < known.size(); ++k)
+            nats += 0.5 * ocisac::kKnownPrecision * std::abs(chips[4 + k] - known[k]);
+          for (std::size_t k = 0; k < kChips; ++k) {
+            double& least = best[k][(word >> k) & 1U];
+            least = std::min(least, nats);
+          }
+        }
+        const auto found = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+        const auto everything =
+            ocisac::search_reduced(ocisac::ChipEquations(frame.question, 24), {1U << 20U, 1U << 20U, 1e9});
+        for (std::size_t k = 0; k < kChips; ++k) {
+          CHECK(found[k] == doctest::Approx(best[k][0] - best[k][1]).epsilon(1e-4));
+          CHECK(std::abs(everything[k] - found[k]) <= 1e-3 * (1 + std::abs(found[k])));
+          if (some_known && k >= 4 && k < 7) CHECK((found[k] > 0) == (known[k - 4] > 0.5));
+        }
+      }
+}
+
+TEST_CASE("the same chips as the plain search through the trellis") {
+  for (const double rows_per_chip : {1.0, 2.37, 5.0})
+    for (const double chips : {0.4, 1.0, 3.6, 6.0}) {
+      const Frame frame(rows_per_chip, chips * rows_per_chip, 0.03, 150, 3);
+      CAPTURE(rows_per_chip);
+      CAPTURE(chips);
+      CHECK(squares_of(frame, detect_levels(frame.question)) ==
+            doctest::Approx(squares_of(frame, plain_mlse(frame.question))).epsilon(1e-9));
+    }
+}
+
+TEST_CASE("long exposures are read without an error at little noise") {
+  CHECK(Frame(4.3, 7 * 4.3, 0.02, 270, 1).errors() == 0);
+  CHECK(Frame(4.7, 13.4 * 4.7, 0.01, 150, 2).errors() == 0);
+  CHECK(Frame(1.0, 1.0, 0.02, 1080, 3).errors() == 0);
+}
+
+TEST_CASE("the closest pair lies where the sum of squares says") {
+  // √(4R/3)/L for many rows a chip.
+  CHECK(ocisac::closest_pair_distance(50, 350) == doctest::Approx(std::sqrt(4 * 50.0 / 3) / 7).epsilon(1e-3));
+  CHECK(ocisac::closest_pair_distance(4, 28) == doctest::Approx(std::sqrt(16.0 / 3) / 7).epsilon(0.1));
+}
+
+TEST_CASE("questions without meaning are refused") {
+  Frame frame(4, 8, 0.1, 30, 1);
+  frame.question.noise = 0;
+  CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("noise: got 0"),
+                       std::invalid_argument);
+  frame.question.noise = 0.1;
+  frame.question.clock.exposure = 64;
+  CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("exposure: got 64"),
+                       std::invalid_argument);
+  frame.question.count = 0;
+  frame.question.clock.exposure = 8;
+  CHECK(ocisac::detect_sequence(frame.question).log_likelihood_ratios.empty());
+}

@@ -1,0 +1,121 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "ocisac/core/version.hpp"
+#include "ocisac/ocisac.h"
+
+namespace {
+
+constexpr std::uint32_t kRows = 400, kColumns = 24;
+
+// A tone of 900 Hz at 20 us a row: 100 + 80·cos.
+template <class T>
+std::vector<T> picture() {
+  std::vector<T> pixels(kRows * kColumns);
+  for (std::uint32_t row = 0; row < kRows; ++row)
+    for (std::uint32_t column = 0; column < kColumns; ++column)
+      pixels[row * kColumns + column] =
+          static_cast<T>(std::lround(100 + 80 * std::cos(2 * std::numbers::pi * std::fmod(900 * 20e-6 * row, 1.0))));
+  return pixels;
+}
+
+ocisac_options told() {
+  ocisac_options options;
+  ocisac_options_init(&options);
+  options.row_time = 20e-6;
+  options.frequency = 900;
+  options.want_data = 0;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("C: frames in, results out") {
+  const ocisac_options options = told();
+  ocisac_receiver* receiver = nullptr;
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  ocisac_result result;
+  ocisac_result_init(&result);
+  CHECK(ocisac_poll(receiver, &result) == OCISAC_NOTHING);
+  const auto pixels = picture<std::uint16_t>();
+  // The same picture from its last row up is the same tone.
+  for (const int direction : {1, -1}) {
+    const std::uint16_t* first = direction > 0 ? pixels.data() : pixels.data() + (kRows - 1) * kColumns;
+    const ocisac_frame frame{
+        first, OCISAC_GRAY16, kColumns, kRows, direction * 2 * std::ptrdiff_t{kColumns}, direction > 0 ? 0 : 5};
+    REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
+    REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
+    CHECK(result.frame == frame.number);
+    CHECK(result.gain == doctest::Approx(0.8).epsilon(1e-3));
+    CHECK(result.frequency == 900);
+    CHECK(result.suggested_exposure == doctest::Approx(1.0 / 1800));
+    CHECK(std::isnan(result.chip_rate));
+    CHECK(result.bit_count == 0);
+    CHECK(std::strlen(result.bits) == 0);
+    CHECK(result.payload == nullptr);
+    CHECK(ocisac_poll(receiver, &result) == OCISAC_NOTHING);
+  }
+  ocisac_destroy(receiver);
+  ocisac_destroy(nullptr);
+  CHECK(std::string(ocisac_version()) == ocisac::version());
+}
+
+TEST_CASE("C: what has no meaning is a code and a line") {
+  ocisac_receiver* receiver = nullptr;
+  ocisac_options options = told();
+  options.row_time = 0;
+  CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
+  CHECK(receiver == nullptr);
+  CHECK(std::string(ocisac_last_error()).find("row_time: got 0") == 0);
+  options = told();
+  options.line_code = 9;
+  CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
+  options = told();
+  options.size = 0;
+  CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
+  CHECK(ocisac_create(nullptr, &receiver) == OCISAC_BAD_ARGUMENT);
+  CHECK(ocisac_create(&options, nullptr) == OCISAC_BAD_ARGUMENT);
+
+  options = told();
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  const auto pixels = picture<std::uint8_t>();
+  ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns - 1, 0};
+  CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("stride: got 23") == 0);
+  frame.stride = kColumns;
+  frame.format = 7;
+  CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
+  CHECK(ocisac_push(receiver, nullptr) == OCISAC_BAD_ARGUMENT);
+  frame.format = OCISAC_GRAY8;
+  CHECK(ocisac_push(receiver, &frame) == OCISAC_OK);
+  frame.height = kRows / 2;
+  CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
+  CHECK(ocisac_poll(receiver, nullptr) == OCISAC_BAD_ARGUMENT);
+  ocisac_destroy(receiver);
+}
+
+TEST_CASE("C: a program that knows less of the structs gets what it knows") {
+  ocisac_options options = told();
+  options.size = offsetof(ocisac_options, region);
+  options.region = {99, 99, 99, 99};  // beyond its size: not looked at
+  ocisac_receiver* receiver = nullptr;
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  const auto pixels = picture<std::uint8_t>();
+  const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 0};
+  REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
+  ocisac_result result;
+  ocisac_result_init(&result);
+  result.size = offsetof(ocisac_result, bits);
+  result.bits = "untouched";
+  REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
+  CHECK(result.gain == doctest::Approx(0.8).epsilon(0.01));
+  CHECK(std::string(result.bits) == "untouched");
+  ocisac_destroy(receiver);
+}

@@ -1,0 +1,159 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "lights/screening.hpp"
+#include "ocisac/lights/detect_sources.hpp"
+
+namespace ocisac {
+namespace {
+
+constexpr std::size_t rows = 240, columns = 320;
+constexpr double row_time = 1e-5;
+
+// A dim picture with noise of a linear congruential generator; a square of light of 0.08 cycles per row in it.
+std::vector<std::uint8_t> picture(bool lit) {
+  std::vector<std::uint8_t> pixels(rows * columns);
+  std::uint32_t state = 1;
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t c = 0; c < columns; ++c) {
+      state = state * 1664525U + 1013904223U;
+      double value = 30 + static_cast<double>(state >> 30);
+      const bool inside = n >= 80 && n < 160 && c >= 100 && c < 180;
+      if (lit && inside) value += 80 + 60 * std::cos(2 * std::numbers::pi * 0.08 * static_cast<double>(n));
+      pixels[n * columns + c] = static_cast<std::uint8_t>(value);
+    }
+  return pixels;
+}
+
+Camera camera() {
+  Camera one;
+  one.row_time = row_time;
+  return one;
+}
+
+TEST_CASE("a light is found where it is") {
+  const auto pixels = picture(true);
+  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  REQUIRE(found.size() == 1);
+  const LightSource& light = found.front();
+  CHECK(light.frequency == doctest::Approx(8000).epsilon(0.01));
+  CHECK(std::abs(static_cast<double>(light.x + light.width / 2) - 140) < 8);
+  CHECK(std::abs(static_cast<double>(light.y + light.height / 2) - 120) < 8);
+  CHECK_FALSE(light.carries_data);
+}
+
+TEST_CASE("the same picture read the other way round, column by column, holds the same light") {
+  const auto pixels = picture(true);
+  std::vector<std::uint8_t> turned(pixels.size());
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t c = 0; c < columns; ++c) turned[c * rows + n] = pixels[n * columns + c];
+  FramesView<const std::uint8_t> view = dense_view<const std::uint8_t>(turned.data(), 1, columns, rows);
+  std::swap(view.rows, view.columns);
+  std::swap(view.row_stride, view.column_stride);
+  const auto one = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  const auto other = detect_sources(view, camera());
+  REQUIRE(other.size() == one.size());
+  CHECK(other.front().x == one.front().x);
+  CHECK(other.front().height == one.front().height);
+  CHECK(other.front().frequency == doctest::Approx(one.front().frequency));
+}
+
+TEST_CASE("a dark picture holds none, and neither does one of few rows") {
+  const auto pixels = picture(false);
+  CHECK(detect_sources(dense_view(pixels.data(), 1, rows, columns), camera()).empty());
+  CHECK(detect_sources(dense_view(pixels.data(), 1, 31, columns), camera()).empty());
+  CHECK(detect_sources(dense_view(pixels.data(), 1, rows, 1), camera()).empty());
+}
+
+TEST_CASE("screening gives the place and, roughly, the frequency") {
+  const auto pixels = picture(true);
+  const auto suspects = screen_sources(dense_view(pixels.data(), 1, rows, columns), 0, {}, 0.01);
+  REQUIRE_FALSE(suspects.empty());
+  CHECK(suspects.front().frequency == doctest::Approx(0.08).epsilon(0.15));
+  CHECK(suspects.front().column <= 100);
+  CHECK(suspects.front().column + suspects.front().width >= 172);
+}
+
+// Columns 60 to 259 of rows 40 to 199 lit by `light(row, column)`, on even ground.
+template <class Light>
+std::vector<std::uint8_t> lit_picture(Light light) {
+  auto pixels = picture(false);
+  for (std::size_t n = 40; n < 200; ++n)
+    for (std::size_t c = 60; c < 260; ++c)
+      pixels[n * columns + c] = static_cast<std::uint8_t>(pixels[n * columns + c] + light(n, c));
+  return pixels;
+}
+
+TEST_CASE("random chips of five rows are found as data") {
+  constexpr std::uint64_t chips = 0x9a5c3b17e6d24f81ULL;
+  const auto pixels =
+      lit_picture([](std::size_t n, std::size_t) { return (chips >> (n / 5 % 64) & 1) != 0 ? 120 : 0; });
+  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  REQUIRE(found.size() == 1);
+  CHECK(found.front().carries_data);
+  CHECK(found.front().x <= 64);
+  CHECK(found.front().x + found.front().width >= 252);
+  CHECK(found.front().height >= 140);
+}
+
+TEST_CASE("lamps that touch are told apart by their frequencies") {
+  const auto pixels = lit_picture([](std::size_t n, std::size_t c) {
+    return 60 + 60 * std::cos(2 * std::numbers::pi * (c < 160 ? 0.06 : 0.08) * static_cast<double>(n));
+  });
+  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
+  REQUIRE(found.size() == 2);
+  for (const LightSource& light : found) {
+    CHECK(light.frequency == doctest::Approx(light.x < 140 ? 6000 : 8000).epsilon(0.01));
+    CHECK(std::abs(static_cast<double>(light.width) - 100) <= 16);
+  }
+}
+
+TEST_CASE("a light is followed in its box, and searched for in its region where it is not") {
+  const auto pixels = picture(true);
+  const auto view = dense_view(pixels.data(), 1, rows, columns);
+  const LightSource whole = detect_sources(view, camera()).front();
+  const Region all{0, 0, columns, rows}, box{whole.x, whole.y, whole.width, whole.height}, away{0, 0, 40, 40};
+  for (const ExpectedLight& expected :
+       {ExpectedLight{box, 8000, all, true, false},
+        ExpectedLight{{box.x + 6, box.y - 8, 60, 70}, 8100, all, true, false},
+        ExpectedLight{away, 8000, all, true, false}, ExpectedLight{away, 8000, all, false, false},
+        ExpectedLight{away, 5000, all, false, true}}) {
+    const auto found = follow_sources(view, camera(), std::vector{expected});
+    REQUIRE(found.size() == 1);
+    CHECK(std::abs(static_cast<double>(found[0].x) - static_cast<double>(whole.x)) <= 5);
+    CHECK(std::abs(static_cast<double>(found[0].y) - static_cast<double>(whole.y)) <= 2);
+    CHECK(found[0].frequency == doctest::Approx(whole.frequency).epsilon(1e-3));
+  }
+  for (const ExpectedLight& expected :
+       {ExpectedLight{away, 8000, away, true, false}, ExpectedLight{box, 20000, all, true, false}})
+    CHECK(follow_sources(view, camera(), std::vector{expected}).empty());
+  CHECK(follow_sources(view, camera(), {}).empty());
+}
+
+TEST_CASE("lights cannot be expected beyond the frame or without a frequency") {
+  const auto pixels = picture(true);
+  const auto view = dense_view(pixels.data(), 1, rows, columns);
+  const Region all{0, 0, columns, rows}, beyond{300, 10, 30, 20}, none{5, 5, 0, 20};
+  for (const ExpectedLight& expected :
+       {ExpectedLight{beyond, 8000, all, true, false}, ExpectedLight{all, 8000, none, true, false},
+        ExpectedLight{all, 0, all, true, false}, ExpectedLight{all, 50000, all, true, false}})
+    CHECK_THROWS_AS(follow_sources(view, camera(), std::vector{expected}), std::invalid_argument);
+  CHECK_THROWS_AS(follow_sources(dense_view(pixels.data(), 2, rows / 2, columns), camera(), {}), std::invalid_argument);
+}
+
+TEST_CASE("options without meaning are refused") {
+  const auto pixels = picture(false);
+  const auto view = dense_view(pixels.data(), 1, rows, columns);
+  CHECK_THROWS_AS(detect_sources(view, camera(), {0, 3, 64}), std::invalid_argument);
+  CHECK_THROWS_AS(detect_sources(view, camera(), {0.01, 1, 64}), std::invalid_argument);
+  CHECK_THROWS_AS(detect_sources(view, camera(), {0.01, 3, 0}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ocisac

@@ -1,0 +1,87 @@
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "ocisac/packets/line_codes.hpp"
+#include "ocisac/packets/packets.hpp"
+#include "packets/reed_solomon.hpp"
+
+namespace {
+
+std::vector<std::uint8_t> random_bytes(std::size_t count, std::mt19937& random) {
+  std::vector<std::uint8_t> bytes(count);
+  for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random() & 0xFFU);
+  return bytes;
+}
+
+std::vector<double> soft(const std::vector<std::uint8_t>& chips, std::size_t first, std::size_t count) {
+  std::vector<double> llr;
+  for (std::size_t k = 0; k < count; ++k) llr.push_back(chips[(first + k) % chips.size()] ? 12.0 : -12.0);
+  return llr;
+}
+
+}  // namespace
+
+TEST_CASE("Reed-Solomon words correct what they can and refuse the rest") {
+  std::mt19937 random(1);
+  for (std::size_t data : {1U, 84U, 200U, 254U}) {
+    const ocisac::ReedSolomon code(data);
+    const auto sent = code.encode(random_bytes(data, random));
+    const std::size_t redundancy = 255 - data;
+    for (std::size_t lost : {std::size_t{0}, redundancy / 2, redundancy}) {
+      auto word = sent;
+      std::vector<int> erased;
+      for (std::size_t k = 0; k < lost; ++k) {
+        erased.push_back(static_cast<int>(k));
+        word[k] = 0x55;
+      }
+      for (std::size_t k = 0; k < (redundancy - lost) / 2; ++k) word[254 - k] ^= 0x81;
+      CHECK(code.decode(word, erased));
+      CHECK(word == sent);
+    }
+  }
+  const ocisac::ReedSolomon code(100);
+  auto word = code.encode(random_bytes(100, random));
+  for (std::size_t k = 0; k < 255; k += 2) word[k] ^= static_cast<std::uint8_t>(1 + random() % 255);
+  const auto before = word;
+  CHECK_FALSE(code.decode(word, {}));
+  CHECK(word == before);
+  CHECK_FALSE(code.decode(word, std::vector<int>(156, 0)));
+}
+
+TEST_CASE("a payload comes back from pieces with gaps, from any start, on any clock") {
+  std::mt19937 random(2);
+  const auto payload = random_bytes(500, random);
+  for (const char* name : {"none", "manchester", "4b6b", "8b10b"}) {
+    const ocisac::PacketFormat format{ocisac::LineCode::named(name), 16, ocisac::Preamble::standard};
+    const auto chips = ocisac::packet_chips(payload, format, 9);
+    ocisac::PacketAssembler assembler(format);
+    const std::size_t start = random() % chips.size();
+    std::vector<std::uint8_t> got;
+    for (std::size_t at = start; got.empty() && at < start + chips.size(); at += 267) {
+      const auto report = assembler.push(static_cast<std::ptrdiff_t>(at) - 99'999, soft(chips, at, 191));
+      if (report.payload) got = report.payload->bytes;
+    }
+    CHECK(got == payload);
+  }
+}
+
+TEST_CASE("blocks are found where they begin") {
+  const std::vector<std::uint8_t> payload{1, 2, 3};
+  const ocisac::PacketFormat format{ocisac::LineCode::named("8b10b"), 8, ocisac::Preamble::lengthened};
+  const auto chips = ocisac::packet_chips(payload, format, 1);
+  const auto found = ocisac::find_blocks(soft(chips, 5, 3 * ocisac::block_chips(format)), format);
+  REQUIRE(found.size() == 2);
+  CHECK(found[0].chip == ocisac::block_chips(format) - 5);
+  CHECK(found[0].block == 1);
+  CHECK(found[1].block == 2);
+  CHECK(found[1].parity == 1);
+}
+
+TEST_CASE("CRC-32 is that of IEEE 802.3") {
+  const std::string text = "123456789";
+  CHECK(ocisac::crc32(std::vector<std::uint8_t>(text.begin(), text.end())) == 0xCBF43926U);
+}

@@ -1,0 +1,59 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/packets/packets.hpp"
+#include "ocisac/receiver/stream_receiver.hpp"
+
+namespace {
+
+constexpr double kRowsPerChip = 5.6, kFrameRows = 1500.4, kExposure = 16.8;
+constexpr std::size_t kRows = 1080;
+
+// Rows of a frame of a light that sends `chips` over and over, 2 % noise.
+std::vector<double> frame_of(const std::vector<std::uint8_t>& chips, int frame, std::mt19937& random) {
+  const double start = 777.7 + frame * kFrameRows / kRowsPerChip;  // chip at the first row
+  const auto first = static_cast<std::size_t>(start) - 8;
+  std::vector<double> levels;
+  for (std::size_t k = 0; k < 220; ++k) levels.push_back(chips[(first + k) % chips.size()]);
+  std::vector<double> rows(kRows);
+  ocisac::expose_chips({levels, 0}, {kRowsPerChip, (static_cast<double>(first) - start) * kRowsPerChip, kExposure},
+                       rows);
+  std::normal_distribution<double> noise(0, 0.02);
+  for (double& row : rows) row = 20 + 100 * (row + noise(random));
+  return rows;
+}
+
+}  // namespace
+
+TEST_CASE("a payload comes out of a stream of frames, past those that are damaged") {
+  std::mt19937 random(1);
+  const std::vector<std::uint8_t> payload{3, 1, 4, 1, 5, 9, 2, 6};
+  const auto chips = ocisac::packet_chips(payload, {}, 42);
+  const ocisac::Camera camera{
+      .row_time = 1e-5, .exposure = kExposure * 1e-5, .frame_time = kFrameRows * 1e-5, .tone_curve = {}};
+  ocisac::Receiver receiver(camera, {.chip_rate = 1.005e5 / kRowsPerChip});
+  std::optional<ocisac::Payload> got;
+  for (int frame = 0; frame < 16 && !got; ++frame) {
+    auto rows = frame_of(chips, frame, random);
+    if (frame == 2) std::ranges::fill(rows, 20.0);
+    if (frame == 4) rows[7] = std::numeric_limits<double>::quiet_NaN();
+    const ocisac::AnyFramesView view = ocisac::dense_view<const double>(rows.data(), 1, kRows, 1);
+    const auto result = receiver.push({&view, 1}, frame);
+    CAPTURE(frame);
+    CHECK(result.outcome == (frame == 2   ? ocisac::FrameOutcome::no_signal
+                             : frame == 4 ? ocisac::FrameOutcome::not_finite
+                                          : ocisac::FrameOutcome::received));
+    CHECK(receiver.push({&view, 1}, frame).outcome == ocisac::FrameOutcome::repeated);
+    if (result.stretch) got = result.stretch->payload;
+  }
+  REQUIRE(got);
+  CHECK(got->bytes == payload);
+  CHECK(got->number == 42);
+}

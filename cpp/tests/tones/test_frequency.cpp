@@ -1,0 +1,113 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include "ocisac/tones/calibrate.hpp"
+#include "ocisac/tones/find_frequency.hpp"
+#include "ocisac/tones/periodic_fit.hpp"
+#include "tones/combine_columns.hpp"
+
+namespace {
+
+constexpr double two_pi = 2 * std::numbers::pi;
+
+// (rows × columns): 10 + tone with a phase of its own in every column + noise.
+std::vector<double> toned(std::size_t rows, std::size_t columns, double frequency, double noise,
+                          double phase_step = 0) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  std::vector<double> pixels;
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t k = 0; k < columns; ++k)
+      pixels.push_back(10 +
+                       std::cos(two_pi * frequency * static_cast<double>(n) + phase_step * static_cast<double>(k)) +
+                       noise * normal(random));
+  return pixels;
+}
+
+ocisac::AnyFramesView view(const std::vector<double>& pixels, std::size_t rows, std::size_t columns) {
+  return ocisac::dense_view(pixels.data(), 1, rows, columns);
+}
+
+}  // namespace
+
+TEST_CASE("a tone without noise is found to rounding, whatever the columns' phases") {
+  for (const double frequency : {0.0143, 0.2, 0.4471})
+    for (const double phase_step : {0.0, 0.7}) {
+      const auto pixels = toned(300, 5, frequency, 0, phase_step);
+      const auto found = ocisac::find_frequency(view(pixels, 300, 5), {});
+      CHECK(found.frequency == doctest::Approx(frequency).epsilon(1e-12));
+      CHECK(found.frequency_std < 1e-12);
+      CHECK(found.harmonics == 1);
+      CHECK(found.flags == 0);
+    }
+}
+
+TEST_CASE("a frequency within a few of its standard errors, and the row time from it") {
+  const auto pixels = toned(500, 8, 0.0733, 0.5);
+  const auto found = ocisac::find_frequency(view(pixels, 500, 8), {});
+  CHECK(std::abs(found.frequency - 0.0733) < 4 * found.frequency_std);
+  const auto calibration = ocisac::calibrate(view(pixels, 500, 8), 1000, {});
+  CHECK(calibration.row_time == doctest::Approx(found.frequency / 1000));
+  CHECK(calibration.row_time_std == doctest::Approx(found.frequency_std / 1000));
+  CHECK_THROWS_AS(ocisac::calibrate(view(pixels, 500, 8), 0, {}), std::invalid_argument);
+}
+
+TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
+  std::vector<double> signal;
+  for (std::size_t n = 0; n < 100; ++n) {
+    const double cycles = 0.0417 * static_cast<double>(n);
+    signal.push_back(std::sin(two_pi * cycles) + 0.3 * std::cos(3 * two_pi * cycles + 1) + 0.01 * std::sin(n * n));
+  }
+  const ocisac::PeriodicModel model{2, {1, 3}};
+  const auto best = ocisac::refine_periodic(signal, 100, model, 0.0412, 0.01, 0.4);
+  CHECK(best.frequency == doctest::Approx(0.0417).epsilon(1e-3));
+  for (const double aside : {-1e-5, 1e-5})
+    CHECK(ocisac::fit_periodic(signal, 100, model, best.frequency + aside).total_residual() > best.total_residual());
+  const auto cut = ocisac::refine_periodic(signal, 100, model, 0.05, 0.043, 0.4);
+  CHECK(cut.frequency == 0.043);
+  CHECK_THROWS_AS(ocisac::fit_periodic(signal, 5, model, 0.1), std::invalid_argument);
+}
+
+TEST_CASE("combined columns keep the power of the noise and all of the tone") {
+  const std::size_t rows = 400, count = 6;
+  for (const double phase_step : {0.0, 1.1}) {
+    std::vector<double> signals(rows * count);
+    std::mt19937 random(3);
+    std::normal_distribution<double> normal(0, 0.2);
+    for (std::size_t k = 0; k < count; ++k)
+      for (std::size_t n = 0; n < rows; ++n)
+        signals[k * rows + n] =
+            std::cos(two_pi * 0.051 * static_cast<double>(n) + phase_step * static_cast<double>(k)) + normal(random);
+    const auto model = ocisac::periodic_model(0.051, rows, 1);
+    const auto apart = ocisac::fit_periodic(signals, rows, model, 0.051);
+    const auto combined = ocisac::combine_columns(signals, rows, count, model, apart);
+    CHECK(combined.per_frame == (phase_step == 0 ? 1 : 2));
+    const auto together = ocisac::fit_periodic(combined.signals, rows, model, 0.051);
+    CHECK(together.harmonic_energy[0] == doctest::Approx(apart.harmonic_energy[0]).epsilon(0.002));
+    const double spare = static_cast<double>(combined.per_frame * (rows - model.parameters()));
+    CHECK(together.total_residual() / spare == doctest::Approx(0.04).epsilon(0.25));
+  }
+}
+
+TEST_CASE("chance energies are those of the chi-squared distribution") {
+  CHECK(ocisac::chance_energy(2) == doctest::Approx(-2 * std::log(0.79e-6)).epsilon(0.12));  // exact: −2·log(odds)
+  CHECK(ocisac::chance_energy(1000) == doctest::Approx(1000 + 4.8 * std::sqrt(2000.0)).epsilon(0.02));
+}
+
+TEST_CASE("what cannot be answered is NaN and flagged") {
+  for (const std::size_t rows : {1u, 2u, 3u, 7u, 50u}) {
+    const std::vector<double> pixels(rows * 3, 7.0);
+    const auto found = ocisac::find_frequency(view(pixels, rows, 3), {});
+    CHECK(std::isnan(found.frequency));
+    CHECK(found.flags == ocisac::flag::no_tone);
+  }
+  std::vector<double> pixels(60, 1.0);
+  pixels[7] = std::nan("");
+  CHECK_THROWS_AS(ocisac::find_frequency(view(pixels, 20, 3), {}), std::invalid_argument);
+  CHECK_THROWS_AS(ocisac::pick_channel({}, {}), std::invalid_argument);
+}

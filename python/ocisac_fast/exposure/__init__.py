@@ -1,0 +1,16 @@
+"""The choice of an exposure time."""
+
+from ocisac_fast.exposure.choice import (
+    BestExposure as BestExposure,
+    best_exposure as best_exposure,
+    exposure_objective as exposure_objective,
+)
+from ocisac_fast.exposure.controller import (
+    ExposureController as ExposureController,
+    ExposureMeasurement as ExposureMeasurement,
+    ExposureReason as ExposureReason,
+    ExposureSuggestion as ExposureSuggestion,
+    MeasuredTone as MeasuredTone,
+    best_noisy_exposure as best_noisy_exposure,
+)
+from ocisac_fast.exposure.fronts import ExposureFront as ExposureFront, exposure_front as exposure_front

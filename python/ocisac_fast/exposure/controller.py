@@ -1,0 +1,280 @@
+"""The next exposure of a camera, chosen from what the receiver and the sensing side measured in the last frame."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.exposure.choice import BestExposure
+
+_NAN = math.nan
+
+
+class ExposureReason(enum.IntFlag):
+    """Why an exposure was chosen; several at once."""
+
+    FIRST = 1 << 0
+    HELD = 1 << 1
+    MOVED = 1 << 2
+    BRIGHTNESS_FLOOR = 1 << 3
+    CEILING = 1 << 4
+    SATURATION = 1 << 5
+    TOO_DARK = 1 << 6
+    TOO_BRIGHT = 1 << 7
+    FLOOR_GIVEN_UP = 1 << 8
+    NO_TONES = 1 << 9
+    WEAK_LEFT_OUT = 1 << 10
+    GAIN_MISMATCH = 1 << 11
+    NO_BRIGHTNESS = 1 << 12
+
+
+_TEXTS = {
+    ExposureReason.FIRST: "the first choice",
+    ExposureReason.HELD: "kept: the best would gain no more than the hysteresis",
+    ExposureReason.MOVED: "moved: the last exposure fell behind the best by more than the hysteresis, or out of bounds",
+    ExposureReason.BRIGHTNESS_FLOOR: "not shorter, or the picture is too dark",
+    ExposureReason.CEILING: "not longer, or the brightest parts saturate",
+    ExposureReason.SATURATION: "not longer, since pixels were saturated",
+    ExposureReason.TOO_DARK: "the camera cannot reach the brightness asked for",
+    ExposureReason.TOO_BRIGHT: "the camera cannot avoid saturation",
+    ExposureReason.FLOOR_GIVEN_UP: "bright and dark parts cannot both be kept: the bright ones are",
+    ExposureReason.NO_TONES: "no tone to choose by, brightness alone",
+    ExposureReason.WEAK_LEFT_OUT: "tones of no known frequency or of too little signal are left out",
+    ExposureReason.GAIN_MISMATCH: "a measured gain is not |sinc(f T)|: frequency, exposure or background is off",
+    ExposureReason.NO_BRIGHTNESS: "brightness is not known and not looked at",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredTone:
+    """A light's tone or a motion's, as measured; NaN: not known.
+
+    Attributes:
+        frequency: f_c or f_x v in Hz, above 0; NaN leaves the tone out.
+        share: of the weight of all tones of its kind, in proportion to the others' shares; 0 or above.
+        snr: power ratio at the frame's exposure, 0 or above.
+        gain, gain_std: at the frame's exposure, as of :func:`ocisac_fast.tone_gain`.
+    """
+
+    frequency: float
+    share: float = 1.0
+    snr: float = _NAN
+    gain: float = _NAN
+    gain_std: float = _NAN
+
+
+@dataclass(frozen=True, slots=True)
+class ExposureMeasurement:
+    """What was measured in one frame; levels are shares of the full scale above dark, NaN: not known.
+
+    Attributes:
+        lights: tones of communication, plain frequencies (Hz) or :class:`MeasuredTone`; 32 with the motions at most.
+        motions: those of sensing.
+        exposure, gain: the frame was taken with; NaN: as suggested last.
+        level: mean, 0 or above.
+        peak: of the brightest parts that must not saturate, such as a percentile; 0 or above.
+        saturated: share of the pixels, 0 to 1.
+    """
+
+    lights: Sequence[float | MeasuredTone] = ()
+    motions: Sequence[float | MeasuredTone] = ()
+    exposure: float = _NAN
+    gain: float = _NAN
+    level: float = _NAN
+    peak: float = _NAN
+    saturated: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ExposureSuggestion:
+    """What :class:`ExposureController` suggests for the next frame.
+
+    Attributes:
+        exposure: s.
+        gain: of the camera's amplifier, linear.
+        objective: J(exposure) in s; NaN without tones.
+        best_exposure, best_objective: the maximum, without hysteresis; NaN without tones.
+        bounds: (shortest, longest) exposure that brightness and camera allow, s.
+        noise_exposure: T_n, s; infinite where noise is not looked at.
+        level: mean to be expected; NaN where unknown.
+        reasons: why, as :class:`ExposureReason`.
+        tones: (kind, frequency, gain, snr) of the tones measured, at the exposure suggested; "light" or "motion", the
+            gain by theory, the signal-to-noise ratio from the one measured (NaN where there was none).
+    """
+
+    exposure: float
+    gain: float
+    objective: float
+    best_exposure: float
+    best_objective: float
+    bounds: tuple[float, float]
+    noise_exposure: float
+    level: float
+    reasons: ExposureReason
+    tones: tuple[tuple[str, float, float, float], ...] = field(default=())
+
+    @property
+    def explain(self) -> str:
+        """The choice and its reasons in a few lines of plain English."""
+        low, high = self.bounds
+        lines = [f"exposure {self.exposure * 1e6:.1f} us, gain {self.gain:.3g}"]
+        if not math.isnan(self.best_objective):
+            share = self.objective / self.best_objective if self.best_objective > 0 else 1.0
+            lines.append(f"objective {share:.2%} of the best, which is at {self.best_exposure * 1e6:.1f} us")
+        lines.append(f"allowed: {low * 1e6:.1f} to {high * 1e6:.1f} us")
+        if math.isfinite(self.level):
+            lines.append(f"expected mean level: {self.level:.1%} of full scale")
+        if math.isfinite(self.noise_exposure):
+            lines.append(f"shot noise passes read noise at {self.noise_exposure * 1e6:.1f} us")
+        for kind, frequency, gain, snr in self.tones:
+            told = "" if math.isnan(snr) else f", SNR {10.0 * math.log10(snr):.1f} dB" if snr > 0.0 else ", no signal"
+            lines.append(f"{kind} {frequency:.6g} Hz: gain {gain:.3f}{told}")
+        return "\n".join([*lines, *(text for reason, text in _TEXTS.items() if reason in self.reasons)])
+
+
+class ExposureController:
+    """Suggests exposure and gain of the next frame.
+
+    It maximises, over what the camera and the brightness allow,
+
+        J(T) = sum_i w_i |sin(pi f_i T)| / (pi f_i) / sqrt(1 + T / T_n),
+
+    the paper's objective (eq. 18, with magnitudes) over the noise: read noise, and shot noise that grows with the
+    light and equals it at T_n = ``noise_level`` / (level per second at gain 1). Without ``noise_level`` or a measured
+    level it is the paper's objective. The maximum is global, to 1e-12 of J. It stays at the last exposure while that
+    costs no more than the hysteresis: J(suggested) (1 + hysteresis) >= J(T) of every allowed T, by the tones as
+    measured.
+    Exposure and gain together keep the mean above ``level_floor`` and the peak below ``level_ceiling``; where both
+    cannot be, the ceiling counts. The gain then brings the mean to ``level_aim`` as far as these allow.
+
+    Args:
+        exposures: (shortest, longest) the camera can, s, 0 < shortest <= longest.
+        step: only whole multiples of it, s, such as the row time; 0: any.
+        gains: (lowest, highest) of its amplifier, linear, above 0.
+        weights: of all lights together and of all motions together; 0 or above, not both 0.
+        hysteresis: 0 or above; 0 moves to the best at every update.
+        level_floor, level_aim, level_ceiling: shares of the full scale.
+        most_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Then exposure times
+            gain goes to 0.7 of what it was, and the limit, relative to the scene's brightness, recovers by 0.2 % a
+            frame.
+        least_snr: tones of a lower signal-to-noise ratio (power) are left out; 0 or above.
+        noise_level: mean level at gain 1 where shot noise equals read noise, above 0; None: noise does not depend on
+            the exposure.
+
+    Raises:
+        ValueError: a value out of its range, or no multiple of ``step`` within ``exposures``.
+    """
+
+    def __init__(
+        self,
+        exposures: tuple[float, float],
+        *,
+        step: float = 0.0,
+        gains: tuple[float, float] = (1.0, 1.0),
+        weights: tuple[float, float] = (1.0, 1.0),
+        hysteresis: float = 0.01,
+        level_floor: float = 0.05,
+        level_aim: float = 0.4,
+        level_ceiling: float = 0.9,
+        most_saturated: float = 0.01,
+        least_snr: float = 1.0,
+        noise_level: float | None = None,
+    ) -> None:
+        for name, pair in (("exposures", exposures), ("gains", gains), ("weights", weights)):
+            if len(pair) != 2:
+                raise ValueError(f"{name}: got {len(pair)} values, allowed: two")
+        self._controller = _core.ExposureController(
+            shortest=float(exposures[0]),
+            longest=float(exposures[1]),
+            step=float(step),
+            lowest_gain=float(gains[0]),
+            highest_gain=float(gains[1]),
+            comm_weight=float(weights[0]),
+            sense_weight=float(weights[1]),
+            hysteresis=float(hysteresis),
+            level_floor=float(level_floor),
+            level_aim=float(level_aim),
+            level_ceiling=float(level_ceiling),
+            most_saturated=float(most_saturated),
+            least_snr=float(least_snr),
+            noise_level=math.inf if noise_level is None else float(noise_level),
+        )
+        self._last = _NAN
+
+    def update(self, measurement: ExposureMeasurement) -> ExposureSuggestion:
+        """The next exposure after a frame.
+
+        Raises:
+            ValueError: a measurement without meaning (negative, infinite) or more than 32 tones.
+        """
+        measured = [("light", _tone(tone)) for tone in measurement.lights]
+        measured += [("motion", _tone(tone)) for tone in measurement.motions]
+        table = np.array(
+            [(t.frequency, kind == "motion", t.share, t.snr, t.gain, t.gain_std) for kind, t in measured], np.float64
+        ).reshape(-1, 6)
+        values = [measurement.exposure, measurement.gain, measurement.level, measurement.peak, measurement.saturated]
+        exposure, gain, objective, best, best_objective, low, high, noise, level, reasons = self._controller.update(
+            table, *(float(value) for value in values)
+        )
+        before = self._last if math.isnan(measurement.exposure) else measurement.exposure
+        self._last = exposure
+        tones = tuple((kind, t.frequency, *_expected(t, before, exposure, noise)) for kind, t in measured)
+        why = ExposureReason(reasons)
+        return ExposureSuggestion(
+            exposure, gain, objective, best, best_objective, (low, high), noise, level, why, tones
+        )
+
+    def reset(self) -> None:
+        """Forget what was suggested and where it saturated."""
+        self._controller.reset()
+        self._last = _NAN
+
+
+def best_noisy_exposure(
+    frequencies: npt.ArrayLike,
+    weights: npt.ArrayLike,
+    bounds: tuple[float, float],
+    *,
+    noise_exposure: float = math.inf,
+    step: float = 0.0,
+) -> BestExposure:
+    """The exposure in ``bounds`` that maximises J(T) = sum_i w_i |sin(pi f_i T)| / (pi f_i) / sqrt(1 + T / T_n).
+
+    Args:
+        frequencies: Hz, finite, above 0; 1 to 32.
+        weights: one for each, finite, 0 or above, not all 0.
+        bounds: (shortest, longest) in s, 0 < shortest <= longest, with at most a million lobes between.
+        noise_exposure: T_n in s, above 0, where shot noise equals read noise; infinite: eq. 18.
+        step: only whole multiples of it, s; 0: any exposure.
+
+    Returns:
+        The maximum, to 1e-12 of J.
+
+    Raises:
+        ValueError: an argument out of its range, or no multiple of ``step`` within ``bounds``.
+    """
+    if len(bounds) != 2:
+        raise ValueError(f"bounds: got {len(bounds)} values, allowed: (shortest, longest) in seconds")
+    low, high = float(bounds[0]), float(bounds[1])
+    each = [np.asarray(values, np.float64) for values in (frequencies, weights)]
+    exposure, objective = _core.best_noisy_exposure(each[0], each[1], float(noise_exposure), low, high, float(step))
+    return BestExposure(exposure, objective)
+
+
+def _tone(tone: float | MeasuredTone) -> MeasuredTone:
+    return tone if isinstance(tone, MeasuredTone) else MeasuredTone(float(tone))
+
+
+def _expected(tone: MeasuredTone, before: float, after: float, noise: float) -> tuple[float, float]:
+    """Gain and signal-to-noise ratio at the exposure ``after``, the latter from that at ``before``."""
+    was, gain = (abs(float(np.sinc(tone.frequency * exposure))) for exposure in (before, after))
+    if not was > 0.0:
+        return gain, _NAN
+    collected = (after * gain) ** 2 / (1.0 + after / noise) / ((before * was) ** 2 / (1.0 + before / noise))
+    return gain, tone.snr * collected

@@ -1,0 +1,15 @@
+"""Light over time, and what an exposure makes of it."""
+
+from ocisac_fast.light.response import exposure_response as exposure_response
+from ocisac_fast.light.waveforms import (
+    Chips as Chips,
+    Constant as Constant,
+    Product as Product,
+    Samples as Samples,
+    SquareWave as SquareWave,
+    Sum as Sum,
+    Tone as Tone,
+    Waveform as Waveform,
+    integrate_exposure as integrate_exposure,
+    sample_waveform as sample_waveform,
+)

@@ -1,0 +1,361 @@
+"""Light over time, and what the rows of a rolling shutter collect of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields
+from operator import add, mul
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+
+_MOST_VALUES = 2**28
+
+
+def _as_levels(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
+    """A read-only copy in float64."""
+    array = np.asarray(values)
+    if array.ndim != 1 or array.size == 0:
+        raise ValueError(f"{name}: got shape {array.shape}, allowed: one dimension, at least one level")
+    if array.dtype.kind not in "buif":
+        raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers")
+    levels = array.astype(np.float64)
+    levels.flags.writeable = False
+    return levels
+
+
+def _comparable(value: object) -> object:
+    return tuple(value.tolist()) if isinstance(value, np.ndarray) else value
+
+
+class Waveform:
+    """Light over time: base of all waveforms, which are immutable, and add and multiply, with numbers too."""
+
+    _handle: _core.Waveform
+    __array_ufunc__ = None  # NumPy leaves the operators to this class
+
+    def _hold(self, handle: _core.Waveform) -> None:
+        object.__setattr__(self, "_handle", handle)
+
+    def _values(self) -> tuple[Any, ...]:
+        """The arguments that make this waveform again."""
+        return tuple(getattr(self, item.name) for item in fields(self) if item.init)  # type: ignore[arg-type]
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        assert isinstance(other, Waveform)
+        return all(_comparable(a) == _comparable(b) for a, b in zip(self._values(), other._values(), strict=True))
+
+    def __hash__(self) -> int:
+        return hash((type(self), *map(_comparable, self._values())))
+
+    def __reduce__(self) -> tuple[type[Waveform], tuple[Any, ...]]:
+        return (type(self), self._values())
+
+    def __add__(self, other: Waveform | float) -> Waveform:
+        return _combined(Sum, self, other)
+
+    def __radd__(self, other: Waveform | float) -> Waveform:
+        return _combined(Sum, other, self)
+
+    def __mul__(self, other: Waveform | float) -> Waveform:
+        return _combined(Product, self, other)
+
+    def __rmul__(self, other: Waveform | float) -> Waveform:
+        return _combined(Product, other, self)
+
+
+@dataclass(frozen=True, eq=False)
+class Constant(Waveform):
+    """Steady light of the given level.
+
+    Args:
+        level: finite, within 1e100 of 0.
+
+    Raises:
+        ValueError: a level outside its range.
+    """
+
+    level: float
+    _handle: _core.Waveform = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._hold(_core.constant(self.level))
+
+
+@dataclass(frozen=True, eq=False)
+class Tone(Waveform):
+    """A raised cosine: amplitude * (1/2 + depth/2 * cos(2 pi frequency t + phase)), eq. 5 of the paper.
+
+    Args:
+        frequency: Hz, 0 (steady light) or above.
+        amplitude: the light at the maximum for depth 1; finite, within 1e100 of 0.
+        phase: rad at t = 0, finite.
+        depth: 0 (steady) to 1 (dark at the minimum).
+
+    Raises:
+        ValueError: a value that is not finite or outside its range; the message names it.
+    """
+
+    frequency: float
+    amplitude: float = 1.0
+    phase: float = 0.0
+    depth: float = 1.0
+    _handle: _core.Waveform = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._hold(_core.tone(self.frequency, self.amplitude, self.phase, self.depth))
+
+
+@dataclass(frozen=True, eq=False)
+class SquareWave(Waveform):
+    """A square or PWM wave: bright while frequency * t + phase / (2 pi) is within duty/2 of a whole number, else 0.
+
+    A pulse is centred where the tone of the same phase has its maximum: the fundamental is a positive multiple of
+    cos(2 pi frequency t + phase) for any duty.
+
+    Args:
+        frequency: Hz, 0 or above.
+        duty: share of a period that is bright, above 0 and below 1.
+        amplitude: the light of a pulse; finite, within 1e100 of 0.
+        phase: rad at t = 0, finite.
+
+    Raises:
+        ValueError: a value that is not finite or outside its range; the message names it.
+    """
+
+    frequency: float
+    duty: float = 0.5
+    amplitude: float = 1.0
+    phase: float = 0.0
+    _handle: _core.Waveform = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._hold(_core.square_wave(self.frequency, self.duty, self.amplitude, self.phase))
+
+
+@dataclass(frozen=True, eq=False)
+class Chips(Waveform):
+    """Chips (on-off keying, PAM): amplitude * levels[k] during [start + k/chip_rate, start + (k + 1)/chip_rate).
+
+    Args:
+        levels: (chips,) finite, at least one, within 1e100 of 0; or a string of 0 and 1.
+            Kept as a read-only float64 copy.
+        chip_rate: chips per second, Hz, above 0.
+        start: time at which the first chip begins, s, finite.
+        repeat: the chips go round for all time; otherwise it is dark before the first and after the last.
+        amplitude: finite, within 1e100 of 0.
+
+    Raises:
+        ValueError: a value that is not finite or outside its range, no levels, or a wrong shape; the message names it.
+    """
+
+    levels: npt.NDArray[np.float64]
+    chip_rate: float
+    start: float = 0.0
+    repeat: bool = False
+    amplitude: float = 1.0
+    _handle: _core.Waveform = field(init=False, repr=False)
+
+    def __init__(
+        self,
+        levels: npt.ArrayLike,
+        chip_rate: float,
+        start: float = 0.0,
+        repeat: bool = False,
+        amplitude: float = 1.0,
+    ) -> None:
+        if isinstance(levels, str):
+            if set(levels) - {"0", "1"}:
+                raise ValueError(f"levels: got {levels!r}, allowed: a string of 0 and 1")
+            levels = [int(level) for level in levels]
+        values = (_as_levels(levels, "levels"), chip_rate, start, bool(repeat), amplitude)
+        for name, value in zip(("levels", "chip_rate", "start", "repeat", "amplitude"), values, strict=True):
+            object.__setattr__(self, name, value)
+        self._hold(_core.chips(*values))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(Waveform):
+    """A sampled waveform: values[k] at start + k/sample_rate and straight lines in between.
+
+    Args:
+        values: (samples,) finite, at least one, within 1e100 of 0. Kept as a read-only float64 copy.
+        sample_rate: Hz, above 0.
+        start: time of the first sample, s, finite.
+        repeat: the samples go round with the period len(values)/sample_rate, linear from the last to the first;
+            otherwise the first and the last value hold before and after.
+
+    Raises:
+        ValueError: a value that is not finite or outside its range, no values, or a wrong shape; the message names it.
+    """
+
+    values: npt.NDArray[np.float64]
+    sample_rate: float
+    start: float = 0.0
+    repeat: bool = False
+    _handle: _core.Waveform = field(init=False, repr=False)
+
+    def __init__(self, values: npt.ArrayLike, sample_rate: float, start: float = 0.0, repeat: bool = False) -> None:
+        held = (_as_levels(values, "values"), sample_rate, start, bool(repeat))
+        for name, value in zip(("values", "sample_rate", "start", "repeat"), held, strict=True):
+            object.__setattr__(self, name, value)
+        self._hold(_core.samples(*held))
+
+
+@dataclass(frozen=True, eq=False)
+class _Combination(Waveform):
+    parts: tuple[Waveform, ...]
+    _handle: _core.Waveform = field(init=False, repr=False)
+
+    def __init__(self, parts: Iterable[Waveform | float]) -> None:
+        held = tuple(part if isinstance(part, Waveform) else Constant(part) for part in parts)
+        if not held:
+            raise ValueError("parts: got none, allowed: at least one waveform")
+        object.__setattr__(self, "parts", held)
+        handles = [part._handle for part in held]
+        while len(handles) > 1:  # neighbours first, so that long sums are not copied part by part
+            pairs = zip(handles[::2], handles[1::2], strict=False)
+            handles = [self._operator()(a, b) for a, b in pairs] + handles[len(handles) & ~1 :]
+        self._hold(handles[0])
+
+    @staticmethod
+    def _operator() -> Callable[[_core.Waveform, _core.Waveform], _core.Waveform]:
+        raise NotImplementedError
+
+
+class Sum(_Combination):
+    """The sum of its parts, which are waveforms or numbers (steady light); also written ``a + b``.
+
+    Raises:
+        ValueError: no parts, or more than 4096 terms once products are multiplied out.
+    """
+
+    @staticmethod
+    def _operator() -> Callable[[_core.Waveform, _core.Waveform], _core.Waveform]:
+        return add
+
+
+class Product(_Combination):
+    """The product of its parts, which are waveforms or numbers: light through or off something; also written ``a * b``.
+
+    Raises:
+        ValueError: no parts, more than 4096 terms once multiplied out, two factors that are Samples, light above 1e300.
+    """
+
+    @staticmethod
+    def _operator() -> Callable[[_core.Waveform, _core.Waveform], _core.Waveform]:
+        return mul
+
+
+_AnyCombination = TypeVar("_AnyCombination", Sum, Product)
+
+
+def _combined(kind: type[_AnyCombination], *parts: Waveform | float) -> Waveform:
+    """Parts of the same kind flow together, so that long chains stay flat."""
+    flat: list[Waveform | float] = []
+    for part in parts:
+        if isinstance(part, kind):
+            flat.extend(part.parts)
+        elif isinstance(part, (Waveform, int, float, np.integer, np.floating)):
+            flat.append(part if isinstance(part, Waveform) else float(part))
+        else:
+            return NotImplemented
+    return kind(flat)
+
+
+def _as_numbers(numbers: int | npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
+    """Row or frame numbers: 0 .. N-1 from N, or the array itself."""
+    array = np.asarray(numbers)
+    if array.dtype.kind not in "ui":
+        raise ValueError(f"{name}: got {numbers!r}, allowed: a whole number or an array of whole numbers")
+    if array.ndim == 0:
+        if not 1 <= array <= _MOST_VALUES:
+            raise ValueError(
+                f"{name}: got {numbers!r}, allowed: from 1 to {_MOST_VALUES}, or an array of whole numbers"
+            )
+        return np.arange(int(array), dtype=np.int64)
+    if array.ndim != 1 or array.size == 0:
+        raise ValueError(f"{name}: got shape {array.shape}, allowed: one dimension and at least one number")
+    if array.dtype.kind == "u" and array.max() > np.uint64(2**63 - 1):
+        raise ValueError(f"{name}: got {array.max()}, allowed: from -2^52 to 2^52")
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def _as_out(out: npt.NDArray[np.float64] | None, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    if out is None:
+        return np.empty(shape)
+    if not isinstance(out, np.ndarray) or out.shape != shape:
+        got = f"shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise ValueError(f"out: got {got}, allowed: an array of shape {shape}")
+    if out.dtype != np.float64 or not out.flags.aligned:
+        raise ValueError(f"out: got dtype {out.dtype}, allowed: float64, native and aligned")
+    if not out.flags.writeable:
+        raise ValueError("out: got a read-only array, allowed: a writable array")
+    return out
+
+
+def integrate_exposure(
+    waveform: Waveform,
+    camera: Camera,
+    rows: int | npt.ArrayLike,
+    start: float = 0.0,
+    frames: int | npt.ArrayLike | None = None,
+    out: npt.NDArray[np.float64] | None = None,
+) -> npt.NDArray[np.float64]:
+    """Mean light over the exposure of each row (eq. 4 divided by A T_e, so that steady light has gain 1).
+
+    p_n = (1/T_e) * integral of the waveform over [t_n - T_e, t_n], t_n = start + j * frame_time + n * row_time; for
+    T_e = 0 the light at t_n. Exact by antiderivative, without oversampling, to about 1e-13 of the waveform's amplitude
+    however late the row: instants are formed from the row and frame numbers in double-double.
+
+    Args:
+        waveform: the light.
+        camera: its row time and exposure, and its frame time where frames are asked for.
+        rows: N for rows 0 .. N-1, or (rows,) whole numbers in any order, negative ones too, within 2^52.
+        start: the end of the exposure of row 0 of frame 0, s, finite.
+        frames: None for frame 0 alone; J for frames 0 .. J-1, or (frames,) whole numbers in any order.
+        out: float64 array of the result's shape, any strides, that is filled and returned.
+
+    Returns:
+        float64 (rows,), or (frames, rows) where frames are given.
+
+    Raises:
+        ValueError: the camera's exposure or frame time is not known, no rows, numbers that are not whole, an ``out``
+            that does not fit, or more than 2^50 cycles or chips of the waveform before or in an exposure.
+    """
+    row_numbers = _as_numbers(rows, "rows")
+    frame_numbers = np.zeros(1, np.int64) if frames is None else _as_numbers(frames, "frames")
+    if frames is not None and camera.frame_time is None:
+        raise ValueError("frame_time: got None, allowed: the frame time of the camera in seconds, needed for frames")
+    if row_numbers.size * frame_numbers.size > _MOST_VALUES:
+        raise ValueError(f"frames: got {frame_numbers.size} of {row_numbers.size} rows, allowed: {_MOST_VALUES} values")
+    shape = (frame_numbers.size, row_numbers.size)
+    result = _as_out(out, shape if frames is not None else shape[1:])
+    target = result if frames is not None else result[np.newaxis]
+    _core.integrate_exposure(waveform._handle, camera._handle, row_numbers, start, frame_numbers, target)
+    return result
+
+
+def sample_waveform(waveform: Waveform, times: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """The waveform's value at given times.
+
+    Args:
+        waveform: the light.
+        times: s, any shape, finite.
+
+    Returns:
+        float64 array of the shape of ``times``.
+
+    Raises:
+        ValueError: a time that is not a finite real number, or one more than 2^50 cycles or chips away.
+    """
+    array = np.asarray(times)
+    if array.dtype.kind not in "buif":
+        raise ValueError(f"times: got dtype {array.dtype}, allowed: real numbers")
+    return np.asarray(_core.sample_waveform(waveform._handle, array), dtype=np.float64)

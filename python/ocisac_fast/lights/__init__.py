@@ -1,0 +1,5 @@
+"""The lights of a picture: detection, tracking, location."""
+
+from ocisac_fast.lights.location import Location as Location, locate_camera as locate_camera
+from ocisac_fast.lights.sources import LightSource as LightSource, detect_sources as detect_sources
+from ocisac_fast.lights.tracker import SourceTracker as SourceTracker, Track as Track

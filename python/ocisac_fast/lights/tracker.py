@@ -1,0 +1,226 @@
+"""Lights followed from frame to frame: one identity while they move, fade or are hidden for a while."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.lights.sources import LightSource, detect_sources, source_of
+
+Region = tuple[int, int, int, int]
+
+_SMOOTHING = 0.5  # weight of the newest step in a track's velocity, and of the newest frequency
+_SETTLED, _SETTLED_REACH = 3, 0.5  # frames after which a track's velocity is known, and how far it may err then
+_DEVIATIONS = 4.0  # standard errors within which two frequencies are one
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Track:
+    """A light as it stands after a frame.
+
+    Attributes:
+        identity: a number of its own from 0; never given again.
+        frame: count of the frame, from 0.
+        source: what was last found of it.
+        visible: it was found in this frame.
+        hidden: frames since it was last found; 0 where it is visible.
+        age: frames since it was first found.
+        velocity: of its box's centre, columns and rows a frame.
+        frequency: Hz, over the frames in which it was found.
+        frequency_std: its standard error, Hz.
+        region: (x, y, width, height) in which it is expected in the next frame; within the frame.
+    """
+
+    identity: int
+    frame: int
+    source: LightSource
+    visible: bool
+    hidden: int
+    age: int
+    velocity: tuple[float, float]
+    frequency: float
+    frequency_std: float
+    region: Region
+
+
+class SourceTracker:
+    """Keeps the identity of lights over the frames of a video.
+
+    A light found is the one expected nearest to it among those of its frequency, or of those that send data if it does;
+    a track that is hidden goes on with its velocity for ``patience`` frames, its region growing. Between full looks a
+    light that was just seen is looked for where its velocity takes it, to within two of its cycles; only where it is
+    not, or sends data, is its region searched.
+
+    Args:
+        camera: as for :func:`detect_sources`.
+        patience: frames for which a hidden light is waited for; 0 or above.
+        reach: largest distance from where a light is expected, in sizes of its box, for each frame since it was seen;
+            above 0.
+        full_every: frames from one look at the whole frame to the next, 1 or above; in between, new lights are not
+            seen: one that appears is known at most so many frames later.
+        false_alarms, min_cycles: as for :func:`detect_sources`.
+
+    Raises:
+        ValueError: a value out of range; those of the detection at the first frame.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        *,
+        patience: int = 15,
+        reach: float = 1.5,
+        full_every: int = 1,
+        false_alarms: float = 0.02,
+        min_cycles: float = 3.0,
+    ) -> None:
+        if patience < 0:
+            raise ValueError(f"patience: got {patience}, allowed: 0 or above")
+        if not (math.isfinite(reach) and reach > 0):
+            raise ValueError(f"reach: got {reach}, allowed: a finite number above 0")
+        if full_every < 1:
+            raise ValueError(f"full_every: got {full_every}, allowed: 1 or above")
+        self._camera = camera
+        self._patience, self._reach, self._full_every = patience, reach, full_every
+        self._false_alarms, self._min_cycles = false_alarms, min_cycles
+        self._frame = -1
+        self._identities = itertools.count()
+        self._tracks: list[Track] = []
+
+    @property
+    def tracks(self) -> list[Track]:
+        """The tracks after the last frame, the oldest first."""
+        return list(self._tracks)
+
+    def update(self, frame: npt.ArrayLike) -> list[Track]:
+        """Look at the next frame, (rows, columns), and give all tracks that are still followed, the oldest first."""
+        pixels = as_columns(frame, "frame")
+        if pixels.ndim != 2:
+            raise ValueError(f"frame: got {pixels.ndim} dimensions, allowed: (rows, columns)")
+        shape = (pixels.shape[0], pixels.shape[1])
+        if self._tracks and (self._frame + 1) % self._full_every:
+            expected = [_looked_for(track, shape) for track in self._tracks]
+            seen = _core.follow_sources(pixels, self._camera._handle, expected, self._false_alarms, self._min_cycles)
+            found = [source_of(*values) for values in seen]
+        else:
+            found = detect_sources(pixels, self._camera, false_alarms=self._false_alarms, min_cycles=self._min_cycles)
+        return self.follow(found, shape)
+
+    def follow(self, sources: list[LightSource], shape: tuple[int, int]) -> list[Track]:
+        """The same with the lights of the next frame already found; reflections are left out.
+
+        Args:
+            sources: lights of one frame.
+            shape: rows and columns of the frame.
+        """
+        self._frame += 1
+        lights = [source for source in sources if source.reflection_of is None]
+        pairs = sorted(
+            (distance, i, k)
+            for i, track in enumerate(self._tracks)
+            for k, source in enumerate(lights)
+            if (distance := self._distance(track, source)) <= 1.0
+        )
+        taken: dict[int, int] = {}
+        for _, i, k in pairs:
+            if i not in taken and k not in taken.values():
+                taken[i] = k
+        old = [self._next(t, lights[taken[i]] if i in taken else None, shape) for i, t in enumerate(self._tracks)]
+        new = [self._begun(light, shape) for k, light in enumerate(lights) if k not in taken.values()]
+        self._tracks = [track for track in old if track.hidden <= self._patience] + new
+        return self.tracks
+
+    def _distance(self, track: Track, source: LightSource) -> float:
+        """From where the track is expected, as a share of what is allowed; infinite for another frequency.
+
+        Data have none: between data and a tone half of what is allowed is added.
+        """
+        spread = _DEVIATIONS * math.hypot(track.frequency_std, source.frequency_std) + 0.005 * track.frequency
+        data = track.source.carries_data, source.carries_data
+        if not any(data) and abs(source.frequency - track.frequency) > spread:
+            return math.inf
+        steps = track.hidden + 1
+        x, y = _centre(track.source)
+        dx = source.x + source.width / 2 - x - steps * track.velocity[0]
+        dy = source.y + source.height / 2 - y - steps * track.velocity[1]
+        size = max(track.source.width, track.source.height)
+        return math.hypot(dx, dy) / (self._reach * size * steps) + 0.5 * (data[0] != data[1])
+
+    def _next(self, track: Track, source: LightSource | None, shape: tuple[int, int]) -> Track:
+        if source is None:
+            later = dataclasses.replace(
+                track, frame=self._frame, visible=False, hidden=track.hidden + 1, age=track.age + 1
+            )
+            return dataclasses.replace(later, region=self._expected(later, shape))
+        steps = track.hidden + 1
+        (x0, y0), (x1, y1) = _centre(track.source), _centre(source)
+        newest = ((x1 - x0) / steps, (y1 - y0) / steps)
+        kept = 0.0 if track.age == 0 else 1.0 - _SMOOTHING  # the first step is all there is
+        velocity = tuple(kept * a + (1.0 - kept) * b for a, b in zip(track.velocity, newest, strict=True))
+        share = _SMOOTHING
+        track = dataclasses.replace(
+            track,
+            frame=self._frame,
+            source=source,
+            visible=True,
+            hidden=0,
+            age=track.age + 1,
+            velocity=(velocity[0], velocity[1]),
+            frequency=(1.0 - share) * track.frequency + share * source.frequency,
+            frequency_std=math.hypot((1.0 - share) * track.frequency_std, share * source.frequency_std),
+        )
+        return dataclasses.replace(track, region=self._expected(track, shape))
+
+    def _begun(self, source: LightSource, shape: tuple[int, int]) -> Track:
+        track = Track(
+            identity=next(self._identities),
+            frame=self._frame,
+            source=source,
+            visible=True,
+            hidden=0,
+            age=0,
+            velocity=(0.0, 0.0),
+            frequency=source.frequency,
+            frequency_std=source.frequency_std,
+            region=(0, 0, 0, 0),
+        )
+        return dataclasses.replace(track, region=self._expected(track, shape))
+
+    def _expected(self, track: Track, shape: tuple[int, int]) -> Region:
+        """Where the light will be next: its box moved on, wider by its reach for every frame since it was seen."""
+        source, steps = track.source, track.hidden + 1
+        settled = track.visible and track.age >= _SETTLED
+        reach = min(self._reach, _SETTLED_REACH) if settled else self._reach
+        margin = reach * max(source.width, source.height) * steps
+        left, top = source.x + steps * track.velocity[0] - margin, source.y + steps * track.velocity[1] - margin
+        right, bottom = left + source.width + 2 * margin, top + source.height + 2 * margin
+        rows, columns = shape
+        x, y = min(max(math.floor(left), 0), columns - 1), min(max(math.floor(top), 0), rows - 1)
+        width, height = min(math.ceil(right), columns) - x, min(math.ceil(bottom), rows) - y
+        return x, y, max(width, 1), max(height, 1)
+
+
+def _looked_for(track: Track, shape: tuple[int, int]) -> tuple[Region, float, Region, bool, bool]:
+    """Box, frequency and region in the next frame, whether it was just seen, and whether it sends data."""
+    source = track.source
+    x, y = round(source.x + track.velocity[0]), round(source.y + track.velocity[1])
+    box = _within((x, y, source.width, source.height), shape)
+    return box, track.frequency, _within(track.region, shape), track.visible, source.carries_data
+
+
+def _within(region: Region, shape: tuple[int, int]) -> Region:
+    """Moved to the frame, and cut where it is larger."""
+    x, y, width, height = region
+    rows, columns = shape
+    width, height = min(width, columns), min(height, rows)
+    return min(max(x, 0), columns - width), min(max(y, 0), rows - height), width, height
+
+
+def _centre(source: LightSource) -> tuple[float, float]:
+    return source.x + source.width / 2, source.y + source.height / 2

@@ -1,0 +1,151 @@
+"""CM-FSK: one tone out of a set for each frame, for lights and cameras that chips do not suit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.waveforms import Chips, Product, Sum, Tone, Waveform
+from ocisac_fast.packets.transmission import transmit
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FskTransmission:
+    """A packet as tones, one a symbol time, over and over.
+
+    Attributes:
+        symbols: (symbols,) uint8, index of the tone, read-only: log2(tones) bits of the packet each, the first one
+            most significant.
+        tones: Hz.
+        payload: the bytes in it.
+        number: of the packet.
+        block_bytes: coded bytes of a block.
+        preamble: "standard" or "lengthened".
+    """
+
+    symbols: npt.NDArray[np.uint8]
+    tones: tuple[float, ...]
+    payload: bytes
+    number: int
+    block_bytes: int
+    preamble: str
+
+    def waveform(self, symbol_time: float, *, start: float = 0.0, amplitude: float = 1.0) -> Waveform:
+        """The light, for all time: amplitude * (1 + cos(2 pi f t)) / 2 with another f each ``symbol_time`` (s).
+
+        Symbol 0 begins at ``start`` (s).
+        """
+        gates = [
+            Product([Chips(self.symbols == symbol, 1.0 / symbol_time, start, True, amplitude), Tone(tone)])
+            for symbol, tone in enumerate(self.tones)
+            if (self.symbols == symbol).any()
+        ]
+        return Sum(gates)
+
+
+@dataclass(frozen=True, slots=True)
+class FskSymbol:
+    """Which of the tones a frame shows.
+
+    Attributes:
+        symbol: index of the likeliest tone.
+        likelihoods: (tones,) ln p(rows | tone), the likeliest at 0.
+        llr: (bits,) ln P(1)/P(0) of the symbol's bits, nats, the most significant first.
+        snr: symbol energy over noise density, a plain ratio.
+        error_rate: of symbols, by theory at that ratio.
+        amplitude: of the tone in the rows, in their unit.
+        noise: standard deviation of a row.
+    """
+
+    symbol: int
+    likelihoods: FloatArray
+    llr: FloatArray
+    snr: float
+    error_rate: float
+    amplitude: float
+    noise: float
+
+
+def fsk_transmit(
+    payload: bytes | npt.ArrayLike,
+    tones: Sequence[float],
+    *,
+    block_bytes: int = 4,
+    preamble: str = "standard",
+    number: int = 0,
+) -> FskTransmission:
+    """A payload as tones: the chips of :func:`transmit` with line code "none", log2(tones) of them a symbol.
+
+    One symbol lasts one frame of the receiver, so that the payload comes at log2(tones) bits a frame.
+
+    Args:
+        payload, preamble, number: as of :func:`transmit`.
+        tones: Hz; 2, 4, 8, ... 256 of them, all different. Orthogonal where they lie apart by multiples of
+            1 / (rows * row_time); away from the nulls of the exposure, f = k / exposure.
+        block_bytes: coded bytes of a block; short ones show a header soon.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    frequencies = fsk_tones(tones)
+    sent = transmit(payload, line_code="none", block_bytes=block_bytes, preamble=preamble, number=number)
+    bits = int(math.log2(len(frequencies)))
+    cycle = np.tile(sent.chips, bits // math.gcd(len(sent.chips), bits))
+    symbols = (cycle.reshape(-1, bits) @ (1 << np.arange(bits)[::-1])).astype(np.uint8)
+    symbols.flags.writeable = False
+    return FskTransmission(symbols, frequencies, sent.payload, number, block_bytes, preamble)
+
+
+def fsk_demodulate(
+    column: npt.ArrayLike, camera: Camera, tones: Sequence[float], *, amplitude: float | None = None
+) -> FskSymbol:
+    """Which tone a column shows: noncoherent detection, mean and slope along the column unknown.
+
+    With r_m the length of the projection on tone m and e_m the one expected,
+    ln p(rows | m) = ln I0(e_m r_m / noise^2) - e_m^2 / (2 noise^2) + const,
+    e_m = amplitude |sinc(f_m T_e)| sqrt(rows / 2).
+
+    Args:
+        column: (rows,) linear light.
+        camera: row time; exposure where known.
+        tones: Hz, as of :func:`fsk_transmit`, below half the row rate, at least one cycle in the column.
+        amplitude: of the light's tone before the exposure, in the unit of the rows; None: by the strongest tone.
+
+    Raises:
+        ValueError: a wrong shape, values that are not finite, tones out of range.
+    """
+    rows = np.asarray(column)
+    if rows.ndim != 1 or rows.dtype.kind not in "buif":
+        raise ValueError(f"column: got shape {rows.shape} of {rows.dtype}, allowed: (rows,) of real numbers")
+    given = None if amplitude is None else float(amplitude)
+    if given is not None and not (math.isfinite(given) and given >= 0.0):
+        raise ValueError(f"amplitude: got {given}, allowed: a finite number, 0 or above")
+    return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), rows.astype(np.float64), given))
+
+
+def fsk_symbol_error_rate(tones: int, snr: float) -> float:
+    """Probability that noncoherent detection takes one of M orthogonal tones for another at E_s/N_0 = ``snr``.
+
+    sum over k = 1 ... M - 1 of (-1)^(k+1) C(M - 1, k) / (k + 1) exp(-k / (k + 1) snr). Raises ValueError for fewer than
+    two tones and a ratio below 0.
+    """
+    return _core.fsk_symbol_error_rate(int(tones), float(snr))
+
+
+def fsk_tones(tones: Sequence[float]) -> tuple[float, ...]:
+    frequencies = tuple(float(tone) for tone in tones)
+    count = len(frequencies)
+    if count not in (2, 4, 8, 16, 32, 64, 128, 256):
+        raise ValueError(f"tones: got {count} tones, allowed: 2, 4, 8, … 256 tones")
+    for tone in frequencies:
+        if not (math.isfinite(tone) and tone > 0.0) or frequencies.count(tone) > 1:
+            raise ValueError(f"tones: got {tone}, allowed: finite frequencies above 0, each once")
+    return frequencies

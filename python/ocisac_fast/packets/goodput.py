@@ -1,0 +1,68 @@
+"""What of a light's chips can reach a payload: gap between frames, line code and packets take their part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.packets.transmission import transmit
+
+
+@dataclass(frozen=True, slots=True)
+class Goodput:
+    """Bits of payload a second, and how many frames one payload takes at that rate.
+
+    Attributes:
+        sent: the light's chips through its line code, nothing else: chip_rate times bits a chip.
+        gap: of those what falls on rows that are read: sent * rows * row_time / frame_time.
+        code: of those what preambles, headers, the packet's number, its CRC-32 and filling leave: no receiver can do
+            better with these packets, and a byte that the edge of a frame cuts is lost to it.
+        gap_frames: frames for the payload at the rate ``gap``.
+        code_frames: the same at ``code``.
+    """
+
+    sent: float
+    gap: float
+    code: float
+    gap_frames: float
+    code_frames: float
+
+
+def possible_goodput(
+    payload_bytes: int,
+    camera: Camera,
+    *,
+    chip_rate: float,
+    rows: int,
+    line_code: str | Sequence[str] = "manchester",
+    block_bytes: int = 16,
+    preamble: str = "standard",
+) -> Goodput:
+    """The most that a packet of ``payload_bytes`` can bring.
+
+    Args:
+        payload_bytes: as of :func:`ocisac_fast.transmit`, like ``line_code``, ``block_bytes`` and ``preamble``.
+        camera: row time and frame time.
+        chip_rate: Hz.
+        rows: of a frame, at least 1 and no longer than the frame time.
+
+    Raises:
+        ValueError: an argument outside its range, or a camera without a frame time.
+    """
+    if camera.frame_time is None:
+        raise ValueError("frame_time: got None, allowed: a time in seconds")
+    if not (math.isfinite(chip_rate) and chip_rate > 0.0):
+        raise ValueError(f"chip_rate: got {chip_rate}, allowed: a finite number above 0")
+    if not 1 <= rows * 1.0 <= camera.frame_time / camera.row_time * (1.0 + 1e-9):
+        raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
+    packet = transmit(bytes(payload_bytes), line_code=line_code, block_bytes=block_bytes, preamble=preamble)
+    preamble_chips = {"standard": 14, "lengthened": 42}[preamble]
+    chips_per_byte = (packet.block_chips - preamble_chips) / (2 + block_bytes)
+    sent = 8.0 * chip_rate / chips_per_byte
+    gap = sent * rows * camera.row_time / camera.frame_time
+    in_blocks = block_bytes * chips_per_byte / packet.block_chips
+    code = gap * in_blocks * payload_bytes / (packet.codewords * packet.codeword_data)
+    frame_bits = 8.0 * payload_bytes / camera.frame_time
+    return Goodput(sent, gap, code, frame_bits / gap, frame_bits / code)

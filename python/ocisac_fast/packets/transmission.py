@@ -1,0 +1,259 @@
+"""Payloads as chips for a light: line codes and packets, and their way back from soft chips."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.light.waveforms import Chips
+
+LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
+
+ByteArray = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """A packet as the light sends it: one cycle of blocks, over and over. See docs/packets.md.
+
+    Attributes:
+        chips: (chips,) uint8, 1 = bright, read-only.
+        payload: the bytes in it.
+        number: of the packet.
+        line_code: name, or the words of a table.
+        block_bytes: coded bytes of a block.
+        preamble: "standard" or "lengthened".
+        codewords: Reed-Solomon words of 255 bytes.
+        codeword_data: bytes of data in each.
+        blocks: of the cycle.
+        block_chips: chips of a block.
+    """
+
+    chips: ByteArray
+    payload: bytes
+    number: int
+    line_code: str | tuple[str, ...]
+    block_bytes: int
+    preamble: str
+    codewords: int
+    codeword_data: int
+    blocks: int
+    block_chips: int
+
+    def waveform(self, chip_rate: float, *, start: float = 0.0, amplitude: float = 1.0) -> Chips:
+        """The light, for all time: ``Chips`` that repeat, of this many a second (Hz), block 0 at ``start`` (s)."""
+        return Chips(self.chips, chip_rate, start=start, repeat=True, amplitude=amplitude)
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """A payload that arrived whole, its CRC-32 right.
+
+    Attributes:
+        payload: the bytes.
+        number: of the packet, 0 to 255.
+        corrected: coded bytes that had been read wrong.
+    """
+
+    payload: bytes
+    number: int
+    corrected: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """What became of a stretch of chips.
+
+    Attributes:
+        outcome: "placed": its bytes are in the packet; "waiting": kept until its place and the packet's length are
+            known; "repeated": begins before the end of an earlier one, left out; "unreadable": nothing seen, left out.
+        blocks: preambles with a header.
+        bytes: coded bytes seen, of the stretches placed now.
+        cut: coded bytes of which an end of the stretch left a part, of the stretches placed now.
+        doubtful: coded bytes with a bit that is not sure, of the stretches placed now.
+        violations: words that are none of the line code, of the stretches placed now.
+        share: of the bytes needed that are there, by the scarcest codeword; from 1 on the packet may be decoded.
+        payload: where it is whole now.
+    """
+
+    outcome: str
+    blocks: int
+    bytes: int
+    cut: int
+    doubtful: int
+    violations: int
+    share: float
+    payload: Payload | None
+
+    @classmethod
+    def _of(cls, values: tuple[Any, ...]) -> Stretch:
+        """From the core's values."""
+        outcome, blocks, seen, cut, doubtful, violations, share, payload = values
+        whole = None if payload is None else Payload(*payload)
+        return cls(outcome, blocks, seen, cut, doubtful, violations, share, whole)
+
+
+def transmit(
+    payload: bytes | npt.ArrayLike,
+    *,
+    line_code: str | Sequence[str] = "manchester",
+    block_bytes: int = 16,
+    preamble: str = "standard",
+    number: int = 0,
+) -> Transmission:
+    """Chips of on-off keying that carry a payload through the gaps between frames.
+
+    Sent over and over; a receiver may begin anywhere. The payload, its number and a CRC-32 fill Reed-Solomon words of
+    which about a third is data, interleaved over short blocks, each with a preamble and a sequence number: as soon as
+    the bytes seen, whichever they are, are as many as the data, the payload is there.
+
+    Args:
+        payload: bytes, or (bytes,) uint8; at least 1, at most :func:`longest_payload`.
+        line_code: "none" (NRZ), "manchester", "4b6b", "8b10b", or a table: 2, 4, 16 or 256 words of 0 and 1.
+        block_bytes: coded bytes of a block, 1 to 255. Short blocks show a preamble in every frame, long ones cost less.
+        preamble: "standard" (14 chips), or "lengthened" (42) for exposures above 8 chips.
+        number: of the packet, 0 to 255; one more (modulo 256) for each packet that follows.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+    data = _as_bytes(payload)
+    name, code = _line_code(line_code)
+    chips, layout = _core.transmit(
+        payload=data,
+        line_code=code,
+        block_bytes=_count("block_bytes", block_bytes, 1),
+        preamble=preamble,
+        number=_count("number", number, 0),
+    )
+    chips.flags.writeable = False
+    return Transmission(chips, data.tobytes(), number, name, block_bytes, preamble, *layout)
+
+
+def longest_payload(
+    *, line_code: str | Sequence[str] = "manchester", block_bytes: int = 16, preamble: str = "standard"
+) -> int:
+    """Bytes that one packet can hold; at most 4095. Arguments and errors as those of :func:`transmit`."""
+    return _core.longest_payload(_line_code(line_code)[1], _count("block_bytes", block_bytes, 1), preamble)
+
+
+def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> ByteArray:
+    """Chips of a line code, 1 = bright.
+
+    Args:
+        bits: (bits,) of 0 and 1, whole words: 1 bit ("none", "manchester"), 4 ("4b6b"), 8 ("8b10b"), or log2 of the
+            table's length. The first bit of a word is its most significant one.
+        line_code: as in :func:`transmit`. "8b10b" begins at running disparity -1.
+
+    Raises:
+        ValueError: other values than 0 and 1, a length that is no whole number of words, an unknown code.
+    """
+    values = np.asarray(bits)
+    if values.ndim != 1 or (values.size and values.dtype.kind not in "bui"):
+        raise ValueError(f"bits: got shape {values.shape} of {values.dtype}, allowed: one dimension of 0 and 1")
+    if not np.isin(values, (0, 1)).all():
+        raise ValueError(f"bits: got {values[~np.isin(values, (0, 1))][0]}, allowed: 0 and 1")
+    return _core.encode_line_code(values.astype(np.uint8), _line_code(line_code)[1])
+
+
+def decode_line_code(
+    llr: npt.ArrayLike, line_code: str | Sequence[str]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Soft bits of soft chips.
+
+    Args:
+        llr: (chips,) log-likelihood ratios ln P(bright)/P(dark), nats; 0: not seen. Whole words.
+        line_code: as in :func:`transmit`.
+
+    Returns:
+        Log-likelihood ratios of the bits, (bits,): the difference of the best words with a 1 and with a 0 there; and
+        violations, (words,): True where the hard decisions of a wholly seen word are none of the code.
+
+    Raises:
+        ValueError: a wrong shape, NaN, a length that is no whole number of words, an unknown code.
+    """
+    bits, violations = _core.decode_line_code(_as_ratios(llr), _line_code(line_code)[1])
+    return bits, violations.astype(bool)
+
+
+class PacketAssembler:
+    """Payloads out of stretches of soft chips, each at its place on the sender's clock.
+
+    Bounded memory; packets follow each other by their numbers, and a packet that goes on is given out again whenever
+    it has arrived anew.
+
+    Args:
+        line_code: as in :func:`transmit`, and as the sender's, like ``block_bytes`` and ``preamble``.
+        block_bytes: coded bytes of a block.
+        preamble: "standard" or "lengthened".
+    """
+
+    __slots__ = ("_handle",)
+
+    def __init__(
+        self,
+        *,
+        line_code: str | Sequence[str] = "manchester",
+        block_bytes: int = 16,
+        preamble: str = "standard",
+    ) -> None:
+        self._handle = _core.PacketAssembler(_line_code(line_code)[1], _count("block_bytes", block_bytes, 1), preamble)
+
+    def push(self, first: int, llr: npt.ArrayLike) -> Stretch:
+        """The next stretch, in time order.
+
+        Args:
+            first: index of its first chip on a clock that counts the chips sent, from any origin. A slip by a chip or
+                two is healed by the next header.
+            llr: (chips,) ln P(bright)/P(dark), nats; 0: not seen.
+
+        Raises:
+            ValueError: a wrong shape, or NaN.
+        """
+        return Stretch._of(self._handle.push(int(first), _as_ratios(llr)))
+
+    def lose_clock(self) -> None:
+        """The clock has jumped: what is in the packet stays, the next header gives the place anew."""
+        self._handle.lose_clock()
+
+
+def _line_code(line_code: str | Sequence[str]) -> tuple[str | tuple[str, ...], str | list[str]]:
+    """As an attribute, and as the core takes it."""
+    if isinstance(line_code, str):
+        return line_code, line_code
+    words = tuple(line_code)
+    if not all(isinstance(word, str) for word in words):
+        raise ValueError(f"line_code: got {line_code!r}, allowed: a name or words of 0 and 1")
+    return words, list(words)
+
+
+def _as_bytes(payload: bytes | npt.ArrayLike) -> ByteArray:
+    if isinstance(payload, (bytes, bytearray, memoryview)):
+        return np.frombuffer(payload, np.uint8)
+    array = np.asarray(payload)
+    if array.ndim != 1 or array.dtype != np.uint8:
+        raise ValueError(
+            f"payload: got shape {array.shape} of {array.dtype}, allowed: bytes, or one dimension of uint8"
+        )
+    return np.ascontiguousarray(array)
+
+
+def _as_ratios(llr: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    array = np.asarray(llr)
+    if array.ndim != 1 or (array.size and array.dtype.kind not in "buif"):
+        raise ValueError(f"llr: got shape {array.shape} of {array.dtype}, allowed: one dimension of real numbers")
+    ratios = np.ascontiguousarray(array, np.float64)
+    if np.isnan(ratios).any():
+        raise ValueError("llr: got NaN, allowed: numbers")
+    return ratios
+
+
+def _count(name: str, value: int, lowest: int) -> int:
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not lowest <= value <= 255:
+        raise ValueError(f"{name}: got {value!r}, allowed: {lowest} to 255")
+    return int(value)

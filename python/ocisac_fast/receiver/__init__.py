@@ -1,0 +1,10 @@
+"""Frames to bits and payloads."""
+
+from ocisac_fast.receiver.blind import Received as Received, receive as receive
+from ocisac_fast.receiver.fsk import FskFrame as FskFrame, FskReceiver as FskReceiver
+from ocisac_fast.receiver.stream import (
+    MultiReceiver as MultiReceiver,
+    ReceivedFrame as ReceivedFrame,
+    Receiver as Receiver,
+    SourceFrame as SourceFrame,
+)

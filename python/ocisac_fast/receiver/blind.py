@@ -1,0 +1,131 @@
+"""Bits from frames: the receiver for exposures shorter than a chip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.flags import Flag
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """What one source sent in one frame.
+
+    Where nothing could be decoded, ``bits`` is empty, the numbers are NaN and ``flags`` say why.
+
+    Attributes:
+        frame: index of the frame.
+        source: index of the source in the frame, the strongest first.
+        channel: index of the colour channel that was read; 0 for grey frames.
+        bits: "0" and "1" in time order, 1 = bright; chips that the frame's edges cut are left out.
+        rows_per_chip: length of a chip in rows.
+        rows_per_chip_std: its standard error.
+        chip_rate: 1 / (rows_per_chip * row_time), Hz.
+        chip_rate_std: its standard error.
+        phase: row at which the first chip of ``bits`` begins, fractional: the middle of the ramp that the exposure
+            makes of an edge, half an exposure after the light's own. Chip k begins at ``phase + k * rows_per_chip``.
+        snr: (half the swing)^2 over the variance of the chips about their levels, a plain ratio; at most 1e12.
+        levels: (2, chips) light of a dark and of a bright chip at each chip, DN above dark; they follow the gradient.
+        soft: (chips,) -1 at the dark level, 1 at the bright one.
+        weights: (columns,) share of each column in the signal, sum 1; 0 where it was left out.
+        columns: indices of the columns that were used, those with a weight above 0.
+        flags: :class:`ocisac_fast.Flag`.
+    """
+
+    frame: int
+    source: int
+    channel: int
+    bits: str
+    rows_per_chip: float
+    rows_per_chip_std: float
+    chip_rate: float
+    chip_rate_std: float
+    phase: float
+    snr: float
+    levels: FloatArray
+    soft: FloatArray
+    weights: FloatArray
+    columns: npt.NDArray[np.intp]
+    flags: Flag
+
+
+def receive(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    *,
+    chip_rate: float | None = None,
+    line_code: str = "none",
+    channel: int | None = None,
+) -> list[Received]:
+    """Raw bits of a light in every frame, blind: no columns, channel, rate or phase need be given.
+
+    Columns are combined with the weights that maximise the signal-to-noise ratio, saturated ones left out; the chip
+    lattice is the one that describes the places of the signal's edges in the fewest words; each chip is compared with
+    a threshold half way between the levels of its dark and bright neighbours. See docs/receiver.md.
+
+    Args:
+        frames: (rows,), (rows, columns) or (frames, rows, columns), or (frames, rows, columns, channels) for colour;
+            rows in time order. Any strides, no copy for uint8, uint16, float32 and float64.
+        camera: row time (1.0 where it is not known: rates are then per row) and where known the exposure, tone curve,
+            dark and white level. Exposures longer than a chip are flagged (LONG_EXPOSURE).
+        chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: found, from 2 to 64 rows a chip
+            and at least 4 chips a frame.
+        line_code: ``"none"``: the chips themselves.
+        channel: index of the colour channel to read. None: the one in which the light stands out most.
+
+    Returns:
+        At least one :class:`Received` for each frame, in the order of the frames, the strongest source first. Several
+        sources are told apart where they stand side by side; further ones are given where their bits are beyond doubt.
+
+    Raises:
+        ValueError: an argument outside its range or of the wrong shape or type; the message names it.
+    """
+    if line_code != "none":
+        raise ValueError(f"line_code: got {line_code!r}, allowed: 'none'")
+    rate = None if chip_rate is None else float(chip_rate)
+    results = _core.receive(channels=_channels(frames, channel), camera=camera._handle, chip_rate=rate)
+    return [_received(values, camera, 0 if channel is None else channel) for values in results]
+
+
+def _channels(frames: npt.ArrayLike, channel: int | None) -> list[npt.NDArray[Any]]:
+    """The colour channels to look at, each as the core takes it."""
+    array = np.asarray(frames)
+    stack = [array[..., index] for index in range(array.shape[3])] if array.ndim == 4 else [array]
+    if array.ndim == 4 and not stack:
+        raise ValueError(f"frames: got shape {array.shape}, allowed: at least one channel")
+    if channel is not None:
+        if not 0 <= channel < len(stack):
+            raise ValueError(f"channel: got {channel}, allowed: 0 to {len(stack) - 1}")
+        stack = [stack[channel]]
+    return [as_columns(values, "frames") for values in stack]
+
+
+def _received(values: tuple[Any, ...], camera: Camera, first_channel: int) -> Received:
+    frame, source, channel, bits, rows, rows_std, phase, snr, dark, bright, soft, weights, flags = values
+    rate = 1 / (rows * camera.row_time)
+    return Received(
+        frame=frame,
+        source=source,
+        channel=channel + first_channel,
+        bits=bits,
+        rows_per_chip=rows,
+        rows_per_chip_std=rows_std,
+        chip_rate=rate,
+        chip_rate_std=rate * rows_std / rows,
+        phase=phase,
+        snr=snr,
+        levels=np.stack([dark, bright]),
+        soft=soft,
+        weights=weights,
+        columns=np.flatnonzero(weights),
+        flags=Flag(flags),
+    )

@@ -1,0 +1,89 @@
+"""Packets of CM-FSK out of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.packets.fsk import FskSymbol, fsk_tones
+from ocisac_fast.packets.transmission import Payload, Stretch, _count
+from ocisac_fast.receiver.stream import _frame_channels, _frame_number
+
+
+@dataclass(frozen=True, slots=True)
+class FskFrame:
+    """What a frame gave.
+
+    Attributes:
+        frame: its number.
+        outcome: "received"; or "no_signal", "not_finite", "repeated", "other_shape", as of ``ReceivedFrame``.
+        missing: frames between the last one and this, by their numbers.
+        channel: index of the colour channel that was read.
+        symbol: what was seen; None where nothing was looked at.
+        stretch: what the packet took of it; None where nothing was received.
+        flags: :class:`ocisac_fast.Flag`.
+    """
+
+    frame: int
+    outcome: str
+    missing: int
+    channel: int
+    symbol: FskSymbol | None
+    stretch: Stretch | None
+    flags: Flag
+
+    @property
+    def payload(self) -> Payload | None:
+        """The payload that this frame made whole."""
+        return None if self.stretch is None else self.stretch.payload
+
+
+class FskReceiver:
+    """Packets of :func:`ocisac_fast.packets.fsk_transmit` out of frames in time order, one symbol a frame.
+
+    Its memory is bounded.
+
+    Args:
+        camera: row time; exposure where known, which must leave 5 % or more of every tone (|sinc(f T_e)|).
+        tones: as the sender's, like ``block_bytes`` and ``preamble``.
+        block_bytes: coded bytes of a block.
+        preamble: "standard" or "lengthened".
+        channel: index of the colour channel to read. None: the one in which the light stands out most.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+
+    __slots__ = ("_channel", "_handle")
+
+    def __init__(
+        self,
+        camera: Camera,
+        tones: Sequence[float],
+        *,
+        block_bytes: int = 4,
+        preamble: str = "standard",
+        channel: int | None = None,
+    ) -> None:
+        self._channel = channel
+        size = _count("block_bytes", block_bytes, 1)
+        self._handle = _core.FskReceiver(camera._handle, list(fsk_tones(tones)), size, preamble)
+
+    def push(self, frame: npt.ArrayLike, number: int | None = None) -> FskFrame:
+        """The next frame; arguments and errors as of :meth:`ocisac_fast.Receiver.push`."""
+        values = self._handle.push(_frame_channels(frame, self._channel), _frame_number(number))
+        index, outcome, missing, channel, symbol, stretch, flags = values
+        return FskFrame(
+            frame=index,
+            outcome=outcome,
+            missing=missing,
+            channel=channel if self._channel is None else self._channel,
+            symbol=None if symbol is None else FskSymbol(*symbol),
+            stretch=None if stretch is None else Stretch._of(stretch),
+            flags=Flag(flags),
+        )

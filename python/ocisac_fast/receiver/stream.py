@@ -1,0 +1,254 @@
+"""The receiver with a memory: frames in, payloads out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.packets.transmission import Payload, Stretch, _count, _line_code
+from ocisac_fast.receiver.blind import _channels
+
+FloatArray = npt.NDArray[np.float64]
+Region = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class ReceivedFrame:
+    """What a frame gave. Where no chips were detected, ``bits`` is empty and the numbers are NaN.
+
+    Attributes:
+        frame: its number.
+        outcome: "received"; or why there is nothing: "no_signal": no light with chips was found; "not_finite": pixels
+            that are no numbers; "repeated": not after the last frame, left out; "other_shape": not as the last frame,
+            left out; "unsearched": the clock is lost and frames just before were searched in vain (searches take
+            long), at most seven in a row are left out.
+        missing: frames between the last one and this, by their numbers.
+        channel: index of the colour channel that was read.
+        bits: "0" and "1" in time order, 1 = bright; chips that the frame's edges cut are left out.
+        phase: row at which the first of them begins, half an exposure after the light's own edge.
+        rows_per_chip: length of a chip in rows.
+        rows_per_chip_std: its standard error.
+        chip_rate: 1 / (rows_per_chip * row_time), Hz.
+        exposure: s, the camera's, or estimated where that is not given.
+        exposure_std: its standard error; 0 where it is the camera's.
+        snr: (half the swing)^2 over the variance of a row about the model, a plain ratio; at most 1e12.
+        error_rate: of ``bits``, as their log-likelihood ratios let expect.
+        llr: (bits,) ln P(bright)/P(dark), nats.
+        stretch: what the packet took of the frame; None where nothing was received.
+        flags: :class:`ocisac_fast.Flag`.
+    """
+
+    frame: int
+    outcome: str
+    missing: int
+    channel: int
+    bits: str
+    phase: float
+    rows_per_chip: float
+    rows_per_chip_std: float
+    chip_rate: float
+    exposure: float
+    exposure_std: float
+    snr: float
+    error_rate: float
+    llr: FloatArray
+    stretch: Stretch | None
+    flags: Flag
+
+    @property
+    def payload(self) -> Payload | None:
+        """The payload that this frame made whole."""
+        return None if self.stretch is None else self.stretch.payload
+
+
+class Receiver:
+    """One light in frames that come in time order; its packets, as :func:`ocisac_fast.transmit` makes them.
+
+    In each frame the columns are combined, the chips' clock, the exposure and the levels found (from the clock of the
+    frames before, else from a preamble, else from the rate alone), the chips detected, and what they carry put into
+    the packet. Frames may be missing, repeated or damaged; memory is bounded.
+
+    Args:
+        camera: row time; exposure where known, else it is estimated; frame time, by which frames are joined: without it
+            only frames that show a block's header count.
+        chip_rate: Hz, good to 2 %. None: found blind, which takes an exposure below a chip.
+        line_code: as the sender's, like ``block_bytes`` and ``preamble``; see :func:`ocisac_fast.transmit`.
+        block_bytes: coded bytes of a block.
+        preamble: "standard" or "lengthened".
+        channel: index of the colour channel to read. None: the one in which the light stands out most.
+        search_passes: times that the search for the light in one frame may go through its rows, which bounds its time
+            (the default's: about half a second for 1080 rows). Most that find it take far less. None: no bound.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+
+    __slots__ = ("_camera", "_channel", "_handle")
+
+    def __init__(
+        self,
+        camera: Camera,
+        *,
+        chip_rate: float | None = None,
+        line_code: str | Sequence[str] = "manchester",
+        block_bytes: int = 16,
+        preamble: str = "standard",
+        channel: int | None = None,
+        search_passes: float | None = 5000.0,
+    ) -> None:
+        self._camera = camera
+        self._channel = channel
+        self._handle = _core.Receiver(
+            camera=camera._handle,
+            chip_rate=None if chip_rate is None else float(chip_rate),
+            line_code=_line_code(line_code)[1],
+            block_bytes=_count("block_bytes", block_bytes, 1),
+            preamble=preamble,
+            search_passes=None if search_passes is None else float(search_passes),
+        )
+
+    def push(self, frame: npt.ArrayLike, number: int | None = None) -> ReceivedFrame:
+        """The next frame.
+
+        Args:
+            frame: (rows,), (rows, columns) or (rows, columns, channels), rows in time order; any strides, no copy for
+                uint8, uint16, float32 and float64.
+            number: of the frame, counting those that are missing; ascending. None: one after the last.
+
+        Raises:
+            ValueError: a wrong shape or type; a number that is no whole one.
+        """
+        channels, index = _frame_channels(frame, self._channel), _frame_number(number)
+        return _received_frame(self._handle.push(channels, index), self._camera.row_time, self._channel)
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFrame:
+    """One light in a frame.
+
+    Attributes:
+        source: number of the light, from 0 in the order in which they were found; never given again.
+        region: (x, y, width, height) of the box in which it was read: columns and rows in time order.
+        received: what it gave; ``phase`` is a row of the picture.
+    """
+
+    source: int
+    region: Region
+    received: ReceivedFrame
+
+
+class MultiReceiver:
+    """Several lights in one picture, each its own stream of packets.
+
+    Lights beside each other are told by columns that swing differently, lights above each other by rows between them
+    in which nothing swings; those that touch must be given as regions. The picture is looked at anew from time to
+    time: lights may come and go.
+
+    Args:
+        camera, chip_rate, line_code, block_bytes, preamble, channel, search_passes: as of :class:`Receiver`; all lights
+            use the same.
+        regions: boxes (x, y, width, height) of the lights, columns and rows in time order; empty: found.
+        most: lights that are found, at most.
+
+    Raises:
+        ValueError: an argument outside its range; the message names it.
+    """
+
+    __slots__ = ("_camera", "_channel", "_handle")
+
+    def __init__(
+        self,
+        camera: Camera,
+        *,
+        chip_rate: float | None = None,
+        line_code: str | Sequence[str] = "manchester",
+        block_bytes: int = 16,
+        preamble: str = "standard",
+        channel: int | None = None,
+        search_passes: float | None = 5000.0,
+        regions: Sequence[Region] = (),
+        most: int = 8,
+    ) -> None:
+        self._camera = camera
+        self._channel = channel
+        self._handle = _core.MultiReceiver(
+            camera=camera._handle,
+            chip_rate=None if chip_rate is None else float(chip_rate),
+            line_code=_line_code(line_code)[1],
+            block_bytes=_count("block_bytes", block_bytes, 1),
+            preamble=preamble,
+            search_passes=None if search_passes is None else float(search_passes),
+            regions=[_region(region) for region in regions],
+            most=_count("most", most, 1),
+        )
+
+    def push(self, frame: npt.ArrayLike, number: int | None = None) -> list[SourceFrame]:
+        """The next frame: what each light gave, the strongest first; at least one result.
+
+        Args:
+            frame: (rows, columns) or (rows, columns, channels), as of :meth:`Receiver.push`.
+            number: of the frame, counting those that are missing; ascending. None: one after the last.
+
+        Raises:
+            ValueError: a wrong shape or type; a number that is no whole one; a region outside the first frame.
+        """
+        values = self._handle.push(_frame_channels(frame, self._channel), _frame_number(number))
+        row_time = self._camera.row_time
+        return [
+            SourceFrame(source, region, _received_frame(received, row_time, self._channel))
+            for source, region, received in values
+        ]
+
+
+def _region(region: Region) -> Region:
+    box = tuple(region)
+    if len(box) != 4 or not all(isinstance(value, (int, np.integer)) and value >= 0 for value in box):
+        raise ValueError(f"regions: got {region!r}, allowed: (x, y, width, height), whole numbers from 0")
+    return int(box[0]), int(box[1]), int(box[2]), int(box[3])
+
+
+def _frame_number(number: int | None) -> int | None:
+    if number is not None and (isinstance(number, bool) or not isinstance(number, (int, np.integer))):
+        raise ValueError(f"number: got {number!r}, allowed: a whole number, or None")
+    return None if number is None else int(number)
+
+
+def _frame_channels(frame: npt.ArrayLike, channel: int | None) -> list[npt.NDArray[Any]]:
+    array = np.asarray(frame)
+    if array.ndim == 3:
+        array = array[np.newaxis]
+    elif array.ndim not in (1, 2):
+        raise ValueError(
+            f"frame: got shape {array.shape}, allowed: (rows,), (rows, columns) or (rows, columns, channels)"
+        )
+    return _channels(array, channel)
+
+
+def _received_frame(values: tuple[Any, ...], row_time: float, channel_asked: int | None) -> ReceivedFrame:
+    index, outcome, missing, channel, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
+    snr, error_rate, llr, stretch, flags = rest
+    return ReceivedFrame(
+        frame=index,
+        outcome=outcome,
+        missing=missing,
+        channel=channel if channel_asked is None else channel_asked,
+        bits=bits,
+        phase=phase,
+        rows_per_chip=rows,
+        rows_per_chip_std=rows_std,
+        chip_rate=1.0 / (rows * row_time),
+        exposure=exposure * row_time,
+        exposure_std=exposure_std * row_time,
+        snr=snr,
+        error_rate=error_rate,
+        llr=llr,
+        stretch=None if stretch is None else Stretch._of(stretch),
+        flags=Flag(flags),
+    )

@@ -1,0 +1,18 @@
+"""Tones in columns: gain, frequency, equalisation."""
+
+from ocisac_fast.tones.equalization import (
+    EqualizerReport as EqualizerReport,
+    equalize as equalize,
+    lost_frequencies as lost_frequencies,
+)
+from ocisac_fast.tones.frequency import (
+    Calibration as Calibration,
+    FoundFrequency as FoundFrequency,
+    ToneColumns as ToneColumns,
+    calibrate as calibrate,
+    find_frequency as find_frequency,
+    pick_channel as pick_channel,
+    tone_columns as tone_columns,
+)
+from ocisac_fast.tones.gain import ToneGain as ToneGain, tone_gain as tone_gain
+from ocisac_fast.tones.varying_tone import VaryingToneGain as VaryingToneGain, varying_tone_gain as varying_tone_gain

@@ -1,0 +1,142 @@
+"""Undoing what the exposure does to the columns of a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import as_columns
+
+Float64s = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class EqualizerReport:
+    """What :func:`equalize` could and could not restore.
+
+    Attributes:
+        frequencies_lost: (bands, 2), Hz; from and to, rising, of which less than half of the amplitude came back (mean
+            over the columns). The last band ends at infinity: nothing above half the row rate can be told.
+        noise_gain: RMS noise of the result over that of the rows, away from the ends; one value a column.
+        noise: RMS noise of the rows that ``"wiener"`` reckoned with, in linear light; one value a column, 0 for
+            ``"inverse"``.
+        rows_extrapolated: last rows of the result, half an exposure of them, whose light no row saw in full.
+    """
+
+    frequencies_lost: Float64s
+    noise_gain: Float64s
+    noise: Float64s
+    rows_extrapolated: int
+
+
+@overload
+def equalize(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    method: Literal["inverse", "wiener"] = ...,
+    noise: npt.ArrayLike | None = ...,
+    *,
+    max_boost: float = ...,
+    out: Float64s | None = ...,
+    report: Literal[False] = ...,
+) -> Float64s: ...
+@overload
+def equalize(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    method: Literal["inverse", "wiener"] = ...,
+    noise: npt.ArrayLike | None = ...,
+    *,
+    max_boost: float = ...,
+    out: Float64s | None = ...,
+    report: Literal[True],
+) -> tuple[Float64s, EqualizerReport]: ...
+def equalize(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    method: Literal["inverse", "wiener"] = "inverse",
+    noise: npt.ArrayLike | None = None,
+    *,
+    max_boost: float = 10.0,
+    out: Float64s | None = None,
+    report: bool = False,
+) -> Float64s | tuple[Float64s, EqualizerReport]:
+    """Light at the end of every row's exposure, from rows that hold its mean over the exposure.
+
+    Each column loses its least-squares line, is continued beyond its ends by linear prediction, multiplied in the
+    frequency domain by
+
+        G(f) = H / max(|H|^2 + noise^2 / S(f), 1 / max_boost^2) * exp(j pi f T_e),   H = sinc(f T_e)
+
+    and gets its line back, half an exposure earlier. For ``"inverse"`` the noise term is 0, so that G = 1/H wherever
+    |H| >= 1/max_boost, and G falls to 0 at the nulls of H. For ``"wiener"`` S(f) is the light's power density, a
+    constant over 1 + (f/corner)^2 fitted to each column. Constants and ramps are exact.
+
+    Args:
+        columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order; finite.
+        camera: row time, exposure and tone curve. An exposure of 0 leaves the light as it is; one as long as all rows
+            leaves the mean of the column.
+        method: ``"inverse"`` or ``"wiener"``.
+        noise: RMS noise of a row for ``"wiener"``, in linear light (DN above dark), 0 or above: a scalar or one value
+            a column ((columns,) or (frames, columns)); None: from second differences along each column, which takes
+            light that changes from row to row for noise. 0 gives the inverse.
+        max_boost: largest factor at any frequency, 1 to 1e6: 20 log10(max_boost) dB.
+        out: float64 array of the same shape that takes the result; it may be ``columns`` itself.
+        report: also return an :class:`EqualizerReport`.
+
+    Returns:
+        float64 array of the same shape: linear light above the dark level on the scale of DN, row n at the time n T_r
+        when its exposure ends. The last half exposure is extrapolated. With ``report`` a tuple of it and the report.
+
+    Raises:
+        ValueError: no exposure in ``camera``, columns that are not finite, an argument outside its range or shape.
+    """
+    array = as_columns(columns)
+    result = np.empty(array.shape) if out is None else out
+    if result.shape != array.shape:
+        raise ValueError(f"out: got shape {result.shape}, allowed: {array.shape}, the shape of columns")
+    if np.may_share_memory(array, result):
+        array = array.copy()
+    per_column = (*array.shape[:-2], *array.shape[-1:]) if array.ndim > 1 else ()
+    values = _noise(noise, per_column) if method == "wiener" else np.empty(0)
+    lost, gain, used = _core.equalize(array, camera._handle, method, values, max_boost, result)
+    if not report:
+        return result
+    rows = array.shape[0 if array.ndim < 3 else 1]
+    extrapolated = min(rows, int(np.ceil(0.5 * (camera.exposure or 0.0) / camera.row_time)))
+    return result, EqualizerReport(lost, gain.reshape(per_column), used.reshape(per_column), extrapolated)
+
+
+def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> Float64s:
+    """Bands of which ``equalize(..., method="inverse")`` gives back less than half of the amplitude.
+
+    These are |sinc(f T_e)| < 1 / (sqrt(2) max_boost), and everything above half the row rate.
+
+    Args:
+        camera: row time and exposure.
+        max_boost: 1 to 1e6.
+
+    Returns:
+        (bands, 2) float64, Hz, rising; the last band ends at infinity.
+
+    Raises:
+        ValueError: no exposure in ``camera``, or ``max_boost`` outside its range.
+    """
+    return _core.lost_frequencies(camera._handle, max_boost)
+
+
+def _noise(noise: npt.ArrayLike | None, per_column: tuple[int, ...]) -> Float64s:
+    """Empty for None, one value, or one a column."""
+    if noise is None:
+        return np.empty(0)
+    values: npt.NDArray[Any] = np.asarray(noise, dtype=np.float64)
+    if values.ndim == 0:
+        return values.reshape(1)
+    if values.shape not in {per_column, per_column[-1:]}:
+        raise ValueError(f"noise: got shape {values.shape}, allowed: a scalar or {per_column}, one value a column")
+    return np.broadcast_to(values, per_column).ravel()

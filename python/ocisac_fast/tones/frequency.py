@@ -1,0 +1,211 @@
+"""The frequency of a periodic light and the row time, found from pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import _core
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.flags import Flag
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToneColumns:
+    """Which columns show a periodic light.
+
+    Attributes:
+        used: (columns,) bool, True where the column serves.
+        strength: (columns,) share of the column's variation that is periodic, 0 to 1; neighbours that were summed
+            share one value.
+        saturated: more than a tenth of the pixels of the used columns are saturated: no better ones were found.
+    """
+
+    used: npt.NDArray[np.bool_]
+    strength: npt.NDArray[np.float64]
+    saturated: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundFrequency:
+    """A frequency found from the rows, one for all columns and frames.
+
+    Attributes:
+        frequency: Hz; cycles per row where ``camera.row_time`` is 1.
+        frequency_std: its standard error in Hz, from the residual (see :func:`find_frequency`).
+        cycles_per_row: ``frequency * camera.row_time``, at most 0.5.
+        cycles_per_row_std: its standard error.
+        snr: power of the periodic part over the power of the residual, of the sums of columns that were fitted.
+        harmonics: number of the highest harmonic in the fit; 1 for the fundamental alone.
+        columns: the columns used, and how strong the tone is in each.
+        flags: ``NO_TONE`` (nothing periodic stands out of the noise: a best guess, or NaN where nothing varies or
+            there are fewer than 8 rows), ``FEW_CYCLES`` (less than two in the frame: gradients and harmonics pass for
+            parts of the tone, which the standard error does not know), ``AT_BOUND``, ``SATURATED`` (more than a tenth
+            of the pixels used, and no better columns were found).
+    """
+
+    frequency: float
+    frequency_std: float
+    cycles_per_row: float
+    cycles_per_row_std: float
+    snr: float
+    harmonics: int
+    columns: ToneColumns
+    flags: Flag
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """A row time measured with a light of known frequency.
+
+    Attributes:
+        row_time: T_r in seconds.
+        row_time_std: its standard error in seconds, for an exact frequency.
+        found: the tone behind it, in cycles per row (its row time is 1).
+        flags: those of ``found``.
+    """
+
+    row_time: float
+    row_time_std: float
+    found: FoundFrequency
+    flags: Flag
+
+
+def find_frequency(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    *,
+    bounds: tuple[float, float] | None = None,
+    waveform: str = "auto",
+    select: bool = True,
+) -> FoundFrequency:
+    """Find the frequency of a periodic light, much finer than a bin of a spectrum.
+
+    The strongest lines of the spectrum (OpenCV's DFT) and a grid over the first four cycles are candidates; the one
+    whose tone and first harmonics explain the columns best is the fundamental. It is then refined by least squares of
+
+        y_k(n) = trend_k(n) + sum_h [a_kh cos(2 pi h f T_r n) + b_kh sin(2 pi h f T_r n)]
+
+    over all columns k with one f. The trend is a constant below 2 cycles in the frame, a line below 4, else a
+    parabola. Frames wider than 64 columns are summed in up to 64 groups of neighbours first; stored values are taken
+    as they are, since a tone curve keeps the period.
+
+    The standard error comes from the residual and allows noise that neighbouring columns share, that grows with the
+    light, or that is correlated from row to row (speckle, text). In white noise the error of f is at the Cramer-Rao
+    bound of the model above.
+
+    Args:
+        columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, all of one light; frames need
+            no common phase. Finite.
+        camera: its row time sets the unit: 1 gives cycles per row. ``white_level`` is where pixels saturate.
+        bounds: lowest and highest frequency to look at, Hz. By default from one cycle in the frame to half the row
+            rate; above that a tone shows as its alias.
+        waveform: ``"auto"`` fits the harmonics that stand out of the noise, ``"tone"`` the fundamental alone,
+            ``"square"`` all harmonics below half the row rate; at most 31.
+        select: leave out columns that do not show the light (:func:`tone_columns`).
+
+    Returns:
+        The frequency with its standard error; a result without meaning carries a flag.
+
+    Raises:
+        ValueError: wrong shape or type, samples that are not finite, bounds that are not 0 <= low < high with low below
+            half the row rate, or an unknown waveform.
+    """
+    array = as_columns(columns)
+    values = _core.find_frequency(array, camera._handle, bounds, waveform, select)
+    cycles, cycles_std, snr, harmonics, flags, (used, strength, saturated) = values
+    return FoundFrequency(
+        frequency=cycles / camera.row_time,
+        frequency_std=cycles_std / camera.row_time,
+        cycles_per_row=cycles,
+        cycles_per_row_std=cycles_std,
+        snr=snr,
+        harmonics=harmonics,
+        columns=ToneColumns(used, strength, saturated),
+        flags=Flag(flags),
+    )
+
+
+def calibrate(
+    columns: npt.ArrayLike,
+    frequency: float,
+    *,
+    bounds: tuple[float, float] | None = None,
+    waveform: str = "auto",
+    select: bool = True,
+) -> Calibration:
+    """Measure the row time with a light of known frequency: T_r = (cycles per row) / frequency.
+
+    Args:
+        columns: as for :func:`find_frequency`; the columns that show the light are found among them.
+        frequency: of the light, Hz, above 0 and below half the row rate.
+        bounds: shortest and longest row time to consider, seconds; None: at least one cycle in the frame.
+        waveform: as for :func:`find_frequency`.
+        select: as for :func:`find_frequency`.
+
+    Returns:
+        The row time with its standard error; a result without meaning carries a flag.
+
+    Raises:
+        ValueError: a frequency that is not finite and above 0, or as for :func:`find_frequency`.
+    """
+    if not (np.isfinite(frequency) and frequency > 0):
+        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0")
+    per_row = None if bounds is None else (bounds[0] * frequency, bounds[1] * frequency)
+    found = find_frequency(columns, Camera(row_time=1.0), bounds=per_row, waveform=waveform, select=select)
+    return Calibration(
+        row_time=found.cycles_per_row / frequency,
+        row_time_std=found.cycles_per_row_std / frequency,
+        found=found,
+        flags=found.flags,
+    )
+
+
+def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None = None) -> ToneColumns:
+    """Tell which columns show a periodic light, free of text, boxes, darkness and saturation.
+
+    A column serves when its ratio of periodic to other energy (beyond a slow trend; fundamental and two harmonics) is
+    at least an eighth of the best. Where columns with at most a tenth of saturated pixels reach that, only those serve.
+    Frames wider than 64 columns are judged in up to 64 groups of neighbours.
+
+    Args:
+        columns: as for :func:`find_frequency`.
+        camera: row time and, optionally, ``white_level``, at which pixels saturate.
+        frequency: of the light in Hz, above 0; None: found first.
+
+    Raises:
+        ValueError: as for :func:`find_frequency`, or a frequency that is not finite and above 0.
+    """
+    if frequency is None:
+        return find_frequency(columns, camera).columns
+    return ToneColumns(*_core.tone_columns(as_columns(columns), camera._handle, frequency))
+
+
+def pick_channel(
+    channels: Sequence[npt.ArrayLike],
+    camera: Camera,
+    *,
+    bounds: tuple[float, float] | None = None,
+    waveform: str = "auto",
+) -> int:
+    """Of several pictures of one scene, such as the colours of one picture, the index of the best for a frequency.
+
+    Args:
+        channels: one or more arrays as for :func:`find_frequency`. For a picture of shape (rows, columns, colours):
+            ``np.moveaxis(picture, -1, 0)``.
+        camera: as for :func:`find_frequency`.
+        bounds: as for :func:`find_frequency`.
+        waveform: as for :func:`find_frequency`.
+
+    Returns:
+        The index of the channel whose frequency has the smallest standard error; 0 where none shows a tone.
+
+    Raises:
+        ValueError: no channels, or as for :func:`find_frequency`.
+    """
+    arrays = [as_columns(channel, "channels") for channel in channels]
+    return _core.pick_channel(arrays, camera._handle, bounds, waveform)

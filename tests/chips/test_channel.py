@@ -1,0 +1,556 @@
+"""The channel from known chips: agreement with the reference, errors at their bounds, preambles found, refusals."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import reference
+from ocisac_fast.reference.sequence_detection import detect_sequence
+
+
+class Column:
+    """Random chips through an exposure (in chips), with a gradient and noise (of the swing)."""
+
+    def __init__(self, seed, rows_per_chip, exposure, noise=0.02, rows=1080, preamble=None, gradient=0.0):
+        self.random = np.random.default_rng(seed)
+        self.rows_per_chip = rows_per_chip * (1 + self.random.uniform(-0.01, 0.01))
+        self.exposure = exposure * self.rows_per_chip
+        self.phase = self.random.uniform(0, self.rows_per_chip)
+        self.first = -int(np.ceil(exposure / 2)) - 2
+        self.chips = self.random.integers(0, 2, int(rows / self.rows_per_chip) + 2 * abs(self.first)).astype(float)
+        self.start = None
+        if preamble is not None:
+            margin = int(np.ceil(exposure / 2)) + 2 - self.first
+            at = self.random.integers(margin, len(self.chips) - margin - len(preamble))
+            self.chips[at : at + len(preamble)] = preamble
+            self.start = self.phase + (self.first + at) * self.rows_per_chip
+        self.swing = 40 * (1 + gradient * np.linspace(-1, 1, rows))
+        light = ocisac.expose_chips(self.chips, rows, **self.clock)
+        self.noise = 40 * noise
+        self.rows = 10 + 3 * np.linspace(-1, 1, rows) + self.swing * light
+        self.rows += self.noise * self.random.standard_normal(rows)
+
+    @property
+    def clock(self):
+        return {
+            "rows_per_chip": self.rows_per_chip,
+            "phase": self.phase,
+            "exposure": self.exposure,
+            "first": self.first,
+        }
+
+    def wrong_clock(self):
+        """Off by up to a fifth of a chip at either end of the frame, the exposure by a fifth."""
+        middle = len(self.rows) / 2
+        period = self.rows_per_chip * (1 + self.random.uniform(-0.2, 0.2) * self.rows_per_chip / middle)
+        phase = self.phase + middle / self.rows_per_chip * (self.rows_per_chip - period)
+        exposure = self.exposure * self.random.uniform(0.8, 1.2)
+        return {**self.clock, "rows_per_chip": period, "phase": phase, "exposure": exposure}
+
+    def bounds(self, **options):
+        return ocisac.clock_bounds(self.chips, self.swing, noise=self.noise, **self.clock, **options)
+
+
+clocks = {
+    "rows_per_chip": st.floats(0.8, 9),
+    "phase": st.floats(-50, 50),
+    "exposure": st.one_of(st.just(0.0), st.floats(0.01, 60)),
+    "first": st.integers(-30, 30),
+}
+
+
+@settings(max_examples=50)
+@given(
+    seed=st.integers(0, 2**32),
+    chips=st.sampled_from([1, 2, 31, 300]),
+    rows=st.sampled_from([1, 2, 97, 720, 1080, 4352]),
+    dtype=st.sampled_from(["uint8", "bool", "float32", "float64"]),
+    step=st.sampled_from([-2, -1, 1, 3]),
+    **clocks,
+)
+def test_exposed_chips_agree_with_the_reference(seed, chips, rows, dtype, step, **clock):
+    levels = np.random.default_rng(seed).integers(0, 2, abs(step) * chips).astype(dtype)[::step]
+    got, want = (of.expose_chips(levels, rows, **clock) for of in (ocisac, reference))
+    assert got.shape == (rows,)
+    rounding = 1e-12 * max(1, 4 / max(clock["exposure"], 1e-3))  # of a row's place, in exposures
+    np.testing.assert_allclose(got, want, rtol=0, atol=rounding)
+
+
+@pytest.mark.parametrize("exposure_known", [False, True])
+def test_an_exposed_chip_is_a_waveform_seen_by_a_camera(exposure_known):
+    chips = np.array([1, 0, 0, 1, 1, 0, 1, 0, 0, 0], float)
+    camera = ocisac.Camera(1.0, 7.3)
+    light = ocisac.integrate_exposure(ocisac.Chips(chips, 1 / 4.7), camera, np.arange(8, 40))
+    got = ocisac.expose_chips(chips, 40, rows_per_chip=4.7, phase=7.3 / 2, exposure=7.3)
+    np.testing.assert_allclose(got[8:], light, atol=1e-12)
+
+
+@settings(max_examples=20)
+@given(
+    seed=st.integers(0, 2**32),
+    rows_per_chip=st.floats(2.1, 7),
+    exposure=st.floats(0.6, 7),
+    rows=st.sampled_from([360, 540]),
+    degrees=st.tuples(st.integers(0, 3), st.integers(0, 2)),
+    exposure_known=st.booleans(),
+)
+def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, rows, degrees, exposure_known):
+    column = Column(seed, rows_per_chip, exposure, rows=rows)
+    options = dict(zip(("dark_degree", "swing_degree"), degrees, strict=True), exposure_known=exposure_known)
+    start = column.wrong_clock()
+    if exposure_known:
+        start["exposure"] = column.exposure
+    got, want = (of.fit_channel(column.rows, column.chips, **start, **options) for of in (ocisac, reference))
+    spread = np.sqrt(np.diag(want.errors.covariance)) + 1e-6
+    middle = got.errors.chip
+    for channel in (got, want):
+        assert channel.errors.chip == middle
+    difference = [
+        got.phase - want.phase + middle * (got.rows_per_chip - want.rows_per_chip),
+        got.rows_per_chip - want.rows_per_chip,
+        got.exposure - want.exposure,
+    ]
+    assert got.noise == pytest.approx(want.noise, rel=2e-4)
+    assert got.rows == want.rows
+    if want.noise < got.noise * (1 + 1e-5):  # else a kink of the model stopped the reference short of the bottom
+        assert np.all(np.abs(difference) < 0.2 * spread)
+        np.testing.assert_allclose(got.levels(rows), want.levels(rows), atol=0.02)
+    bounds = [
+        of.clock_bounds(column.chips, column.swing, noise=column.noise, **column.clock, **options)
+        for of in (ocisac, reference)
+    ]
+    spread = np.sqrt(np.diag(bounds[1].covariance))
+    scale = np.outer(*[np.where(spread > 0, spread, 1)] * 2)
+    np.testing.assert_allclose(bounds[0].covariance / scale, bounds[1].covariance / scale, atol=1e-3)
+
+
+@pytest.mark.parametrize("exposure", [0.5, 2.0, 7.0, 14.0])
+@pytest.mark.parametrize("rows_per_chip", [2.3, 4.3, 7.0])
+def test_errors_are_at_their_bounds(rows_per_chip, exposure):
+    misses = []
+    for seed in range(40):
+        column = Column(seed, rows_per_chip, exposure, noise=0.04)
+        got = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())
+        bounds = column.bounds()
+        phase_of_middle = got.phase - column.phase + bounds.chip * (got.rows_per_chip - column.rows_per_chip)
+        assert got.converged
+        assert got.noise == pytest.approx(column.noise, rel=0.15)
+        assert got.errors.rows_per_chip_std == pytest.approx(bounds.rows_per_chip_std, rel=0.3)
+        misses.append(
+            [
+                phase_of_middle / bounds.phase_std,
+                (got.rows_per_chip - column.rows_per_chip) / bounds.rows_per_chip_std,
+                (got.exposure - column.exposure) / bounds.exposure_std,
+            ]
+        )
+    assert np.all(np.sqrt(np.mean(np.square(misses), axis=0)) < 1.35)  # 40 frames: 11 % spread about 1
+    assert np.all(np.abs(misses) < 5)
+
+
+def test_the_bounds_are_those_of_the_design():
+    """Relative spread of the exposure, 1080 rows, 4 rows per chip, 4 %: 0.97 % at half a chip, 0.70 % at one chip."""
+    for exposure, share in ((0.5, 0.0097), (1.0, 0.0070), (2.0, 0.0042), (7.0, 0.0036)):
+        columns = [Column(seed, 4.0, exposure, noise=0.04) for seed in range(20)]
+        spread = np.mean([column.bounds().exposure_std / column.exposure for column in columns])
+        assert spread == pytest.approx(share, rel=0.1)
+
+
+def test_a_gradient_of_the_light_is_followed():
+    column = Column(3, 4.0, 5.0, noise=0.01, gradient=0.6)
+    got = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock(), swing_degree=1)
+    dark, bright = got.levels(1080)
+    np.testing.assert_allclose(bright - dark, column.swing, atol=0.5)
+    np.testing.assert_allclose(dark, 10 + 3 * np.linspace(-1, 1, 1080), atol=0.5)
+    assert abs(got.exposure / column.exposure - 1) < 0.01
+
+
+def test_without_noise_the_channel_is_exact():
+    column = Column(4, 3.7, 6.2, noise=0.0)
+    got = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())
+    assert got.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-10)
+    assert got.phase == pytest.approx(column.phase, abs=1e-8)
+    assert got.exposure == pytest.approx(column.exposure, rel=1e-9)
+
+
+def test_what_chips_do_not_tell_is_not_guessed():
+    rows = np.linspace(0, 1, 50)
+    clock = {"rows_per_chip": 5.0, "phase": 0.0, "exposure": 2.0}
+    assert ocisac.fit_channel(rows, np.ones(10), **clock) is None
+    assert ocisac.fit_channel(rows, [0, 1], **{**clock, "rows_per_chip": 3.0}) is None  # five rows, six unknowns
+    assert ocisac.clock_bounds(np.ones(10), np.ones(50), noise=0.1, **clock) is None
+    aligned = {"rows_per_chip": 2.0, "phase": 0.3, "exposure": 1.0}  # every edge on the same part of a row
+    chips = np.random.default_rng(0).integers(0, 2, 100)
+    bounds = ocisac.clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
+    assert np.isinf(bounds.exposure_std)
+    assert 0 < bounds.rows_per_chip_std < 0.01
+    want = reference.clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
+    assert np.isinf(want.exposure_std)
+    assert bounds.rows_per_chip_std == pytest.approx(want.rows_per_chip_std)
+    got = ocisac.fit_channel(ocisac.expose_chips(chips, 200, **aligned), chips, **aligned)
+    assert np.isinf(got.errors.exposure_std)
+
+
+@pytest.mark.parametrize("exposure_known", [False, True])
+@pytest.mark.parametrize(("exposure", "noise"), [(0.5, 0.04), (1.0, 0.04), (3.0, 0.04), (7.0, 0.02), (14.0, 0.01)])
+@pytest.mark.parametrize("rows_per_chip", [2.0, 3.3, 7.0])
+def test_preambles_are_found(rows_per_chip, exposure, noise, exposure_known):
+    for seed in range(6):
+        preamble = np.random.default_rng(1000 + seed).integers(0, 2, 40)
+        column = Column(seed, rows_per_chip, exposure, noise, preamble=preamble)
+        length = column.exposure if exposure_known else None
+        match = ocisac.find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip, exposure=length)[0]
+        assert abs(match.channel.phase - column.start) < 0.3 * column.rows_per_chip
+        assert match.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=0.02)
+        assert match.explained > 0.8
+        if exposure_known:
+            assert match.channel.exposure == column.exposure
+        else:
+            assert abs(match.channel.exposure - column.exposure) < 6 * match.channel.errors.exposure_std + 0.01
+
+
+def test_one_chip_per_row_with_unknown_phase():
+    preamble = np.random.default_rng(5).integers(0, 2, 40)
+    for seed in range(20):
+        column = Column(seed, 1.0, 1.0, 0.02, preamble=preamble)
+        match = ocisac.find_preamble(column.rows, preamble, rows_per_chip=1.0, exposure=column.exposure)[0]
+        assert abs(match.channel.phase - column.start) < 0.1
+
+
+def test_preambles_agree_with_the_reference():
+    preamble = np.random.default_rng(6).integers(0, 2, 24)
+    for seed, exposure in ((0, 0.7), (1, 3.0)):
+        column = Column(seed, 4.1, exposure, 0.02, rows=150, preamble=preamble)
+        arguments = {"rows_per_chip": 4.1, "exposure": column.exposure}
+        got, want = (of.find_preamble(column.rows, preamble, **arguments)[0] for of in (ocisac, reference))
+        spread = want.channel.errors.phase_std
+        assert got.channel.phase == pytest.approx(want.channel.phase, abs=0.05 * spread)
+        assert got.certainty == pytest.approx(want.certainty, rel=1e-3)
+        assert got.explained == pytest.approx(want.explained, rel=1e-4)
+
+
+def test_all_preambles_of_a_frame_are_found():
+    preamble = np.random.default_rng(7).integers(0, 2, 32).astype(float)
+    column = Column(0, 3.0, 4.0, 0.01)
+    for at in (30, 150, 280):
+        column.chips[at : at + 32] = preamble
+    rows = 10 + 40 * ocisac.expose_chips(column.chips, 1080, **column.clock)
+    rows += 0.4 * column.random.standard_normal(1080)
+    found = ocisac.find_preamble(rows, preamble, rows_per_chip=3.0, most=5)
+    starts = [column.phase + (column.first + at) * column.rows_per_chip for at in (30, 150, 280)]
+    assert sorted(match.channel.phase for match in found[:3]) == pytest.approx(starts, abs=0.3)
+
+
+def test_no_preamble_is_found_in_noise():
+    preamble = np.random.default_rng(8).integers(0, 2, 48)
+    for seed in range(20):
+        noise = np.random.default_rng(seed).standard_normal(1080)
+        assert ocisac.find_preamble(noise, preamble, rows_per_chip=4.0) == []
+    assert ocisac.find_preamble(np.full(1080, 7.0), preamble, rows_per_chip=4.0) == []
+    assert ocisac.find_preamble(np.arange(50.0), preamble, rows_per_chip=4.0) == []  # longer than the frame
+
+
+def errors_of(column, found, shift):
+    """Wrong chips among those the frame shows whole; `shift` added to the numbers of the chips found."""
+    edge = int(np.ceil(column.exposure / column.rows_per_chip)) + 1
+    whole = np.arange(edge, int(len(column.rows) / column.rows_per_chip) - edge)
+    return np.sum(found.chips[whole - shift - found.first] != column.chips[whole - column.first])
+
+
+@pytest.mark.parametrize("exposure", [0.5, 2.0, 4.0])
+def test_the_whole_frame_from_a_preamble(exposure):
+    preamble = np.random.default_rng(9).integers(0, 2, 32)
+    misses = []
+    for seed in range(4):
+        column = Column(seed, 4.1, exposure, 0.03, rows=720, preamble=preamble, gradient=0.2)
+        start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
+        found = ocisac.refine_channel(column.rows, start, detect_sequence, known=preamble)
+        shift = round((column.start - column.phase) / column.rows_per_chip)
+        assert errors_of(column, found, shift) == 0
+        assert found.settled
+        assert found.even
+        assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
+        bounds = column.bounds(dark_degree=1, swing_degree=1)
+        misses.append((found.channel.exposure - column.exposure) / bounds.exposure_std)
+    assert np.sqrt(np.mean(np.square(misses))) < 2.2
+
+
+@pytest.mark.parametrize(
+    ("rows_per_chip", "exposure", "noise", "seed"),
+    [(7.0, 10, 0.04, 11), (7.0, 10, 0.04, 26), (4.0, 10, 0.04, 13), (4.0, 10, 0.04, 16), (2.0, 10, 0.02, 10)],
+)
+def test_a_clock_followed_alone_slips_here_and_those_compared_do_not(rows_per_chip, exposure, noise, seed):
+    standard = np.array([0] + [1] * 6 + [0] * 6 + [1])
+    preamble = np.concatenate([standard, 1 - standard, standard])
+    column = Column(seed, rows_per_chip, exposure, noise, preamble=preamble)
+    start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip)[0].channel
+    found = ocisac.refine_channel(column.rows, start, known=preamble)
+    shift = round((column.start - column.phase) / column.rows_per_chip)
+    assert errors_of(column, found, shift) == 0
+    assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
+
+
+def test_the_whole_frame_agrees_with_the_reference():
+    preamble = np.random.default_rng(9).integers(0, 2, 32)
+    column = Column(1, 4.1, 3.0, 0.02, rows=400, preamble=preamble)
+    start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
+    got, want = (of.refine_channel(column.rows, start, detect_sequence, known=preamble) for of in (ocisac, reference))
+    np.testing.assert_array_equal(got.chips, want.chips)
+    assert (got.first, got.settled) == (want.first, want.settled)
+    spread = want.channel.errors
+    assert got.channel.rows_per_chip == pytest.approx(want.channel.rows_per_chip, abs=0.02 * spread.rows_per_chip_std)
+    assert got.channel.exposure == pytest.approx(want.channel.exposure, abs=0.02 * spread.exposure_std)
+
+
+@pytest.mark.parametrize(("rows_per_chip", "exposure"), [(4.1, 0.5), (2.3, 1.0), (3.3, 3.0), (1.0, 1.0)])
+def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
+    for seed in range(3):
+        column = Column(seed, rows_per_chip, exposure, 0.02, rows=500)
+        found = ocisac.find_channel(
+            column.rows,
+            detect_sequence,
+            rows_per_chip=rows_per_chip,
+            exposure=column.exposure,
+            exposure_known=rows_per_chip == 1.0,
+        )
+        middle = [(250 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
+        assert errors_of(column, found, round(middle[0] - middle[1])) <= (rows_per_chip == 1.0)
+        assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
+
+
+@pytest.mark.parametrize(("rows_per_chip", "seed"), [(4.0, 14), (4.0, 17), (7.0, 13)])
+def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
+    column = Column(seed, rows_per_chip, 7, 0.04)
+    found = ocisac.find_channel(column.rows, rows_per_chip=rows_per_chip, exposure=column.exposure)
+    middle = [(540 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
+    assert errors_of(column, found, round(middle[0] - middle[1])) == 0
+    assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
+
+
+def test_a_detector_that_answers_wrongly_is_refused():
+    column = Column(0, 4.0, 2.0)
+    start = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())
+    with pytest.raises(ValueError, match="detect: got 1, allowed: as many levels as chips asked for"):
+        ocisac.refine_channel(column.rows, start, lambda *question: [0.0])
+    with pytest.raises(ValueError, match="highest_degree: got 9, allowed: 0 to 6"):
+        ocisac.refine_channel(column.rows, start, detect_sequence, highest_degree=9)
+
+
+def channels_of(frames, seed, frame_rows=1501.3, period=3.7):
+    """Frame numbers and channels as measured, of a light of a steady clock."""
+    random = np.random.default_rng(seed)
+    for frame in frames:
+        begin = frame * frame_rows
+        first = np.ceil((begin - 1.1) / period)
+        measured = period + 3e-4 * random.standard_normal()
+        middle = 1.1 + (first + 140) * period - begin + 0.05 * random.standard_normal()
+        errors = ocisac.ClockErrors(140, np.diag([0.05**2, 3e-4**2, 0.04]))
+        clock = (measured, middle - 140 * measured, 20 + 0.2 * random.standard_normal())
+        yield frame, ocisac.ChannelEstimate(*clock, errors, np.zeros(1), np.ones(1), 0.01, (0, 1080), True)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32), frames=st.integers(1, 40), ahead=st.integers(0, 5))
+def test_the_tracked_clock_agrees_with_the_reference(seed, frames, ahead):
+    trackers = [of.ClockTracker(1501.0, frame_rows_std=0.4, drift=0, exposure_wander=0) for of in (ocisac, reference)]
+    assert trackers[0].predict(0) is None
+    for frame, channel in channels_of(range(frames), seed):
+        for tracker in trackers:
+            assert tracker.update(frame, channel)
+    got, want = (tracker.predict(frames - 1 + ahead) for tracker in trackers)
+    assert got.rows_per_chip == pytest.approx(want.rows_per_chip, rel=1e-7)
+    assert got.exposure == pytest.approx(want.exposure)
+    assert got.phase + (want.chip - got.chip) * got.rows_per_chip == pytest.approx(want.phase, abs=1e-4)
+    if got.chip == want.chip:
+        np.testing.assert_allclose(got.covariance, want.covariance, rtol=1e-3, atol=1e-10)
+    trackers[0].reset()
+    assert trackers[0].predict(0) is None
+
+
+def test_no_chip_is_lost_between_frames_with_a_gap():
+    tracker = ocisac.ClockTracker(1501.0, frame_rows_std=0.5)
+    for frame, channel in channels_of([*range(10), *range(15, 40)], 3):
+        predicted = tracker.predict(frame)
+        if predicted is not None and frame > 3:
+            truth = 1.1 + predicted.chip * 3.7 - frame * 1501.3
+            assert abs(predicted.phase - truth) < 0.5
+            assert predicted.chips_lost < 0.2
+        assert tracker.update(frame, channel)
+    with pytest.raises(ValueError, match="frame: got 39, allowed: a frame after the last one"):
+        tracker.update(39, channel)
+    with pytest.raises(ValueError, match="frame_rows: got 0"):
+        ocisac.ClockTracker(0)
+
+
+@pytest.mark.parametrize("exposure", [0.6, 3.0, 5.0])
+def test_frames_are_read_on_without_preambles_across_the_gaps(exposure):
+    """A preamble in the first frame alone; the frame time known to 50 ppm; a clock that drifts; frames lost."""
+    random = np.random.default_rng(11)
+    rows, frame_rows, period, length = 1080, 1501.5, 4.0 * 1.007, exposure * 4.0
+    preamble = random.integers(0, 2, 32)
+    chips = random.integers(0, 2, 16000).astype(float)
+    chips[100:132] = preamble
+    tracker = ocisac.ClockTracker(frame_rows * (1 + 50e-6), frame_rows_std=0.1)
+    channel, begins_with = None, 0
+    for frame in (0, 1, 2, 3, 5, 6, 9, 10, 15, 16):
+        drifted = period * (1 + 2e-6 * frame)
+        phase = -(frame * frame_rows) * (1 + 1e-6 * frame)  # of chip 0, in rows of this frame
+        light = ocisac.expose_chips(chips, rows, rows_per_chip=drifted, phase=phase, exposure=length)
+        signal = 10 + 50 * (light + 0.02 * random.standard_normal(rows))
+        if frame == 0:
+            channel = ocisac.find_preamble(signal, preamble, rows_per_chip=4.0, exposure=length)[0].channel
+            known, begins_with = {"known": preamble}, 100
+        else:
+            predicted = tracker.predict(frame)
+            assert predicted.chips_lost < 0.2
+            channel, known = predicted.channel(channel, rows), {}
+            begins_with = 100 + predicted.chip
+        found = ocisac.refine_channel(signal, channel, detect_sequence, **known)
+        sent = chips[begins_with + found.first :][: len(found.chips)]
+        edge = int(np.ceil(exposure)) + 1
+        if frame > 0:  # in the first frame the chips before the light's first are missing
+            np.testing.assert_array_equal(found.chips[edge:-edge], sent[edge:-edge])
+        channel = found.channel
+        assert tracker.update(frame, channel)
+
+
+@given(
+    values=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=12),
+    errors=st.lists(st.one_of(st.floats(1e-3, 1e3), st.sampled_from([0.0, np.inf, np.nan])), min_size=12, max_size=12),
+)
+def test_pooled_estimates_agree_with_the_reference(values, errors):
+    got, want = (of.pool_estimates(values, errors[: len(values)]) for of in (ocisac, reference))
+    np.testing.assert_allclose(
+        [got.value, got.std, got.count], [want.value, want.std, want.count], rtol=1e-9, atol=1e-9
+    )
+
+
+def test_pooling_ten_frames_brings_short_exposures_below_a_percent():
+    off = []
+    for batch in range(12):
+        columns = [Column(100 * batch + k, 4.0, 0.5, 0.04) for k in range(10)]
+        found = [ocisac.fit_channel(c.rows, c.chips, **c.wrong_clock()) for c in columns]
+        exposures = [f.exposure / f.rows_per_chip for f in found]
+        pooled = ocisac.pool_estimates(exposures, [f.errors.exposure_std / f.rows_per_chip for f in found])
+        assert pooled.count == 10
+        off.append((pooled.value - 0.5) / pooled.std)
+        assert abs(pooled.value / 0.5 - 1) < 0.01
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.6
+
+
+FIT = {"signal": np.zeros(9), "chips": [0, 1], "rows_per_chip": 4.0, "phase": 0.0, "exposure": 1.0}
+FIND = {"signal": np.zeros(9), "preamble": [0, 1, 0], "rows_per_chip": 4.0}
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "message"),
+    [
+        ("fit_channel", FIT | {"rows_per_chip": 0.0}, "rows_per_chip: got 0, allowed: a finite number above 0"),
+        ("fit_channel", FIT | {"phase": np.nan}, "phase: got nan"),
+        ("fit_channel", FIT | {"exposure": -1.0}, "exposure: got -1, allowed: a finite number, 0 or above"),
+        ("fit_channel", FIT | {"chips": [0, np.inf]}, "chips: got inf"),
+        ("fit_channel", FIT | {"chips": []}, r"chips: got shape \(0,\)"),
+        ("fit_channel", FIT | {"chips": [1j]}, "chips: got dtype complex128"),
+        ("fit_channel", FIT | {"signal": np.zeros((3, 3))}, r"signal: got shape \(3, 3\)"),
+        ("fit_channel", FIT | {"signal": [0.0, np.nan]}, "signal: got nan"),
+        ("fit_channel", FIT | {"dark_degree": 7}, "dark_degree: got 7, allowed: 0 to 6"),
+        ("fit_channel", FIT | {"swing_degree": -1}, "swing_degree: got -1, allowed: 0 to 6"),
+        ("find_preamble", FIND | {"rows_per_chip": np.inf}, "rows_per_chip: got inf"),
+        ("find_preamble", FIND | {"tolerance": 0.5}, "tolerance: got 0.5, allowed"),
+        ("find_preamble", FIND | {"exposure": -1}, "exposure: got -1"),
+        ("find_preamble", FIND | {"longest_exposure": 0}, "longest_exposure: got 0"),
+        ("find_preamble", FIND | {"preamble": [1]}, "preamble: got 1, allowed: at least two chips"),
+        ("find_preamble", FIND | {"signal": [np.nan]}, "signal: got nan"),
+        ("find_preamble", FIND | {"most": 0}, "most: got 0, allowed: at least 1"),
+        ("expose_chips", {**FIT, "rows": 0}, "rows: got 0, allowed: at least 1"),
+        ("pool_estimates", {"values": [1.0], "errors": [1.0, 2.0]}, "errors: got 2, allowed: as many as values"),
+    ],
+)
+def test_refuses(function, arguments, message):
+    arguments = dict(arguments)
+    if function == "expose_chips":
+        del arguments["signal"]
+    with pytest.raises(ValueError, match=message):
+        getattr(ocisac, function)(**arguments)
+
+
+@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.filter_too_much])
+@given(
+    rows_per_chip=st.floats(1.0, 7.0),
+    chips=st.floats(0.0, 9.0),
+    place=st.floats(-0.9, -0.01),
+    count=st.integers(1, 12),
+    first=st.integers(-5, 5),
+    seed=st.integers(0, 1000),
+)
+def test_likelihoods_are_those_of_all_sequences(rows_per_chip, chips, place, count, first, seed):
+    random = np.random.default_rng(seed)
+    exposure = chips * rows_per_chip
+    # Rows that see no chips but those `count`.
+    phase = place - exposure / 2 - first * rows_per_chip
+    rows = int(count * rows_per_chip - exposure + place)
+    assume(rows > 0)
+    light = random.random(rows)
+    question = {"rows_per_chip": rows_per_chip, "phase": phase, "exposure": exposure, "noise": 0.2}
+    got, want = (of.chip_likelihoods(light, **question, first=first, count=count) for of in (ocisac, reference))
+    assert got.shape == (count,)
+    np.testing.assert_allclose(got, want, atol=1e-3)  # single precision inside
+
+
+def test_detection_reaches_what_the_closest_pair_allows():
+    """Chip errors at an exposure of 7 chips, 4 rows a chip, 4 % noise: near Q(d/2s), and none at 2 %."""
+    column = Column(5, 4.0, 7.0, noise=0)
+    light = (column.rows - 10 - 3 * np.linspace(-1, 1, 1080)) / 40
+    errors = {}
+    for noise in (0.02, 0.04):
+        wrong = total = 0
+        for _ in range(40):
+            rows = light + noise * column.random.standard_normal(len(light))
+            found = ocisac.chip_likelihoods(rows, **column.clock, noise=noise, count=len(column.chips))
+            inside = slice(12, -12)
+            wrong += int(np.sum((found > 0)[inside] != column.chips[inside]))
+            total += len(column.chips[inside])
+        errors[noise] = wrong / total
+    distance = ocisac.closest_pair_distance(column.rows_per_chip, column.exposure)
+    assert distance == pytest.approx(reference.closest_pair_distance(column.rows_per_chip, column.exposure), rel=1e-12)
+    tail = math.erfc(distance / 0.08 / math.sqrt(2)) / 2
+    assert errors[0.02] == 0
+    assert errors[0.04] < 5 * tail
+
+
+def test_the_core_detects_where_no_detector_is_given():
+    column = Column(11, 4.0, 3.0)
+    found = ocisac.find_channel(column.rows, rows_per_chip=4.0, exposure=column.exposure)
+    assert found is not None
+    assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"noise": 0.0}, "noise: got 0"),
+        ({"exposure": 65.0}, "exposure: got 65"),
+        ({"rows_per_chip": -1.0}, "rows_per_chip: got -1"),
+        ({"count": -1}, "count: got -1"),
+    ],
+)
+def test_likelihoods_refuse(change, message):
+    question = {"rows_per_chip": 4.0, "phase": 0.0, "exposure": 8.0, "noise": 0.1, "first": 0, "count": 3}
+    with pytest.raises(ValueError, match=message):
+        ocisac.chip_likelihoods(np.zeros(4), **{**question, **change})
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 5, 7, 8, 12])
+@pytest.mark.parametrize("exposure", [None, 3.0, 30.0])
+def test_frames_of_a_few_rows_tell_no_channel(rows, exposure):
+    for seed in range(5):
+        column = np.random.default_rng(seed).random(rows)
+        found = ocisac.find_channel(column, rows_per_chip=4.0, exposure=exposure)
+        assert found is None or abs(found.channel.rows_per_chip / 4 - 1) < 0.03
+        assert ocisac.find_preamble(column, standard_preamble(), rows_per_chip=4.0, exposure=exposure) == []
+
+
+def standard_preamble():
+    return np.array([0] + [1] * 6 + [0] * 6 + [1], float)

@@ -1,0 +1,182 @@
+"""Detectors: agreement with whole matrices, with the truth, and what they refuse."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import reference
+
+CAMERA = ocisac.Camera(row_time=20e-6)
+METHODS = ("slicer", "inverse", "wiener", "dfe", "reduced", "mlse")
+
+
+def make_channel(rows_per_chip, exposure, phase=0.7, noise=1.0, dark=(20.0, 3.0), swing=(100.0, -10.0)):
+    errors = ocisac.ClockErrors(0, np.zeros((3, 3)))
+    return ocisac.ChannelEstimate(
+        rows_per_chip, phase, exposure, errors, np.array(dark), np.array(swing), noise, (0, 1), True
+    )
+
+
+def make_columns(channel, shape, seed, noise=None):
+    """Columns (frames, rows, columns) of random chips through the channel, and the chips (frames, chips, columns)."""
+    random = np.random.default_rng(seed)
+    frames, rows, columns = shape
+    half = channel.exposure / 2
+    first, last = (int(np.floor((row - channel.phase) / channel.rows_per_chip)) for row in (-half, rows - 1 + half))
+    chips = random.integers(0, 2, (frames, last - first + 1, columns))
+    clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure")}
+    dark, bright = channel.levels(rows)
+    out = np.empty(shape)
+    for frame in range(frames):
+        for column in range(columns):
+            light = ocisac.expose_chips(chips[frame, :, column], rows, first=first, **clock)
+            out[frame, :, column] = dark + (bright - dark) * light
+    out += (channel.noise if noise is None else noise) * random.standard_normal(shape)
+    return out, chips, first
+
+
+@settings(max_examples=50)
+@given(
+    seed=st.integers(0, 2**32),
+    rows=st.sampled_from([1, 2, 37, 61]),
+    shape=st.sampled_from([(1,), (1, 3), (2, 2)]),
+    dtype=st.sampled_from(["uint8", "uint16", "float32", "float64", "int32"]),
+    step=st.sampled_from([-2, -1, 1, 3]),
+    method=st.sampled_from(["slicer", "inverse", "wiener", "dfe"]),
+    rows_per_chip=st.floats(0.9, 7),
+    length=st.floats(0, 9),
+    phase=st.floats(-20, 20),
+)
+def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, method, rows_per_chip, length, phase):
+    channel = make_channel(rows_per_chip, length * rows_per_chip, phase, noise=2.0)
+    columns = make_columns(channel, (2, abs(step) * rows, 3), seed)[0].clip(0, 255).astype(dtype)[:, ::step]
+    if len(shape) == 1:
+        columns = columns[0, :, 0] if shape == (1,) else columns
+    elif shape == (1, 3):
+        columns = columns[0]
+    got, want = (of.detect_chips(columns, CAMERA, channel, method) for of in (ocisac, reference))
+    assert got.llr.shape == want.llr.shape
+    assert (got.first, got.method) == (want.first, method)
+    # Rounding: the normal equations' condition times that of a row's place.
+    scale = max(np.abs(want.llr).max(), 1e-6)
+    np.testing.assert_allclose(got.llr, want.llr, rtol=0, atol=1e-8 * scale)
+
+
+@settings(max_examples=20)
+@given(
+    seed=st.integers(0, 2**32),
+    rows_per_chip=st.floats(2, 7),
+    length=st.floats(0.3, 6),
+    phase=st.floats(-20, 20),
+    method=st.sampled_from(["reduced", "mlse", "auto"]),
+)
+def test_sequences_are_those_of_the_plain_search(seed, rows_per_chip, length, phase, method):
+    channel = make_channel(rows_per_chip, length * rows_per_chip, phase, noise=2.0)
+    columns = make_columns(channel, (1, 130, 1), seed)[0][0, :, 0]
+    got = ocisac.detect_chips(columns, CAMERA, channel, method)
+    want = reference.detect_chips(columns, CAMERA, channel, "mlse")
+    edge = int(np.ceil(length)) + 1
+    sure = np.abs(got.llr) > (3 if method == "auto" else 1e-3)  # `auto`: the slicer may differ where it is in doubt
+    np.testing.assert_array_equal((got.bits == want.bits)[edge:-edge][sure[edge:-edge]], True)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_frames_of_columns_are_read_like_each_by_itself(method):
+    channel = make_channel(3.7, 3.7 * 1.4)
+    columns, chips, first = make_columns(channel, (2, 300, 3), 1)
+    found = ocisac.detect_chips(columns, CAMERA, channel, method)
+    assert found.llr.shape == chips.shape
+    assert found.first == first
+    np.testing.assert_array_equal(found.bits[:, 3:-3], chips[:, 3:-3])
+    for frame in range(2):
+        for column in range(3):
+            alone = ocisac.detect_chips(columns[frame, :, column], CAMERA, channel, method)
+            np.testing.assert_array_equal(alone.llr, found.llr[frame, :, column])
+
+
+def test_the_tone_curve_is_undone():
+    camera = ocisac.Camera(row_time=20e-6, tone_curve="gamma", gamma=2.2, dark_level=16)
+    channel = make_channel(4.2, 4.2 * 3.3, dark=(20.0,), swing=(150.0,), noise=0.5)
+    light, chips, _ = make_columns(channel, (1, 400, 1), 2)
+    white = 255 - 16
+    stored = 16 + white * (light[0, :, 0].clip(0) / white) ** (1 / 2.2)
+    found = ocisac.detect_chips(np.rint(stored).astype(np.uint8), camera, channel)
+    np.testing.assert_array_equal(found.bits[4:-4], chips[0, 4:-4, 0])
+
+
+def test_auto_takes_the_cheapest_that_is_right():
+    def chosen(rows_per_chip, length, noise):
+        channel = make_channel(rows_per_chip, length * rows_per_chip, noise=noise)
+        columns = make_columns(channel, (1, 300, 1), 3)[0]
+        return ocisac.detect_chips(columns, CAMERA, channel).method
+
+    assert chosen(4.0, 0.5, 4.0) == "slicer"
+    assert chosen(7.0, 1.0, 2.0) == "slicer"
+    assert chosen(4.0, 1.2, 30.0) == "reduced"
+    assert chosen(4.0, 7.0, 2.0) == "reduced"
+
+
+def test_the_expected_share_of_wrong_chips_is_what_is_counted():
+    channel = make_channel(2.1, 2.1 * 6.3, noise=5.0, dark=(20.0,), swing=(100.0,))
+    columns, chips, _ = make_columns(channel, (1, 1080, 30), 4)
+    found = ocisac.detect_chips(columns[0], CAMERA, channel)
+    wrong = np.mean(found.bits != chips[0])
+    assert 0.005 < wrong < 0.1
+    assert found.error_rate == pytest.approx(wrong, rel=0.3)
+
+
+def test_error_rates_fall_with_the_noise_and_order_the_detectors():
+    rates = [ocisac.detector_error_rates(4.0, 5.3 * 4, noise) for noise in (0.02, 0.04, 0.08)]
+    for name in ("slicer", "inverse", "wiener", "dfe", "mlse"):
+        values = [getattr(rate, name) for rate in rates]
+        assert values == sorted(values)
+        assert values[0] >= 0
+        assert values[-1] < 0.5
+    for rate in rates:
+        assert rate.mlse < rate.dfe < rate.wiener < rate.inverse < rate.slicer
+
+
+@pytest.mark.parametrize(
+    ("rows_per_chip", "length", "noise"), [(4.0, 0.5, 0.3), (1.0, 1.0, 0.2), (3.0, 2.0, 0.1), (2.0, 5.5, 0.04)]
+)
+def test_error_rates_agree_with_the_characteristic_function(rows_per_chip, length, noise):
+    got, want = (of.detector_error_rates(rows_per_chip, length * rows_per_chip, noise) for of in (ocisac, reference))
+    for name in ("slicer", "inverse"):
+        assert getattr(got, name) == pytest.approx(getattr(want, name), rel=1e-6, abs=1e-12)
+    for name in ("wiener", "dfe", "mlse"):  # several chips, one in the middle
+        assert getattr(got, name) == pytest.approx(getattr(want, name), rel=0.05, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rows_per_chip": 0.0}, "rows_per_chip: got 0, allowed"),
+        ({"phase": np.nan}, "phase: got nan, allowed"),
+        ({"exposure": -1.0}, "exposure: got -1, allowed"),
+        ({"exposure": 100.0}, "exposure: got 100, allowed: 0 to 24 chips"),
+        ({"swing": np.array([-1.0])}, "channel: got a swing of -1 in row 0, allowed: above 0"),
+        ({"dark": np.zeros(0)}, "dark: got 0, allowed: 1 to 7 coefficients"),
+        ({"noise": np.nan}, "noise: got nan, allowed"),
+    ],
+)
+def test_channels_without_meaning_are_refused(change, message):
+    channel = dataclasses.replace(make_channel(4.0, 8.0), **change)
+    with pytest.raises(ValueError, match=message):
+        ocisac.detect_chips(np.ones(100), CAMERA, channel, "wiener")
+
+
+def test_other_bad_input_is_refused():
+    channel = make_channel(4.0, 8.0)
+    with pytest.raises(ValueError, match="method: got best, allowed: slicer, wiener"):
+        ocisac.detect_chips(np.ones(100), CAMERA, channel, "best")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="exposure: got 64, allowed: 0 to 15 chips"):
+        ocisac.detect_chips(np.ones(100), CAMERA, make_channel(4.0, 64.0), "mlse")
+    with pytest.raises(ValueError, match="columns"):
+        ocisac.detect_chips(np.ones((2, 2, 2, 2)), CAMERA, channel)
+    with pytest.raises(ValueError, match="noise: got 0, allowed"):
+        ocisac.detector_error_rates(4.0, 8.0, 0.0)
+    with pytest.raises(ValueError, match="exposure: got 200, allowed: 0 to 24 chips"):
+        ocisac.detector_error_rates(4.0, 200.0, 0.1)

@@ -1,0 +1,412 @@
+"""Pictures without the bands of a light, and what the light's bits gain by it."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings, strategies as st
+
+from ocisac_fast import (
+    Camera,
+    Chips,
+    SquareWave,
+    Tone,
+    _core,
+    integrate_exposure,
+    receive,
+    remove_bands,
+    subtract_still,
+)
+from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.cleaning import Mark
+from ocisac_fast.cleaning.columns import scaled
+from ocisac_fast.cleaning.stored import to_stored
+from ocisac_fast.cleaning.toe import lifted, lowered, slope
+from ocisac_fast.cli.application import ocisac
+from ocisac_fast.files import read_frames, write_frames
+from ocisac_fast.reference import cleaning
+
+Array = npt.NDArray[np.float64]
+ROWS, COLUMNS = 256, 200
+CAMERA = Camera(1e-5, exposure=4e-5)
+
+
+def boxes(seed: int, rows: int = ROWS, columns: int = COLUMNS) -> Array:
+    random = np.random.default_rng(seed)
+    picture = np.full((rows, columns), 0.5)
+    for _ in range(40):
+        top, left = random.integers(0, rows - 10), random.integers(0, columns - 10)
+        height, width = random.integers(8, 90, 2)
+        picture[top : top + height, left : left + width] = random.uniform(0.1, 1.0)
+    return picture
+
+
+def scene(light: Array, seed: int = 0, noise: float = 1.5) -> tuple[Array, Array, Array]:
+    """What is read, clean picture and share: texture under ambient light and a lamp that a shadow's edge cuts."""
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    lamp = 70.0 / (1 + np.exp((x + 0.3 * y - 150) / 1.5)) + 8.0
+    albedo = boxes(seed)
+    clean, share = albedo * (lamp + 40.0), lamp / (lamp + 40.0)
+    read = clean * (1 + share * (light[:, None] - 1))
+    return read + noise * np.random.default_rng(seed).standard_normal(read.shape), clean, share
+
+
+def row_light(kind: str) -> Array:
+    bits = np.random.default_rng(3).integers(0, 2, 64)
+    waves = {
+        "tone": Tone(5e3),
+        "square": SquareWave(7e3),
+        "chips": Chips(np.stack([bits, 1 - bits], axis=1).ravel().tolist(), 17e3, repeat=True),
+    }
+    light = integrate_exposure(waves[kind], CAMERA, ROWS)
+    return np.asarray(light / light.mean())
+
+
+def psnr(picture: npt.NDArray[np.generic], truth: Array, kept: npt.NDArray[np.bool_]) -> float:
+    return float(10 * np.log10(255**2 / np.mean((picture[kept] - truth[kept]) ** 2)))
+
+
+def by_row_means(read: Array) -> list[Array]:
+    """Divided by the row mean over its trend, for several lengths of trend."""
+    mean = read.mean(axis=1)
+    trends = [np.convolve(np.pad(mean, n, "reflect"), np.ones(2 * n + 1) / (2 * n + 1), "valid") for n in (10, 20, 40)]
+    return [read / (mean / trend)[:, None] for trend in trends]
+
+
+@given(
+    st.sampled_from([(1, 8, 1), (1, 11, 7), (2, 16, 5), (1, 61, 13), (3, 32, 4), (1, 67, 43)]),
+    st.integers(0, 2**32 - 1),
+    st.booleans(),
+    st.booleans(),
+)
+@settings(max_examples=16)
+def test_share_agrees_with_the_reference(shape: tuple[int, int, int], seed: int, lost: bool, smooth: bool) -> None:
+    random = np.random.default_rng(seed)
+    light = random.uniform(20, 200, shape)
+    variance = random.uniform(0.5, 4, shape)
+    if lost:
+        variance[random.random(shape) < 0.2] = np.inf
+    rows = random.uniform(0, 2, shape[:2])
+    expected = cleaning.light_share(light, variance, rows, smooth)
+    np.testing.assert_allclose(_core.light_share(light, variance, rows, smooth), expected, rtol=0, atol=1e-10)
+
+
+@given(
+    st.sampled_from([(8, 1), (17, 5), (31, 12), (97, 6)]),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(["free", "basis", "held"]),
+)
+@settings(max_examples=9)
+def test_row_light_agrees_with_the_reference(shape: tuple[int, int], seed: int, known: str) -> None:
+    random = np.random.default_rng(seed)
+    light, variance = random.uniform(20, 200, (1, *shape)), random.uniform(0.5, 4, (1, *shape))
+    share, rows = random.uniform(0.1, 1, shape), random.uniform(0.5, 1.5, shape[0])
+    more = {"free": (), "basis": (random.standard_normal((shape[0], 3)),), "held": (None, 0.05)}[known]
+    expected = cleaning.refine_row_light(light, variance, share, rows, 3, *more)
+    for got, want in zip(_core.refine_row_light(light, variance, share, rows, 3, *more), expected, strict=True):
+        np.testing.assert_allclose(got, want, rtol=1e-8, atol=1e-8 * np.abs(want).max())
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ((np.ones(17), np.inf), "basis: got 17"),
+        ((np.full((16, 2), np.nan), np.inf), "basis: got nan"),
+        ((None, 0.0), "deviation: got 0"),
+        ((np.ones((16, 2)), 0.1), "deviation: got 0.1"),
+    ],
+)
+def test_bad_model_of_rows(more: tuple[Array | None, float], message: str) -> None:
+    ones = np.ones((1, 16, 3))
+    with pytest.raises(ValueError, match=message):
+        _core.refine_row_light(ones, ones, ones[0], np.ones(16), 1, *more)
+
+
+@pytest.mark.parametrize("kind", ["tone", "square", "chips"])
+@pytest.mark.parametrize("given_light", [True, False])
+def test_rendered_scenes(kind: str, given_light: bool) -> None:
+    """Better than by row means by 6 dB; not far from the oracle."""
+    light = row_light(kind)
+    read, clean, share = scene(light)
+    left = 1 + share * (light[:, None] - 1)
+    kept = left > 0.15
+    stored = np.clip(np.rint(read), 0, 255).astype(np.uint8)
+    done = remove_bands(stored, CAMERA, light=light if given_light else None, level="mean")
+    got = psnr(done.frames, clean, kept)
+    assert got > 6 + max(psnr(plain, clean, kept) for plain in by_row_means(read))
+    if given_light:
+        assert got > psnr(read / left, clean, kept) - 1.3  # a shadow's edge costs most
+        assert done.model == ("given",)
+    else:
+        assert done.model[0] == ("chips" if kind == "chips" else "tone")
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_lines_of_text_do_not_pass_for_a_harmonic(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    albedo = np.full((360, 480), 0.8)
+    for top in range(20, 320, 30):  # twice a cycle of the tone
+        for left in range(20, 440, 12):
+            stroke = random.integers(0, 4)
+            albedo[top : top + 16, left + 2 * stroke : left + 2 * stroke + 3] = 0.12
+            albedo[top + 4 * stroke : top + 4 * stroke + 3, left : left + 9] = 0.12
+    light = 1 + 0.9 * np.cos(2 * np.pi * np.arange(360) / 60)
+    read = 144 * albedo * (1 + 0.6 * (light[:, None] - 1)) + 1.5 * random.standard_normal(albedo.shape)
+    done = remove_bands(read, CAMERA, model="tone", level="mean")
+    second = np.abs(np.fft.rfft(done.light))[12] / np.abs(np.fft.rfft(done.light))[6]
+    assert second < 0.06  # 0.2 to 0.3 where the fit starts with the rows' harmonics
+    assert psnr(done.frames, 144 * albedo, np.full(albedo.shape, True)) > 38
+
+
+def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
+    """What a blur along the columns removes of the bands, it takes from the picture, and puts into lit rows."""
+    light = row_light("chips")
+    read, _, _ = scene(light)
+    stored = np.clip(np.rint(read), 0, 255).astype(np.uint8)
+    done = remove_bands(stored, CAMERA)
+    lit = done.light >= np.quantile(done.light, 0.95)
+    assert 5 < lit.sum() < ROWS / 2
+
+    def change_of_lit_rows(picture: npt.NDArray[np.generic]) -> float:
+        return float(np.abs(np.float64(picture[lit]) - stored[lit]).mean() / stored[lit].mean())
+
+    def correlation(picture: npt.NDArray[np.generic]) -> float:
+        rows = np.where(done.marks == Mark.RESTORED, picture, np.nan)
+        rows = np.nanmean(rows[:, :100], axis=1)
+        smooth = scaled(done.light)
+        return abs(float(np.corrcoef(rows, smooth)[0, 1]))
+
+    blurs = [np.apply_along_axis(np.convolve, 0, np.float64(stored), np.ones(n) / n, "same") for n in (7, 9)]
+    assert change_of_lit_rows(done.frames) < 0.02
+    assert all(change_of_lit_rows(blur) > 0.04 for blur in blurs)
+    assert 20 * np.log10(correlation(stored) / correlation(done.frames)) > 12  # texture alone correlates as much
+    assert all(20 * np.log10(correlation(stored) / correlation(blur)) < 12 for blur in blurs)
+
+
+def test_saturated_pixels_are_left_alone_and_dark_ones_marked() -> None:
+    light = scaled(row_light("square"))
+    read, _, _ = scene(light, noise=0.5)
+    read[60:200, 20:60] = 400 * light[60:200, None]
+    stored = np.clip(np.rint(read), 0, 255).astype(np.uint8)
+    done = remove_bands(stored, CAMERA, light=light)
+    saturated = stored >= 250
+    assert saturated.any()
+    np.testing.assert_array_equal(done.marks == Mark.SATURATED, saturated)
+    np.testing.assert_array_equal(done.frames[saturated], stored[saturated])
+    dark = done.marks == Mark.DARK
+    assert (dark[60:200, 25:55].mean(axis=1) > 0.5).sum() > 5  # the rows without light in what the lamp alone lights
+    assert (light[dark.any(axis=1)] < 0.3).all()
+    filled = remove_bands(stored, CAMERA, light=light, fill=True)
+    np.testing.assert_array_equal(filled.marks, done.marks)
+    np.testing.assert_array_equal(filled.frames[~dark], done.frames[~dark])
+    assert filled.frames[dark].mean() > 2 * done.frames[dark].mean()
+
+
+def test_the_reference_gives_the_same_picture() -> None:
+    stored = np.clip(np.rint(scene(row_light("tone"))[0]), 0, 255).astype(np.uint8)[:64, :24]
+    done, expected = remove_bands(stored, CAMERA), cleaning.remove_bands(stored, CAMERA)
+    np.testing.assert_allclose(done.share, expected.share, atol=1e-6)
+    assert (np.abs(done.frames.astype(int) - expected.frames) <= 1).all()
+    frames = np.stack([stored, stored // 2, stored // 3])
+    np.testing.assert_allclose(subtract_still(frames, CAMERA), cleaning.subtract_still(frames, CAMERA), atol=1e-9)
+
+
+def test_bands_and_picture_add_up() -> None:
+    light = row_light("tone")
+    read, _, _ = scene(light)
+    bands = remove_bands(read, CAMERA, light=light, keep="bands")
+    picture = remove_bands(read, CAMERA, light=light, level="mean")
+    kept = bands.marks == Mark.RESTORED
+    steady = picture.frames * (1 - bands.share)  # what the lamp leaves when it is off
+    np.testing.assert_allclose((steady + bands.frames)[kept], read[kept], rtol=1e-4, atol=1e-3)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+def test_types_colours_and_tone_curve(dtype: type) -> None:
+    light = row_light("tone")
+    full = 1.0 if np.dtype(dtype).kind == "f" else float(np.iinfo(dtype).max)
+    camera = Camera(1e-5, tone_curve="srgb", white_level=full)
+    read, clean, _ = scene(light, noise=0.3)
+    colours = np.stack([read, 0.6 * read, 0.3 * read], axis=2)[None] * full / 255
+    stored = to_stored(colours, camera, np.dtype(dtype))
+    frames = np.asfortranarray(stored)[:, :, ::-1]
+    done = remove_bands(frames, camera, light=light, level="mean")
+    assert done.frames.dtype == dtype
+    assert done.frames.shape == done.marks.shape == done.share.shape == frames.shape
+    got = linear_light(done.frames[0, :, ::-1, 1], camera) * 255 / full
+    kept = done.marks[0, :, ::-1, 1] == Mark.RESTORED
+    assert psnr(got, 0.6 * clean, kept) > 40
+
+
+def test_frames_of_a_still_scene_help_each_other() -> None:
+    """Shares from three frames, one of them without the light, at a few cycles and in noise."""
+    lights = np.stack(
+        [1 + 0.9 * np.cos(2 * np.pi * (np.arange(ROWS) / 90 + k / 3)) for k in range(2)] + [np.zeros(ROWS)]
+    )
+    read = np.stack([scene(light, noise=0)[0] for light in lights])
+    read += 3 * np.random.default_rng(0).standard_normal(read.shape)
+    _, _, share = scene(lights[0])
+    errors = [
+        np.sqrt(np.mean((remove_bands(read, CAMERA, light=lights, still=still).share[0] - share) ** 2))
+        for still in (False, True)
+    ]
+    assert errors[1] < 0.75 * errors[0]
+    assert errors[1] < 0.08
+
+
+def error_rate(frames: Array, chips: Array, rows_per_chip: float, starts: Array) -> float:
+    """Share of wrong bits, chips that were not received counted as guessed."""
+    wrong = count = 0.0
+    for frame, start in zip(receive(frames, CAMERA, chip_rate=1 / (rows_per_chip * 1e-5)), starts, strict=False):
+        whole = int(ROWS / rows_per_chip) - 2
+        count += whole
+        bits = np.array([int(bit) for bit in frame.bits], int)[:whole]
+        first = int(np.rint((frame.phase - start) / rows_per_chip)) if len(bits) else 0
+        sent = chips[(first + np.arange(len(bits))) % len(chips)]
+        wrong += np.sum(bits != sent) + 0.5 * (whole - len(bits))
+    return wrong / count
+
+
+def test_a_faint_light_over_a_busy_background_is_received() -> None:
+    """Bit error rate of a swing of 3 DN over boxes of 10 to 100: without and with the still picture subtracted."""
+    random = np.random.default_rng(7)
+    chips, rows_per_chip = random.integers(0, 2, 4096).astype(float), 6.3
+    frames, starts = [], []
+    for k in range(9):
+        at = (np.arange(ROWS * 8) / 8 + 391.3 * k) / rows_per_chip
+        light = chips[at.astype(int)].reshape(ROWS, 8).mean(axis=1)
+        starts.append(-391.3 * k)
+        frames.append(100 * boxes(5) + 3 * light[:, None] + random.standard_normal((ROWS, COLUMNS)))
+    stored = np.clip(np.rint(np.stack(frames)), 0, 255).astype(np.uint8)
+    without = error_rate(stored, chips, rows_per_chip, np.array(starts))
+    subtracted = error_rate(subtract_still(stored, CAMERA), chips, rows_per_chip, np.array(starts))
+    assert without > 0.2
+    assert subtracted < 0.02
+    still = np.rint(100 * boxes(5)).astype(np.uint8)
+    assert error_rate(subtract_still(stored, CAMERA, still=still), chips, rows_per_chip, np.array(starts)) < 0.02
+
+
+def test_toe_and_its_inverse() -> None:
+    light = np.concatenate([-np.geomspace(300, 1e-3, 50), [0.0], np.geomspace(1e-3, 300, 50)])
+    for toe in (0.0, 0.01, 0.5):
+        stored = lowered(light, toe, 255.0)
+        np.testing.assert_allclose(lifted(stored, toe, 255.0), light, rtol=1e-9, atol=1e-12)
+        bright = stored > 0.1
+        change = lifted(stored * (1 + 1e-6), toe, 255.0) - lifted(stored, toe, 255.0)
+        np.testing.assert_allclose(slope(stored, toe, 255.0)[bright], change[bright] / (1e-6 * stored[bright]), 1e-4)
+
+
+@pytest.mark.parametrize("toe", [0.0, 1 / 8])
+def test_a_toe_is_found_where_there_is_one(toe: float) -> None:
+    """Chips that alone light boxes, through a tone curve with a toe: rows half lit are too dark for what is dim."""
+    camera = Camera(1e-5, exposure=4e-5, tone_curve="srgb", white_level=255.0)
+    bits = np.random.default_rng(3).integers(0, 2, 64)
+    light = integrate_exposure(Chips(bits.tolist(), 17e3, repeat=True), camera, ROWS)
+    clean = 130 * boxes(2) * np.exp(-0.015 * np.arange(COLUMNS))
+    read = clean * (0.03 + 0.97 * light[:, None]) + 0.3 * np.random.default_rng(0).standard_normal(clean.shape)
+    stored = to_stored(lowered(read, toe, 255.0), camera, np.dtype(np.uint8))
+    done = remove_bands(stored, camera)
+    assert done.model == ("chips",)
+    assert (done.toe[0] > 0) == (toe > 0)
+    kept = light > 0.2
+    truth = np.broadcast_to(to_stored(lowered(clean, toe, 255.0), camera, np.dtype(np.float64)), stored.shape)
+    got, plain = (remove_bands(stored, camera, toe=value).frames for value in (done.toe[0], 0.0))
+    np.testing.assert_array_equal(got, done.frames)
+    kept = np.broadcast_to(kept[:, None], stored.shape)
+    assert psnr(got, truth, kept) >= psnr(plain, truth, kept) + (1.0 if toe > 0 else 0.0)
+
+
+def test_a_picture_without_light_stays() -> None:
+    for picture in (np.full((64, 40), 90, np.uint8), np.zeros((8, 1), np.uint8)):
+        np.testing.assert_array_equal(remove_bands(picture, CAMERA).frames, picture)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"frames": np.zeros(9)}, "frames: got shape"),
+        ({"frames": np.zeros((7, 3))}, "at least 8 rows"),
+        ({"frames": np.zeros((9, 0))}, "frames: got"),
+        ({"frames": np.full((9, 3), np.nan)}, "not finite"),
+        ({"frames": np.zeros((9, 3), complex)}, "complex"),
+        ({"light": np.ones(5)}, "light: got shape"),
+        ({"light": np.zeros(16)}, "no light at all"),
+        ({"light": np.full(16, -1.0)}, "0 or above"),
+        ({"light": Tone(5e3), "camera": Camera(1e-5)}, "exposure"),
+        ({"model": "sawtooth"}, "model: got 'sawtooth'"),
+        ({"keep": "all"}, "keep: got 'all'"),
+        ({"level": "high"}, "level: got 'high'"),
+        ({"noise": 0.0}, "noise: got 0"),
+        ({"most_gain": 1.0}, "most_gain: got 1"),
+        ({"toe": 1.5}, "toe: got 1.5"),
+        ({"toe": np.nan}, "toe: got nan"),
+    ],
+)
+def test_bad_input(arguments: dict[str, object], message: str) -> None:
+    every: dict[str, object] = {"frames": np.ones((16, 3)), "camera": CAMERA, **arguments}
+    with pytest.raises(ValueError, match=message):
+        remove_bands(every.pop("frames"), every.pop("camera"), **every)  # type: ignore[arg-type]
+
+
+def test_bad_still() -> None:
+    for arguments, message in (({}, "at least 2"), ({"still": np.zeros((3, 3), np.uint8)}, "still: got")):
+        with pytest.raises(ValueError, match=message):
+            subtract_still(np.zeros((1, 16, 3), np.uint8), CAMERA, **arguments)
+    with pytest.raises(ValueError, match="neighbours: got 0"):
+        subtract_still(np.zeros((2, 16, 3), np.uint8), CAMERA, neighbours=0)
+
+
+@pytest.mark.parametrize("name", ["picture.png", "video.mkv"])
+def test_command(tmp_path: Path, name: str) -> None:
+    read, _, _ = scene(row_light("tone"))
+    grey = np.clip(np.rint(read), 0, 255).astype(np.uint8)[::-1].T  # rows go left
+    frames = np.stack([np.stack([grey, grey // 2, grey // 3], axis=2)] * (1 if name == "picture.png" else 2))
+    source, target, marks = tmp_path / name, tmp_path / f"clean_{name}", tmp_path / "marks.npy"
+    write_frames(source, frames)
+    line = [
+        "clean",
+        str(source),
+        str(target),
+        "--scan-axis",
+        "-x",
+        "--row-time",
+        "10us",
+        "--marks",
+        str(marks),
+        "--json",
+    ]
+    result = CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert result.output.count('"model": "tone"') == len(frames)
+    assert result.output.count('"toe": 0.0') == len(frames)
+    cleaned = read_frames(target, colour=True).frames
+    expected = remove_bands(frames.swapaxes(1, 2)[:, ::-1], Camera(1e-5)).frames[:, ::-1].swapaxes(1, 2)
+    np.testing.assert_array_equal(cleaned, expected)
+    assert read_frames(marks).frames.shape == frames.shape[:3]
+    told = CliRunner().invoke(ocisac, [*line, "--toe", "0.125"], catch_exceptions=False)
+    assert told.output.count('"toe": 0.125') == len(frames)
+    assert str(CliRunner().invoke(ocisac, [*line, "--toe", "2"]).exception) == "toe: got 2.0, allowed: 0 to 1"
+
+
+RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_recordings(recordings: Path, name: str) -> None:
+    """Bands of real cameras go, lit rows and texture stay, which a blur fails."""
+    spec = importlib.util.spec_from_file_location("cleaning", Path(__file__).parents[2] / "bench" / "cleaning.py")
+    assert spec is not None
+    assert spec.loader is not None
+    measures = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(measures)
+    found = measures.recording(recordings / name)
+    for measured in found.values():
+        assert (measured["lit_rows_changed"] < 0.03) == (measured["name"] == "remove_bands"), measured
+        assert (abs(measured["detail_db"]) <= 1) == (measured["name"] == "remove_bands"), measured
+    assert found["remove_bands"]["correlation_taken_db"] > 20

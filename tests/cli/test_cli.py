@@ -1,0 +1,637 @@
+"""The command line: units, geometry, what each command prints, and how it refuses."""
+
+import json
+import math
+import os
+import pathlib
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+pytest.importorskip("click")
+pytest.importorskip("rich")
+pytest.importorskip("PIL.Image")
+pytest.importorskip("av")
+
+from ocisac_fast.cli import main
+from ocisac_fast.cli.output import plain, quantity, with_spread
+from ocisac_fast.cli.pictures import PictureOptions, arrange
+from ocisac_fast.cli.units import Quantity
+from ocisac_fast.files import read_frames, write_frames
+
+TESTBED = ("--row-time", "22.2us", "--exposure", "622us")
+DARK = ("--dark-level", "16")  # so that noise is not clipped at 0
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Runs the command line in this process: code, lines of standard output, lines of standard error."""
+    import warnings
+
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # put back after each run
+
+    def call(*arguments):
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")
+            code = main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out.splitlines(), captured.err.splitlines()
+
+    return call
+
+
+@pytest.fixture
+def facts(run):
+    """Runs a command with --json, which must succeed: its objects."""
+
+    def call(*arguments):
+        code, out, err = run(*arguments, "--json")
+        assert (code, err) == (0, [])
+        return [json.loads(line, parse_constant=pytest.fail) for line in out]
+
+    return call
+
+
+# Units
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("9.2us", "s", 9.2e-6),
+        ("622us", "s", 622e-6),
+        ("22.2 µs", "s", 22.2e-6),
+        ("1/8000s", "s", 1 / 8000),
+        ("1/8000", "s", 1 / 8000),
+        ("3ms", "s", 3e-3),
+        ("5e-6", "s", 5e-6),
+        ("7ns", "s", 7e-9),
+        ("2s", "s", 2.0),
+        ("4.95kHz", "Hz", 4950.0),
+        ("500Hz", "Hz", 500.0),
+        ("500hz", "Hz", 500.0),
+        (".5MHz", "Hz", 5e5),
+        ("-3Hz", "Hz", -3.0),
+        ("0.01", "Hz", 0.01),
+    ],
+)
+def test_units_give_the_nearest_number(text, unit, value):
+    parsed = Quantity.parse(text, unit)
+    assert float(parsed) == value
+    assert parsed.has_unit == text.lower().endswith(unit.lower())
+
+
+@pytest.mark.parametrize("text", ["", "us", "9.2uss", "9.2 apples", "1,5us", "9.2Hz", "1/0s", "0x10", "9.2 u", "1//2"])
+def test_what_is_no_time_is_refused(run, text):
+    code, out, err = run("calibrate", "missing.png", "--frequency", "1kHz", "--row-time", text)
+    assert (code, out) == (2, [])
+    assert err == [
+        f"ocisac: Invalid value for '--row-time': got {text!r}, allowed: a number with or without unit, such as 9.2us"
+    ]
+
+
+@given(st.floats(1e-9, 1e9), st.sampled_from(["s", "Hz"]))
+def test_what_is_printed_can_be_read_back(value, unit):
+    assert float(Quantity.parse(quantity(value, unit, 9), unit)) == pytest.approx(value, rel=1e-8)
+
+
+def test_json_knows_no_nan_and_no_numpy():
+    record = {"a": np.float32(0.5), "b": math.nan, "c": [np.inf, np.int64(3)], "d": np.arange(2), "e": np.bool_(True)}
+    assert json.dumps(plain(record), allow_nan=False) == '{"a": 0.5, "b": null, "c": [null, 3], "d": [0, 1], "e": true}'
+
+
+def test_a_spread_is_in_the_unit_of_its_value_or_finer():
+    assert with_spread(9.2090395e-6, 1.2e-10, "s") == "9.20904 µs ± 0.12 ns"
+    assert with_spread(0.5, math.nan, "") == "0.5"
+
+
+# Geometry
+
+
+def options(**changed):
+    unknown = dict.fromkeys(("row_time", "exposure", "region", "tone_curve", "dark_level", "white_level"))
+    given = {"scan_axis": "y", "channel": "auto", "waveform": "tone", "duty": 0.5}
+    return PictureOptions(**{**unknown, **given, **changed})
+
+
+STORED = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
+
+
+@pytest.mark.parametrize(
+    ("changed", "want"),
+    [
+        ({}, STORED),
+        ({"scan_axis": "-y"}, STORED[::-1]),
+        ({"scan_axis": "x"}, STORED.transpose(1, 0, 2)),
+        ({"scan_axis": "-x"}, STORED[:, ::-1].transpose(1, 0, 2)),
+        ({"region": (2, 1, 4, 3)}, STORED[1:4, 2:6]),
+        ({"region": (2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 5:1:-1].transpose(1, 0, 2)),
+        ({"channel": "b"}, STORED[..., 2]),
+        ({"channel": 1}, STORED[..., 1]),
+        ({"region": (0, 0, 8, 6)}, STORED),
+    ],
+)
+def test_geometry_is_a_view_of_what_is_stored(changed, want):
+    arranged = arrange(STORED, options(**changed))
+    assert np.array_equal(arranged, want)
+    assert np.shares_memory(arranged, STORED)
+
+
+def test_luma_is_the_weighted_sum():
+    assert arrange(STORED, options(channel="y")) == pytest.approx(STORED @ np.array([0.299, 0.587, 0.114]))
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"region": (1, 0, 8, 6)}, "--region: got 1,0,8,6, allowed: x,y,w,h inside the picture of 8 x 6 pixels"),
+        ({"region": (0, 0, 8, 0)}, "--region: got 0,0,8,0"),
+        ({"channel": 3}, "--channel: got 3, the picture has 3"),
+    ],
+)
+def test_what_lies_outside_the_picture_is_refused(changed, message):
+    with pytest.raises(ValueError, match=message):
+        arrange(STORED, options(**changed))
+
+
+def test_a_grey_picture_has_no_red():
+    with pytest.raises(ValueError, match="--channel: got r, the picture is grey"):
+        arrange(STORED[..., 0], options(channel="r"))
+
+
+# Simulation
+
+
+def test_a_simulation_is_the_light_of_the_rows(facts, tmp_path):
+    from ocisac_fast import Camera, SquareWave, integrate_exposure
+
+    path = tmp_path / "rows.npy"
+    light = ("--waveform", "square", "--frequency", "500Hz", "--duty", ".3", "--phase", "1")
+    (printed,) = facts("simulate", *light, *TESTBED, "--rows", 300, "--columns", 4, "--bit-depth", "float", "-o", path)
+    assert printed == {
+        "file": str(path),
+        "frames": 1,
+        "rows": 300,
+        "columns": 4,
+        "dtype": "float32",
+        "row_time_s": 22.2e-6,
+        "exposure_s": 622e-6,
+    }
+    want = 200 * integrate_exposure(SquareWave(500, 0.3, phase=1), Camera(22.2e-6, 622e-6), 300)
+    values = np.load(path)
+    assert values.shape == (300, 4)
+    assert np.allclose(values, want[:, np.newaxis], atol=1e-4)
+
+
+def test_frames_follow_each_other_in_time(facts, tmp_path):
+    from ocisac_fast import Camera, Chips, integrate_exposure
+
+    path = tmp_path / "chips.mkv"
+    light = ("--waveform", "chips", "--bits", "0110", "--chip-rate", "1.1kHz")
+    size = ("--rows", 99, "--columns", 8, "--frames", 3, "--frame-rate", "120Hz")
+    facts("simulate", *light, *TESTBED, *size, "-o", path)
+    camera = Camera(22.2e-6, 622e-6, 1 / 120)
+    want = integrate_exposure(Chips("0110", 1100.0, repeat=True), camera, 99, frames=3)
+    recording = read_frames(path)
+    assert recording.frame_rate == pytest.approx(120)
+    assert np.abs(recording.frames - 200 * want[..., np.newaxis]).max() <= 0.5 + 1e-9
+
+
+@pytest.mark.parametrize("depth", ["8", "16"])
+def test_noise_is_repeatable_and_of_the_size_asked_for(facts, tmp_path, depth):
+    values = ("--noise", "5", "--swing", "100", "--dark-level", "60", "--bit-depth", depth)
+    for name, seed in (("a.png", 1), ("b.png", 1), ("c.png", 2)):
+        facts("simulate", "--frequency", "500", *TESTBED, *values, "--seed", seed, "-o", tmp_path / name)
+    a, b, c = (read_frames(tmp_path / name).frames[0].astype(float) for name in ("a.png", "b.png", "c.png"))
+    assert np.array_equal(a, b)
+    assert (a - c).std() == pytest.approx(5 * math.sqrt(2), rel=0.01)
+    assert a.mean() == pytest.approx(110, abs=3)
+
+
+def test_noise_that_is_clipped_is_told(run, tmp_path):
+    code, out, err = run("simulate", "--frequency", "500", *TESTBED, "--noise", "2", "-o", tmp_path / "x.npy", "--json")
+    assert (code, len(out), len(err)) == (0, 1, 1)
+    assert err[0].startswith("ocisac: warning: noise of dark rows is clipped at 0, which biases gains")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--frequency", "500", "--row-time", "22.2us"), "Missing option '--exposure'."),
+        (TESTBED, "--waveform tone: needs --frequency"),
+        (("--waveform", "chips", "--bits", "01", *TESTBED), "--waveform chips: needs --chip-rate"),
+        (("--waveform", "chips", "--bits", "012", "--chip-rate", "1kHz", *TESTBED), "levels: got '012'"),
+        (("--frequency", "-5", *TESTBED), "frequency: got -5"),
+        (("--frequency", "nan", *TESTBED), "frequency: got nan"),
+        (("--frequency", "5", "--row-time", "0", "--exposure", "1ms"), "row_time: got 0"),
+        (("--frequency", "5", *TESTBED, "--noise", "-1"), "noise: got -1.0, allowed: finite, 0 or above"),
+        (("--frequency", "5", *TESTBED, "--rows", "0"), "rows: got 0, allowed: from 1"),
+        (("--frequency", "5", *TESTBED, "--rows", "99999", "--columns", "99999"), "rows x columns: got 99999 x 99999"),
+        (("--frequency", "5", *TESTBED, "--frame-rate", "0"), "--frame-rate: got 0.0, allowed: above 0"),
+        (("--frequency", "5", *TESTBED, "--bit-depth", "12"), "Invalid value for '--bit-depth'"),
+    ],
+)
+def test_a_simulation_without_meaning_is_refused(run, tmp_path, arguments, message):
+    code, out, err = run("simulate", *arguments, "-o", tmp_path / "x.png")
+    assert (code, out, len(err)) == (2, [], 1)
+    assert err[0].startswith(f"ocisac: {message}")
+    assert os.listdir(tmp_path) == []
+
+
+# What the commands find
+
+
+@pytest.fixture
+def square(facts, tmp_path):
+    """A recording of a 500 Hz square wave at 622 us as a file of any kind."""
+
+    def make(name, *more):
+        light = ("--waveform", "square", "--frequency", "500Hz", "--phase", "1", "--noise", "2", "--columns", 64)
+        facts("simulate", *light, *TESTBED, *DARK, *more, "-o", tmp_path / name)
+        return tmp_path / name
+
+    return make
+
+
+THEORY = abs(np.sinc(500 * 622e-6))
+
+
+@pytest.mark.parametrize("name", ["s.png", "s.tif", "s.npy", "s.mp4"])
+def test_gain_is_that_of_theory_from_every_kind_of_file(facts, square, name):
+    (got,) = facts("gain", square(name), *TESTBED, *DARK, "--frequency", "500Hz", "--waveform", "square")
+    assert got["gain"] == pytest.approx(THEORY, abs=5 * got["gain_std"] + 1e-4)
+    assert got["theory"] == pytest.approx(THEORY, rel=1e-12)
+    assert 0 < got["gain_std"] < 1e-3
+    assert got["frequency_std_hz"] is None
+    assert (got["rows"], got["columns"], got["frames"], got["flags"]) == (720, 64, 1, [])
+    assert got["phase_rad"] == pytest.approx(1, abs=0.01)
+    assert got["background_given"] is False
+    assert isinstance(got["rows"], int)
+
+
+def test_the_frequency_is_found_with_its_standard_error(facts, square):
+    (got,) = facts("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "auto", "--waveform", "square")
+    assert got["frequency_hz"] == pytest.approx(500, abs=5 * got["frequency_std_hz"] + 0.02)
+    assert 0 < got["frequency_std_hz"] < 1
+
+
+def test_frames_of_a_video_are_pooled_by_their_precision(facts, square):
+    path = square("s.mkv", "--frames", 5)
+    (one,) = facts("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "500", "--waveform", "square")
+    (got,) = facts("gain", path, *TESTBED, *DARK, "--frequency", "500", "--waveform", "square")
+    assert got["frames"] == 5
+    assert got["gain_std"] == pytest.approx(one["gain_std"] / math.sqrt(5), rel=0.1)
+    assert got["gain"] == pytest.approx(THEORY, abs=5 * got["gain_std"] + 1e-4)
+
+
+def test_without_a_row_time_everything_is_per_row(facts, square):
+    (got,) = facts("gain", square("s.png"), *DARK, "--frequency", "auto", "--waveform", "square")
+    assert got["frequency_hz"] == pytest.approx(500 * 22.2e-6, rel=1e-4)
+    assert got["theory"] is None
+
+
+def test_limited_range_luma_is_black_at_sixteen(facts, run, tmp_path):
+    from ocisac_fast import Camera, Tone, integrate_exposure
+
+    light = integrate_exposure(Tone(500.0), Camera(22.2e-6, 622e-6), 720)
+    luma = np.rint(np.repeat(16 + 200 * light[:, np.newaxis], 16, axis=1)).astype(np.uint8)
+    write_frames(tmp_path / "grey.png", luma)
+    (wrong,) = facts("gain", tmp_path / "grey.png", *TESTBED, "--frequency", "500")
+    (right,) = facts("gain", tmp_path / "grey.png", *TESTBED, "--frequency", "500", "--dark-level", "16")
+    (same,) = facts("gain", tmp_path / "grey.png", *TESTBED, "--frequency", "500", "--background", "16")
+    assert wrong["gain"] < 0.9 * THEORY
+    assert right["gain"] == pytest.approx(THEORY, abs=1e-3)
+    assert same["gain"] == pytest.approx(THEORY, abs=1e-3)
+    assert same["background_given"] is True
+
+
+def test_a_tone_curve_of_the_file_or_the_options_is_undone(facts, tmp_path):
+    from PIL import Image, PngImagePlugin
+
+    from ocisac_fast import Camera, Tone, integrate_exposure
+
+    light = np.repeat(integrate_exposure(Tone(500.0), Camera(22.2e-6, 622e-6), 720)[:, np.newaxis], 16, axis=1)
+    stored = np.rint(255 * light ** (1 / 2.2)).astype(np.uint8)
+    chunk = PngImagePlugin.PngInfo()
+    chunk.add(b"gAMA", (45455).to_bytes(4, "big"))
+    Image.fromarray(stored).save(tmp_path / "told.png", pnginfo=chunk)
+    write_frames(tmp_path / "untold.png", stored)
+    (told,) = facts("gain", tmp_path / "told.png", *TESTBED, "--frequency", "500")
+    (given,) = facts("gain", tmp_path / "untold.png", *TESTBED, "--frequency", "500", "--tone-curve", "gamma:2.2")
+    (taken,) = facts("gain", tmp_path / "told.png", *TESTBED, "--frequency", "500", "--tone-curve", "linear")
+    assert told["gain"] == pytest.approx(THEORY, abs=3e-3)
+    assert given["gain"] == pytest.approx(THEORY, abs=3e-3)
+    assert abs(taken["gain"] - THEORY) > 0.05
+
+
+@pytest.mark.parametrize("axis", ["y", "-y", "x", "-x"])
+def test_any_readout_direction_gives_the_same_phase(facts, square, tmp_path, axis):
+    frame = read_frames(square("s.png")).frames[0]
+    turned = {"y": frame, "-y": frame[::-1], "x": frame.T, "-x": frame[::-1].T}[axis]
+    write_frames(tmp_path / "turned.png", np.ascontiguousarray(turned))
+    region = ("--region", "3,0,20,720" if axis.endswith("y") else "0,3,720,20")
+    options = (*TESTBED, *DARK, "--frequency", "500", "--waveform", "square")
+    (got,) = facts("gain", tmp_path / "turned.png", *options, "--scan-axis", axis, *region)
+    assert (got["rows"], got["columns"]) == (720, 20)
+    assert got["phase_rad"] == pytest.approx(1, abs=0.01)
+
+
+def test_the_best_channel_is_taken_unless_one_is_named(facts, square, tmp_path):
+    frame = read_frames(square("s.png")).frames[0]
+    noise = np.random.default_rng(5).integers(90, 110, frame.shape, dtype=np.uint8)
+    write_frames(tmp_path / "c.png", [np.stack([noise, frame, noise], axis=-1)])
+    options = (*TESTBED, *DARK, "--frequency", "500", "--waveform", "square")
+    assert facts("gain", tmp_path / "c.png", *options)[0]["channel"] == 1
+    assert "weak" in facts("gain", tmp_path / "c.png", *options, "--channel", "r")[0]["flags"]
+
+
+@pytest.mark.parametrize(("level", "frequency", "flag"), [(0, "500", "no_light"), (7, "auto", "no_tone")])
+def test_what_cannot_be_answered_is_null_and_flagged(facts, tmp_path, level, frequency, flag):
+    write_frames(tmp_path / "even.png", np.full((100, 8), level, np.uint8))
+    plot = ("--plot", tmp_path / "even.svg")
+    (got,) = facts("gain", tmp_path / "even.png", *TESTBED, "--frequency", frequency, *plot)
+    assert got["gain"] is None
+    assert flag in got["flags"]
+    assert (tmp_path / "even.svg").exists()
+
+
+@pytest.mark.parametrize("values", [np.nan, np.inf])
+def test_values_that_are_not_finite_are_refused(run, tmp_path, values):
+    frame = np.ones((50, 4))
+    frame[3, 2] = values
+    write_frames(tmp_path / "a.npy", frame)
+    for command in (("gain", "--frequency", "0.1"), ("calibrate", "--frequency", "1"), ("receive",)):
+        code, out, err = run(command[0], tmp_path / "a.npy", *command[1:])
+        assert (code, out, len(err)) == (2, [], 1)
+        assert f"got {values}" in err[0]
+
+
+@pytest.mark.parametrize("options", [(), TESTBED, TESTBED[2:]])
+def test_calibrate_measures_the_row_time(facts, square, options):
+    (got,) = facts("calibrate", square("s.png"), "--frequency", "500Hz", *options)
+    assert got["row_time_s"] == pytest.approx(22.2e-6, abs=5 * got["row_time_std_s"] + 1e-9)
+    assert 0 < got["row_time_std_s"] < 1e-7
+
+
+@pytest.mark.parametrize(("method", "exposure"), [("exact", None), ("search", None), ("closed-form", 0.5 / 500)])
+def test_exposure_gives_what_the_function_gives(facts, method, exposure):
+    from ocisac_fast import best_exposure
+
+    (got,) = facts("exposure", "--comm", "500Hz", "--sense", "0.35kHz", "--method", method)
+    best = best_exposure(500.0, 350.0, method=method)
+    assert (got["exposure_s"], got["objective"]) == (best.exposure, best.objective)
+    assert exposure is None or got["exposure_s"] == pytest.approx(exposure)
+
+
+def test_exposure_takes_weights_bounds_and_steps(facts):
+    (got,) = facts("exposure", "--comm", "500", "--sense", "350", "--bounds", "0.2ms,0.6ms", "--step", "22.2us")
+    assert got["exposure_s"] == pytest.approx(27 * 22.2e-6)
+    (comm,) = facts("exposure", "--comm", "500", "--sense", "350", "--weights", "1,0")
+    assert comm["exposure_s"] == pytest.approx(1e-3)
+
+
+BITS = "0100111010110001111001011010001"
+
+
+@pytest.fixture
+def chips(facts, tmp_path):
+    light = ("--waveform", "chips", "--bits", BITS, "--chip-rate", "8kHz", "--noise", "2", "--columns", 40)
+    camera = ("--row-time", "22.2us", "--exposure", "60us", "--frame-rate", "60")
+    facts("simulate", *light, *camera, *DARK, "--frames", 3, "-o", tmp_path / "chips.mkv")
+    return tmp_path / "chips.mkv"
+
+
+def test_receive_gives_an_object_a_frame(facts, chips):
+    got = facts("receive", chips, "--row-time", "22.2us", "--exposure", "60us", "--line-code", "none")
+    assert [(each["frame"], each["source"], each["rows"]) for each in got] == [(0, 0, 720), (1, 0, 720), (2, 0, 720)]
+    for each in got:
+        assert each["bits"] in BITS * 6
+        assert len(each["bits"]) in (126, 127)
+        assert each["chip_rate_hz"] == pytest.approx(8000, rel=1e-3)
+        assert each["rows_per_chip"] == pytest.approx(1 / (8000 * 22.2e-6), rel=1e-3)
+        assert each["snr_db"] > 20
+
+
+def test_receive_takes_several_files_and_a_known_rate(facts, chips):
+    options = ("--row-time", "22.2us", "--exposure", "60us", "--chip-rate", "8kHz")
+    got = facts("receive", chips, chips, *options)
+    assert [each["file"] for each in got] == [str(chips)] * 6
+    assert [each["frame"] for each in got] == [0, 1, 2] * 2
+    assert got[0]["bits"] == got[3]["bits"]
+
+
+def test_receive_in_rows_without_a_row_time(facts, chips):
+    (got, *_) = facts("receive", chips)
+    assert got["chip_rate_hz"] == pytest.approx(8000 * 22.2e-6, rel=1e-3)
+
+
+def test_the_readme_runs(facts, tmp_path, monkeypatch, capsys):
+    readme = (pathlib.Path(__file__).parents[2] / "README.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    *_, block = re.findall(r"```sh\n(.*?)```", readme, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    light = ("--waveform", "square", "--frequency", "500", "--frames", 2, "--columns", 3, "--noise", 1, *DARK)
+    facts("simulate", *light, "--row-time", "22.2us", "--exposure", "1202us", "-o", "recording.mkv")
+    exec(compile(code, "README.md", "exec"), {})
+    assert capsys.readouterr().out.count("\n") >= 4
+    for line in block.splitlines():
+        command = shlex.split(line, comments=True)
+        if command[:1] == ["ocisac"]:
+            facts(
+                *[
+                    str(path)
+                    for word in command[1:]
+                    for path in (sorted(tmp_path.glob("*.png")) if "*" in word else [word])
+                ]
+            )
+
+
+def test_info_names_what_a_report_needs(facts):
+    import ocisac_fast
+
+    (got,) = facts("info")
+    assert got["version"] == ocisac_fast.__version__
+    assert got["libraries"]["numpy"] == np.__version__
+    assert got["simd_target"] in got["simd_targets"]
+    assert all(got[name] for name in ("commit", "compiler", "opencv", "python", "system"))
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_plots_are_drawn_without_a_display(run, square, chips, tmp_path, suffix):
+    commands = {
+        "gain": ("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "500"),
+        "rows": ("gain", square("s.png"), "--frequency", "0.0111"),
+        "receive": ("receive", chips, "--row-time", "22.2us", "--exposure", "60us"),
+        "exposure": ("exposure", "--comm", "500", "--sense", "350"),
+    }
+    magic = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[suffix]
+    for name, command in commands.items():
+        plot = tmp_path / f"{name}{suffix}"
+        code, out, err = run(*command, "--plot", plot)
+        assert (code, err) == (0, [])
+        assert len(out) >= 2
+        assert plot.read_bytes().startswith(magic)
+
+
+def test_the_demo_decodes_its_recordings_in_time(facts, tmp_path):
+    begin = time.perf_counter()
+    (got,) = facts("demo", "--directory", tmp_path / "demo")
+    assert time.perf_counter() - begin < 30  # 10 s on a quiet machine
+    assert got["text"] == "OC-ISAC!"
+    assert len(got["settings"]) == 24
+    for setting in got["settings"]:
+        assert setting["gain"] == pytest.approx(setting["theory"], abs=5 * setting["gain_std"])
+    assert sorted(os.listdir(tmp_path / "demo")) == ["chips.png", "demo.png", "testbed.mkv"]
+
+
+def test_tables_for_people_hold_the_same_numbers(run, square):
+    code, out, err = run("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "500", "--waveform", "square")
+    assert (code, err) == (0, [])
+    assert any(line.split()[:1] == ["frequency"] and "500 Hz" in line for line in out)
+    assert any("theory" in line and f"{THEORY:.5f}" in line for line in out)
+
+
+def test_a_truncated_video_is_measured_with_a_warning(run, square):
+    path = square("s.mkv", "--frames", 6)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    code, out, err = run("gain", path, *TESTBED, *DARK, "--frequency", "500", "--json")
+    assert code == 0
+    assert json.loads(out[0])["frames"] in (2, 3)
+    assert len(err) == 1
+    assert err[0].startswith(f"ocisac: warning: {path}: truncated or damaged video: ")
+
+
+# Refusals in general
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nonsense",), "No such command 'nonsense'."),
+        (("gain",), "Missing argument 'FILE'."),
+        (("gain", "x.png"), "Missing option '--frequency'."),
+        (("gain", "x.png", "--frequency", "5", "--nonsense"), "No such option"),
+        (("gain", "missing.png", "--frequency", "5"), "missing.png: No such file or directory"),
+        (("gain", ".", "--frequency", "5"), ".: Is a directory"),
+        (("gain", "empty.png", "--frequency", "5"), "empty.png: empty file"),
+        (("gain", "text.png", "--frequency", "5"), "text.png: not a picture, a video or a .npy array"),
+        (("gain", "half.png", "--frequency", "5"), "half.png: truncated"),
+        (
+            ("gain", "grey.png", "--frequency", "500Hz"),
+            "--frequency: Hz needs --row-time; without it",
+        ),
+        (("gain", "grey.png", "--frequency", "5", "--row-time", "-1us"), "row_time: got -"),
+        (("gain", "grey.png", "--frequency", "5", "--exposure", "1ms"), "--exposure: needs --row-time"),
+        (
+            ("gain", "grey.png", "--frequency", "0.1", "--region", "0,0,99,1"),
+            "--region: got 0,0,99,1, allowed",
+        ),
+        (("gain", "grey.png", "--frequency", "0.1", "--region", "1,2,3"), "Invalid value for '--region': got '1,2,3'"),
+        (("gain", "grey.png", "--frequency", "0.1", "--channel", "g"), "--channel: got g, the picture is grey"),
+        (("gain", "grey.png", "--frequency", "0.1", "--channel", "u"), "Invalid value for '--channel': got 'u'"),
+        (
+            ("gain", "grey.png", "--frequency", "0.1", "--tone-curve", "log"),
+            "Invalid value for '--tone-curve'",
+        ),
+        (("gain", "grey.png", "--frequency", "0.1", "--tone-curve", "gamma:-1"), "gamma: got -1"),
+        (("gain", "grey.png", "--frequency", "0.1", "--dark-level", "nan"), "dark_level: got nan"),
+        (("gain", "grey.png", "--frequency", "0.1", "--scan-axis", "z"), "Invalid value for '--scan-axis'"),
+        (("gain", "grey.png", "--frequency", "0.1", "--plot", "p.txt"), "p.txt: suffix: got '.txt', allowed: .png"),
+        (
+            ("gain", "grey.png", "--frequency", "0.1", "--plot", "nowhere/p.png"),
+            "nowhere: no such directory to write to",
+        ),
+        (("receive",), "Missing argument 'FILE...'."),
+        (("receive", "grey.png", "--chip-rate", "1kHz"), "--chip-rate: Hz needs --row-time"),
+        (("exposure", "--comm", "500"), "Missing option '--sense'."),
+        (("exposure", "--comm", "-500", "--sense", "5"), "frequency: got -500"),
+        (("exposure", "--comm", "500", "--sense", "5", "--bounds", "3ms"), "Invalid value for '--bounds': got '3ms'"),
+    ],
+)
+def test_every_refusal_is_one_line_and_code_two(run, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    write_frames("grey.png", np.random.default_rng(0).integers(0, 255, (50, 40), dtype=np.uint8))
+    (tmp_path / "half.png").write_bytes((tmp_path / "grey.png").read_bytes()[:700])
+    (tmp_path / "empty.png").touch()
+    (tmp_path / "text.png").write_text("not a picture")
+    code, out, err = run(*arguments)
+    assert (code, out, len(err)) == (2, [], 1)
+    assert err[0].startswith(f"ocisac: {message}")
+    assert sorted(os.listdir(tmp_path)) == ["empty.png", "grey.png", "half.png", "text.png"]
+
+
+def test_libraries_that_write_of_damage_are_silenced(tmp_path):
+    from PIL import Image
+
+    picture = np.random.default_rng(0).integers(0, 255, (50, 40), dtype=np.uint8)
+    Image.fromarray(picture).save(tmp_path / "lzw.tif", compression="tiff_lzw")
+    damaged = bytearray((tmp_path / "lzw.tif").read_bytes())
+    damaged[8:12] = b"\xff" * 4  # codes of the LZW stream
+    (tmp_path / "lzw.tif").write_bytes(damaged)
+    command = [sys.executable, "-m", "ocisac_fast.cli", "gain", tmp_path / "lzw.tif", "--frequency", "0.1"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"ocisac: {tmp_path / 'lzw.tif'}: truncated or damaged picture")
+    assert done.stderr.count("\n") == 1
+
+
+def test_help_is_quick_to_load():
+    code = "import sys; from ocisac_fast.cli import main; main(['--help']); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "Commands:" in done.stdout
+    assert not {"PIL", "av", "matplotlib", "rich"} & set(done.stdout.split())
+
+
+@pytest.mark.parametrize("missing", ["click", "rich"])
+def test_missing_libraries_are_named(missing):
+    code = f"import sys; sys.modules[{missing!r}] = None; from ocisac_fast.cli import main; sys.exit(main(['info']))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == f"ocisac: the command line needs {missing}: pip install 'ocisac-fast[cli]'\n"
+
+
+def test_a_closed_pipe_is_quiet():
+    command = f"{sys.executable} -m ocisac_fast.cli gain --help | true; exit ${{PIPESTATUS[0]}}"
+    for _ in range(3):
+        done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+        assert done.stderr == ""
+        assert done.returncode in (0, 141)  # the help may fit into the pipe before it closes
+
+
+def test_an_interrupt_is_quiet(tmp_path):
+    output = tmp_path / "long.mkv"
+    command = [
+        sys.executable,
+        "-m",
+        "ocisac_fast.cli",
+        "simulate",
+        "--frequency",
+        "500",
+        *TESTBED,
+        "--frames",
+        "9999",
+        *DARK,
+    ]
+    child = subprocess.Popen(
+        [*command, "-o", output],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        # A shell's background jobs are started with interrupts ignored, and their children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        while not list(tmp_path.iterdir()) and child.poll() is None:
+            time.sleep(0.02)
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=30)
+    finally:
+        child.kill()
+    assert (child.returncode, out, err) == (130, b"", b"")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,459 @@
+"""The C++ executable, run as a process: raw frames in, JSON lines out."""
+
+import base64
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Chips, Flag, SquareWave, _core
+
+ROOT = Path(__file__).resolve().parents[2]
+ROW_TIME, EXPOSURE, ROWS, COLUMNS = 22.2e-6, 100e-6, 720, 40
+
+
+@pytest.fixture(scope="module")
+def receiver():
+    """The executable that OCISAC_RX names (`make test` does), else the newest of this tree's builds."""
+    built = sorted(ROOT.glob("build/**/ocisac-rx"), key=os.path.getmtime)
+    found = os.environ.get("OCISAC_RX") or (str(built[-1]) if built else shutil.which("ocisac-rx"))
+    if found is None:
+        pytest.skip("ocisac-rx is not built")
+    return found
+
+
+def run(receiver, frames, *options):
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *options]
+    return subprocess.run(command, input=frames, capture_output=True, timeout=60, check=False)
+
+
+def lines_of(done):
+    """The objects of the frames, and the totals at the end."""
+    assert done.returncode == 0, done.stderr
+    *frames, last = [json.loads(line) for line in done.stdout.splitlines()]
+    return frames, last["totals"]
+
+
+def recording(waveform, dtype="uint8", frames=3, scale=200):
+    """(frames, rows, columns) of noisy frames."""
+    camera = Camera(ROW_TIME, EXPOSURE, frame_time=1 / 30)
+    light = ocisac.integrate_exposure(waveform, camera, ROWS, frames=frames)
+    noise = np.random.default_rng(2).standard_normal((frames, ROWS, COLUMNS))
+    return np.rint((scale / 10 + scale * light)[:, :, None] + scale / 100 * noise).astype(dtype)
+
+
+@pytest.mark.parametrize(("dtype", "name", "scale"), [("uint8", "gray8", 200), ("<u2", "gray16le", 40000)])
+@pytest.mark.parametrize("frequency", ["500Hz", None])
+def test_gains_are_those_of_the_library(receiver, dtype, name, scale, frequency):
+    frames = recording(SquareWave(500.0, phase=0.3), dtype, scale=scale)
+    told = [] if frequency is None else ["--frequency", frequency]
+    options = ["--waveform", "square", "--dark-level", str(scale / 10), "--no-bits", "--format", name, *told]
+    done = run(receiver, frames.tobytes(), *options)
+    lines, totals = lines_of(done)
+    assert [line["frame"] for line in lines] == [0, 1, 2]
+    assert (totals["frames"], totals["torn"]) == (3, 0)
+    camera = Camera(ROW_TIME, EXPOSURE, dark_level=scale / 10)
+    for line, frame in zip(lines, frames, strict=True):
+        assert line["gain"]["frequency_hz"] == pytest.approx(500, rel=1e-3)
+        x, y, width, height = line["region"]
+        part = frame[y : y + height, x : x + width]
+        want = ocisac.tone_gain(part, camera, line["gain"]["frequency_hz"], waveform="square", pooled=True)
+        assert line["gain"]["gain"] == pytest.approx(float(want.gain), rel=1e-9)
+        assert line["gain"]["gain_std"] == pytest.approx(float(want.gain_std), rel=1e-6)
+        assert line["gain"]["gain"] == pytest.approx(abs(np.sinc(500 * EXPOSURE)), abs=0.02)
+
+
+def test_bits_are_those_that_were_sent(receiver):
+    bits = "".join(np.random.default_rng(4).choice(["0", "1"], 500))
+    frames = recording(Chips(bits, 2000.0), frames=1)
+    (line,), totals = lines_of(run(receiver, frames.tobytes(), "--frequency", "500Hz"))
+    assert totals["bits"] == len(line["received"]["bits"])
+    assert len(line["received"]["bits"]) >= int(ROWS * ROW_TIME * 2000) - 2
+    assert line["received"]["bits"] in bits
+    assert line["received"]["chip_rate_hz"] == pytest.approx(2000, rel=5e-3)
+
+
+def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
+    frames = recording(SquareWave(500.0)).tobytes()
+    done = run(receiver, frames[:-7], "--frequency", "500Hz")
+    lines, totals = lines_of(done)
+    assert len(lines) == 2
+    assert (totals["frames"], totals["torn"]) == (2, 1)
+    assert done.stderr.decode().strip() == "ocisac-rx: frame 2 is torn: 28793 of 28800 bytes; left out"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--size", "0x5"], "--size: got 0x5, allowed: WIDTHxHEIGHT"),
+        (["--size", "axb"], "--size: got axb"),
+        (["--size", "99999x99999"], "allowed: frames of at most 2^30 bytes"),
+        (["--row-time", "0"], "--row-time: got 0"),
+        (["--row-time", "22parsec"], "--row-time"),
+        (["--exposure", "-1us"], "exposure: got -1e-06, allowed: a finite number, 0 or above"),
+        (["--frequency", "0"], "frequency: got 0"),
+        (["--frequency", "nan"], "--frequency: nan"),
+        (["--format", "rgb"], "--format"),
+        (["--nonsense"], "--nonsense"),
+        (["/nonexistent"], "input: got /nonexistent"),
+        (["--region", "0,0,41,720"], "--region: got 0,0,41,720, allowed: inside the picture of 40x720"),
+        (["--region", "0,0,0,720"], "--region: got 0,0,0,720, allowed: x,y,w,h"),
+        (["--stride", "39"], "--stride: got 39, allowed: at least the 40 bytes"),
+        (["--tone-curve", "gamma:0"], "--tone-curve: got gamma:0"),
+        (["--line-code", "morse"], "morse"),
+        (["--no-bits", "--no-gain"], "--no-bits: got with --no-gain"),
+        (["--config", "/nonexistent.toml"], "/nonexistent.toml"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(receiver, options, message):
+    done = run(receiver, bytes(ROWS * COLUMNS), *options)
+    assert done.returncode == 2
+    assert done.stdout == b""
+    assert done.stderr.decode().count("\n") == 1
+    assert message in done.stderr.decode()
+
+
+def test_an_empty_input_is_refused(receiver):
+    done = run(receiver, b"")
+    assert (done.returncode, done.stderr) == (2, b"ocisac-rx: no frames: the input is empty\n")
+
+
+def test_a_dark_frame_is_answered_with_flags(receiver):
+    (line,), _ = lines_of(run(receiver, bytes(ROWS * COLUMNS)))
+    assert line["gain"]["gain"] is None
+    assert line["received"]["bits"] == ""
+    assert line["received"]["flags"]
+
+
+PAYLOAD = bytes(range(40)) + "Größe".encode()
+PACKETS = ("--chip-rate", "11.7kHz", "--frame-rate", "30Hz")
+
+
+@pytest.fixture(scope="module")
+def packets():
+    """(frames, rows, columns) of a light in the middle columns that sends PAYLOAD over and over."""
+    sent = ocisac.transmit(PAYLOAD, line_code="manchester")
+    frames = recording(Chips(sent.chips, 11700.0, repeat=True), frames=40, scale=150)
+    frames[:, :, :8] = frames[:, :, 30:] = 15
+    return frames
+
+
+def to_y4m(frames):
+    head = f"YUV4MPEG2 W{COLUMNS} H{ROWS} F30:1 Cmono\n".encode()
+    return head + b"".join(b"FRAME\n" + frame.tobytes() for frame in frames)
+
+
+def to_pgm(frames):
+    return b"".join(f"P5\n{COLUMNS} {ROWS}\n255\n".encode() + frame.tobytes() for frame in frames)
+
+
+def to_yuyv(frames):
+    return np.stack([frames, np.full_like(frames, 128)], axis=-1).tobytes()
+
+
+def to_nv12(frames):
+    chroma = np.full((len(frames), ROWS * COLUMNS // 2), 77, np.uint8)
+    return np.concatenate([frames.reshape(len(frames), -1), chroma], axis=1).tobytes()
+
+
+def to_gray10p(frames):
+    values = frames.reshape(-1, 4).astype(np.uint16) * 4 + 3
+    low = np.full((len(values), 1), 0xFF, np.uint8)
+    return np.concatenate([(values >> 2).astype(np.uint8), low], axis=1).tobytes()
+
+
+def test_a_payload_is_received_and_told_in_full(receiver, packets):
+    lines, totals = lines_of(run(receiver, packets.tobytes(), *PACKETS, "--no-gain"))
+    told = [line["received"] for line in lines if "payload" in line["received"]]
+    assert base64.b64decode(told[0]["payload_base64"]) == PAYLOAD
+    assert told[0]["payload"] == PAYLOAD.decode(errors="replace")
+    assert totals["payloads"] == len(told)
+    assert totals["payload_bytes"] == len(told) * len(PAYLOAD)
+    assert totals["searches"] == 1
+    assert all(line["exposure"]["exposure_s"] == pytest.approx(1 / 11700, rel=0.01) for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("pack", "options"),
+    [
+        (to_y4m, ()),
+        (to_pgm, ()),
+        (to_yuyv, ("--format", "yuyv")),
+        (to_nv12, ("--format", "nv12")),
+        (to_nv12, ("--format", "yuv420p")),
+        (to_gray10p, ("--format", "gray10p")),
+        (lambda frames: np.flip(frames, 1).tobytes(), ("--scan-axis=-y",)),
+        (lambda frames: frames.tobytes(), ("--region", f"6,0,26,{ROWS}")),
+    ],
+    ids=["y4m", "pgm", "yuyv", "nv12", "yuv420p", "gray10p", "up", "region"],
+)
+def test_payload_alone_of_every_way_in(receiver, packets, pack, options):
+    done = run(receiver, pack(packets), *PACKETS, "--payload", *options)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout[: len(PAYLOAD)] == PAYLOAD
+    assert len(done.stdout) % len(PAYLOAD) == 0
+
+
+def test_no_payload_is_exit_code_3(receiver, packets):
+    done = run(receiver, packets[:1].tobytes(), *PACKETS, "--payload")
+    assert (done.returncode, done.stdout) == (3, b"")
+
+
+def test_options_come_from_a_toml_file(receiver, packets, tmp_path):
+    config = tmp_path / "rx.toml"
+    config.write_text(
+        f'size = "{COLUMNS}x{ROWS}"\nrow-time = "22.2us"\nexposure = "100us"\n'
+        'chip-rate = "11.7kHz"\nframe-rate = 30.0\npayload = true\n'
+    )
+    done = subprocess.run([receiver, "--config", config], input=packets.tobytes(), capture_output=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout[: len(PAYLOAD)] == PAYLOAD
+
+
+def test_stats_tell_latency_and_memory(receiver, packets):
+    done = run(receiver, packets.tobytes(), *PACKETS, "--stats")
+    stats = json.loads(done.stderr)["stats"]
+    latency = stats["latency_s"]
+    assert 0 < latency["p50"] <= latency["p99"] <= latency["max"] < 1
+    assert 2**20 < stats["peak_memory_bytes"] < 2**25  # below 32 MB
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_in_order(receiver, packets, number):
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdin.write(packets[:2].tobytes() + b"a frame that has begun")
+        process.stdin.flush()
+        lines = [json.loads(process.stdout.readline()) for _ in range(2)]  # told at once, though the input goes on
+        process.send_signal(number)
+        rest, problems = process.communicate(timeout=30)
+    assert [line["frame"] for line in lines] == [0, 1]
+    assert json.loads(rest)["totals"]["frames"] == 2
+    assert (process.returncode, problems) == (0, b"")
+
+
+def test_a_reader_that_goes_ends_it_in_order(receiver, packets):
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdin.write(packets[:1].tobytes())
+        process.stdin.flush()
+        process.stdout.readline()
+        process.stdout.close()
+        process.stdin.write(packets[1:2].tobytes())
+        process.stdin.flush()
+        assert process.wait(timeout=30) == 0
+        assert process.stderr.read() == b""
+
+
+def test_a_fifo_is_waited_for(receiver, packets, tmp_path):
+    fifo = tmp_path / "frames"
+    os.mkfifo(fifo)
+    command = [receiver, str(fifo), "--row-time", "22.2us", "--exposure", "100us", *PACKETS, "--payload"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        fifo.write_bytes(to_y4m(packets))
+        assert process.communicate(timeout=60)[0][: len(PAYLOAD)] == PAYLOAD
+
+
+def test_the_example_in_c_receives_the_payload(receiver, packets):
+    example = Path(receiver).parents[1] / "tests" / "ocisac_receive_example"
+    if not example.exists():
+        pytest.skip("the example in C is not built beside ocisac-rx")
+    command = [example, str(COLUMNS), str(ROWS), "22.2e-6", "11700", "30"]
+    done = subprocess.run(command, input=packets.tobytes(), capture_output=True, timeout=60, check=True)
+    assert done.stdout[: len(PAYLOAD)] == PAYLOAD
+    assert len(done.stderr.splitlines()) == len(packets)
+    refused = subprocess.run([*command[:3], "0", *command[4:]], input=b"", capture_output=True, timeout=60)
+    assert (refused.returncode, refused.stdout) == (2, b"")
+    assert b"row_time: got 0" in refused.stderr
+
+
+@pytest.fixture(scope="module")
+def counter(tmp_path_factory):
+    """A library to preload that counts calls of the C library's heap."""
+    compiler = shutil.which("cc")
+    if compiler is None or not sys.platform.startswith("linux"):
+        pytest.skip("needs a C compiler on Linux")
+    library = tmp_path_factory.mktemp("counter") / "count_allocations.so"
+    source = ROOT / "tests" / "count_allocations.c"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True)
+    return library
+
+
+def heap_use(receiver, counter, frames, *options):
+    """Calls of the heap in a whole run, and the memory of the pool."""
+    told = counter.with_name("calls")
+    command = [
+        receiver,
+        "--size",
+        f"{COLUMNS}x{ROWS}",
+        "--row-time",
+        "22.2us",
+        "--exposure",
+        "100us",
+        "--stats",
+        *options,
+    ]
+    environment = {**os.environ, "LD_PRELOAD": str(counter), "COUNT_ALLOCATIONS": str(told)}
+    done = subprocess.run(command, input=frames, capture_output=True, timeout=120, env=environment, check=True)
+    return int(told.read_text()), json.loads(done.stderr)["stats"]["pool_bytes"]
+
+
+@pytest.mark.parametrize(
+    "options", [PACKETS, ("--no-bits", "--frequency", "500Hz", "--region", "8,0,22,720"), (*PACKETS, "--no-gain")]
+)
+def test_no_frame_asks_the_heap_for_memory_once_it_runs(receiver, counter, packets, options):
+    turn = packets.tobytes()
+    warm, warm_pool = heap_use(receiver, counter, turn, *options)
+    long, long_pool = heap_use(receiver, counter, 6 * turn, *options)
+    assert warm > 0
+    assert long == warm
+    assert long_pool == warm_pool
+
+
+def endless(rows, columns, lit, row_time, chip_rate, turn=40):
+    """(turn, rows, columns) frames that can be repeated for ever, the chips of PAYLOAD in them, and the frame time.
+
+    The frame time is such that `turn` frames last for a whole number of packets.
+    """
+    chips = ocisac.transmit(PAYLOAD, line_code="manchester").chips
+    packets_a_turn = round(turn * chip_rate / 30 / len(chips))
+    camera = Camera(row_time, EXPOSURE, frame_time=packets_a_turn * len(chips) / (turn * chip_rate))
+    light = ocisac.integrate_exposure(Chips(chips, chip_rate, repeat=True), camera, rows, frames=turn)
+    noise = np.random.default_rng(5).integers(-3, 4, (rows + turn, columns))
+    frames = np.empty((turn, rows, columns), np.uint8)
+    for k, frame in enumerate(frames):
+        level = 20 + noise[k : k + rows]
+        level[:, lit] += np.rint(150 * light[k]).astype(int)[:, None]
+        frame[:] = np.maximum(level, 0)
+    return frames, "".join("1" if chip else "0" for chip in chips), camera.frame_time
+
+
+def resident(process):
+    """Bytes."""
+    return int(Path(f"/proc/{process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("rows", "columns", "row_time", "turns"),
+    [(720, 40, 22.2e-6, 2500), (1080, 1920, 9e-6, 100)],
+    ids=["small", "1080p"],
+)
+def test_a_hundred_thousand_frames_leave_memory_flat_and_lose_none(receiver, rows, columns, row_time, turns):
+    lit = slice(columns // 2 - columns // 32 - 10, columns // 2 + columns // 32 + 10)
+    frames, chips, frame_time = endless(rows, columns, lit, row_time, 11700.0)
+    size = ["--size", f"{columns}x{rows}", "--row-time", f"{row_time}s", "--exposure", f"{EXPOSURE}s"]
+    command = [receiver, *size, "--chip-rate", "11.7kHz", "--frame-rate", repr(1 / frame_time), "--stats"]
+    turn, memory, payloads, round_and_round = frames.tobytes(), [], [], chips + chips
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        writer = threading.Thread(target=lambda: [process.stdin.write(turn) for _ in range(turns)])
+        writer.start()
+        for index in range(turns * len(frames)):
+            line = json.loads(process.stdout.readline())
+            assert line["frame"] == index
+            received = line["received"]
+            assert received["outcome"] == "received"
+            assert len(received["bits"]) >= rows * row_time * 11700 - 3
+            assert received["bits"] in round_and_round
+            if "payload_base64" in received:
+                assert base64.b64decode(received["payload_base64"]) == PAYLOAD
+                payloads.append(index // len(frames))
+            if index % len(frames) == 0:
+                memory.append(resident(process))
+        writer.join()
+        process.stdin.close()
+        totals = json.loads(process.stdout.readline())["totals"]
+        stats = json.loads(process.stderr.read())["stats"]
+        assert process.wait(timeout=60) == 0
+    assert (totals["frames"], totals["torn"], totals["payloads"]) == (turns * len(frames), 0, len(payloads))
+    # A whole number of packets a turn: once it runs, every turn gives as many payloads as the one before, give or take.
+    whole = np.bincount(payloads, minlength=turns)[2:]
+    assert whole.min() >= 1
+    assert whole.max() - whole.min() <= 1
+    assert max(memory) <= 1.001 * memory[len(memory) // 10]  # a new search may touch a page more
+    print(f"{totals}, resident {memory[1]} to {memory[-1]} bytes, {stats}")
+
+
+@pytest.mark.nightly
+def test_64_bit_arm_gives_the_same_payload_and_numbers(receiver, packets):
+    """Cross-built by `make arm64`, run under qemu-user."""
+    sysroot, arm = ROOT / "build/arm64/sysroot", ROOT / "build/aarch64/cpp/apps/ocisac-rx"
+    if not arm.exists() or shutil.which("qemu-aarch64") is None:
+        pytest.skip("make arm64 has not been run")
+    libraries = sysroot / "usr/lib/aarch64-linux-gnu"
+    path = ":".join(
+        str(folder)
+        for folder in (libraries, libraries / "blas", libraries / "lapack", sysroot / "lib" / libraries.name)
+    )
+    emulated = ["qemu-aarch64", "-L", str(sysroot), "-E", f"LD_LIBRARY_PATH={path}", str(arm)]
+    options = ["--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
+    outputs = [
+        lines_of(subprocess.run([*command, *options], input=packets.tobytes(), capture_output=True, timeout=300))
+        for command in ([receiver], emulated)
+    ]
+    (here, here_totals), (there, there_totals) = outputs
+    assert len(here) == len(there)
+    for ours, theirs in zip(here, there, strict=True):
+        assert ours["received"]["bits"] == theirs["received"]["bits"]
+        assert ours["received"].get("payload_base64") == theirs["received"].get("payload_base64")
+        for name in ("rows_per_chip", "snr_db"):
+            assert theirs["received"][name] == pytest.approx(ours["received"][name], rel=1e-9)
+    assert here_totals["payloads"] == there_totals["payloads"] > 0
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+@pytest.mark.parametrize("form", [["-f", "yuv4mpegpipe"], ["-f", "rawvideo"], ["-f", "image2pipe", "-c:v", "pgm"]])
+def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, capsys):
+    """What the README shows: transmit, simulate, ffmpeg, ocisac-rx."""
+    pytest.importorskip("av")
+    from ocisac_fast.cli import main
+
+    def command(*arguments):
+        assert main([str(argument) for argument in arguments]) == 0
+        return capsys.readouterr().out
+
+    chips = command("transmit", "--text", "hello from a lamp").strip()
+    video = tmp_path / "lamp.mkv"
+    light = ("--waveform", "chips", "--bits", chips, "--chip-rate", "11.7kHz", "--swing", 150, "--noise", 2)
+    size = ("--rows", ROWS, "--columns", COLUMNS, "--frames", 40, "--frame-rate", 30, "--dark-level", 20)
+    command("simulate", *light, *size, "--row-time", "22.2us", "--exposure", "100us", "-o", video)
+    ffmpeg = ["ffmpeg", "-v", "error", "-i", str(video), "-pix_fmt", "gray", *form, "-"]
+    with subprocess.Popen(ffmpeg, stdout=subprocess.PIPE) as pipe:
+        receiving = [receiver, "--row-time", "22.2us", "--exposure", "100us", *PACKETS, "--payload"]
+        if "rawvideo" in form:
+            receiving += ["--size", f"{COLUMNS}x{ROWS}"]
+        done = subprocess.run(receiving, stdin=pipe.stdout, capture_output=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(b"hello from a lamp")
+
+
+@pytest.mark.skipif(shutil.which("gst-launch-1.0") is None, reason="GStreamer is not installed")
+@pytest.mark.parametrize(
+    ("form", "name"), [("GRAY8", "gray8"), ("YUY2", "yuyv"), ("NV12", "nv12"), ("I420", "yuv420p")]
+)
+def test_frames_through_gstreamer(receiver, packets, tmp_path, form, name):
+    stored = tmp_path / "lamp.raw"
+    stored.write_bytes(packets.tobytes())
+    parse = f"rawvideoparse width={COLUMNS} height={ROWS} format=gray8 framerate=30/1"
+    pipeline = f"filesrc location={stored} ! {parse} ! videoconvert ! video/x-raw,format={form} ! fdsink"
+    with subprocess.Popen(["gst-launch-1.0", "-q", *pipeline.split()], stdout=subprocess.PIPE) as pipe:
+        size = ["--size", f"{COLUMNS}x{ROWS}", "--format", name, "--row-time", "22.2us", "--exposure", "100us"]
+        done = subprocess.run(
+            [receiver, *size, *PACKETS, "--payload"], stdin=pipe.stdout, capture_output=True, timeout=60
+        )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(PAYLOAD)
+
+
+def test_flags_have_the_same_names_in_python_and_cpp():
+    for bit in Flag:
+        assert _core.flag_names(int(bit)) == Flag(bit).names()
+    assert len(_core.flag_names(0xFFFFFFFF)) == len(list(Flag))

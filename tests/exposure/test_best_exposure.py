@@ -1,0 +1,237 @@
+"""Exposure choice: the published figures, the exact maximum against brute force, and refusals."""
+
+from __future__ import annotations
+
+import math
+import time
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings, strategies as st
+
+import ocisac_fast as of
+from ocisac_fast import reference
+
+F_MIN = 100.0
+F_MAX = F_MIN / (np.arange(1, 101) / 100)  # 1/eps = 0.01 ... 1.00
+
+frequencies = st.floats(20.0, 5000.0)
+weights = st.floats(0.05, 20.0)
+
+
+def deviation(objective: np.ndarray, best: np.ndarray) -> tuple[float, float]:
+    """Mean and largest normalised deviation in percent."""
+    loss = 100 * (1 - objective / best)
+    return float(loss.mean()), float(loss.max())
+
+
+def fine_search(frequencies: np.ndarray, points: int = 400_001) -> np.ndarray:
+    exposures = np.linspace(0, 1 / frequencies.min(), points)[1:]
+    terms = np.abs(np.sin(np.pi * np.multiply.outer(frequencies, exposures))) / (np.pi * frequencies[:, None])
+    return np.asarray(terms.sum(axis=0))
+
+
+@pytest.fixture(scope="module")
+def exact() -> of.BestExposure:
+    return of.best_exposure(F_MAX, F_MIN)
+
+
+class TestPublishedFigures:
+    def test_closed_form(self, exact: of.BestExposure) -> None:
+        closed = of.best_exposure(F_MAX, F_MIN, method="closed-form")
+        mean, largest = deviation(closed.objective, exact.objective)
+        assert (f"{mean:.2f}", f"{largest:.2f}") == ("5.71", "36.62")
+        assert np.argmin(closed.objective / exact.objective) == 33  # at 1/eps = 0.34
+
+    def test_rounding_instead_of_floor(self, exact: of.BestExposure) -> None:
+        rounded = of.best_exposure(F_MAX, F_MIN, method="rounded")
+        mean, largest = deviation(rounded.objective, exact.objective)
+        assert (f"{mean:.2f}", f"{largest:.2f}") == ("1.67", "7.08")
+
+    def test_exact_is_no_worse_than_a_fine_search(self, exact: of.BestExposure) -> None:
+        for f, best in zip(F_MAX, np.asarray(exact.objective), strict=True):
+            found = fine_search(np.array([f, F_MIN])).max()
+            assert best >= found * (1 - 1e-14)
+            assert best <= found * (1 + 1e-8)  # the grid misses the peak by (spacing)^2
+
+    def test_search_is_the_papers_grid(self, exact: of.BestExposure) -> None:
+        search = of.best_exposure(F_MAX, F_MIN, method="search", points=400_001)
+        assert np.all(exact.objective >= np.asarray(search.objective) * (1 - 1e-14))
+        assert deviation(search.objective, exact.objective)[1] < 1e-6
+        assert np.allclose(np.asarray(search.exposure) * F_MIN * 400_000 % 1, 0, atol=1e-6) or np.allclose(
+            np.rint(np.asarray(search.exposure) * F_MIN * 400_000), np.asarray(search.exposure) * F_MIN * 400_000
+        )
+
+    def test_signed_sines_give_other_figures(self) -> None:
+        """Why the objective has magnitudes: with eq. 18 as printed the published figures do not come out."""
+
+        def signed(f: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+            return np.asarray((np.sin(np.pi * np.multiply.outer(exposure, f)) / (np.pi * f)).sum(axis=-1))
+
+        closed = np.atleast_1d(of.best_exposure(F_MAX, F_MIN, method="closed-form").exposure)
+        grid = np.linspace(0, 1 / F_MIN, 10_001)[1:]
+        losses = []
+        for f, exposure in zip(F_MAX, closed, strict=True):
+            tones = np.array([f, F_MIN])
+            losses.append(100 * (1 - signed(tones, np.array([exposure]))[0] / signed(tones, grid).max()))
+        assert (f"{np.mean(losses):.2f}", f"{np.max(losses):.2f}") == ("9.17", "48.17")
+
+
+class TestExact:
+    @settings(deadline=None, max_examples=50)
+    @given(frequencies, frequencies, weights, weights)
+    @example(20.0, 5000.0, 1.0, 1.0)
+    def test_two_tones_against_brute_force(self, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
+        best = of.best_exposure(f_1, f_2, weights=(w_1, w_2))
+        brute = reference.best_exposure(f_1, f_2, weights=(w_1, w_2))
+        assert best.objective == pytest.approx(brute.objective, rel=1e-10)
+        lobe = math.floor(max(f_1, f_2) / (2 * min(f_1, f_2)))
+        tied = lobe > 0 and max(f_1, f_2) == 2 * lobe * min(f_1, f_2)  # a null lies on the axis of symmetry
+        assert lobe - tied - 1e-9 <= best.exposure * max(f_1, f_2) <= lobe + 1 + 1e-9 or f_1 == f_2
+
+    @settings(deadline=None, max_examples=40)
+    @given(st.lists(frequencies, min_size=2, max_size=4), st.data())
+    def test_bounds_and_more_tones_against_brute_force(self, tones: list[float], data: st.DataObject) -> None:
+        weight = data.draw(st.lists(weights, min_size=len(tones), max_size=len(tones)))
+        low = data.draw(st.floats(0, 0.01))
+        bounds = (low, low + data.draw(st.floats(1e-5, 0.02)))
+        more = tones[2:]
+        best = of.best_exposure(tones[0], tones[1], weights=weight, bounds=bounds, more=more)
+        brute = reference.best_exposure(tones[0], tones[1], weights=weight, bounds=bounds, more=more)
+        assert bounds[0] <= best.exposure <= bounds[1]
+        assert best.objective == pytest.approx(brute.objective, rel=1e-10)
+
+    @settings(deadline=None, max_examples=40)
+    @given(frequencies, frequencies, st.floats(1e-6, 3e-4), st.floats(0, 0.01), st.floats(4e-4, 0.02))
+    def test_steps_against_all_multiples(self, f_1: float, f_2: float, step: float, low: float, width: float) -> None:
+        bounds = (low, low + width)
+        best = of.best_exposure(f_1, f_2, bounds=bounds, step=step)
+        brute = reference.best_exposure(f_1, f_2, bounds=bounds, step=step)
+        search = of.best_exposure(f_1, f_2, method="search", bounds=bounds, step=step)
+        assert best.objective == pytest.approx(brute.objective, rel=1e-12)
+        assert search.objective == pytest.approx(brute.objective, rel=1e-12)
+        assert best.exposure / step == pytest.approx(round(best.exposure / step), abs=1e-9)
+
+    @settings(deadline=None, max_examples=30)
+    @given(frequencies, frequencies, weights, weights)
+    def test_constant_time_and_lobes_agree(self, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
+        two = of.best_exposure(f_1, f_2, weights=(w_1, w_2))
+        lobes = of.best_exposure(f_1, f_2, weights=(w_1, w_2), bounds=(0, 1 / min(f_1, f_2)))
+        assert lobes.objective == pytest.approx(two.objective, rel=1e-13)
+
+    def test_a_longer_domain_is_better_for_70_of_the_100_ratios(self) -> None:
+        paper = of.best_exposure(F_MAX, F_MIN)
+        longer = of.best_exposure(F_MAX, F_MIN, bounds=(0, 20 / F_MIN))
+        assert np.count_nonzero(np.asarray(longer.objective) > np.asarray(paper.objective) * (1 + 1e-9)) == 70
+
+    def test_zero_weights(self) -> None:
+        assert of.best_exposure(350.0, 100.0, weights=(0, 1)).exposure == pytest.approx(1 / 200, rel=1e-15)
+        assert of.best_exposure(350.0, 100.0, weights=(1, 0)).exposure == pytest.approx(1 / 700, rel=1e-15)
+        some = of.best_exposure(350.0, 100.0, weights=(1, 0), bounds=(0.002, 0.003))
+        assert some.exposure == pytest.approx(0.002, rel=1e-12) or some.objective == pytest.approx(
+            abs(math.sin(math.pi * 350 * some.exposure)) / (math.pi * 350)
+        )
+
+    def test_equal_lobes_give_the_shorter_exposure(self) -> None:
+        best = of.best_exposure(200.0, 100.0)
+        assert best.exposure < 1 / 200
+        assert of.exposure_objective(0.01 - best.exposure, 200.0, 100.0) == pytest.approx(best.objective, rel=1e-14)
+
+    def test_equal_frequencies(self) -> None:
+        best = of.best_exposure(100.0, 100.0)
+        assert best.exposure == pytest.approx(1 / 200)
+        assert best.objective == pytest.approx(2 / (math.pi * 100))
+
+    @pytest.mark.parametrize("ratio", [1e3, 1e9, 1e15, 1e18, 1e250])
+    def test_extreme_ratios(self, ratio: float) -> None:
+        best = of.best_exposure(1e-20 * ratio, 1e-20)
+        assert best.exposure == pytest.approx(0.5e20, rel=1e-3)
+        assert best.objective >= 1e20 / math.pi * (1 - 1e-12)
+
+    def test_arrays_and_scalars(self) -> None:
+        f_comm, f_sense = np.array([[200.0], [500.0], [700.0]]), np.array([175.0, 350.0])
+        best = of.best_exposure(f_comm, f_sense)
+        assert np.shape(best.exposure) == np.shape(best.objective) == (3, 2)
+        one = of.best_exposure(500.0, 350.0)
+        assert isinstance(one.exposure, float)
+        assert one.exposure == np.asarray(best.exposure)[1, 1]
+        assert np.shape(of.best_exposure(np.empty(0), 100.0).exposure) == (0,)
+        more = of.best_exposure(f_comm, f_sense, weights=(1, 1, 2), more=[np.array([150.0, 90.0])])
+        assert np.shape(more.exposure) == (3, 2)
+
+    def test_more_than_a_million_a_second(self) -> None:
+        rng = np.random.default_rng(1)
+        f_comm, f_sense = rng.uniform(50, 5000, (2, 200_000))
+        start = time.perf_counter()
+        of.best_exposure(f_comm, f_sense)
+        assert time.perf_counter() - start < 1.0  # 5 times slower than claimed, for busy machines
+
+
+class TestObjective:
+    @settings(deadline=None, max_examples=50)
+    @given(st.floats(0, 10), frequencies, frequencies, st.floats(0, 5), weights)
+    def test_agrees_with_rational_arithmetic(self, T: float, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
+        expected = reference.exposure_objective(T, f_1, f_2, (w_1, w_2))
+        assert of.exposure_objective(T, f_1, f_2, (w_1, w_2)) == pytest.approx(expected, rel=1e-14, abs=1e-300)
+
+    def test_next_to_a_zero(self) -> None:
+        f, exposure = 4950.0, np.nextafter(1000 / 4950.0, 1)
+        cycles = Fraction(f) * Fraction(float(exposure)) - 1000
+        value = of.exposure_objective(exposure, f, f, (1, 0))
+        assert value == pytest.approx(abs(math.pi * float(cycles)) / (math.pi * f), rel=1e-12)
+
+    def test_broadcasts(self) -> None:
+        exposures = np.linspace(0, 0.01, 7)
+        values = of.exposure_objective(exposures[:, None], np.array([200.0, 300.0]), 100.0, (1, 2, 3), [50.0])
+        expected = reference.exposure_objective(exposures[:, None], np.array([200.0, 300.0]), 100.0, (1, 2, 3), [50.0])
+        assert np.shape(values) == (7, 2)
+        assert np.allclose(values, expected, rtol=1e-13, atol=0)
+
+
+class TestRefusals:
+    @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 1e-320])
+    def test_frequencies(self, bad: float) -> None:
+        with pytest.raises(ValueError, match=r"frequency: got .*allowed: a finite number above 0"):
+            of.best_exposure(bad, 100.0)
+        with pytest.raises(ValueError, match=r"frequency: got "):
+            of.best_exposure(np.array([100.0, 200.0]), np.array([100.0, bad]))
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            ({"weights": (1, 1, 1)}, "weights: got 3 values, allowed: one a frequency, here 2"),
+            ({"weights": (1, 1), "more": [50.0]}, "weights: got 2 values, allowed: one a frequency, here 3"),
+            ({"weights": (0, 0)}, "weights: got 0 for every frequency"),
+            ({"weights": (1, -1)}, "weights: got -1"),
+            ({"weights": (1, math.nan)}, "weights: got nan"),
+            ({"weights": 1.0}, r"weights: got shape \(\)"),
+            ({"bounds": (2e-9, 1e-9)}, "bounds: got 2.*e-09 to 1.*e-09, allowed: the lower bound first"),
+            ({"bounds": (-0.1, 0.01)}, "bounds: got -0.1"),
+            ({"bounds": (0.0, 0.0)}, "bounds: got 0"),
+            ({"bounds": (0.0, math.inf)}, "bounds: got inf"),
+            ({"bounds": (0.0, 1e6)}, "bounds: got .* lobes, allowed: at most 10 million"),
+            ({"bounds": (1e20, 1.0000000001e20), "step": 1e15}, "step|bounds"),
+            ({"bounds": (1, 2, 3)}, "bounds: got 3 values"),
+            ({"step": 0.0}, "step: got 0"),
+            ({"step": -1.0}, "step: got -1"),
+            ({"step": math.nan}, "step: got nan"),
+            ({"step": 0.02}, "step: got 0.02.*allowed: a step with a multiple between 0 and 0.01"),
+            ({"bounds": (0.0101, 0.0109), "step": 0.001}, "step: got 0.001"),
+            ({"method": "search", "points": 1}, "points: got 1"),
+            ({"method": "search", "step": 1e-12}, "step: got .* multiples"),
+            ({"method": "best"}, "method: got best, allowed: exact, closed-form, rounded or search"),
+            ({"method": "closed-form", "bounds": (0.001, 0.01)}, "method: got a closed form with bounds"),
+            ({"method": "rounded", "step": 1e-5}, "method: got a closed form with bounds"),
+            ({"method": "closed-form", "more": [50.0], "weights": (1, 1, 1)}, "method: got a closed form"),
+        ],
+    )
+    def test_arguments(self, arguments: dict[str, object], message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            of.best_exposure(5000.0, 100.0, **arguments)  # type: ignore[arg-type]
+
+    def test_objective(self) -> None:
+        with pytest.raises(ValueError, match="exposure: got -1"):
+            of.exposure_objective(-1.0, 100.0, 200.0)
+        with pytest.raises(ValueError, match="weights: got 1 values"):
+            of.exposure_objective(0.1, 100.0, 200.0, (1,))

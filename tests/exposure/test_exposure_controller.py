@@ -1,0 +1,195 @@
+"""The controller against its reference, what its hysteresis costs, brightness and saturation, refusals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as of
+from ocisac_fast import reference
+
+frequencies = st.floats(50.0, 4000.0)
+CAMERA = (20e-6, 10e-3)
+
+
+class TestBestNoisyExposure:
+    @settings(max_examples=40)
+    @given(
+        st.lists(st.tuples(frequencies, st.floats(0.01, 10.0)), min_size=1, max_size=5),
+        st.one_of(st.just(math.inf), st.floats(1e-6, 1.0)),
+        st.sampled_from([0.0, 22.2e-6]),
+    )
+    def test_agrees_with_the_reference(self, tones: list[tuple[float, float]], noise: float, step: float) -> None:
+        f, w = zip(*tones, strict=True)
+        best = of.best_noisy_exposure(f, w, CAMERA, noise_exposure=noise, step=step)
+        found = reference.best_noisy_exposure(f, w, CAMERA, noise_exposure=noise, step=step)
+        assert found.objective * (1 - 1e-12) <= best.objective <= found.objective * (1 + 1e-9)
+
+    @settings(max_examples=30)
+    @given(frequencies, frequencies, st.floats(1e-6, 1.0), st.floats(1e-6, 1.0))
+    def test_without_noise_it_is_eq_18(self, f_c: float, f_s: float, w_c: float, w_s: float) -> None:
+        best = of.best_noisy_exposure((f_c, f_s), (w_c, w_s), (1e-7, 1 / min(f_c, f_s)))
+        exact = of.best_exposure(f_c, f_s, weights=(w_c, w_s))
+        assert best.objective == pytest.approx(exact.objective, rel=1e-9)
+
+    @pytest.mark.parametrize(
+        ("changed", "message"),
+        [
+            ({"frequencies": (0.0,)}, "frequency: got 0, allowed: a finite number above 0"),
+            ({"weights": (0.0,)}, "weights: got 0 for every tone"),
+            ({"weights": (1.0, 2.0)}, "weights: got 2 values, allowed: one a frequency, here 1"),
+            ({"bounds": (0.0, 1.0)}, "bounds: got 0, allowed"),
+            ({"bounds": (2.0, 1.0)}, "bounds: got 2, allowed: the lower bound first"),
+            ({"bounds": (1.0,)}, "bounds: got 1 values"),
+            ({"bounds": (1e-3, 1e9)}, "at most a million lobes"),
+            ({"noise_exposure": 0.0}, "noise_exposure: got 0"),
+            ({"noise_exposure": math.nan}, "noise_exposure: got nan"),
+            ({"step": 1.0}, "step: got 1, allowed: a step with a multiple between"),
+            ({"step": -1.0}, "step: got -1"),
+        ],
+    )
+    def test_refuses(self, changed: dict[str, object], message: str) -> None:
+        arguments = {"frequencies": (100.0,), "weights": (1.0,), "bounds": (1e-3, 1e-2), **changed}
+        with pytest.raises(ValueError, match=message):
+            of.best_noisy_exposure(**arguments)  # type: ignore[arg-type]
+
+
+def measurements(seed: int, frames: int) -> list[of.ExposureMeasurement]:
+    """A random drive: tones that drift, jump and vanish, a scene that brightens and darkens and at times saturates."""
+    random = np.random.default_rng(seed)
+    result, f_s, level = [], 300.0, 0.3
+    for _ in range(frames):
+        f_s = float(np.clip(f_s * np.exp(random.normal(0, 0.01)), 50, 3000)) if random.random() > 0.05 else 900.0
+        level *= float(np.exp(random.normal(0, 0.05)))
+        light = of.MeasuredTone(500.0 + random.normal(), share=2.0, snr=100.0)
+        weak = of.MeasuredTone(700.0, snr=0.5)
+        peak = math.nan if random.random() < 0.3 else 2 * level
+        motions = [f_s, math.nan] if random.random() > 0.1 else []
+        clipped = 0.2 if random.random() < 0.05 else 0.0
+        result.append(of.ExposureMeasurement([light, weak, 1300.0], motions, level=level, peak=peak, saturated=clipped))
+    return result
+
+
+OPTIONS = [
+    {},
+    {"hysteresis": 0.0, "noise_level": 0.02},
+    {"step": 22.2e-6, "gains": (1.0, 16.0), "weights": (0.2, 0.8)},
+    {"gains": (0.5, 4.0), "level_floor": 0.2, "noise_level": 0.2, "hysteresis": 0.05},
+]
+
+
+class TestController:
+    @pytest.mark.parametrize("options", OPTIONS)
+    def test_follows_the_reference(self, options: dict[str, float]) -> None:
+        ours, theirs = of.ExposureController(CAMERA, **options), reference.ExposureController(CAMERA, **options)
+        for measurement in measurements(1, 60):
+            mine = ours.update(measurement)
+            exposure, gain, objective, best, bounds = theirs.update(measurement)
+            assert mine.bounds == pytest.approx(bounds, rel=1e-9)
+            assert mine.best_objective == pytest.approx(best, rel=1e-9)
+            assert mine.objective == pytest.approx(objective, rel=1e-9)
+            assert mine.exposure == pytest.approx(exposure, rel=1e-4)  # a maximum is flat
+            assert mine.gain == pytest.approx(gain, rel=1e-4)
+            theirs.last = (mine.exposure, mine.gain)  # what is flat must not part the two
+
+    @pytest.mark.parametrize("options", OPTIONS)
+    def test_costs_no_more_than_the_hysteresis(self, options: dict[str, float]) -> None:
+        controller = of.ExposureController(CAMERA, **options)
+        hysteresis = options.get("hysteresis", 0.01)
+        for measurement in measurements(2, 200):
+            mine = controller.update(measurement)
+            assert mine.objective * (1 + hysteresis) >= mine.best_objective * (1 - 1e-12)
+
+    def test_does_not_hunt(self) -> None:
+        random = np.random.default_rng(3)
+        moves = {}
+        for hysteresis in (0.0, 0.01):
+            controller = of.ExposureController(CAMERA, hysteresis=hysteresis)
+            chosen = [
+                controller.update(of.ExposureMeasurement([500.0], [310.0 * (1 + 0.005 * random.normal())], level=0.3))
+                for _ in range(100)
+            ]
+            moves[hysteresis] = len({suggestion.exposure for suggestion in chosen})
+        assert moves[0.01] == 1 < 90 < moves[0.0]
+
+    def test_says_why(self) -> None:
+        controller = of.ExposureController(CAMERA, noise_level=0.02)
+        light = of.MeasuredTone(500.0, snr=400.0, gain=0.2, gain_std=0.001)
+        said = controller.update(of.ExposureMeasurement([light], [175.0], exposure=2e-4, level=0.05, peak=0.06))
+        assert of.ExposureReason.FIRST in said.reasons
+        assert of.ExposureReason.GAIN_MISMATCH in said.reasons
+        for part in (
+            "exposure ",
+            "objective 100.00% of the best",
+            "light 500 Hz: gain",
+            "dB",
+            "a measured gain is not",
+        ):
+            assert part in said.explain
+        held = controller.update(of.ExposureMeasurement([500.0], [175.0], level=said.level))
+        assert held.reasons & of.ExposureReason.HELD
+        assert held.exposure == said.exposure
+
+    def test_expected_snr_is_that_of_the_model(self) -> None:
+        controller = of.ExposureController((1e-3, 1e-3))
+        said = controller.update(of.ExposureMeasurement([of.MeasuredTone(300.0, snr=10.0)], exposure=5e-4))
+        collected = [t * np.sinc(300.0 * t) for t in (5e-4, 1e-3)]
+        assert said.tones[0][3] == pytest.approx(10.0 * (collected[1] / collected[0]) ** 2)
+
+    def test_brightness_alone(self) -> None:
+        controller = of.ExposureController((1e-5, 1e-2), gains=(1.0, 4.0))
+        dark = controller.update(of.ExposureMeasurement(exposure=1e-3, gain=1.0, level=1e-4))
+        assert dark.reasons & of.ExposureReason.TOO_DARK
+        assert dark.reasons & of.ExposureReason.NO_TONES
+        assert (dark.exposure, dark.gain) == (1e-2, 4.0)
+        bright = controller.update(of.ExposureMeasurement(exposure=1e-2, gain=4.0, level=1.0, peak=1e9))
+        assert bright.reasons & of.ExposureReason.TOO_BRIGHT
+        assert (bright.exposure, bright.gain) == (1e-5, 1.0)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"exposures": (0.0, 1.0)}, "shortest: got 0"),
+            ({"exposures": (2.0, 1.0)}, "longest: got 1"),
+            ({"exposures": (2.0,)}, "exposures: got 1 values, allowed: two"),
+            ({"step": 1.0}, "step: got 1"),
+            ({"gains": (2.0, 1.0)}, "highest_gain: got 1"),
+            ({"gains": (0.0, 1.0)}, "lowest_gain: got 0"),
+            ({"weights": (0.0, 0.0)}, "weights: got 0 and 0"),
+            ({"weights": (-1.0, 1.0)}, "weights: got -1"),
+            ({"hysteresis": math.nan}, "hysteresis: got nan"),
+            ({"level_floor": 1.0}, "level_floor: got 1"),
+            ({"level_aim": 0.0}, "level_aim: got 0"),
+            ({"level_ceiling": 1.5}, "level_ceiling: got 1.5"),
+            ({"most_saturated": 1.0}, "most_saturated: got 1"),
+            ({"least_snr": -1.0}, "least_snr: got -1"),
+            ({"noise_level": 0.0}, "noise_level: got 0"),
+        ],
+    )
+    def test_refuses_options(self, options: dict[str, object], message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            of.ExposureController(**{"exposures": CAMERA, **options})  # type: ignore[arg-type]
+
+    @pytest.mark.parametrize(
+        ("measured", "message"),
+        [
+            ({"lights": [0.0]}, "frequency: got 0"),
+            ({"lights": [math.inf]}, "frequency: got inf"),
+            ({"lights": [100.0] * 33}, "tones: got 33, allowed: at most 32"),
+            ({"motions": [of.MeasuredTone(100.0, share=-1.0)]}, "share: got -1"),
+            ({"motions": [of.MeasuredTone(100.0, snr=-1.0)]}, "snr: got -1"),
+            ({"motions": [of.MeasuredTone(100.0, gain=-1.0)]}, "gain: got -1"),
+            ({"exposure": 0.0}, "exposure: got 0"),
+            ({"gain": -1.0}, "camera_gain: got -1"),
+            ({"level": -0.1}, "level: got -0.1"),
+            ({"peak": math.inf}, "peak: got inf"),
+            ({"saturated": 1.1}, "saturated: got 1.1"),
+            ({"saturated": math.nan}, "saturated: got nan"),
+        ],
+    )
+    def test_refuses_measurements(self, measured: dict[str, object], message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            of.ExposureController(CAMERA).update(of.ExposureMeasurement(**measured))  # type: ignore[arg-type]

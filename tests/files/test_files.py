@@ -1,0 +1,505 @@
+"""Recordings as files: every kind there and back, what a file says of itself, and what is refused."""
+
+import contextlib
+import io
+import os
+import struct
+import subprocess
+import sys
+import warnings
+import zlib
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames
+
+image_module = pytest.importorskip("PIL.Image")
+av = pytest.importorskip("av")
+
+
+def random_frames(shape, dtype, seed=0):
+    random = np.random.default_rng(seed)
+    if np.dtype(dtype).kind == "f":
+        return random.standard_normal(shape).astype(dtype)
+    return random.integers(0, np.iinfo(dtype).max, shape, dtype=dtype, endpoint=True)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "dtype", "shape"),
+    [
+        (suffix, dtype, shape)
+        for suffix, dtypes, shapes in [
+            (".png", (np.uint8, np.uint16), [(1, 47, 65), (1, 47, 65, 3), (1, 1, 1)]),
+            (".tif", (np.uint8, np.uint16), [(1, 47, 65), (4, 47, 65), (1, 47, 65, 3)]),
+            (".tiff", (np.float32,), [(3, 47, 65)]),
+            (".mkv", (np.uint8, np.uint16), [(1, 47, 65), (5, 47, 65), (3, 47, 65, 3), (2, 1, 1)]),
+            (".mp4", (np.uint8,), [(5, 48, 64), (3, 47, 65)]),
+            (".npy", (np.uint8, np.uint16, np.float32, np.float64), [(1, 47, 65), (3, 47, 65), (3, 47, 65, 3)]),
+        ]
+        for dtype in dtypes
+        for shape in shapes
+    ],
+)
+def test_every_kind_comes_back_bit_for_bit(tmp_path, suffix, dtype, shape):
+    frames = random_frames(shape, dtype)
+    path = tmp_path / f"recording{suffix}"
+    write_frames(path, frames, frame_rate=120)
+    recording = read_frames(path)
+    assert recording.frames.dtype == dtype
+    assert np.array_equal(recording.frames, frames)
+    assert recording.response.tone_curve == "linear"
+    assert recording.response.dark_level == 0.0
+    assert recording.response.white_level in (None, 255.0 if dtype == np.uint8 else 65535.0)
+    assert os.listdir(tmp_path) == [path.name]
+    if recording.kind == "video":
+        assert recording.frame_rate == pytest.approx(120)
+
+
+@given(st.integers(1, 40), st.integers(2, 40), st.sampled_from([np.uint8, np.uint16]), st.integers(1, 3), st.booleans())
+@settings(max_examples=20, deadline=None)
+def test_any_size_survives_a_lossless_video(tmp_path_factory, rows, columns, dtype, count, colour):
+    frames = random_frames((count, rows, columns) + ((3,) if colour else ()), dtype, seed=rows * 41 + columns)
+    path = tmp_path_factory.mktemp("video") / "recording.mkv"
+    write_frames(path, frames)
+    assert np.array_equal(read_frames(path).frames, frames)
+
+
+def encoded_video(path, pixels, planes, size=None, codec="ffv1", color_range=0, transfer=2):
+    """A video of one frame whose planes hold exactly these values."""
+    height, width = size or planes[0].shape
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=30)
+        stream.width, stream.height, stream.pix_fmt = width, height, pixels
+        stream.codec_context.color_range, stream.codec_context.color_trc = color_range, transfer
+        frame = av.VideoFrame(width, height, pixels)
+        for plane, values in zip(frame.planes, planes, strict=True):
+            stored = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
+            lines = np.zeros((plane.buffer_size // plane.line_size, plane.line_size), np.uint8)
+            lines[: len(stored), : stored.shape[1]] = stored
+            plane.update(lines.tobytes())
+        frame.color_range, frame.pts = color_range, 0
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+
+
+@pytest.mark.parametrize(("color_range", "dark", "white"), [(0, 16, 235), (1, 16, 235), (2, 0, 255)])
+def test_luma_is_read_as_coded_with_its_range(tmp_path, color_range, dark, white):
+    luma = random_frames((46, 66), np.uint8)  # 66 columns: the decoder pads its lines
+    chroma = random_frames((23, 33), np.uint8, seed=1)
+    encoded_video(tmp_path / "v.mkv", "yuv420p", [luma, chroma, chroma], color_range=color_range)
+    recording = read_frames(tmp_path / "v.mkv")
+    assert np.array_equal(recording.frames[0], luma)
+    assert (recording.response.dark_level, recording.response.white_level) == (dark, white)
+
+
+def test_luma_of_ten_bits_keeps_them(tmp_path):
+    luma = random_frames((46, 66), np.uint16) >> 6
+    chroma = random_frames((23, 33), np.uint16, seed=1) >> 6
+    encoded_video(tmp_path / "v.mkv", "yuv420p10le", [luma, chroma, chroma], color_range=1)
+    recording = read_frames(tmp_path / "v.mkv")
+    assert np.array_equal(recording.frames[0], luma)
+    assert (recording.response.dark_level, recording.response.white_level) == (64, 940)
+
+
+@pytest.mark.parametrize(("pixels", "first"), [("yuyv422", 0), ("uyvy422", 1)])
+def test_packed_luma_is_taken_apart(tmp_path, pixels, first):
+    packed = random_frames((20, 34, 2), np.uint8)
+    encoded_video(tmp_path / "v.nut", pixels, [packed], size=(20, 34), codec="rawvideo")
+    assert np.array_equal(read_frames(tmp_path / "v.nut").frames[0], packed[..., first])
+
+
+@pytest.mark.parametrize(
+    ("transfer", "curve", "gamma"), [(1, "gamma", 1.95), (4, "gamma", 2.2), (8, "linear", None), (13, "srgb", None)]
+)
+def test_the_stream_names_its_tone_curve(tmp_path, transfer, curve, gamma):
+    luma, chroma = random_frames((16, 16), np.uint8), np.full((8, 8), 128, np.uint8)
+    encoded_video(tmp_path / "v.mkv", "yuv420p", [luma, chroma, chroma], transfer=transfer)
+    response = read_frames(tmp_path / "v.mkv").response
+    assert response.tone_curve == curve
+    assert gamma is None or response.gamma == gamma
+
+
+def test_colour_of_a_video_on_request(tmp_path):
+    frames = random_frames((2, 16, 16, 3), np.uint8)
+    write_frames(tmp_path / "v.mkv", frames)
+    assert np.array_equal(read_frames(tmp_path / "v.mkv", colour=True).frames, frames)
+    planes = [np.full((16, 16), 81, np.uint8), np.full((8, 8), 90, np.uint8), np.full((8, 8), 240, np.uint8)]
+    encoded_video(tmp_path / "red.mkv", "yuv420p", planes, color_range=1)
+    red, green, blue = read_frames(tmp_path / "red.mkv", colour=True).frames[0, 8, 8]
+    assert red > 240
+    assert max(green, blue) < 20
+
+
+def test_a_long_video_is_read_frame_by_frame(tmp_path):
+    frames = random_frames((7, 32, 32), np.uint8)
+    write_frames(tmp_path / "v.mkv", frames)
+    with open_recording(tmp_path / "v.mkv") as stream:
+        read = list(stream)
+    assert np.array_equal(read, frames)
+    with pytest.raises(FileError, match="read it frame by frame"):
+        read_frames(tmp_path / "v.mkv", most_bytes=3 * 1024)
+
+
+def png(chunks, pixels):
+    """A grey PNG of 8 bits with extra chunks before its pixels."""
+
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    height, width = pixels.shape
+    lines = np.zeros((height, width + 1), np.uint8)
+    lines[:, 1:] = pixels
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
+    body = b"".join(chunk(name, data) for name, data in chunks)
+    return b"\x89PNG\r\n\x1a\n" + header + body + chunk(b"IDAT", zlib.compress(lines.tobytes())) + chunk(b"IEND", b"")
+
+
+def icc_chunk(curve, description=b"some display"):
+    """An iCCP chunk with a profile of a description and one curve."""
+    tags, body = b"", b""
+    for name, data in ((b"desc", b"desc\0\0\0\0" + description + b"\0"), (b"gTRC", curve)):
+        tags += struct.pack(">4sII", name, 132 + 2 * 12 + len(body), len(data))
+        body += data
+    return b"iCCP", b"p\0\0" + zlib.compress(bytes(128) + struct.pack(">I", 2) + tags + body)
+
+
+@pytest.mark.parametrize(
+    ("chunk", "curve", "gamma", "told_by"),
+    [
+        (None, "linear", None, ""),
+        ((b"sRGB", b"\0"), "srgb", None, "PNG sRGB chunk"),
+        ((b"gAMA", struct.pack(">I", 45455)), "gamma", 2.2, "PNG gAMA chunk"),
+        ((b"gAMA", struct.pack(">I", 100000)), "linear", None, "PNG gAMA chunk"),
+        (icc_chunk(b"curv" + bytes(8)), "linear", None, "ICC profile"),
+        (icc_chunk(b"curv\0\0\0\0" + struct.pack(">IH", 1, 461)), "gamma", 461 / 256, "ICC profile"),
+        (icc_chunk(b"para\0\0\0\0" + struct.pack(">HHi", 0, 0, 157286)), "gamma", 2.4, "ICC profile"),
+        (icc_chunk(b"", b"sRGB IEC61966-2.1"), "srgb", None, "ICC profile"),
+        ((b"iCCP", b"p\0\0" + zlib.compress(b"broken")), "linear", None, ""),
+    ],
+)
+def test_a_png_tells_its_tone_curve(tmp_path, chunk, curve, gamma, told_by):
+    pixels = random_frames((5, 7), np.uint8)
+    (tmp_path / "p.png").write_bytes(png([chunk] if chunk else [], pixels))
+    recording = read_frames(tmp_path / "p.png")
+    assert np.array_equal(recording.frames[0], pixels)
+    assert (recording.response.tone_curve, recording.response.told_by) == (curve, told_by)
+    assert gamma is None or recording.response.gamma == pytest.approx(gamma, rel=1e-4)
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_exif_gives_the_curve_and_never_turns_the_picture(tmp_path, orientation):
+    pixels = np.full((16, 24, 3), 90, np.uint8)
+    exif = image_module.Exif()
+    exif[0x0112] = orientation
+    exif.get_ifd(0x8769)[0xA001] = 1
+    image_module.fromarray(pixels).save(tmp_path / "p.jpg", exif=exif.tobytes(), quality=95)
+    recording = read_frames(tmp_path / "p.jpg")
+    assert recording.frames.shape == (1, 16, 24, 3)
+    assert recording.response.tone_curve == "srgb"
+
+
+def test_alpha_is_dropped_and_a_palette_becomes_colours(tmp_path):
+    rgb, alpha = random_frames((9, 11, 3), np.uint8), random_frames((9, 11, 1), np.uint8, seed=1)
+    image_module.fromarray(np.concatenate([rgb, alpha], axis=-1)).save(tmp_path / "rgba.png")
+    assert np.array_equal(read_frames(tmp_path / "rgba.png").frames[0], rgb)
+    image_module.fromarray(np.concatenate([rgb[..., :1], alpha], axis=-1)).save(tmp_path / "la.png")
+    assert np.array_equal(read_frames(tmp_path / "la.png").frames[0], rgb[..., 0])
+    image_module.fromarray(rgb).quantize(256).save(tmp_path / "palette.png")
+    assert np.abs(read_frames(tmp_path / "palette.png").frames[0].astype(int) - rgb).max() <= 2
+    image_module.fromarray(rgb[..., 0] > 99).save(tmp_path / "bits.png")
+    assert np.array_equal(read_frames(tmp_path / "bits.png").frames[0], np.where(rgb[..., 0] > 99, 255, 0))
+
+
+def test_pnm_values_are_those_stored(tmp_path):
+    pixels = random_frames((9, 11), np.uint16) >> 6
+    (tmp_path / "p.pgm").write_bytes(b"P5\n# ten bits\n11 9\n1023\n" + pixels.astype(">u2").tobytes())
+    recording = read_frames(tmp_path / "p.pgm")
+    assert np.array_equal(recording.frames[0], pixels)
+    assert recording.response.white_level == 1023
+    (tmp_path / "p.ppm").write_bytes(b"P6 1 2 255\n" + bytes(range(6)))
+    assert np.array_equal(read_frames(tmp_path / "p.ppm").frames, np.arange(6).reshape(1, 2, 1, 3))
+
+
+@pytest.mark.parametrize(("pixels", "channels"), [("rgba64be", 4), ("ya16be", 2)])
+def test_deep_pictures_with_alpha_keep_sixteen_bits(tmp_path, pixels, channels):
+    values = random_frames((9, 11, channels), np.uint16)
+    context = av.CodecContext.create("png", "w")
+    context.width, context.height, context.pix_fmt, context.time_base = 11, 9, pixels, Fraction(1, 25)
+    frame = av.VideoFrame(11, 9, pixels)
+    lines = np.zeros((9, frame.planes[0].line_size), np.uint8)
+    lines[:, : 11 * 2 * channels] = values.astype(">u2").view(np.uint8).reshape(9, -1)
+    frame.planes[0].update(lines.tobytes())
+    (tmp_path / "p.png").write_bytes(b"".join(bytes(p) for p in [*context.encode(frame), *context.encode(None)]))
+    assert np.array_equal(read_frames(tmp_path / "p.png").frames[0], values[..., :-1].squeeze())
+
+
+def test_npy_is_mapped_and_its_shapes_are_understood(tmp_path):
+    path = tmp_path / "a.npy"
+    for shape, want in [((5,), (1, 5, 1)), ((5, 4), (1, 5, 4)), ((3, 5, 4), (3, 5, 4)), ((2, 5, 4, 3), (2, 5, 4, 3))]:
+        values = random_frames(shape, np.float64)
+        np.save(path, values)
+        recording = read_frames(path)
+        assert recording.frames.shape == want
+        assert np.array_equal(recording.frames.reshape(shape), values)
+    with open_recording(path) as stream:
+        assert isinstance(next(iter(stream)), np.memmap)
+
+
+def damaged_files():
+    picture = random_frames((64, 48), np.uint8)
+
+    def npy(array):
+        file = io.BytesIO()
+        np.save(file, array)
+        return file.getvalue()
+
+    absurd_array = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        absurd_array, {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)}
+    )
+    grey = png([], picture)
+    absurd_png = bytearray(grey)
+    absurd_png[16:24] = struct.pack(">II", 10**6, 10**6)
+    absurd_png[29:33] = struct.pack(">I", zlib.crc32(bytes(absurd_png[12:29])))
+    jpeg = io.BytesIO()
+    image_module.fromarray(picture).save(jpeg, "JPEG")
+    return {
+        "empty": (b"", "empty"),
+        "text": (b"certainly not a picture\n" * 20, "not a picture, a video or a .npy array"),
+        "half a png": (grey[: len(grey) // 2], "truncated"),
+        "png without its last bytes": (grey[:-6], "truncated"),
+        "half a jpeg": (jpeg.getvalue()[: len(jpeg.getvalue()) // 2], "truncated"),
+        "png header": (grey[:20], "truncated"),
+        "absurd png": (bytes(absurd_png), "absurd size"),
+        "half a pgm": (b"P5 100 100 255\n" + bytes(500), "truncated"),
+        "pgm without a size": (b"P5 abc\n", "damaged PNM header"),
+        "pgm of nothing": (b"P5 0 100 255\n", "PNM picture of 0 x 100"),
+        "half an array": (npy(picture)[:-9], "truncated"),
+        "absurd array": (absurd_array.getvalue(), "truncated"),
+        "array header": (npy(picture)[:30], r"damaged \.npy file"),
+        "objects": (npy(np.array([{}], dtype=object)), "array of object"),
+        "strings": (npy(np.array(["a"])), "array of <U1"),
+        "no rows": (npy(np.zeros((0, 5))), r"array of shape \(0, 5\)"),
+        "playlist": (b"#EXTM3U\n#EXT-X-TARGETDURATION:5\n#EXTINF:5,\n/etc/passwd\n", "not a picture, a video"),
+        "subtitles": (b"1\n00:00:01,000 --> 00:00:02,000\nhello\n\n" * 9, "not a picture, a video"),
+    }
+
+
+@pytest.mark.parametrize("case", sorted(damaged_files()))
+@pytest.mark.parametrize("piped", [False, True])
+def test_what_is_no_recording_is_refused_by_name(tmp_path, monkeypatch, case, piped):
+    data, message = damaged_files()[case]
+    path = tmp_path / "damaged.bin"
+    path.write_bytes(data)
+    with path.open("rb") as file:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(file))
+        with pytest.raises(FileError, match=message) as refusal:
+            read_frames("-" if piped else path)
+    assert str(refusal.value).startswith("standard input: " if piped else f"{path}: ")
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.fixture(scope="module")
+def files_of_every_kind(tmp_path_factory):
+    """Bytes of small files of every kind that is read."""
+    folder = tmp_path_factory.mktemp("kinds")
+    frames = random_frames((3, 24, 36), np.uint8)
+    for name, values in [
+        ("a.mkv", frames),
+        ("a.mp4", frames),
+        ("a.tif", frames),
+        ("a.npy", frames),
+        ("a.png", frames[0]),
+        ("deep.png", random_frames((1, 24, 36, 3), np.uint16)),
+        ("deep.tif", random_frames((1, 24, 36, 3), np.uint16)),
+    ]:
+        write_frames(folder / name, values)
+    for name in ("a.jpg", "a.pgm", "a.bmp", "a.webp", "a.gif"):
+        image_module.fromarray(frames[0]).save(folder / name)
+    return [path.read_bytes() for path in sorted(folder.iterdir())]
+
+
+@given(st.data())
+@settings(max_examples=200, deadline=None)
+@pytest.mark.filterwarnings("ignore::ocisac_fast.files.FileWarning")
+def test_damage_is_survived_or_refused(files_of_every_kind, tmp_path_factory, data):
+    damaged = bytearray(data.draw(st.sampled_from(files_of_every_kind)))
+    span = data.draw(st.sampled_from([min(300, len(damaged)), len(damaged)]))
+    for place, value in data.draw(st.lists(st.tuples(st.integers(0, span - 1), st.integers(0, 255)), max_size=12)):
+        damaged[place] = value
+    path = tmp_path_factory.getbasetemp() / "damaged"
+    path.write_bytes(damaged[: data.draw(st.sampled_from([len(damaged), len(damaged) // 2, len(damaged) - 1]))])
+    with contextlib.suppress(FileError):
+        assert read_frames(path).frames.size > 0
+
+
+def test_missing_files_and_directories_are_refused(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        read_frames(tmp_path / "missing.png")
+    with pytest.raises(IsADirectoryError):
+        read_frames(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
+def test_a_truncated_video_gives_its_whole_frames_and_a_warning(tmp_path, suffix):
+    frames = random_frames((12, 120, 160), np.uint8)
+    path = tmp_path / f"v{suffix}"
+    write_frames(path, frames)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.warns(FileWarning, match=r"truncated or damaged video: \d"):
+        recording = read_frames(path)
+    assert 3 <= len(recording.frames) <= 6
+    assert np.array_equal(recording.frames, frames[: len(recording.frames)])
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".png", ".tif", ".mkv", ".mp4"])
+def test_standard_input_takes_every_kind(tmp_path, suffix):
+    frames = random_frames((1, 48, 64), np.uint8)
+    write_frames(tmp_path / f"r{suffix}", frames)
+    code = "from ocisac_fast.files import read_frames; import sys; sys.stdout.buffer.write(read_frames('-').frames)"
+    with (tmp_path / f"r{suffix}").open("rb") as file:
+        cat = subprocess.Popen(["cat"], stdin=file, stdout=subprocess.PIPE)
+        done = subprocess.run([sys.executable, "-c", code], stdin=cat.stdout, capture_output=True)
+        cat.stdout.close()
+        cat.wait()
+    assert done.stderr == b""
+    assert done.stdout == frames.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "frames", "message"),
+    [
+        ("a.gif", np.zeros((4, 4), np.uint8), "suffix: got '.gif', allowed: .png"),
+        ("a", np.zeros((4, 4), np.uint8), "suffix: got ''"),
+        ("a.png", np.zeros((2, 4, 4), np.uint8), "2 frames, a PNG picture holds one"),
+        ("a.png", np.zeros((4, 4), np.float32), "frames of float32, this kind of file holds uint8, uint16"),
+        ("a.png", [], "no frame to write"),
+        ("a.npy", [], "no frame to write"),
+        ("a.mkv", [], "no frame to write"),
+        ("a.mp4", np.zeros((4, 4), np.uint16), "frames of uint16, this kind of file holds uint8"),
+        ("a.mp4", np.zeros((1, 4, 4, 3), np.uint8), "colour frames"),
+        ("a.mkv", np.zeros((1, 4, 4, 2), np.uint8), r"frame of shape \(4, 4, 2\)"),
+        ("a.mkv", [np.zeros((4, 4), np.uint8), np.zeros((4, 5), np.uint8)], "frame 1 is uint8"),
+        ("a.tif", [np.zeros((4, 4), np.uint8), np.zeros((4, 5), np.uint8)], "different shapes or types"),
+    ],
+)
+def test_what_a_kind_cannot_hold_is_refused_and_leaves_nothing(tmp_path, name, frames, message):
+    with pytest.raises(FileError, match=message):
+        write_frames(tmp_path / name, frames)
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_error_half_way_keeps_what_was_there(tmp_path):
+    path = tmp_path / "v.mkv"
+    path.write_bytes(b"before")
+
+    def frames():
+        yield np.zeros((16, 16), np.uint8)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_frames(path, frames())
+    assert path.read_bytes() == b"before"
+    assert os.listdir(tmp_path) == ["v.mkv"]
+
+
+def test_a_file_is_written_with_the_usual_permissions(tmp_path):
+    before = os.umask(0o027)
+    try:
+        with atomic_path(tmp_path / "a.txt") as temporary:
+            temporary.write_text("whole")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
+
+
+def test_reading_never_warns_of_large_pictures(tmp_path):
+    write_frames(tmp_path / "large.png", np.zeros((9500, 9500), np.uint8))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert read_frames(tmp_path / "large.png").frames.shape == (1, 9500, 9500)
+
+
+def test_libraries_are_asked_for_when_they_are_missing(tmp_path, monkeypatch):
+    write_frames(tmp_path / "p.png", np.zeros((4, 4), np.uint8))
+    write_frames(tmp_path / "v.mkv", np.zeros((4, 4), np.uint8))
+    monkeypatch.setitem(sys.modules, "PIL.Image", None)
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(FileError, match=r"needs Pillow: pip install 'ocisac-fast\[files\]'"):
+        read_frames(tmp_path / "p.png")
+    with pytest.raises(FileError, match=r"needs PyAV: pip install 'ocisac-fast\[files\]'"):
+        read_frames(tmp_path / "v.mkv")
+
+
+def piped(code, *pieces):
+    """Output of a program whose standard input gets bytes, each piece when the one before has brought a line."""
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        lines = []
+        for piece in pieces:
+            process.stdin.write(piece)
+            process.stdin.flush()
+            lines.append(process.stdout.readline().decode().strip())
+        process.stdin.close()
+        return lines, process.stdout.read().decode().split("\n")[:-1], process.stderr.read().decode()
+
+
+SUMS = """
+import warnings, sys
+from ocisac_fast.files import open_recording
+warnings.showwarning = lambda message, *_, **__: print("warning:", message, flush=True)
+try:
+    with open_recording("-", raw=RAW) as stream:
+        for frame in stream:
+            print(frame.dtype, frame.shape, int(frame.astype(float).sum()), flush=True)
+except ValueError as error:
+    print(error)
+"""
+
+
+def npy_bytes(array):
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def test_arrays_by_standard_input_come_frame_by_frame():
+    frames = random_frames((3, 7, 5), np.uint16)
+    data, size = npy_bytes(frames), frames[0].nbytes
+    begin = len(data) - 3 * size
+    expected = [f"uint16 (7, 5) {frame.sum()}" for frame in frames]
+    pieces = [data[: begin + size], data[begin + size : begin + 2 * size], data[begin + 2 * size :]]
+    lines, rest, _ = piped(SUMS.replace("RAW", "None"), *pieces, npy_bytes(np.asfortranarray(frames[1])))
+    assert (lines, rest) == ([*expected, expected[1]], [])
+    lines, rest, _ = piped(SUMS.replace("RAW", "None"), data[: begin + size + 9])
+    assert lines == expected[:1]
+    assert rest == [f"standard input: truncated: {size + 9} bytes of numbers, its header announces {3 * size}"]
+    _, rest, _ = piped(SUMS.replace("RAW", "None"), data + b"more of it")
+    assert rest[-1] == "standard input: after the array: bytes that are no .npy file"
+
+
+@pytest.mark.parametrize(("form", "dtype"), [("5x7", "u1"), ("5x7:gray8", "u1"), ("5x7:gray16le", "<u2")])
+def test_raw_frames_by_standard_input_and_from_files(tmp_path, form, dtype):
+    frames = random_frames((3, 7, 5), np.dtype(dtype))
+    expected = [f"{frame.dtype} (7, 5) {frame.sum()}" for frame in frames]
+    data = [frame.tobytes() for frame in frames]
+    lines, rest, _ = piped(SUMS.replace("RAW", repr(form)), *data[:2], data[2] + b"rest")
+    assert lines == expected
+    assert rest == [f"warning: 4 bytes after 3 frames of {frames[0].nbytes} were left out"]
+    (tmp_path / "frames.raw").write_bytes(b"".join(data))
+    assert np.array_equal(read_frames(tmp_path / "frames.raw", raw=form).frames, frames)
+    (tmp_path / "frames.raw").write_bytes(data[0][:-1])
+    with pytest.raises(FileError, match="truncated"):
+        read_frames(tmp_path / "frames.raw", raw=form)
+    (tmp_path / "frames.raw").write_bytes(b"")
+    with pytest.raises(FileError, match="empty"):
+        read_frames(tmp_path / "frames.raw", raw=form)
+
+
+@pytest.mark.parametrize("form", ["", "5", "0x7", "5x7:rgb", "5x7:", "-5x7", "5x7x3"])
+def test_raw_formats_that_are_none_are_refused(form):
+    with pytest.raises(ValueError, match=r"raw: got .*, allowed: WIDTHxHEIGHT"):
+        read_frames("-", raw=form)

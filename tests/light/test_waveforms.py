@@ -1,0 +1,440 @@
+"""Waveforms and exposure integration: against NumPy, exact fractions and numerical quadrature."""
+
+from __future__ import annotations
+
+import pickle
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from scipy.integrate import quad
+
+from ocisac_fast import (
+    Camera,
+    Chips,
+    Constant,
+    Product,
+    Samples,
+    SquareWave,
+    Sum,
+    Tone,
+    integrate_exposure,
+    reference,
+    sample_waveform,
+)
+
+LEVELS = st.floats(-3, 3)
+RATES = st.floats(1, 2e4)
+STARTS = st.floats(-0.1, 0.1)
+PHASES = st.floats(-20, 20)
+TONES = st.builds(Tone, frequency=st.just(0.0) | RATES, amplitude=LEVELS, phase=PHASES, depth=st.floats(0, 1))
+SQUARES = st.builds(
+    SquareWave, frequency=st.just(0.0) | RATES, duty=st.floats(0.01, 0.99), amplitude=LEVELS, phase=PHASES
+)
+LISTS = st.lists(LEVELS, min_size=1, max_size=30)
+CHIPS = st.builds(Chips, levels=LISTS, chip_rate=RATES, start=STARTS, repeat=st.booleans(), amplitude=LEVELS)
+SAMPLES = st.builds(Samples, values=LISTS, sample_rate=RATES, start=STARTS, repeat=st.booleans())
+CONSTANTS = st.builds(Constant, LEVELS)
+EXPOSURES = st.just(0.0) | st.floats(1e-6, 1e-2) | st.floats(0.01, 0.5)
+
+
+def near_an_edge(waveform, camera, rows, start, frames):
+    """Point samples so near an edge that long double may put them on its other side."""
+    before, after = (
+        reference.integrate_exposure(waveform, camera, rows, start + shift, frames) for shift in (-1e-12, 1e-12)
+    )
+    return np.abs(before - after) > 1e-5
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    parts=st.lists(TONES | SQUARES | CHIPS | SAMPLES | CONSTANTS, min_size=1, max_size=3),
+    exposure=EXPOSURES,
+    start=st.floats(-1, 1),
+    length=st.sampled_from([1, 2, 31, 720, 1080, 4352]),
+    seed=st.integers(0, 2**32 - 1),
+    frames=st.none() | st.integers(1, 3),
+)
+def test_agrees_with_the_reference(parts, exposure, start, length, seed, frames):
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows = np.random.default_rng(seed).permutation(np.arange(length) - length // 3)
+    waveform = Sum(parts)
+    got = integrate_exposure(waveform, camera, rows, start, frames)
+    assert got.shape == ((length,) if frames is None else (frames, length))
+    want = reference.integrate_exposure(waveform, camera, rows, start, frames)
+    wrong = np.abs(got - want) > 1e-12
+    if exposure == 0 and wrong.any():
+        wrong &= ~near_an_edge(waveform, camera, rows, start, frames)
+    assert not wrong.any(), (got[wrong], want[wrong])
+
+
+SLOW = st.floats(1, 2e3)
+FACTORS = (
+    st.builds(Tone, frequency=st.just(0.0) | SLOW, amplitude=LEVELS, phase=PHASES, depth=st.floats(0, 1))
+    | st.builds(SquareWave, frequency=st.just(0.0) | SLOW, duty=st.floats(0.01, 0.99), phase=PHASES)
+    | st.builds(Chips, levels=LISTS, chip_rate=SLOW, start=STARTS, repeat=st.booleans())
+    | CONSTANTS
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    factors=st.lists(FACTORS | st.builds(lambda a, b: a + b, FACTORS, FACTORS), min_size=1, max_size=3),
+    sampled=st.none() | st.builds(Samples, values=LISTS, sample_rate=SLOW, start=STARTS, repeat=st.booleans()),
+    exposure=st.just(0.0) | st.floats(1e-6, 1e-2) | st.floats(0.01, 0.05),
+    start=st.floats(-1, 1),
+    length=st.sampled_from([1, 2, 31]),
+    frames=st.none() | st.just(2),
+)
+def test_products_agree_with_quadrature(factors, sampled, exposure, start, length, frames):
+    """The reference integrates products by Gauss-Legendre nodes between the edges."""
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows = (np.arange(length) * 7919) % 1080 - 100
+    waveform = Product([*factors, *([] if sampled is None else [sampled])])
+    got = integrate_exposure(waveform, camera, rows, start, frames)
+    want = reference.integrate_exposure(waveform, camera, rows, start, frames)
+    wrong = np.abs(got - want) > 1e-12 * max(1, np.abs(want).max())
+    if exposure == 0 and wrong.any():
+        wrong &= ~near_an_edge(waveform, camera, rows, start, frames)
+    assert not wrong.any(), (got[wrong], want[wrong])
+
+
+@pytest.mark.parametrize(
+    "waveform",
+    [
+        Tone(500.0, phase=0.4),
+        SquareWave(700.0, 0.3, phase=-0.4),
+        Chips("01101", 3e3, repeat=True),
+        Samples([0.0, 1.0, 0.3], 2e3, start=0.01),
+        Tone(500.0) * SquareWave(175.0, 0.5, phase=1.0),
+        Samples([0.0, 1.0, 0.3], 2e3, repeat=True) * Tone(876.0, depth=0.5) * SquareWave(175.0),
+    ],
+    ids=repr,
+)
+@pytest.mark.parametrize("exposure", [0.000622, 0.0049])
+def test_agrees_with_numerical_quadrature(waveform, exposure):
+    camera = Camera(22.2e-6, exposure)
+    rows = np.array([0, 400, 719])
+    got = integrate_exposure(waveform, camera, rows, 0.01)
+    for mean, end in zip(got, 0.01 + rows * 22.2e-6, strict=True):
+        points = np.linspace(end - exposure, end, 400)
+        light = sum(
+            quad(lambda t: float(sample_waveform(waveform, t)), a, b, limit=60, epsabs=1e-12)[0]
+            for a, b in pairwise(points)
+        )
+        assert mean == pytest.approx(light / exposure, abs=1e-7)
+
+
+def test_a_product_of_tones_has_lines_at_sum_and_difference():
+    """Light of f_c through a grating of f_x v: (1/2 + cos/2)(1/2 + cos/2)."""
+    camera = Camera(1e-5, 622e-6)
+    rows = np.arange(1000)
+    middles = rows * 1e-5 - 311e-6
+    want = np.full(1000, 0.25)
+    for share, frequency in [(0.25, 500.0), (0.25, 200.0), (0.125, 700.0), (0.125, 300.0)]:
+        want += share * np.sinc(frequency * 622e-6) * np.cos(2 * np.pi * frequency * middles)
+    np.testing.assert_allclose(integrate_exposure(Tone(500.0) * Tone(200.0), camera, rows), want, rtol=0, atol=1e-14)
+    squared = 0.375 + 0.5 * np.sinc(0.311) * np.cos(1000 * np.pi * middles)
+    squared += 0.125 * np.sinc(0.622) * np.cos(2000 * np.pi * middles)
+    np.testing.assert_allclose(integrate_exposure(Tone(500.0) * Tone(500.0), camera, rows), squared, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("exposure", [0.0, 1e-12, 1e-9, 22.2e-6, 0.0049])
+@pytest.mark.parametrize(("start", "frame"), [(0.0, 0), (0.0, 100_000), (1e4, 3), (-1e4, 0)])
+def test_products_stay_exact_however_late(exposure, start, frame):
+    """On-off keying twice is on-off keying: of the chips of one rate the product is known chip by chip."""
+    a, b = Chips("0110100111", 5e3 / 3, repeat=True), Chips("00111", 5e3 / 3, repeat=True, amplitude=2.0)
+    both = Chips(np.array([0, 1, 1, 0, 1, 0, 0, 1, 1, 1]) * np.tile([0, 0, 2, 2, 2], 2), 5e3 / 3, repeat=True)
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows = [*range(0, 1080, 30), -5, 5000]
+    got = integrate_exposure(a * b, camera, rows, start, [frame])
+    np.testing.assert_allclose(got, integrate_exposure(both, camera, rows, start, [frame]), rtol=0, atol=1e-13)
+    # sloped light through steady gratings, too
+    ramp = Samples([0.2, 1.0, 0.1, 0.5], 7e3 / 9, repeat=True)
+    steady = SquareWave(0.0, 0.4) * Tone(0.0)
+    got = integrate_exposure(ramp * steady, camera, rows, start, [frame])
+    np.testing.assert_allclose(got, integrate_exposure(ramp, camera, rows, start, [frame]), rtol=0, atol=1e-13)
+
+
+def test_rows_of_a_product_far_apart():
+    """Rows a day apart are integrated one by one."""
+    camera = Camera(1e-3, 1e-3)
+    rows = np.array([0, 86_400_000, 5])
+    waveform = SquareWave(1e4, 0.3) * Tone(5.0)
+    want = [integrate_exposure(waveform, camera, [row])[0] for row in rows]
+    np.testing.assert_allclose(integrate_exposure(waveform, camera, rows), want, rtol=0, atol=1e-15)
+
+
+def exact_instants(camera, rows, start, frame):
+    return [
+        Fraction(start) + frame * Fraction(camera.frame_time) + int(row) * Fraction(camera.row_time) for row in rows
+    ]
+
+
+def exact_square(wave, time, exposure):
+    half, rate = Fraction(wave.duty) / 2, Fraction(wave.frequency)
+
+    def antiderivative(cycles):
+        whole = (cycles + Fraction(1, 2)).__floor__()
+        return whole * 2 * half + min(max(cycles - whole, -half), half)
+
+    if exposure == 0:
+        cycles = rate * time
+        return Fraction(wave.amplitude) * (abs(cycles - (cycles + Fraction(1, 2)).__floor__()) < half)
+    light = antiderivative(rate * time) - antiderivative(rate * (time - exposure))
+    return Fraction(wave.amplitude) * light / (rate * exposure)
+
+
+def exact_cells(waveform, time, exposure):
+    """Chips and samples, cell by cell."""
+    is_chips = isinstance(waveform, Chips)
+    rate = Fraction(waveform.chip_rate if is_chips else waveform.sample_rate)
+    levels = [Fraction(level) for level in (waveform.levels if is_chips else waveform.values)]
+    count = len(levels)
+
+    def corner(k):
+        if waveform.repeat:
+            return levels[k % count]
+        if is_chips:
+            return levels[k] if 0 <= k < count else Fraction(0)
+        return levels[min(max(k, 0), count - 1)]
+
+    def light(k, first, last):  # of a part of cell k
+        begin, end = (corner(k), corner(k)) if is_chips else (corner(k), corner(k + 1))
+        return (last - first) * (begin + (end - begin) * (first + last) / 2)
+
+    end = rate * (time - Fraction(waveform.start))
+    scale = Fraction(waveform.amplitude if is_chips else 1)
+    if exposure == 0:
+        k = end.__floor__()
+        return scale * (corner(k) if is_chips else corner(k) + (end - k) * (corner(k + 1) - corner(k)))
+    begin = end - rate * exposure
+    first, last = begin.__floor__(), end.__floor__()
+    if first == last:
+        return scale * light(last, begin - last, end - last) / (end - begin)
+    total = light(first, begin - first, 1) + light(last, 0, end - last)
+    rounds, rest = divmod(last - first - 1, count) if waveform.repeat else (0, last - first - 1)
+    total += rounds * sum(levels) + sum(light(k, 0, 1) for k in range(first + 1, first + 1 + rest))
+    return scale * total / (end - begin)
+
+
+def exact_mean(waveform, time, exposure):
+    exact = exact_square if isinstance(waveform, SquareWave) else exact_cells
+    return float(exact(waveform, time, Fraction(exposure)))
+
+
+EXACT = [
+    SquareWave(333.3, 0.3),
+    SquareWave(4950.0, 0.9, 2.0),
+    SquareWave(1e6 / 3, 0.5),
+    Chips("0110100111", 5e3 / 3),
+    Chips([0.0, 0.1, 0.7, 1.0], 31.25e3, start=-0.3, repeat=True, amplitude=0.3),
+    Samples([0.2, 1.0, 0.1, 0.5, 0.5], 7e3 / 9, start=0.01),
+    Samples([0.2, 1.0, 0.1, 0.5, 0.5], 7e3 / 9, start=0.01, repeat=True),
+]
+
+
+@pytest.mark.parametrize("waveform", EXACT, ids=repr)
+@pytest.mark.parametrize("exposure", [0.0, 1e-12, 3e-7, 22.2e-6, 0.000622, 0.0049, 0.12])
+@pytest.mark.parametrize(("start", "frame"), [(0.0, 0), (0.0, 100_000), (1e4, 3), (-1e4, 0)])
+def test_is_exact_however_late(waveform, exposure, start, frame):
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows = [0, 1, 17, 1079, -5, 10**6, 100]
+    got = integrate_exposure(waveform, camera, rows, start, [frame])[0]
+    want = [exact_mean(waveform, time, exposure) for time in exact_instants(camera, rows, start, frame)]
+    np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("exposure", [1e-12, 1e-9])
+@pytest.mark.parametrize("waveform", EXACT, ids=repr)
+def test_an_edge_cuts_a_tiny_exposure_late(waveform, exposure):
+    """In all proportions, an hour after the start."""
+    rate = next(
+        getattr(waveform, name) for name in ("frequency", "chip_rate", "sample_rate") if hasattr(waveform, name)
+    )
+    edge = Fraction(getattr(waveform, "duty", 0)) / 2 + 10 * round(360 * rate)
+    if getattr(waveform, "repeat", True) is False:
+        edge = Fraction(1)
+    camera = Camera(exposure / 8, exposure, 1.0)
+    time = edge / Fraction(rate) + Fraction(getattr(waveform, "start", 0))
+    first = round((time - Fraction(float(time))) / Fraction(camera.row_time))
+    rows = np.arange(first - 4, first + 14)
+    got = integrate_exposure(waveform, camera, rows, float(time))
+    want = [exact_mean(waveform, t, exposure) for t in exact_instants(camera, rows, float(time), 0)]
+    np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("frequency", [0.0, 0.3, 500.0, 4950.0, 2e5])
+@pytest.mark.parametrize("exposure", [0.0, 1e-12, 0.000622, 0.25])
+def test_tone_late(frequency, exposure):
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows, start, frame = np.arange(50), 1e4, 100_000
+    got = integrate_exposure(Tone(frequency, 2.0, 0.4, 0.8), camera, rows, start, [frame])[0]
+    middles = [time - Fraction(exposure) / 2 for time in exact_instants(camera, rows, start, frame)]
+    phases = 2 * np.pi * np.array([float(Fraction(frequency) * time % 1) for time in middles]) + 0.4
+    want = 1 + 0.8 * np.sinc(frequency * exposure) * np.cos(phases)
+    np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
+
+
+def test_a_square_wave_has_its_fundamental_in_phase_with_the_tone():
+    times = np.arange(10_000) / 10_000
+    for duty in (0.1, 0.5, 0.8):
+        square = sample_waveform(SquareWave(3.0, duty, phase=0.7), times)
+        line = 2 * np.mean(square * np.exp(-6j * np.pi * times))
+        assert np.angle(line) == pytest.approx(0.7, abs=2e-3)
+        assert abs(line) / square.mean() == pytest.approx(2 * np.sin(np.pi * duty) / (np.pi * duty), rel=2e-3)
+
+
+def test_chips_of_text_and_where_they_end():
+    chips = Chips("011", 1e3, start=1.0, amplitude=2.0)
+    times = [0.9999, 1.0, 1.0005, 1.0011, 1.0015, 1.0025, 1.0031, 1.1]
+    assert sample_waveform(chips, times).tolist() == [0, 0, 0, 2, 2, 2, 0, 0]
+    assert chips == Chips(np.array([0, 1, 1], np.uint8), 1000, 1, amplitude=2)
+    again = Chips("011", 1e3, repeat=True)
+    assert sample_waveform(again, [0.0005, 0.0015, 0.0035, -0.0005]).tolist() == [0, 1, 0, 1]
+
+
+def test_huge_and_tiny_values_that_have_an_answer():
+    camera = Camera(22.2e-6, 0.0006)
+    huge = integrate_exposure(Chips([1e100, -1e100], 1e3, repeat=True, amplitude=1e100), camera, 720)
+    assert np.isfinite(huge).all()
+    assert np.abs(huge).max() > 0.9e200
+    assert (integrate_exposure(Tone(5e-324), camera, 7) == 1).all()
+    assert (integrate_exposure(SquareWave(5e-324), camera, 7) == 1).all()
+    assert (integrate_exposure(SquareWave(500.0), Camera(22.2e-6, 5e-324), 7) == 1).all()
+    long = integrate_exposure(Chips([1, 3], 1e7, repeat=True), Camera(22.2e-6, 1e6), 7)
+    np.testing.assert_allclose(long, 2, rtol=1e-12)
+
+
+def test_operators_pickles_and_equality():
+    tone, wave = Tone(500.0), SquareWave(300.0, 0.3)
+    assert tone + wave == Sum([tone, wave])
+    assert 1 + tone + wave == Sum([Constant(1.0), tone, wave])
+    assert 2 * tone == Product([2.0, tone]) == np.float64(2) * tone
+    assert tone * 2 == Product([tone, Constant(2.0)])
+    assert tone != Tone(501.0)
+    assert tone != 3
+    assert Samples([1, 2], 10) != Samples([1, 3], 10)
+    camera = Camera(1e-5, 1e-4)
+    for waveform in [tone, wave, Chips("01", 1e3), Samples([1, 2], 10, repeat=True), 2 * tone + wave + 1]:
+        again = pickle.loads(pickle.dumps(waveform))
+        assert again == waveform
+        assert hash(again) == hash(waveform)
+        np.testing.assert_array_equal(integrate_exposure(again, camera, 9), integrate_exposure(waveform, camera, 9))
+    with pytest.raises(AttributeError):
+        tone.frequency = 3.0
+    with pytest.raises(TypeError):
+        tone + "1"
+    levels = np.array([0.0, 1.0])
+    chips = Chips(levels, 1e3)
+    levels[:] = 7
+    assert chips.levels.tolist() == [0, 1]
+    with pytest.raises(ValueError, match="read-only"):
+        chips.levels[0] = 7
+
+
+@pytest.mark.parametrize("step", [1, 3, -2])
+def test_out_with_any_strides(step):
+    camera = Camera(1e-5, 3e-4, 0.01)
+    wave = Tone(777.0) + Chips("0110", 3e3, repeat=True)
+    want = integrate_exposure(wave, camera, 20, 0.5, 4)
+    memory = np.full((4, 60), np.nan)
+    out = memory[::-1, ::step][:, :20]
+    assert integrate_exposure(wave, camera, 20, 0.5, 4, out=out) is out
+    np.testing.assert_array_equal(out, want)
+    assert np.isnan(memory).sum() == memory.size - out.size
+    columns = np.full((20, 3), np.nan)
+    integrate_exposure(wave, camera, np.arange(20, dtype=np.uint8), 0.5, out=columns[:, 1])
+    np.testing.assert_array_equal(columns[:, 1], want[0])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Tone(-1.0), "frequency: got -1, allowed"),
+        (lambda: Tone(np.nan), "frequency: got nan"),
+        (lambda: Tone(np.inf), "frequency: got inf"),
+        (lambda: Tone(1.0, np.nan), "amplitude: got nan"),
+        (lambda: Tone(1.0, 1e101), "amplitude: got"),
+        (lambda: Tone(1.0, phase=np.inf), "phase: got inf"),
+        (lambda: Tone(1.0, depth=1.5), "depth: got 1.5"),
+        (lambda: SquareWave(-2.0), "frequency: got -2"),
+        (lambda: SquareWave(1.0, 0.0), "duty: got 0"),
+        (lambda: SquareWave(1.0, 1.0), "duty: got 1"),
+        (lambda: SquareWave(1.0, np.nan), "duty: got nan"),
+        (lambda: Chips([], 1e3), "levels: got"),
+        (lambda: Chips("", 1e3), "levels: got"),
+        (lambda: Chips("012", 1e3), "levels: got '012'"),
+        (lambda: Chips([[0, 1]], 1e3), "levels: got shape"),
+        (lambda: Chips([0, 1j], 1e3), "levels: got dtype complex"),
+        (lambda: Chips([0, np.nan], 1e3), "levels: got nan"),
+        (lambda: Chips([0, 1], 0.0), "chip_rate: got 0"),
+        (lambda: Chips([0, 1], 1.0, start=np.inf), "start: got inf"),
+        (lambda: Samples([], 1e3), "values: got"),
+        (lambda: Samples([np.inf], 1e3), "values: got inf"),
+        (lambda: Samples([1.0], -1e3), "sample_rate: got -1000"),
+        (lambda: Constant(np.nan), "level: got nan"),
+        (lambda: Sum([]), "parts: got none"),
+        (lambda: Tone(1.0) * np.inf, "level: got inf"),
+        (lambda: Samples([1, 2], 1.0) * Tone(1.0) * Samples([1, 2], 1.0), "product: got 2 factors that are Samples"),
+        (lambda: Product([Tone(1.0)] * 9), "product: got 9 tones"),
+        (lambda: Product([Tone(1.0) + 1] * 13), "waveform: got 8192, allowed: at most 4096 terms"),
+        (lambda: Sum([Tone(1.0)] * 5000), "waveform: got 5000, allowed: at most 4096 terms"),
+        (lambda: Tone(1.0, 1e100) * 1e100 * 1e100 * 1e100, "product: got"),
+    ],
+)
+def test_waveforms_without_meaning_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+READ_ONLY = np.zeros(3)
+READ_ONLY.flags.writeable = False
+UNALIGNED = np.zeros(25, np.uint8)[1:].view(np.float64)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"camera": Camera(1e-5)}, "exposure: got none"),
+        ({"frames": 2}, "frame_time: got None"),
+        ({"rows": 0}, "rows: got 0"),
+        ({"rows": -3}, "rows: got -3"),
+        ({"rows": 10**12}, "rows: got 1000000000000"),
+        ({"rows": 2.0}, "rows: got 2.0"),
+        ({"rows": True}, "rows: got True"),
+        ({"rows": [0.5]}, "rows: got"),
+        ({"rows": []}, "rows: got"),
+        ({"rows": [[1, 2]]}, "rows: got shape"),
+        ({"rows": [2**60]}, "rows: got 1152921504606846976"),
+        ({"rows": np.array([2**63], np.uint64)}, "rows: got 9223372036854775808"),
+        ({"start": np.nan}, "start: got nan"),
+        ({"start": 1e200}, "frequency: got"),
+        ({"camera": Camera(1e-5, 1e200)}, "frequency: got"),
+        ({"waveform": Chips([1], 1e300)}, "chip_rate: got"),
+        ({"waveform": SquareWave(1e14) * Chips("01", 1e3)}, "exposure: got .* edges of a product"),
+        ({"out": np.zeros(4)}, r"out: got shape \(4,\)"),
+        ({"out": np.zeros(3, np.float32)}, "out: got dtype float32"),
+        ({"out": np.zeros(3, ">f8")}, "out: got dtype >f8"),
+        ({"out": [0.0] * 3}, "out: got list"),
+        ({"out": READ_ONLY}, "out: got a read-only array"),
+        ({"out": UNALIGNED}, "out: got dtype float64, allowed: float64, native and aligned"),
+        ({"camera": Camera(1e-5, 1e-4, 0.1), "frames": 0}, "frames: got 0"),
+        ({"camera": Camera(1e-5, 1e-4, 0.1), "rows": 1000, "frames": 10**6}, "frames: got 1000000 of 1000 rows"),
+    ],
+)
+def test_what_cannot_be_integrated_is_refused(arguments, message):
+    full = {"waveform": Tone(500.0), "camera": Camera(1e-5, 1e-4), "rows": 3, **arguments}
+    with pytest.raises(ValueError, match=message):
+        integrate_exposure(**full)
+
+
+def test_times_without_meaning_are_refused():
+    with pytest.raises(ValueError, match="times: got nan"):
+        sample_waveform(Tone(1.0), [0.0, np.nan])
+    with pytest.raises(ValueError, match="times: got dtype"):
+        sample_waveform(Tone(1.0), ["a"])
+    assert sample_waveform(Tone(1.0), np.zeros((2, 0))).shape == (2, 0)
+    assert sample_waveform(Tone(1.0), 0.0) == 1

@@ -1,0 +1,369 @@
+"""Detection of modulated lights: what is found, what stays out, and that core and reference say the same."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from ocisac_fast import Camera, Chips, SquareWave, Tone, detect_sources, integrate_exposure, reference
+from ocisac_fast.packets import encode_line_code
+
+ROW_TIME = 1e-5
+CAMERA = Camera(ROW_TIME, exposure=3e-5)
+
+
+def scene(rows=480, columns=640, seed=0, noise=2.0, level=30.0):
+    """A dim picture with a smooth gradient and noise, and its random generator."""
+    random = np.random.default_rng(seed)
+    picture = level + 10.0 * np.sin(np.arange(rows) / 60.0)[:, None] + 0.01 * np.arange(columns)
+    return picture + noise * random.standard_normal((rows, columns)), random
+
+
+def add_lamp(picture, row, column, radius, waveform, swing=120.0, camera=CAMERA):
+    """A disk that shines with the waveform, added to the picture."""
+    light = integrate_exposure(waveform, camera, picture.shape[0])
+    y, x = np.ogrid[: picture.shape[0], : picture.shape[1]]
+    picture += swing * light[:, None] * ((y - row) ** 2 + (x - column) ** 2 < radius**2)
+
+
+def stored(picture, dtype=np.uint8):
+    """As a camera of full scale 255 (8 bits), 4 x 255 (16 bits) or 255 (floats) stores it."""
+    if dtype == np.uint8:
+        return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    if dtype == np.uint16:
+        return np.clip(np.rint(256.0 * picture), 0, 65535).astype(np.uint16)
+    return picture.astype(dtype)
+
+
+def three_lamps(seed=0, dtype=np.uint8):
+    picture, _ = scene(seed=seed)
+    add_lamp(picture, 100, 100, 30, SquareWave(9000.0))
+    add_lamp(picture, 300, 400, 40, Tone(6500.0))
+    add_lamp(picture, 200, 550, 21, SquareWave(13000.0), swing=60.0)
+    return stored(picture, dtype)
+
+
+def nearest(sources, row, column):
+    return min(sources, key=lambda s: abs(s.y + s.height / 2 - row) + abs(s.x + s.width / 2 - column))
+
+
+def assert_same(found, expected):
+    """Everything that is told of every light."""
+    assert len(found) == len(expected)
+    for one, other in zip(found, expected, strict=True):
+        for field in dataclasses.fields(one):
+            a, b = getattr(one, field.name), getattr(other, field.name)
+            if field.name == "phase":
+                assert abs(np.angle(np.exp(1j * (a - b)))) < 1e-4
+            elif isinstance(a, float):
+                assert a == pytest.approx(b, rel=1e-4, abs=1e-7), field.name
+            else:
+                assert a == b, field.name
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
+def test_lights_are_found_with_box_frequency_and_gain(dtype):
+    camera = Camera(ROW_TIME, exposure=3e-5, white_level=255.0) if np.dtype(dtype).kind == "f" else CAMERA
+    sources = detect_sources(three_lamps(dtype=dtype), camera)
+    assert len(sources) == 3
+    for row, column, radius, frequency in ((100, 100, 30, 9000.0), (300, 400, 40, 6500.0), (200, 550, 21, 13000.0)):
+        source = nearest(sources, row, column)
+        assert abs(source.y + source.height / 2 - row) < 6
+        assert abs(source.x + source.width / 2 - column) < 6
+        assert 1.4 * radius < source.width < 2.6 * radius
+        assert 1.4 * radius < source.height < 2.8 * radius
+        assert abs(source.frequency - frequency) < max(4 * source.frequency_std, 0.01 * frequency)
+        assert source.frequency_std < 0.02 * frequency
+        assert not source.carries_data
+        assert source.reflection_of is None
+
+
+@settings(max_examples=12)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dtype=st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
+    transposed=st.booleans(),
+    reverse=st.booleans(),
+    rows=st.sampled_from([97, 193, 250]),
+)
+def test_core_and_reference_agree(seed, dtype, transposed, reverse, rows):
+    picture, random = scene(rows, 230, seed)
+    for _ in range(2):
+        row, column = random.uniform(30, rows - 30), random.uniform(30, 200)
+        add_lamp(picture, row, column, random.uniform(18, 30), SquareWave(random.uniform(7e3, 2e4)))
+    frame = stored(picture, dtype)
+    if transposed:  # columns lie in memory one after the other
+        frame = np.asfortranarray(frame)
+    if reverse:
+        frame = frame[::-1, ::-1]
+    assert_same(detect_sources(frame, CAMERA), reference.detect_sources(frame, CAMERA))
+
+
+def data_light(seed, rows_per_chip=8.0, radius=160):
+    """A large disk that sends Manchester code, periodic here and there."""
+    picture, random = scene(640, 480, seed)
+    bits = random.integers(0, 2, 200)
+    chips = np.stack([bits, 1 - bits], axis=1).ravel().astype(float)
+    add_lamp(picture, 320, 240, radius, Chips(chips.tolist(), 1 / (rows_per_chip * ROW_TIME)), swing=100.0)
+    return stored(picture)
+
+
+@pytest.mark.parametrize("seed", [2, 11])  # of these lights several parts are found
+def test_parts_of_a_light_that_sends_data_become_one(seed):
+    frame = data_light(seed)
+    sources = detect_sources(frame, CAMERA)
+    (light,) = sources
+    assert light.reason == "waveform"
+    assert light.carries_data
+    assert light.merged >= 1
+    assert light.height > 170
+    assert_same(sources, reference.detect_sources(frame, CAMERA))
+
+
+def lamp_of_chips(seed, code, rows_per_chip=6.0, size=220):
+    """A large square lamp among boxes that sends random bits."""
+    picture, random = scene(640, 480, seed)
+    for _ in range(12):
+        top, left, height, width = random.integers((0, 0, 10, 10), (600, 440, 150, 150))
+        picture[top : top + height, left : left + width] += random.uniform(10, 60)
+    chips = encode_line_code(random.integers(0, 2, 256), code).astype(float)
+    light = integrate_exposure(Chips(chips.tolist(), 1 / (rows_per_chip * ROW_TIME)), CAMERA, 640)
+    picture[200 : 200 + size, 130 : 130 + size] = 20 + 100 * light[200 : 200 + size, None]
+    return stored(picture + 2.0 * random.standard_normal(picture.shape))
+
+
+@pytest.mark.parametrize("code", ["none", "manchester", ("1000", "0100", "0010", "0001")])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lights_that_send_data_are_found_whole(code, seed):
+    frame = lamp_of_chips(seed, code)
+    sources = detect_sources(frame, CAMERA)
+    (light,) = [s for s in sources if s.carries_data]
+    assert abs(light.x - 130) <= 12
+    assert abs(light.x + light.width - 350) <= 12
+    assert abs(light.y - 200) <= 45  # rows are told by a window of four of its cycles
+    assert abs(light.y + light.height - 420) <= 45
+    assert light.amplitude == pytest.approx(45, rel=0.35)
+    if seed == 1 and code != "manchester":
+        assert_same(sources, reference.detect_sources(frame, CAMERA))
+
+
+def test_edges_without_a_clock_are_no_data():
+    """As many edges as a lamp has, in all its columns: a stack of bars of random heights and greys."""
+    random = np.random.default_rng(3)
+    picture = 60.0 + 2.0 * random.standard_normal((640, 480))
+    top = 200
+    while top < 420:
+        height = int(random.integers(20, 70))
+        picture[top : top + height, 130:350] = random.uniform(20, 200)
+        top += height
+    assert detect_sources(stored(picture), CAMERA) == []
+
+
+@pytest.mark.parametrize(
+    ("above", "frequency", "apart"),
+    [(True, 6500.0, 0), (True, 10000.0, 0), (True, 6500.0, 60), (False, 6500.0, 30), (False, 5000.0, 60)],
+)
+def test_lamps_beside_and_above_each_other_stay_apart(above, frequency, apart):
+    picture, _ = scene()
+    for k, one in enumerate((5000.0, frequency)):
+        light = integrate_exposure(SquareWave(one), CAMERA, 480)
+        row, column = (60 + k * (130 + apart), 200) if above else (60, 150 + k * (130 + apart))
+        picture[row : row + 130, column : column + 130] = 20 + 120 * light[row : row + 130, None]
+    sources = detect_sources(stored(picture), CAMERA)
+    assert len(sources) == 2
+    assert all(s.reason != "waveform" for s in sources)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [((5000.0, 0.0), (6500.0, 0.0)), ((8000.0, 0.0), (11000.0, 0.0)), ((8000.0, 0.0), (8000.0, 2.0))],
+)
+def test_lamps_that_touch_side_by_side_are_told_apart(first, second):
+    picture, _ = scene()
+    for k, (frequency, phase) in enumerate((first, second)):
+        light = integrate_exposure(SquareWave(frequency, phase=phase), CAMERA, 480)
+        picture[100:260, 150 + 110 * k : 260 + 110 * k] = 20 + 120 * light[100:260, None]
+    frame = stored(picture)
+    sources = detect_sources(frame, CAMERA)
+    assert len(sources) == 2
+    for (frequency, _), source, left in zip(
+        (first, second), sorted(sources, key=lambda s: s.x), (150, 260), strict=True
+    ):
+        assert abs(source.x - left) <= 16
+        assert abs(source.x + source.width - left - 110) <= 16
+        assert source.frequency == pytest.approx(frequency, rel=0.02)
+    assert_same(sources, reference.detect_sources(frame, CAMERA))
+
+
+@pytest.mark.parametrize("shape", [(1,), (7,), (31, 5), (32, 1), (33, 2), (40, 3), (64, 17), (97, 16)])
+def test_small_frames_of_noise_hold_nothing(shape):
+    frame = np.random.default_rng(1).integers(90, 110, shape).astype(np.uint8)
+    assert detect_sources(frame, CAMERA) == [] == reference.detect_sources(frame, CAMERA)
+
+
+def test_a_light_that_fills_the_frame_is_found():
+    light = integrate_exposure(Tone(5000.0), CAMERA, 400)
+    frame = stored(
+        np.repeat(20.0 + 150.0 * light[:, None], 16, axis=1) + np.random.default_rng(0).normal(0, 2, (400, 16))
+    )
+    (source,) = detect_sources(frame, CAMERA)
+    assert (source.x, source.width) == (0, 16)
+    assert source.height > 380
+    assert source.frequency == pytest.approx(5000.0, rel=1e-3)
+    assert source.gain == pytest.approx(75.0 / 95.0 * np.sinc(0.15), abs=0.02)
+
+
+def test_phase_is_that_of_tone_gain_at_row_0():
+    light = integrate_exposure(Tone(5000.0, phase=1.0), CAMERA, 400)
+    picture, _ = scene(400, 100, noise=0.5)
+    picture[100:300, 20:80] += 100.0 * light[100:300, None]
+    (source,) = detect_sources(stored(picture), CAMERA)
+    spread = 2 * np.pi * 200 * ROW_TIME * source.frequency_std
+    assert abs(np.angle(np.exp(1j * (source.phase - 1.0)))) < 0.1 + 4 * spread
+
+
+def test_frames_are_looked_at_one_by_one():
+    frames = np.stack([three_lamps(0), stored(scene()[0]), three_lamps(1)])
+    sources = detect_sources(frames, CAMERA)
+    assert [s.frame for s in sources] == [0, 0, 0, 2, 2, 2]
+    assert_same([dataclasses.replace(s, frame=0) for s in sources if s.frame == 2], detect_sources(frames[2], CAMERA))
+
+
+def test_a_mirrored_light_is_told_from_a_second_light():
+    picture, _ = scene()
+    add_lamp(picture, 240, 150, 40, SquareWave(8000.0))
+    add_lamp(picture, 250, 450, 22, SquareWave(8000.0), swing=60.0)
+    sources = detect_sources(stored(picture), CAMERA)
+    assert [(s.reflection_of, s.reason) for s in sources if s.reason != "overlap"][-1] == (0, "frequency and phase")
+
+    picture, _ = scene()
+    add_lamp(picture, 240, 150, 40, SquareWave(8000.0))
+    light = integrate_exposure(SquareWave(8000.0), CAMERA, 480, start=0.4 / 8000.0)  # another clock
+    picture[230:275, 430:475] += 60.0 * light[230:275, None]
+    assert [s.reflection_of for s in detect_sources(stored(picture), CAMERA)] == [None, None]
+
+
+def test_neighbours_of_other_frequencies_are_kept_apart():
+    picture, _ = scene()
+    add_lamp(picture, 200, 200, 28, SquareWave(8000.0))
+    add_lamp(picture, 200, 262, 28, SquareWave(11000.0))
+    assert sorted(round(s.frequency, -3) for s in detect_sources(stored(picture), CAMERA)) == [8000.0, 11000.0]
+
+
+def textures():
+    random = np.random.default_rng(7)
+    rows, columns = 480, 640
+    fy, fx = np.meshgrid(np.fft.fftfreq(rows), np.fft.rfftfreq(columns), indexing="ij")
+    amplitude = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / columns)
+    field = np.fft.irfft2(amplitude * np.exp(2j * np.pi * random.random(amplitude.shape)), (rows, columns))
+    yield "cloud", 120.0 + 40.0 * field / field.std()
+    yield "grain", 120.0 + 30.0 * random.standard_normal((rows, columns))
+    yield "tilted stripes", 120.0 + 80.0 * np.sin(0.5 * (np.arange(rows)[:, None] + np.arange(columns)))
+    page = np.full((rows, columns), 230.0)
+    for top in range(20, 460, 30):  # lines of letters: strokes of random place and height
+        for left in range(20, 600, 12):
+            kind = random.integers(0, 4)
+            page[top : top + 16, left + 2 * kind : left + 2 * kind + 3] = 20.0
+            page[top + 4 * kind : top + 4 * kind + 3, left : left + 9] = 20.0
+    yield "text", page
+    edges = np.full((rows, columns), 60.0)
+    for _ in range(40):
+        top, left = random.integers(0, rows - 20), random.integers(0, columns - 20)
+        height, width = random.integers(10, 150, 2)
+        edges[top : top + height, left : left + width] = random.uniform(10, 240)
+    yield "boxes", edges
+    lamps = np.full((rows, columns), 10.0)
+    lamps[100:200, 100:180] = lamps[300:360, 400:500] = 255.0
+    yield "saturated lamps", lamps
+
+
+TEXTURES = dict(textures())
+
+
+@pytest.mark.parametrize("name", TEXTURES)
+def test_what_is_not_modulated_stays_out(name):
+    picture = TEXTURES[name]
+    noise = np.random.default_rng(0).normal(0, 1.5, picture.shape)
+    assert detect_sources(stored(picture + noise), CAMERA) == []
+
+
+def test_false_alarms_of_noise_stay_within_what_was_set():
+    random = np.random.default_rng(5)
+    frames = stored(100.0 + 8.0 * random.standard_normal((40, 480, 320)))
+    assert len(detect_sources(frames, CAMERA, false_alarms=1.0)) <= 40
+    assert len(detect_sources(frames, CAMERA, false_alarms=0.01)) <= 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"false_alarms": 0.0}, "false_alarms: got 0, allowed: above 0 up to 1"),
+        ({"false_alarms": float("nan")}, "false_alarms: got nan"),
+        ({"false_alarms": 1.5}, "false_alarms: got 1.5"),
+        ({"min_cycles": 1.0}, "min_cycles: got 1, allowed: a finite number, 2 or above"),
+        ({"min_cycles": float("inf")}, "min_cycles: got inf"),
+        ({"most": 0}, "most: got 0, allowed: 1 or above"),
+    ],
+)
+def test_options_out_of_range_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        detect_sources(np.zeros((64, 64), np.uint8), CAMERA, **options)
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        (np.zeros((2, 2, 2, 2)), "frames: got 4 dimensions"),
+        (np.zeros((64, 0)), "frames: got shape"),
+        (np.full((64, 64), np.nan), "columns: got nan"),
+        (np.zeros((64, 64), complex), "frames: got dtype complex128"),
+    ],
+)
+def test_frames_that_are_none_are_refused(frames, message):
+    with pytest.raises(ValueError, match=message):
+        detect_sources(frames, CAMERA)
+
+
+@pytest.mark.parametrize("axis", ["y", "x", "-y", "-x"])
+def test_command_gives_boxes_in_stored_pixels(axis, tmp_path, capsys):
+    pytest.importorskip("click")
+    pytest.importorskip("rich")
+    from ocisac_fast.cli import main
+
+    stored_picture = three_lamps()  # rows in time order
+    if axis.startswith("-"):
+        stored_picture = stored_picture[::-1]
+    if axis.endswith("x"):
+        stored_picture = stored_picture.T
+    file = tmp_path / "lamps.npy"
+    padded = np.zeros(np.add(stored_picture.shape, (5, 3)), np.uint8)
+    padded[5:, 3:] = stored_picture
+    np.save(file, padded)
+    height, width = stored_picture.shape
+    arguments = ["detect", str(file), "--row-time", "10us", "--exposure", "30us", "--scan-axis", axis]
+    assert main([*arguments, "--region", f"3,5,{width},{height}", "--json"]) == 0
+    (found,) = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    strongest = found["sources"][0]
+    x, y = 400, 300
+    if axis.startswith("-"):
+        y = 479 - y
+    if axis.endswith("x"):
+        x, y = y, x
+    assert abs(strongest["x"] + strongest["width"] / 2 - x - 3) < 6
+    assert abs(strongest["y"] + strongest["height"] / 2 - y - 5) < 6
+    assert strongest["frequency_hz"] == pytest.approx(6500.0, rel=0.02)
+    assert [s["reflection_of"] for s in found["sources"]] == [None] * 3
+
+
+def test_command_draws_and_tabulates(tmp_path, capsys):
+    for module in ("click", "rich", "matplotlib"):
+        pytest.importorskip(module)
+    from ocisac_fast.cli import main
+
+    file, plot = tmp_path / "lamps.npy", tmp_path / "lamps.png"
+    np.save(file, np.stack([three_lamps()] * 3, axis=-1)[np.newaxis])  # grey, stored as three colours
+    assert main(["detect", str(file), "--row-time", "10us", "--plot", str(plot)]) == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert "kHz" in capsys.readouterr().out

@@ -1,0 +1,207 @@
+"""CM-FSK: one tone a frame, against the reference, against theory, and payloads through it."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Flag, reference
+from ocisac_fast.cli import main
+from ocisac_fast.packets.fsk import FskReceiver, fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+
+ROW_TIME, ROWS, FRAME_TIME = 22.2e-6, 1080, 1 / 30
+SPACING = 1 / (ROWS * ROW_TIME)
+
+
+def tones_of(count, first=20, step=4):
+    return [SPACING * (first + step * k) for k in range(count)]
+
+
+@given(
+    st.integers(0, 2**32 - 1), st.sampled_from([2, 4, 16]), st.sampled_from([64, 97, 720, 1080]), st.floats(0.02, 2.0)
+)
+@settings(max_examples=40)
+def test_agrees_with_the_reference(seed, count, rows, noise):
+    random = np.random.default_rng(seed)
+    camera = Camera(ROW_TIME, random.choice([None, 300e-6]))
+    tones = np.sort(random.uniform(1.2, rows / 2.5, count)) / (rows * ROW_TIME)
+    sent = int(random.integers(count))
+    column = 50 + np.linspace(0, 9, rows) + noise * random.standard_normal(rows)
+    column += np.cos(2 * np.pi * tones[sent] * ROW_TIME * np.arange(rows) + random.uniform(0, 6))
+    amplitude = None if seed % 2 else 1.0
+    got = fsk_demodulate(column, camera, tones, amplitude=amplitude)
+    symbol, likelihoods = reference.fsk_demodulate(column, camera, tones, amplitude=amplitude)
+    assert got.symbol == symbol
+    np.testing.assert_allclose(got.likelihoods, likelihoods, rtol=1e-6, atol=1e-5)
+    for bit, llr in enumerate(got.llr):
+        ones = [(index >> (len(got.llr) - 1 - bit)) & 1 == 1 for index in range(count)]
+        expected = likelihoods[ones].max() - likelihoods[np.logical_not(ones)].max()
+        assert llr == pytest.approx(expected, rel=1e-6, abs=1e-5)
+
+
+@pytest.mark.parametrize("count", [2, 4, 16])
+def test_the_error_rate_is_the_binomial_sum(count):
+    for snr in (0.0, 0.5, 3.0, 10.0, 20.0):
+        assert fsk_symbol_error_rate(count, snr) == pytest.approx(
+            reference.fsk_symbol_error_rate(count, snr), rel=1e-4, abs=1e-12
+        )
+    assert fsk_symbol_error_rate(256, 0.0) == pytest.approx(255 / 256, rel=1e-4)
+    assert 0 < fsk_symbol_error_rate(256, 60.0) < 1e-10
+
+
+@pytest.mark.parametrize(("count", "snr"), [(2, 4.0), (4, 5.0), (16, 7.0)])
+def test_errors_are_as_many_as_theory_says(count, snr):
+    """Orthogonal tones in white noise at a known ratio: within four standard errors of the noncoherent bound."""
+    random, tones = np.random.default_rng(count), tones_of(count)
+    frames = 1500
+    noise = math.sqrt(ROWS / (4 * snr))
+    turns = 2 * np.pi * np.outer(tones, ROW_TIME * np.arange(ROWS))
+    wrong, rates = 0, []
+    for _ in range(frames):
+        sent = int(random.integers(count))
+        column = np.cos(turns[sent] + random.uniform(0, 2 * np.pi)) + noise * random.standard_normal(ROWS)
+        got = fsk_demodulate(column, Camera(ROW_TIME), tones)
+        wrong += got.symbol != sent
+        rates.append(got.snr)
+    expected = reference.fsk_symbol_error_rate(count, snr)
+    spread = math.sqrt(expected * (1 - expected) / frames)
+    assert abs(wrong / frames - expected) < 4 * spread
+    assert np.median(rates) == pytest.approx(snr, rel=0.2)
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_every_frame_of_a_transmission_gives_its_symbol(count):
+    tones = tones_of(count)
+    sent = fsk_transmit(b"tone", tones, number=3)
+    chips = len(ocisac.transmit(b"tone", line_code="none", block_bytes=4).chips)
+    assert len(sent.symbols) * math.log2(count) % chips == 0
+    camera = Camera(ROW_TIME, 622e-6, frame_time=FRAME_TIME)
+    light = sent.waveform(FRAME_TIME, start=-0.2 * FRAME_TIME)
+    random = np.random.default_rng(1)
+    for index in range(60):
+        rows = ocisac.integrate_exposure(light, camera, ROWS, start=index * FRAME_TIME)
+        got = fsk_demodulate(20 + 80 * rows + 4 * random.standard_normal(ROWS), camera, tones)
+        assert got.symbol == sent.symbols[index % len(sent.symbols)]
+
+
+def tone_rows(random, tone, noise):
+    turns = tone * ROW_TIME * np.arange(ROWS) + random.uniform()
+    return 60 + np.linspace(0, 20, ROWS) + 20 * np.cos(2 * np.pi * turns) + noise * random.standard_normal(ROWS)
+
+
+@pytest.mark.parametrize(("count", "noise", "most"), [(2, 60.0, 560), (4, 30.0, 260), (16, 30.0, 160)])
+def test_payloads_come_through_noise_missing_repeated_and_dark_frames(count, noise, most):
+    """Symbols alone tell nothing of a packet: preamble and header lie across 8 to 30 frames."""
+    random, tones = np.random.default_rng(count), tones_of(count)
+    sent = fsk_transmit(b"tone", tones, number=3)
+    receiver, payloads = FskReceiver(Camera(ROW_TIME), tones), []
+    for index in range(most):
+        symbol = sent.symbols[(index + 300) % len(sent.symbols)]
+        if index % 61 == 5:
+            continue
+        dark = index % 83 == 40
+        rows = 60 + noise * random.standard_normal(ROWS) if dark else tone_rows(random, tones[symbol], noise)
+        result = receiver.push(rows, index)
+        assert result.missing == (index % 61 == 6)
+        assert result.outcome == "received" or dark or Flag.NO_SIGNAL in result.flags
+        if index % 50 == 9:
+            assert receiver.push(rows, index).outcome == "repeated"
+        if result.payload is not None:
+            payloads.append((result.payload.payload, result.payload.number))
+    assert payloads
+    assert set(payloads) == {(b"tone", 3)}
+    assert receiver.push(np.full(ROWS, np.nan)).outcome == "not_finite"
+    assert receiver.push(rows[:-1]).outcome == "other_shape"
+
+
+def test_another_packet_of_tones_follows_the_first():
+    random, tones, got = np.random.default_rng(1), tones_of(4), []
+    receiver = FskReceiver(Camera(ROW_TIME), tones)
+    for number, payload in enumerate((b"first", b"second!")):
+        sent = fsk_transmit(payload, tones, number=number)
+        for index in range(300):
+            result = receiver.push(tone_rows(random, tones[sent.symbols[index]], 10.0))
+            got += [] if result.payload is None else [result.payload.payload]
+    assert list(dict.fromkeys(got)) == [b"first", b"second!"]
+
+
+def test_tones_by_files_and_commands(tmp_path, capsys):
+    tones = "1kHz,1.2kHz,1.4kHz,1.7kHz"
+    assert main(["transmit", "--text", "by tones", "--fsk", tones, "--json"]) == 0
+    sent = json.loads(capsys.readouterr().out)
+    assert sent["tones_hz"] == [1000.0, 1200.0, 1400.0, 1700.0]
+    assert sent["symbols"] == len(sent["sequence"])
+    for name in ("s.txt", "s.npy", "s.csv", "s.h"):
+        command = ["transmit", "--text", "by tones", "--fsk", tones, "--frame-rate", "30", "-o", str(tmp_path / name)]
+        assert main(command) == 0
+    assert (tmp_path / "s.txt").read_text().split() == list(map(str, sent["sequence"]))
+    assert np.load(tmp_path / "s.npy").tolist() == sent["sequence"]
+    lines = (tmp_path / "s.csv").read_text().splitlines()
+    assert lines[:2] == ["time_s,tone_hz", f"0.0,{sent['tones_hz'][sent['sequence'][0]]}"]
+    assert "ocisac_tones_hz[4] = {1000.0, 1200.0, 1400.0, 1700.0}" in (tmp_path / "s.h").read_text()
+
+    random = np.random.default_rng(2)
+    columns = [tone_rows(random, sent["tones_hz"][symbol], 10.0) for symbol in sent["sequence"][:200]]
+    np.save(tmp_path / "frames.npy", np.rint(columns).astype(np.uint8)[:, :, np.newaxis])
+    command = ["receive", str(tmp_path / "frames.npy"), "--fsk", tones, "--row-time", "22.2us", "--frame-rate", "30"]
+    capsys.readouterr()
+    assert main([*command, "--json"]) == 0
+    facts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [fact["symbol"] for fact in facts] == sent["sequence"][:200]
+    assert facts[7]["tone_hz"] == sent["tones_hz"][sent["sequence"][7]]
+    assert {fact["payload"] for fact in facts if "payload" in fact} == {"by tones"}
+    assert main(command) == 0
+    assert "by tones" in capsys.readouterr().out
+    for wrong, message in [
+        (["receive", "x.npy", "--fsk", tones], "--fsk: Hz needs --row-time"),
+        (
+            ["transmit", "--text", "a", "--fsk", tones, "--chip-rate", "8kHz"],
+            "--fsk: has no line code and no chip rate",
+        ),
+        (["transmit", "--text", "a", "--frame-rate", "30"], "--frame-rate: only with --fsk"),
+        (["transmit", "--text", "a", "--fsk", "1kHz"], "tones: got 1 tones"),
+        (["transmit", "--text", "a", "--fsk", "1kHz,x"], "got 'x', allowed: a number"),
+    ]:
+        assert main(wrong) == 2
+        assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fsk_transmit(b"a", [100.0, 200.0, 300.0]), "tones: got 3 tones, allowed: 2, 4, 8"),
+        (
+            lambda: fsk_transmit(b"a", [100.0, 100.0]),
+            "tones: got 100.0, allowed: finite frequencies above 0, each once",
+        ),
+        (
+            lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [1e5, 2e3]),
+            "tones: got 1e.05, allowed: frequencies below",
+        ),
+        (lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [100.0, 2e3]), "rows: got 100, allowed: 8 or more"),
+        (lambda: fsk_demodulate(np.full(100, np.inf), Camera(1e-5), [2e3, 3e3]), "signal: got inf"),
+        (lambda: fsk_demodulate(np.zeros((9, 9)), Camera(1e-5), [2e3, 3e3]), "column: got shape"),
+        (lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [2e3, 3e3], amplitude=-1.0), "amplitude: got -1.0"),
+        (
+            lambda: FskReceiver(Camera(1e-5, 1e-3), [500.0, 1010.0]),
+            "tones: got 1010, allowed: tones of which the exposure of 0.001 s leaves 5 % or more",
+        ),
+        (lambda: FskReceiver(Camera(1e-5), [500.0, 6e4]), "tones: got 60000, allowed: frequencies below"),
+        (lambda: FskReceiver(Camera(1e-5), [500.0, 600.0], block_bytes=256), "block_bytes: got 256"),
+        (lambda: FskReceiver(Camera(1e-5), [500.0, 600.0], preamble="long"), "preamble: got"),
+        (lambda: fsk_symbol_error_rate(1, 1.0), "tones: got 1, allowed: 2 or more"),
+        (lambda: fsk_symbol_error_rate(2, -1.0), "snr: got -1"),
+    ],
+)
+def test_bad_input_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_a_column_without_light_tells_nothing():
+    got = fsk_demodulate(np.full(ROWS, 7.0), Camera(ROW_TIME), tones_of(4))
+    assert got.snr == 0.0
+    assert np.isfinite(got.likelihoods).all()

@@ -1,0 +1,326 @@
+"""Line codes, packets and their way back: agreement with the reference, loss, corruption, test vectors, refusals."""
+
+import json
+import pathlib
+import shutil
+import subprocess
+import zlib
+
+import numpy as np
+import pytest
+import reedsolo
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import reference
+from ocisac_fast.cli import main
+from ocisac_fast.packets.transmission import PacketAssembler
+from ocisac_fast.reference.transmission import _codeword
+
+DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "packets.md"
+TABLE = ("00110", "01010", "01100", "10010")
+CODES = ("none", "manchester", "4b6b", "8b10b", TABLE)
+CERTAIN = 20.0  # nats
+
+
+def soft(chips, certainty=CERTAIN):
+    return certainty * (2.0 * chips - 1.0)
+
+
+def longest_run(chips):
+    return np.diff(np.flatnonzero(np.diff(chips)), prepend=-1, append=len(chips) - 1).max()
+
+
+class Camera:
+    """What a rolling shutter reads of a cycle of chips: 191.8 chips of every 266.7, as (first chip, chips)."""
+
+    def __init__(self, chips, start=0.0, drift=0.0, period=8000 / 30, seen=1080 * 22.2e-6 * 8000, edge=0):
+        self.chips, self.start, self.edge, self.seen, self.period = chips, start, edge, seen, period * (1 + drift)
+
+    def frame(self, index):
+        begin = self.start + index * self.period
+        places = np.arange(np.ceil(begin + self.edge), np.floor(begin + self.seen - self.edge)).astype(int)
+        return int(places[0]), self.chips[places % len(self.chips)]
+
+
+@given(code=st.sampled_from(CODES), words=st.lists(st.integers(0, 255), max_size=40), noise=st.floats(0, 40))
+@settings(max_examples=40)
+def test_line_codes_agree_with_the_reference(code, words, noise):
+    bits = np.unpackbits(np.array(words, np.uint8))
+    chips = ocisac.encode_line_code(bits, code)
+    np.testing.assert_array_equal(chips, reference.encode_line_code(bits, code))
+    if not words:
+        return
+    llr = soft(chips) + noise * np.random.default_rng(len(words)).standard_normal(len(chips))
+    llr[np.abs(llr) < 5] = 0
+    for got, expected in zip(ocisac.decode_line_code(llr, code), reference.decode_line_code(llr, code), strict=True):
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * CERTAIN * 40)
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_line_codes_bring_bits_back_and_report_what_is_no_word(code):
+    bits = np.unpackbits(np.arange(256, dtype=np.uint8))
+    chips = ocisac.encode_line_code(bits, code)
+    llr, violations = ocisac.decode_line_code(soft(chips), code)
+    np.testing.assert_array_equal(llr > 0, bits == 1)
+    assert not violations.any()
+    unknown, violations = ocisac.decode_line_code(np.zeros(len(chips)), code)
+    assert not unknown.any()
+    assert not violations.any()
+    if code != "none":
+        assert ocisac.decode_line_code(soft(np.ones(len(chips))), code)[1].all()
+
+
+@pytest.mark.parametrize(("code", "longest"), [("manchester", 2), ("4b6b", 4), ("8b10b", 5)])
+def test_runs_stay_below_those_of_the_preamble_and_the_mean_is_half(code, longest):
+    values = np.random.default_rng(1).integers(0, 256, 30_000, dtype=np.uint8)
+    chips = ocisac.encode_line_code(np.unpackbits(values), code)
+    assert longest_run(chips) == longest
+    assert abs(np.cumsum(2 * chips.astype(int) - 1)).max() <= 4
+
+
+def test_a_missing_half_of_a_manchester_bit_costs_nothing():
+    chips = ocisac.encode_line_code([1, 0, 1], "manchester")
+    llr = soft(chips)
+    llr[[0, 3]] = 0
+    np.testing.assert_array_equal(ocisac.decode_line_code(llr, "manchester")[0], [CERTAIN, -CERTAIN, 2 * CERTAIN])
+
+
+@given(
+    payload=st.binary(min_size=1, max_size=60),
+    code=st.sampled_from(CODES),
+    block_bytes=st.integers(1, 40),
+    preamble=st.sampled_from(["standard", "lengthened"]),
+    number=st.integers(0, 255),
+)
+@settings(max_examples=8)
+def test_transmit_agrees_with_the_reference(payload, code, block_bytes, preamble, number):
+    options = {"line_code": code, "block_bytes": block_bytes, "preamble": preamble}
+    longest = ocisac.longest_payload(**options)
+    assert longest == reference.longest_payload(**options)
+    sent = ocisac.transmit(payload[:longest], number=number, **options)
+    expected = reference.transmit(payload[:longest], number=number, **options)
+    np.testing.assert_array_equal(sent.chips, expected.chips)
+    for name in ("payload", "number", "line_code", "codewords", "codeword_data", "blocks", "block_chips"):
+        assert getattr(sent, name) == getattr(expected, name)
+    assert sent.waveform(8e3) == ocisac.Chips(expected.chips, 8e3, repeat=True)
+
+
+@pytest.mark.parametrize("data", [1, 17, 84, 170])
+def test_the_code_is_that_of_an_independent_library(data):
+    content = np.random.default_rng(data).integers(0, 256, data).tolist()
+    assert _codeword(content) == list(reedsolo.RSCodec(255 - data).encode(content))
+
+
+def test_vectors_of_the_document():
+    rows = [line.split("|")[1:-1] for line in DOCUMENT.read_text().split("## Test vectors")[1].splitlines()[4:]]
+    assert len(rows) == 6
+    for payload, code, block_bytes, preamble, number, chips, checksum, first in (map(str.strip, row) for row in rows):
+        content = bytes(range(256)) * 4 if "four times" in payload else bytes.fromhex(payload)
+        line_code = code.split() if " " in code else code
+        options = {"line_code": line_code, "block_bytes": int(block_bytes), "preamble": preamble, "number": int(number)}
+        sent = ocisac.transmit(content, **options)
+        text = "".join(map(str, sent.chips.tolist()))
+        assert (len(text), f"{zlib.crc32(text.encode()):08x}") == (int(chips), checksum)
+        assert text.startswith(first)
+
+
+def frames_needed(payload, camera_options, flips, options, seed):
+    random = np.random.default_rng(seed)
+    sent = ocisac.transmit(payload, **options)
+    camera, assembler = Camera(sent.chips, **camera_options), PacketAssembler(**options)
+    for index in range(400):
+        first, chips = camera.frame(index)
+        chips = chips ^ (random.random(len(chips)) < flips)
+        report = assembler.push(first, soft(chips))
+        if report.payload is not None:
+            assert report.payload.payload == payload
+            return index + 1
+    raise AssertionError("the payload never came")
+
+
+@pytest.mark.parametrize("drift", [0.0, 5e-5, -5e-5])
+def test_a_kilobyte_comes_whole_through_the_gap_between_frames(drift):
+    """The frame clock locked to the chip clock, or off by 50 ppm; from any start, two chips lost at each edge."""
+    payload = np.random.default_rng(5).bytes(1000)
+    starts = np.random.default_rng(6).uniform(0, 60_000, 8)
+    for start in starts:
+        assert frames_needed(payload, {"start": start, "drift": drift, "edge": 2}, 1e-3, {}, int(start)) <= 122
+
+
+@given(
+    code=st.sampled_from(CODES),
+    length=st.integers(1, 120),
+    start=st.floats(0, 5e4),
+    drift=st.floats(-1e-3, 1e-3),
+    block_bytes=st.integers(1, 12),
+    flips=st.sampled_from([0.0, 1e-3, 5e-3]),
+)
+@settings(max_examples=30)
+def test_whatever_is_sent_and_survives_comes_back(code, length, start, drift, block_bytes, flips):
+    options = {"line_code": code, "block_bytes": block_bytes}
+    payload = np.random.default_rng(length).bytes(min(length, ocisac.longest_payload(**options)))
+    frames_needed(payload, {"start": start, "drift": drift, "edge": 1}, flips, options, length)
+
+
+def test_packets_that_follow_each_other_and_a_clock_that_jumps():
+    random = np.random.default_rng(8)
+    assembler, got, first = PacketAssembler(), [], 0
+    payloads = [random.bytes(length) for length in (200, 200, 57)]
+    for number, payload in enumerate(payloads, start=255):
+        camera = Camera(ocisac.transmit(payload, number=number % 256).chips, start=random.uniform(0, 3000))
+        for index in range(60):
+            if index == 20:
+                assembler.lose_clock()
+                camera.start += 12_345.6
+                first = -7_000_000
+            place, chips = camera.frame(index)
+            report = assembler.push(first + place, soft(chips))
+            if report.payload is not None:
+                got.append((report.payload.number, report.payload.payload))
+        first += 10_000_000
+        assembler.lose_clock()
+    assert list(dict.fromkeys(got)) == [(255, payloads[0]), (0, payloads[1]), (1, payloads[2])]
+
+
+def test_a_slip_of_a_chip_heals_and_repeated_and_dark_frames_are_left_out():
+    payload = bytes(range(200)) * 2
+    sent = ocisac.transmit(payload)
+    camera, assembler = Camera(sent.chips, start=77), PacketAssembler()
+    outcomes = []
+    for index in range(120):
+        first, chips = camera.frame(index)
+        report = assembler.push(first + index // 15, soft(chips))
+        outcomes.append(report.outcome)
+        assert assembler.push(first, soft(chips)).outcome == "repeated"
+        if report.payload is not None:
+            assert report.payload.payload == payload
+            break
+    else:
+        raise AssertionError("the payload never came")
+    assert index < 70
+    assert assembler.push(10**6, np.zeros(190)).outcome == "unreadable"
+    assert set(outcomes) <= {"placed", "waiting"}
+
+
+def test_the_report_tells_how_much_is_there():
+    sent = ocisac.transmit(bytes(300))
+    assembler = PacketAssembler()
+    whole = assembler.push(0, soft(sent.chips[: 5 * sent.block_chips]))
+    assert (whole.outcome, whole.blocks, whole.bytes, whole.violations) == ("placed", 5, 80, 0)
+    seen = 80 / sent.codewords / sent.codeword_data
+    assert abs(whole.share - seen) <= 1 / sent.codeword_data
+    damaged = soft(sent.chips[5 * sent.block_chips : 6 * sent.block_chips])
+    damaged[46:78:2] = damaged[47:79:2]
+    again = assembler.push(5 * sent.block_chips, damaged)
+    assert (again.blocks, again.bytes, again.violations) == (1, 14, 16)
+
+
+def corrupted_tries(tries, seed):
+    """Payloads out of damaged cycles: how many came, and that none of them is wrong."""
+    random = np.random.default_rng(seed)
+    came = 0
+    packets = [
+        ocisac.transmit(random.bytes(length), block_bytes=6, line_code="none", number=length) for length in (9, 40)
+    ]
+    for attempt in range(tries):
+        sent = packets[attempt % 2]
+        keep = sent.codeword_data + random.integers(0, 30)
+        begin = random.integers(0, sent.blocks // 2) * sent.block_chips
+        chips = sent.chips[begin : begin + (keep * sent.codewords // 6 + 4) * sent.block_chips]
+        rate = random.choice([0.002, 0.02, 0.1, 0.5])
+        chips = chips ^ (random.random(len(chips)) < rate)
+        payload = PacketAssembler(line_code="none", block_bytes=6).push(0, soft(chips)).payload
+        if payload is not None:
+            came += 1
+            assert (payload.payload, payload.number) == (sent.payload, sent.number)
+    return came
+
+
+def test_never_a_wrong_payload():
+    assert 500 < corrupted_tries(10_000, 3) < 9_000
+
+
+@pytest.mark.nightly
+def test_never_a_wrong_payload_in_a_million_tries():
+    assert corrupted_tries(1_000_000, 4) > 50_000
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: ocisac.transmit(b""), r"payload: got 0 bytes, allowed: 1 to 2715 bytes"),
+        (lambda: ocisac.transmit(bytes(2716)), r"payload: got 2716 bytes, allowed: 1 to 2715"),
+        (lambda: ocisac.transmit("text"), r"payload: got shape \(\) of <U4, allowed: bytes"),
+        (lambda: ocisac.transmit(np.zeros(3)), r"payload: got shape \(3,\) of float64"),
+        (lambda: ocisac.transmit(b"a", line_code="rz"), r'line_code: got "rz", allowed: none, manchester, 4b6b, 8b10b'),
+        (lambda: ocisac.transmit(b"a", line_code=["0", "1", "1"]), r"line_code: got 3 words, allowed: 2, 4, 16 or 256"),
+        (
+            lambda: ocisac.transmit(b"a", line_code=["01", "01"]),
+            r'line_code: got "01" twice, allowed: words that differ',
+        ),
+        (lambda: ocisac.transmit(b"a", line_code=["01", "2"]), r'line_code: got "2", allowed: words of 0 and 1'),
+        (lambda: ocisac.transmit(b"a", line_code=[0, 1]), r"line_code: got \[0, 1\], allowed: a name or words"),
+        (lambda: ocisac.transmit(b"a", block_bytes=0), r"block_bytes: got 0, allowed: 1 to 255"),
+        (lambda: ocisac.transmit(b"a", block_bytes=2.5), r"block_bytes: got 2.5, allowed: 1 to 255"),
+        (lambda: ocisac.transmit(b"a", number=256), r"number: got 256, allowed: 0 to 255"),
+        (lambda: ocisac.transmit(b"a", preamble="long"), r'preamble: got "long", allowed: standard, lengthened'),
+        (lambda: ocisac.encode_line_code([0, 2], "none"), r"bits: got 2, allowed: 0 and 1"),
+        (lambda: ocisac.encode_line_code([[0]], "none"), r"bits: got shape \(1, 1\)"),
+        (lambda: ocisac.encode_line_code([0] * 7, "8b10b"), r"bits: got 7 bits, allowed: whole words of 8 bits"),
+        (lambda: ocisac.decode_line_code([1.0] * 7, "4b6b"), r"llr: got 7 chips, allowed: whole words of 6 chips"),
+        (lambda: ocisac.decode_line_code([np.nan], "none"), r"llr: got NaN, allowed: numbers"),
+        (lambda: PacketAssembler().push(0, [np.nan]), r"llr: got NaN, allowed: numbers"),
+        (lambda: PacketAssembler().push(0, [1j]), r"llr: got shape \(1,\) of complex128"),
+    ],
+)
+def test_bad_input_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_the_command_writes_every_kind_of_file(tmp_path, capsysbinary):
+    payload = tmp_path / "payload.bin"
+    payload.write_bytes(b"OC-ISAC")
+    sent = ocisac.transmit(b"OC-ISAC", line_code="4b6b", number=3)
+    text = "".join(map(str, sent.chips.tolist()))
+    options = ["transmit", str(payload), "--line-code", "4b6b", "--number", "3", "--chip-rate", "8kHz"]
+    assert main([*options]) == 0
+    assert capsysbinary.readouterr().out.decode() == text + "\n"
+    for suffix in ("txt", "npy", "csv", "h"):
+        assert main([*options, "-o", str(tmp_path / f"chips.{suffix}"), "--json"]) == 0
+    facts = [json.loads(line) for line in capsysbinary.readouterr().out.splitlines()]
+    assert [fact["chips"] for fact in facts] == [len(text)] * 4
+    assert (tmp_path / "chips.txt").read_text() == text + "\n"
+    np.testing.assert_array_equal(np.load(tmp_path / "chips.npy"), sent.chips)
+    times, levels = np.loadtxt(tmp_path / "chips.csv", delimiter=",", skiprows=1).T
+    np.testing.assert_array_equal(levels, sent.chips)
+    np.testing.assert_allclose(times, np.arange(len(text)) / 8000)
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    program = tmp_path / "chips.c"
+    program.write_text(
+        '#include <stdio.h>\n#include "chips.h"\nint main(void) { for (unsigned long k = 0; k < OCISAC_CHIP_COUNT; ++k)'
+        ' putchar("01"[ocisac_chips[k >> 3] >> (7 - (k & 7)) & 1]); return OCISAC_CHIP_RATE_HZ != 8000.0; }\n'
+    )
+    subprocess.run([compiler, "-Wall", "-Werror", "-o", tmp_path / "chips", program], check=True)
+    assert subprocess.run([tmp_path / "chips"], capture_output=True, check=True).stdout.decode() == text
+
+
+def test_the_command_takes_text_and_tables_and_refuses_nonsense(tmp_path, capsys):
+    assert main(["transmit", "--text", "hi", "--code-table", "01,10", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["levels"] == "".join(map(str, ocisac.transmit(b"hi").chips.tolist()))
+    assert facts["payload_bytes"] == 2
+    for arguments, message in (
+        (
+            ["--text", "hi", "-o", "chips.wav"],
+            "--output: got chips.wav, allowed: a file that ends in .txt, .npy, .csv, .h",
+        ),
+        ([], "needs FILE or --text, and not both"),
+        (["--text", ""], "payload: got 0 bytes, allowed: 1 to 2715 bytes"),
+        (["--text", "hi", "--chip-rate", "0"], "--chip-rate: got 0.0, allowed: above 0"),
+    ):
+        assert main(["transmit", *arguments]) == 2
+        assert message in capsys.readouterr().err

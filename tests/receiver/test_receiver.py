@@ -1,0 +1,353 @@
+"""Raw bits from frames: recordings, simulated frames, agreement with the reference, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Flag, reference
+
+CAMERA = Camera(row_time=1.0)
+
+
+def exposed_chips(chips, rows, rows_per_chip, exposure, start):
+    """Rows of chips through a box exposure (rows): the middles of the ramps lie at start + k rows_per_chip."""
+    end = np.arange(rows) + exposure / 2
+    if exposure == 0:
+        return chips[np.floor((end - start) / rows_per_chip).astype(int)].astype(float)
+    prefix = np.concatenate([[0.0], np.cumsum(chips)]) * rows_per_chip
+
+    def integral(time):
+        return np.interp(time, start + rows_per_chip * np.arange(len(prefix)), prefix)
+
+    return (integral(end) - integral(end - exposure)) / exposure
+
+
+def chip_sequence(random, count, kind):
+    if kind == "alternating":
+        return np.arange(count) % 2
+    if kind == "manchester":
+        data = random.integers(0, 2, count // 2 + 1)
+        return np.stack([data, 1 - data], axis=1).ravel()[:count]
+    if kind == "runs":  # up to 8 chips without a change
+        lengths = random.integers(1, 9, count)
+        return np.repeat(np.arange(count) % 2, lengths)[:count]
+    chips = random.integers(0, 2, count)
+    for k in range(8, count):
+        if np.ptp(chips[k - 8 : k + 1]) == 0:
+            chips[k] ^= 1
+    return chips
+
+
+class Frame:
+    """A simulated frame (rows, columns): chips, gradient along the rows and the columns, ambient light, noise."""
+
+    def __init__(self, seed, rows_per_chip, exposure, kind="random", noise=0.02, gradient=4.0, rows=1080, columns=48):
+        random = np.random.default_rng(seed)
+        self.chips = chip_sequence(random, int(rows / rows_per_chip) + 8, kind)
+        self.rows_per_chip = rows_per_chip
+        start = -random.uniform(1, 3) * rows_per_chip
+        light = exposed_chips(self.chips, rows, rows_per_chip, exposure * rows_per_chip, start)
+        along = np.linspace(0, 1, rows) if random.random() < 0.5 else np.linspace(1, 0, rows)
+        gain = gradient ** (along - 1)
+        across = 0.3 + 0.7 * np.exp(-(((np.arange(columns) / columns - random.random()) / 0.4) ** 2))
+        self.light = gain[:, None] * across * (light[:, None] + 0.2)
+        self.pixels = self.light + noise * gain[:, None] * random.standard_normal((rows, columns))
+        first = int(np.ceil((-0.5 - start) / rows_per_chip))
+        self.phase = start + first * rows_per_chip
+        self.bits = "".join(map(str, self.chips[first : int(np.floor((rows - 0.5 - start) / rows_per_chip))]))
+
+    def as_bytes(self, scale=180.0):
+        return np.clip(np.rint(scale * self.pixels + 10), 0, 255).astype(np.uint8)
+
+
+def assert_received(got, frame):
+    """The bits sent; a chip that ends on the frame's edge may be on either side of it."""
+    sent = "".join(map(str, frame.chips))
+    assert got.bits
+    assert got.bits in sent, f"{frame.bits}\n{got.bits} {got.flags!r} {got.rows_per_chip}"
+    assert abs(len(got.bits) - len(frame.bits)) <= 1
+    assert abs(got.rows_per_chip - frame.rows_per_chip) < 2e-3 * frame.rows_per_chip + 3 * got.rows_per_chip_std
+
+
+@pytest.mark.parametrize("kind", ["laser", "underwater"])
+def test_recordings_of_real_cameras(recordings, kind):
+    for entry in json.loads((recordings / "recordings.json").read_text()):
+        if "receive" not in entry or not entry["file"].startswith(kind):
+            continue
+        image = pytest.importorskip("cv2").imread(str(recordings / entry["file"]), 1 | 128)
+        got = ocisac.receive(image[None], Camera(entry.get("row_time_s", 1.0), entry.get("exposure_s")))[0]
+        want = entry["receive"]
+        chips = want["rows"] / want["rows_per_chip"]
+        assert chips - 3 <= len(got.bits) <= chips + 1, entry["file"]
+        assert abs(got.rows_per_chip / want["rows_per_chip"] - 1) < 2e-3, entry["file"]
+        if "contains_bits" in want:
+            assert want["contains_bits"] in got.bits, entry["file"]
+        else:
+            assert got.bits in want["cyclic_bits"] * (len(got.bits) // len(want["cyclic_bits"]) + 2), entry["file"]
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    seed=st.integers(0, 2**32),
+    rows_per_chip=st.floats(2.2, 24.0),
+    exposure=st.one_of(st.just(0.0), st.floats(0.01, 1)),
+    kind=st.sampled_from(["random", "manchester", "runs"]),
+    noise=st.floats(0.005, 0.05),
+    gradient=st.floats(1, 4),
+    exposure_known=st.booleans(),
+)
+def test_simulated_frames_without_an_error(seed, rows_per_chip, exposure, kind, noise, gradient, exposure_known):
+    if kind == "runs":
+        rows_per_chip /= 2  # fewer edges a chip
+    rows_per_chip = max(rows_per_chip, 2.2)
+    frame = Frame(seed, rows_per_chip, exposure, kind, noise, gradient)
+    camera = Camera(1.0, exposure * rows_per_chip if exposure_known else None)
+    got = ocisac.receive(frame.as_bytes(), camera)[0]
+    assert_received(got, frame)
+    assert got.snr > 9
+    assert not got.flags
+
+
+FIELDS = (
+    "rows_per_chip",
+    "rows_per_chip_std",
+    "chip_rate",
+    "chip_rate_std",
+    "phase",
+    "snr",
+    "levels",
+    "soft",
+    "weights",
+)
+
+
+def assert_agree(got, want):
+    assert (got.frame, got.source, got.channel, got.bits) == (want.frame, want.source, want.channel, want.bits)
+    assert got.flags == want.flags
+    np.testing.assert_array_equal(got.columns, want.columns)
+    for name in FIELDS:
+        a, b = np.asarray(getattr(got, name)), np.asarray(getattr(want, name))
+        tolerance = 1e-10 * np.abs(b[np.isfinite(b)]).max(initial=1e-300)
+        np.testing.assert_allclose(a, b, rtol=0, atol=tolerance, err_msg=name)
+
+
+@settings(max_examples=30)
+@given(
+    seed=st.integers(0, 2**32),
+    rows_per_chip=st.floats(2.2, 40.0),
+    exposure=st.one_of(st.just(0.0), st.floats(0.01, 1)),
+    rows=st.sampled_from([97, 540, 720, 1080]),
+    columns=st.sampled_from([1, 2, 7, 64, 131]),
+    dtype=st.sampled_from(["uint8", "uint16", "float32", "float64"]),
+    curve=st.sampled_from(["linear", "gamma", "srgb"]),
+    channels=st.integers(0, 3),
+    steps=st.tuples(st.sampled_from([-2, -1, 1]), st.sampled_from([-1, 1, 2])),
+)
+def test_agrees_with_the_reference(seed, rows_per_chip, exposure, rows, columns, dtype, curve, channels, steps):
+    row_step, column_step = steps
+    planes = []
+    for channel in range(max(channels, 1)):
+        frame = Frame(seed, rows_per_chip, exposure, noise=0.01 * (1 + channel), rows=rows, columns=columns)
+        planes.append(frame.as_bytes(scale=230.0).astype(dtype))
+    memory = np.zeros((2 * rows, 2 * columns, len(planes)), dtype)
+    view = memory[::row_step, ::column_step][:rows, :columns]
+    view[...] = np.stack(planes, axis=-1)
+    frames = view[None] if channels else view[..., 0]
+    camera = Camera(2e-5, exposure * rows_per_chip * 2e-5, tone_curve=curve, dark_level=10.0, white_level=255.0)
+    assert_agree(ocisac.receive(frames, camera)[0], reference.receive(frames, camera)[0])
+
+
+def test_reports_what_it_found():
+    frame = Frame(5, rows_per_chip=7.37, exposure=0.6, columns=130)
+    camera = Camera(row_time=2e-5, exposure=0.6 * 7.37 * 2e-5)
+    got = ocisac.receive(frame.pixels, camera)[0]
+    assert_received(got, frame)
+    assert abs(got.rows_per_chip - 7.37) < 5 * got.rows_per_chip_std < 0.02
+    assert got.chip_rate == pytest.approx(1 / (got.rows_per_chip * 2e-5))
+    assert abs(got.phase - frame.phase) < 0.1
+    assert got.weights.shape == (130,)
+    assert got.weights.sum() == pytest.approx(1)
+    assert got.levels.shape == (2, len(got.bits))
+    np.testing.assert_array_equal(got.soft > 0, [bit == "1" for bit in got.bits])
+    middle = np.rint(got.phase + (np.arange(len(got.bits)) + 0.5) * got.rows_per_chip).astype(int)
+    light = frame.light @ got.weights
+    swing = (got.levels[1] - got.levels[0])[5:-5]
+    gain = light[middle] - np.choose((got.soft > 0).astype(int), got.levels)
+    assert np.abs(gain[5:-5]).max() < 0.1 * swing.max()  # levels follow a gradient of 4:1
+
+
+def test_standard_error_is_that_of_many_frames():
+    frames = [Frame(seed, rows_per_chip=7.37, exposure=0.6, gradient=1.0) for seed in range(60)]
+    got = [ocisac.receive(frame.pixels, CAMERA)[0] for frame in frames]
+    off = np.array([(g.rows_per_chip - 7.37) / g.rows_per_chip_std for g in got])
+    assert 0.5 < np.sqrt(np.mean(off**2)) < 2
+
+
+def test_a_square_wave_is_chips_in_turn():
+    frame = Frame(3, rows_per_chip=9.3, exposure=0.5, kind="alternating")
+    got = ocisac.receive(frame.as_bytes(), CAMERA)[0]
+    assert_received(got, frame)
+    assert got.bits in "01" * 200
+
+
+def test_tone_curve_and_a_bright_bias_do_not_change_the_bits():
+    frame = Frame(8, rows_per_chip=6.19, exposure=0.65, kind="runs", gradient=1.5, noise=0.01)
+    stored = np.clip(255 * np.clip(frame.pixels / 1.3, 0, 1) ** (1 / 2.2), 0, 255).astype(np.uint8)
+    for camera in (CAMERA, Camera(1.0, tone_curve="gamma")):
+        assert_received(ocisac.receive(stored, camera)[0], frame)
+
+
+def test_saturated_columns_are_left_out():
+    frame = Frame(11, rows_per_chip=8.6, exposure=0.7, columns=120, noise=0.01)
+    pixels = frame.as_bytes(scale=100.0)
+    core = pixels.astype(float)
+    core[300:600, 40:60] *= 12
+    pixels = np.clip(core, 0, 255).astype(np.uint8)
+    got = ocisac.receive(pixels, CAMERA)[0]
+    assert_received(got, frame)
+    assert not set(got.columns) & set(range(40, 60))
+    assert not got.flags
+
+
+def test_columns_that_all_saturate_are_used_and_flagged():
+    frame = Frame(12, rows_per_chip=8.6, exposure=0.3, gradient=1.0, columns=16)
+    got = ocisac.receive(frame.as_bytes(scale=900.0), CAMERA)[0]
+    assert_received(got, frame)
+    assert got.flags == Flag.SATURATED
+
+
+def test_the_channel_with_the_light_is_chosen():
+    frame = Frame(13, rows_per_chip=5.4, exposure=0.5)
+    random = np.random.default_rng(0)
+    dark = 20 + 3 * random.standard_normal((*frame.pixels.shape, 3))
+    for channel in range(3):
+        picture = dark.copy()
+        picture[..., channel] += 150 * frame.pixels
+        got = ocisac.receive(picture[None], CAMERA)[0]
+        assert got.channel == channel
+        assert_received(got, frame)
+        assert ocisac.receive(picture[None], CAMERA, channel=channel)[0].bits == got.bits
+        assert ocisac.receive(picture[None], CAMERA, channel=(channel + 1) % 3)[0].bits == ""
+
+
+@pytest.mark.parametrize("strength", [1.0, 0.4])
+def test_lights_side_by_side_are_sources_of_their_own(strength):
+    for seed in range(6):
+        left = Frame(seed, 6.6, 0.5, gradient=1.5, columns=60)
+        middle = Frame(seed + 50, 4.3, 0.7, "manchester", gradient=1.5, columns=60)
+        right = Frame(seed + 90, 9.1, 0.4, "runs", gradient=1.5, columns=60)
+        dark = 0.1 + 0.02 * np.random.default_rng(seed).standard_normal((1080, 40))
+        pixels = np.hstack([dark, left.pixels, dark, strength * middle.pixels, right.pixels, dark])
+        frame = np.clip(np.rint(150 * pixels + 10), 0, 255).astype(np.uint8)
+        got = ocisac.receive(frame, CAMERA)
+        assert [g.source for g in got] == [0, 1, 2]
+        by_column = sorted(got, key=lambda g: g.weights @ np.arange(len(g.weights)))
+        for g, sent, first in zip(by_column, (left, middle, right), (40, 140, 200), strict=True):
+            assert_received(g, sent)
+            assert not g.flags
+            assert first - 8 <= g.columns.min()
+            assert g.columns.max() < first + 68
+        if seed == 0:
+            want = reference.receive(frame, CAMERA)
+            assert len(got) == len(want)
+            for g, w in zip(got, want, strict=True):
+                assert_agree(g, w)
+
+
+def test_one_light_and_texture_are_one_source():
+    for seed in range(10):
+        frame = Frame(seed, 6.6, 0.5, columns=80)
+        texture = np.repeat(np.random.default_rng(seed).uniform(0, 1, (90, 1)), 12, axis=0) * np.ones(40)
+        pixels = np.hstack([frame.as_bytes(100.0), (60 + 80 * texture).astype(np.uint8)])
+        got = ocisac.receive(pixels, CAMERA)
+        assert len(got) == 1
+        assert_received(got[0], frame)
+        assert got[0].columns.max() < 80
+
+
+def test_one_result_for_each_frame():
+    frames = [Frame(seed, rows_per_chip=6.6, exposure=0.5) for seed in range(3)]
+    got = ocisac.receive(np.stack([frame.as_bytes() for frame in frames]), CAMERA)
+    assert [g.frame for g in got] == [0, 1, 2]
+    for g, frame in zip(got, frames, strict=True):
+        assert_received(g, frame)
+
+
+def test_a_rough_chip_rate_is_enough_where_edges_are_few():
+    frame = Frame(21, rows_per_chip=40.0, exposure=0.5, rows=540, noise=0.01)
+    for off in (0.98, 1.0, 1.02):
+        got = ocisac.receive(frame.as_bytes(), CAMERA, chip_rate=off / 40)[0]
+        assert_received(got, frame)
+        assert not got.flags
+        assert_agree(got, reference.receive(frame.as_bytes(), CAMERA, chip_rate=off / 40)[0])
+    assert Flag.TOO_FEW_EDGES in ocisac.receive(frame.as_bytes(), CAMERA)[0].flags
+
+
+@pytest.mark.parametrize(
+    ("frame", "flag"),
+    [
+        (np.full((1080, 64), 30, np.uint8), Flag.NO_SIGNAL),
+        (np.zeros((1080, 64)), Flag.NO_SIGNAL),
+        (np.full((1080, 64), 255, np.uint8), Flag.SATURATED | Flag.NO_SIGNAL),
+        (np.ones((1, 1)), Flag.NO_SIGNAL),
+        (np.arange(5.0), Flag.NO_SIGNAL),
+        (np.linspace(0, 200, 1080)[:, None] * np.ones(40), Flag.TOO_FEW_EDGES),
+        (np.repeat([10.0, 200.0, 10.0], 300)[:, None] * np.ones(40), Flag.TOO_FEW_EDGES),
+    ],
+    ids=["constant", "black", "saturated", "pixel", "short", "gradient", "two edges"],
+)
+def test_nothing_is_invented_where_there_is_no_light(frame, flag):
+    got = ocisac.receive(frame, CAMERA)[0]
+    assert got.bits == ""
+    assert np.isnan([got.rows_per_chip, got.chip_rate, got.phase, got.snr]).all()
+    assert got.flags == flag
+    assert_agree(got, reference.receive(frame, CAMERA)[0])
+
+
+@pytest.mark.parametrize("columns", [1, 40])
+def test_noise_is_not_bits(columns):
+    for seed in range(60):
+        noise = np.random.default_rng(seed).normal(100, 5, (720, columns))
+        got = ocisac.receive(noise, CAMERA)[0]
+        assert got.bits == "", seed
+        assert got.flags == Flag.NO_SIGNAL
+
+
+def test_a_long_exposure_is_flagged():
+    frame = Frame(14, rows_per_chip=5.0, exposure=1.0)
+    assert Flag.LONG_EXPOSURE in ocisac.receive(frame.as_bytes(), Camera(1.0, 6.0))[0].flags
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"frames": np.zeros((0, 3))}, r"frames: got shape \(0, 3\)"),
+        ({"frames": np.zeros((2, 2, 2, 2, 2))}, "frames: got 5 dimensions"),
+        ({"frames": np.zeros((1, 4, 4, 0))}, r"frames: got shape \(1, 4, 4, 0\)"),
+        ({"frames": np.zeros((4, 4), complex)}, "frames: got dtype complex128"),
+        ({"frames": np.full((9, 4), np.nan)}, "got nan, allowed: a finite number"),
+        ({"chip_rate": 0.0}, "chip_rate: got 0, allowed: a finite number above 0"),
+        ({"chip_rate": np.inf}, "chip_rate: got inf"),
+        ({"chip_rate": 0.75}, "chip_rate: got 0.75, allowed: at most half the row rate"),
+        ({"line_code": "manchester"}, "line_code: got 'manchester', allowed: 'none'"),
+        ({"channel": 1}, "channel: got 1, allowed: 0 to 0"),
+        ({"channel": -1}, "channel: got -1, allowed: 0 to 0"),
+    ],
+)
+def test_refuses(arguments, message):
+    arguments = {"frames": np.zeros((9, 4)), **arguments}
+    with pytest.raises(ValueError, match=message):
+        ocisac.receive(arguments.pop("frames"), CAMERA, **arguments)
+
+
+def test_chips_are_as_long_as_the_runs_say():
+    """Dim single columns, at half whose period the edges' lattice may lock: every run is then of an even number."""
+    for seed in np.random.default_rng(1).integers(0, 1 << 31, 40):
+        frame = Frame(int(seed), 11.06, 0.2, "manchester", 0.04, 1.4, columns=1)
+        pixels = frame.as_bytes(scale=40.0)
+        got = ocisac.receive(pixels, CAMERA)[0]
+        assert_received(got, frame)
+        assert_agree(got, reference.receive(pixels, CAMERA)[0])

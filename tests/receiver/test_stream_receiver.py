@@ -1,0 +1,296 @@
+"""Payloads out of frames: through the gap between them, past frames that are missing, repeated or damaged."""
+
+import base64
+import io
+import json
+import sys
+
+import numpy as np
+import pytest
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera
+from ocisac_fast.cli import main
+from ocisac_fast.packets.goodput import possible_goodput
+from ocisac_fast.receiver.stream import MultiReceiver, Receiver
+
+ROW_TIME, FRAME_TIME, CHIP_RATE = 22.2e-6, 1 / 30, 8e3
+PAYLOAD = np.random.default_rng(11).bytes(1000)
+KINDS = {3: "dark", 7: "noise", 9: "nan", 12: "shape", 15: "missing", 16: "missing", 17: "missing"}
+NUMBERS = ("phase", "rows_per_chip", "rows_per_chip_std", "chip_rate", "exposure", "exposure_std", "snr", "error_rate")
+
+
+class Light:
+    """Rows of a packet's light: a gradient, ambient light, noise (share of the swing), a clock that drifts."""
+
+    def __init__(self, payload, seed, exposure=622e-6, noise=0.04, drift=0.0, rows=1080, **packet):
+        self.random = np.random.default_rng(seed)
+        self.waveform = ocisac.transmit(payload, **packet).waveform(CHIP_RATE)
+        self.camera = Camera(ROW_TIME, exposure, frame_time=FRAME_TIME)
+        self.start, self.drift, self.noise, self.rows = self.random.uniform(0, 8), drift, noise, rows
+
+    def frame(self, index):
+        start = self.start + index * FRAME_TIME * (1 + self.drift)
+        light = ocisac.integrate_exposure(self.waveform, self.camera, self.rows, start=start)
+        noisy = light + self.noise * self.random.standard_normal(self.rows)
+        return 20 + 100 * np.linspace(1, 0.6, self.rows) * noisy
+
+
+def frames_needed(light, receiver, payload, most=130):
+    for index in range(most):
+        result = receiver.push(light.frame(index))
+        if result.payload is not None:
+            assert result.payload.payload == payload
+            return index + 1
+    raise AssertionError(f"no payload in {most} frames; {result}")
+
+
+@pytest.mark.parametrize(
+    ("drift", "rate_error", "exposure_known"),
+    [(0.0, 0.0, True), (5e-5, 0.01, True), (-5e-5, -0.01, True), (0.0, 0.005, False)],
+)
+def test_a_kilobyte_comes_whole_at_an_exposure_of_five_chips(drift, rate_error, exposure_known):
+    """The figure asked for: at most 130 frames (83.4 are the floor), locked or drifting, 4 % noise, a gradient."""
+    light = Light(PAYLOAD, seed=int(1e6 * (drift + 1)), drift=drift)
+    camera = light.camera if exposure_known else Camera(ROW_TIME, None, frame_time=FRAME_TIME)
+    receiver = Receiver(camera, chip_rate=CHIP_RATE * (1 + rate_error))
+    assert frames_needed(light, receiver, PAYLOAD) <= 118
+
+
+@pytest.mark.parametrize("line_code", ["none", "4b6b", "8b10b"])
+def test_every_line_code_comes_through_blind_at_a_short_exposure(line_code):
+    light = Light(PAYLOAD[:300], seed=2, exposure=90e-6, line_code=line_code)
+    assert frames_needed(light, Receiver(light.camera, line_code=line_code), PAYLOAD[:300]) < 60
+
+
+def test_a_lengthened_preamble_serves_long_exposures():
+    light = Light(PAYLOAD[:60], seed=3, exposure=1.1e-3, noise=0.01, block_bytes=4, preamble="lengthened")
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE * 1.005, block_bytes=4, preamble="lengthened")
+    assert frames_needed(light, receiver, PAYLOAD[:60]) < 40
+
+
+def test_what_a_frame_tells_is_right():
+    light = Light(PAYLOAD, seed=4, noise=0.02)
+    receiver = Receiver(Camera(ROW_TIME, None, frame_time=FRAME_TIME), chip_rate=8.1e3)
+    for index in range(6):
+        result = receiver.push(light.frame(index))
+    assert (result.outcome, result.frame, result.channel, result.flags) == ("received", 5, 0, 0)
+    assert abs(result.chip_rate / CHIP_RATE - 1) < 1e-3
+    assert abs(result.exposure - 622e-6) < 5 * result.exposure_std < 1e-5
+    assert 400 < result.snr < 900
+    assert 0 <= result.error_rate < 1e-6
+    # The chips themselves, by the light's own clock: half an exposure and a row's time away.
+    start = light.start + 5 * FRAME_TIME + result.phase * ROW_TIME - 311e-6
+    first = round(start * CHIP_RATE)
+    assert abs(start * CHIP_RATE - first) < 0.1
+    levels = light.waveform.levels[(first + np.arange(len(result.bits))) % len(light.waveform.levels)]
+    assert result.bits == "".join(str(int(level)) for level in levels)
+    assert len(result.llr) == len(result.bits) >= 189
+
+
+def test_frames_missing_repeated_damaged_and_dark_cost_no_more_than_themselves():
+    light, receiver = Light(PAYLOAD[:400], seed=5), Receiver(Light(b"a", 0).camera, chip_rate=CHIP_RATE)
+    outcomes, payload = {}, None
+    for index in range(120):
+        kind = KINDS.get(index % 20)
+        rows = light.frame(index)
+        if kind == "missing":
+            continue
+        if kind in ("dark", "noise"):
+            rows = 20 + (kind == "noise") * light.random.standard_normal(len(rows))
+        if kind == "nan":
+            rows[500] = np.nan
+        result = receiver.push(rows[:700] if kind == "shape" else rows, index)
+        outcomes.setdefault(kind, set()).add(result.outcome)
+        again = receiver.push(light.frame(index), index)
+        if kind == "shape":
+            assert again.outcome in ("received", "no_signal")
+            payload = payload or again.payload
+        else:
+            assert again.outcome == "repeated"
+        assert all(np.isnan(getattr(again, name)) for name in NUMBERS) or again.outcome == "received"
+        payload = payload or result.payload
+        if payload is not None:
+            break
+    assert payload is not None
+    assert payload.payload == PAYLOAD[:400]
+    assert index < 75
+    assert outcomes["dark"] == outcomes["noise"] == {"no_signal"}
+    assert outcomes["nan"] == {"not_finite"}
+    assert outcomes["shape"] == {"other_shape"}
+
+
+def test_another_packet_and_a_jump_of_the_clock():
+    receiver = Receiver(Light(b"a", 0).camera, chip_rate=CHIP_RATE)
+    got = []
+    for number, payload in enumerate((b"first " * 20, b"second" * 25)):
+        light = Light(payload, seed=20 + number, number=number)
+        for index in range(45):
+            if index == 10:
+                light.start += 0.77
+            result = receiver.push(light.frame(index))
+            if result.payload is not None:
+                got.append((result.payload.number, result.payload.payload))
+    assert list(dict.fromkeys(got)) == [(0, b"first " * 20), (1, b"second" * 25)]
+
+
+def test_pixels_of_any_kind():
+    light = Light(b"pixels", seed=6, noise=0.0)
+    across = np.linspace(0.3, 1, 24)
+    receivers = [Receiver(light.camera, chip_rate=CHIP_RATE) for _ in range(3)]
+    for index in range(12):
+        pixels = light.frame(index)[:, np.newaxis] * across + light.random.standard_normal((1080, 24))
+        bytes_ = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
+        colour = np.stack([np.full_like(bytes_, 9), bytes_, bytes_ // 4], axis=2)
+        results = [
+            receivers[0].push(bytes_),
+            receivers[1].push(np.asfortranarray(bytes_).astype(np.float32)),
+            receivers[2].push(colour),
+        ]
+        assert len({result.bits for result in results[:2]}) == 1
+        assert results[2].channel in (1, 2)
+    assert any(result.stretch is not None and result.stretch.blocks for result in results)
+
+
+def test_never_a_payload_out_of_noise_or_other_light():
+    random = np.random.default_rng(7)
+    receiver = Receiver(Light(b"a", 0).camera, chip_rate=CHIP_RATE)
+    for _ in range(3):
+        assert receiver.push(random.standard_normal(1080)).payload is None
+    chips = ocisac.Chips(random.integers(0, 2, 4000), CHIP_RATE, repeat=True)
+    for index in range(20):
+        rows = ocisac.integrate_exposure(chips, Light(b"a", 0).camera, 1080, start=index / 30)
+        assert receiver.push(rows + 0.02 * random.standard_normal(1080)).payload is None
+
+
+def test_a_stream_that_begins_anew_is_believed_after_eight_frames():
+    """A count from 0 again, and another picture size: neither may leave the receiver deaf."""
+    light = Light(b"anew", seed=9, noise=0.01)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    assert receiver.push(light.frame(0), 1000).outcome == "received"
+    outcomes = [receiver.push(light.frame(1 + index), index) for index in range(9)]
+    assert [result.outcome for result in outcomes] == ["repeated"] * 7 + ["received"] * 2
+    assert outcomes[7].missing == 0
+    light.rows = 900
+    outcomes = [receiver.push(light.frame(10 + index)) for index in range(9)]
+    assert [result.outcome for result in outcomes] == ["other_shape"] * 7 + ["received"] * 2
+    assert [result.frame for result in outcomes] == list(range(9, 18))
+    assert receiver.push(light.frame(22), 21).missing == 3
+
+
+def test_searches_in_vain_become_rare_and_the_light_is_found_again():
+    light = Light(b"later", seed=10, noise=0.01)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    outcomes = [receiver.push(light.random.standard_normal(1080)).outcome for _ in range(40)]
+    assert set(outcomes) == {"no_signal", "unsearched"}
+    assert 5 <= outcomes.count("no_signal") <= 10
+    outcomes = [receiver.push(light.frame(index)).outcome for index in range(10)]
+    assert "received" in outcomes[:8]
+    assert outcomes[8:] == ["received", "received"]
+
+
+def test_a_search_ends_where_its_passes_are_used_up():
+    light = Light(PAYLOAD, seed=3)
+    frame = light.frame(0)
+    outcomes = [
+        Receiver(light.camera, chip_rate=CHIP_RATE, search_passes=passes).push(frame).outcome
+        for passes in (1, 5000, None)
+    ]
+    assert outcomes == ["no_signal", "received", "received"]
+    lights = MultiReceiver(light.camera, chip_rate=CHIP_RATE, search_passes=1)
+    assert lights.push(np.repeat(frame[:, np.newaxis], 8, axis=1))[0].received.outcome == "no_signal"
+
+
+def test_what_the_gap_and_the_code_leave():
+    camera = Camera(ROW_TIME, frame_time=FRAME_TIME)
+    possible = possible_goodput(1000, camera, chip_rate=CHIP_RATE, rows=1080)
+    assert possible.sent == 4000
+    assert possible.gap == pytest.approx(4000 * 1080 * 22.2e-6 * 30)
+    assert possible.gap_frames == pytest.approx(83.4, abs=0.05)
+    in_blocks = 16 * 16 / (14 + 18 * 16)  # 12 codewords of 84 bytes hold the payload
+    assert possible.code == pytest.approx(possible.gap * in_blocks * 1000 / (12 * 84))
+    assert possible.code_frames == pytest.approx(8000 / possible.code * 30)
+    for wrong, message in [
+        ({"rows": 0}, "rows: got 0"),
+        ({"rows": 1600}, "rows: got 1600"),
+        ({"chip_rate": 0.0}, "chip_rate: got 0.0"),
+        ({"camera": Camera(ROW_TIME)}, "frame_time: got None"),
+    ]:
+        given = {"payload_bytes": 9, "camera": camera, "chip_rate": CHIP_RATE, "rows": 1080, **wrong}
+        with pytest.raises(ValueError, match=message):
+            possible_goodput(**given)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: Receiver(r, chip_rate=-1.0), "chip_rate: got -1, allowed: a finite number above 0"),
+        (lambda r: Receiver(r, search_passes=0), "search_passes: got 0, allowed: a finite number above 0"),
+        (lambda r: Receiver(r, chip_rate=1e6), "chip_rate: got 1e.06, allowed: at most the row rate"),
+        (lambda r: Receiver(r, line_code="rz"), "line_code: got"),
+        (lambda r: Receiver(r, block_bytes=300), "block_bytes: got 300, allowed: 1 to 255"),
+        (lambda r: Receiver(r).push(np.zeros((2, 2, 2, 2))), "frame: got shape"),
+        (lambda r: Receiver(r).push(np.zeros((0, 4))), "frames: got shape .0, 4., allowed: at least one"),
+        (lambda r: Receiver(r).push(np.zeros(9, complex)), "complex"),
+        (lambda r: Receiver(r).push(np.zeros(9), 1.5), "number: got 1.5, allowed: a whole number"),
+        (lambda r: Receiver(r, channel=3).push(np.zeros((9, 9, 3))), "channel: got 3, allowed: 0 to 2"),
+    ],
+)
+def test_bad_input_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call(Camera(ROW_TIME, 1e-4, frame_time=FRAME_TIME))
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 7])
+def test_tiny_frames_hold_no_signal(rows):
+    receiver = Receiver(Camera(ROW_TIME, 1e-4, frame_time=FRAME_TIME), chip_rate=CHIP_RATE)
+    assert receiver.push(np.arange(float(rows))).outcome == "no_signal"
+
+
+def test_the_command_gives_payloads(tmp_path, capsys, monkeypatch):
+    light = Light(b"over the air", seed=8)
+    frames = np.stack([light.frame(index) for index in range(14)])[:, :, np.newaxis]
+    frames = frames + light.random.standard_normal((14, 1080, 8))
+    path = tmp_path / "frames.npy"
+    np.save(path, np.clip(np.rint(frames), 0, 255).astype(np.uint8))
+    options = ["receive", str(path), "--row-time", "22.2us", "--exposure", "622us", "--frame-rate", "30"]
+    options += ["--chip-rate", "8kHz", "--line-code", "manchester"]
+    assert main([*options, "--json"]) == 0
+    facts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [fact["frame"] for fact in facts] == list(range(14))
+    payloads = [fact for fact in facts if "payload" in fact]
+    assert payloads
+    assert {fact["payload"] for fact in payloads} == {"over the air"}
+    assert base64.b64decode(payloads[0]["payload_base64"]) == b"over the air"
+    assert main(options) == 0
+    assert "over the air" in capsys.readouterr().out
+    for source, stored in [(["-"], path.read_bytes()), (["-", "--raw", "8x1080"], np.load(path).tobytes())]:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stored)))
+        assert main(["receive", *source, *options[2:], "--json"]) == 0
+        assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == facts
+    assert main([*options[:-2], "--packets"]) == 0  # the sender's default code is the receiver's
+    assert "over the air" in capsys.readouterr().out
+    assert main([*options, "--block-bytes", "200"]) == 0
+    assert "a block of 200 bytes is 3246 chips, a frame shows 191: send smaller" in capsys.readouterr().out
+    assert main([*options[:2], "--frame-rate", "30", "--packets"]) == 2
+    assert "--frame-rate: needs --row-time" in capsys.readouterr().err
+
+
+def test_two_lights_side_by_side_are_two_streams():
+    lights = [Light(b"left", seed=30, exposure=90e-6, noise=0), Light(b"right", seed=31, exposure=90e-6, noise=0)]
+    receiver = MultiReceiver(lights[0].camera, chip_rate=CHIP_RATE)
+    random, got = np.random.default_rng(32), {}
+    for index in range(40):
+        picture = np.full((1080, 80), 20.0)
+        for light, columns in zip(lights, (slice(4, 36), slice(44, 76)), strict=True):
+            picture[:, columns] += light.frame(index)[:, np.newaxis]
+        results = receiver.push(np.clip(picture + 2 * random.standard_normal(picture.shape), 0, 255).astype(np.uint8))
+        for result in results:
+            if result.received.payload is not None:
+                got[result.region[0] >= 40] = result.received.payload.payload
+    assert got == {False: b"left", True: b"right"}
+    assert {result.source for result in results} == {0, 1}
+    assert results[0].received.snr >= results[1].received.snr
+    for wrong, message in [({"regions": [(1, 2, 3)]}, "regions: got"), ({"most": 0}, "most: got 0")]:
+        with pytest.raises(ValueError, match=message):
+            MultiReceiver(lights[0].camera, **wrong)

@@ -1,0 +1,431 @@
+"""Sensing of regions: gains against theory, motion, kinds, agreement with the reference, refusals."""
+
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Flag, reference
+
+ROW_TIME, FRAME_TIME = 22.2e-6, 1 / 30
+SPEED = 1.751
+EXPOSURES = (622e-6, 1202e-6, 2404e-6, 4981e-6)
+
+
+def camera(exposure=1202e-6, frame_time=FRAME_TIME):
+    return Camera(ROW_TIME, exposure, frame_time)
+
+
+def places(rows, columns, frames):
+    """Frame, row and column numbers, to be broadcast."""
+    return np.ogrid[:frames, :rows, :columns]
+
+
+def texture(frames, rows, columns, fx, speed, *, per_row=0.0, per_column=0.2, exposure=1202e-6, noise=2.0, seed=0):
+    """A full-depth cosine of mean 100 under eq. 7; per_row and per_column: cycles of it at rest."""
+    j, n, k = places(rows, columns, frames)
+    f = fx * speed
+    turns = f * (n * ROW_TIME + j * FRAME_TIME - exposure / 2) - per_row * n - per_column * k
+    light = 100 * (1 + np.sinc(f * exposure) * np.cos(2 * np.pi * turns))
+    return light + noise * np.random.default_rng(seed).standard_normal(light.shape)
+
+
+def grating(frames, rows, columns, fx, speed, per_column=0.2, noise=2.0, seed=0):
+    """A square wave that moves across the rows, through the library's exposure integration."""
+    phases = -2 * np.pi * per_column * np.arange(columns)
+    waves = [ocisac.SquareWave(fx * speed, amplitude=200.0, phase=phase) for phase in phases]
+    light = np.stack([ocisac.integrate_exposure(wave, camera(), rows, 0.0, frames) for wave in waves], axis=-1)
+    return light + noise * np.random.default_rng(seed).standard_normal(light.shape)
+
+
+def lamp(frames, rows, columns, frequency, *, mean=100.0, exposure=1202e-6, noise=2.0, seed=0):
+    tone = ocisac.Tone(frequency, 2 * mean)
+    light = ocisac.integrate_exposure(tone, camera(exposure), rows, 0.0, frames)[..., None] * np.ones(columns)
+    return light + noise * np.random.default_rng(seed).standard_normal(light.shape)
+
+
+def assert_agree(got, want, tolerance=1e-6):
+    for field in dataclasses.fields(got):
+        a, b = getattr(got, field.name), getattr(want, field.name)
+        if isinstance(a, (float, tuple)):
+            near = {"rtol": tolerance, "atol": tolerance * (field.name.endswith("_column") or 1e-6)}
+            np.testing.assert_allclose(a, b, **near, err_msg=field.name)
+        else:
+            assert a == b, field.name
+
+
+CASES = {
+    "across": (texture(1, 240, 12, 200, SPEED), {"motion": "across"}),
+    "across, frames": (texture(6, 241, 12, 200, SPEED), {"pitch": 1e-3}),
+    "square": (grating(7, 240, 5, 200, SPEED), {"waveform": "square", "spatial_frequency": 200.0}),
+    "along": (texture(6, 240, 8, 230, -SPEED, per_row=0.023, per_column=0), {"pitch": 1e-4, "speed": SPEED}),
+    "along, texture known": (
+        texture(2, 240, 8, 230, SPEED, per_row=0.023, per_column=0),
+        {"pitch": 1e-4, "spatial_frequency": 230.0},
+    ),
+    "along, two frames only": (texture(2, 240, 8, 230, SPEED, per_row=0.023, per_column=0), {}),
+    "along, one frame": (
+        texture(1, 240, 8, 230, SPEED, per_row=0.023, per_column=0),
+        {"motion": "along", "pitch": 1e-4, "spatial_frequency": 230.0},
+    ),
+    "still": (texture(3, 240, 8, 230, 0.0, per_row=0.023, per_column=0.1), {}),
+    "by whole cycles a frame": (
+        texture(3, 240, 8, 230, 3.0, per_row=0.023, per_column=0.0),
+        {"pitch": 1e-4, "spatial_frequency": 230.0},
+    ),
+    "light": (lamp(8, 240, 9, 517.0) + 30, {"background": ocisac.BackgroundLight(np.full(9, 30.0), np.full(9, 0.3))}),
+    "light, known": (
+        lamp(8, 240, 9, 517.0) + 30,
+        {"frequency": 517.0, "background": 30, "others": [300]},
+    ),
+    "light, measured": (lamp(3, 240, 9, 517.0), {"frequency": 517.1, "frequency_std": 0.2}),
+    "weak": (lamp(2, 240, 5, 517.0, noise=150.0), {"frequency": 517.0}),
+    "nothing": (lamp(3, 240, 9, 517.0, mean=0.0) + 100, {}),
+    "one column": (lamp(1, 240, 1, 517.0)[0, :, 0], {}),
+    "light above half the row rate": (lamp(2, 240, 4, 31e3, exposure=20e-6), {"frequency": 31e3}),
+    "too few rows": (lamp(1, 9, 4, 9e3, exposure=20e-6), {"frequency": 9e3, "others": [5e3, 3e3, 7e3]}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_agrees_with_the_reference(case):
+    frames, told = CASES[case]
+    got, want = (of.sense_region(frames, camera(), **told) for of in (ocisac, reference))
+    assert_agree(got, want)
+
+
+@settings(deadline=None, max_examples=10)
+@given(
+    dtype=st.sampled_from(["uint8", "uint16", "float32", "float64"]),
+    step=st.sampled_from([-2, -1, 1, 3]),
+    rows=st.sampled_from([97, 120]),
+    columns=st.integers(1, 4),
+    count=st.integers(1, 3),
+    cycles=st.floats(1.2, 11.0),
+    curve=st.sampled_from(["linear", "gamma", "srgb"]),
+    seed=st.integers(0, 1000),
+)
+def test_takes_any_array_as_the_reference_does(dtype, step, rows, columns, count, cycles, curve, seed):
+    frequency = cycles / rows / ROW_TIME
+    big = texture(count, rows * abs(step), columns, frequency / abs(step), 1.0, exposure=1e-5, seed=seed).clip(0, 255)
+    stored = (big / 256 if dtype.startswith("float") else big).astype(dtype)[:, ::step]
+    how = Camera(ROW_TIME, 1e-5, FRAME_TIME, tone_curve=curve)
+    got, want = (of.sense_region(stored, how, motion="across") for of in (ocisac, reference))
+    assert_agree(got, want, 1e-5)
+    np.testing.assert_equal(
+        dataclasses.asdict(ocisac.sense_region(stored.copy(), how, motion="across")), dataclasses.asdict(got)
+    )
+
+
+def scores_of_the_testbed(shape, first_seed):
+    """Eq. 16 at the sensing settings of table 2: errors of gain and f_x v, from the same frames, in standard errors."""
+    scores = []
+    for fx in (100, 200, 500):
+        for exposure in EXPOSURES if shape == "cosine" else (1202e-6,):
+            seed = first_seed + int(fx + exposure * 1e6)
+            if shape == "cosine":
+                frames, told = texture(1, 720, 40, fx, SPEED, exposure=exposure, seed=seed), {}
+            else:
+                frames, told = grating(1, 720, 40, fx, SPEED, seed=seed), {"waveform": "square"}
+            found = ocisac.sense_region(frames, camera(exposure), motion="across", **told)
+            assert found.kind == "moving"
+            theory = abs(np.sinc(fx * SPEED * exposure))
+            scores += [(found.gain - theory) / found.gain_std]
+            scores += [(found.motion_frequency - fx * SPEED) / found.motion_frequency_std]
+    return np.array(scores)
+
+
+@pytest.mark.parametrize("shape", ["cosine", "grating"])
+def test_gains_and_frequencies_of_the_testbed_pass_a_chi_square_test(shape):
+    scores = scores_of_the_testbed(shape, 0)
+    assert (scores**2).sum() < {24: 42.98, 6: 16.81}[len(scores)]  # quantiles of chi-square at 99 %
+    assert np.abs(scores).max() < 4
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("shape", ["cosine", "grating"])
+def test_gains_and_frequencies_of_the_testbed_at_ten_other_seeds(shape):
+    scores = np.concatenate([scores_of_the_testbed(shape, 10000 * seed) for seed in range(1, 11)])
+    assert (scores**2).sum() < {240: 293.89, 60: 88.38}[len(scores)]
+    assert np.abs(scores).max() < 4
+
+
+def test_the_frequency_reaches_the_cramer_rao_bound():
+    amplitude, rows, columns = 100 * np.sinc(350.2 * 1202e-6), 720, 10
+    bound = np.sqrt(24 * 2.0**2 / (amplitude**2 * columns * rows * (rows**2 - 1))) / (2 * np.pi * ROW_TIME)
+    found = [ocisac.sense_region(texture(1, rows, columns, 200, SPEED, seed=s), camera()) for s in range(40)]
+    told = np.mean([one.motion_frequency_std for one in found])
+    errors = [one.motion_frequency - 200 * SPEED for one in found]
+    assert bound < told < 1.1 * bound
+    assert 0.75 * bound < np.sqrt(np.mean(np.square(errors))) < 1.25 * bound
+
+
+def test_faint_and_noisy_harmonics_feign_no_precision():
+    found = [
+        ocisac.sense_region(grating(1, 720, 6, 100, SPEED, noise=6.0, seed=s), camera(), waveform="square")
+        for s in range(6, 16)
+    ]
+    scores = [(one.frequency - 175.1) / one.frequency_std for one in found]
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_columns_share_their_noise_and_the_standard_error_knows():
+    random = np.random.default_rng(5)
+    errors, told = [], []
+    for seed in range(20):
+        frames = texture(1, 360, 20, 400, SPEED, per_column=0.01, noise=1.0, seed=seed) + 8 * random.standard_normal(
+            (360, 1)
+        )
+        found = ocisac.sense_region(frames, camera(), motion="across")
+        errors.append(found.frequency - 400 * SPEED)
+        told.append(found.frequency_std)
+    assert 0.7 < np.sqrt(np.mean(np.square(errors))) / np.mean(told) < 1.4
+
+
+@pytest.mark.parametrize("columns", [100, 700])
+def test_wide_regions_of_fine_stripes_keep_their_texture(columns):
+    found = ocisac.sense_region(texture(2, 360, columns, 200, SPEED, per_column=0.21), camera(), pitch=1.05e-3)
+    assert found.kind == "moving"
+    assert found.cycles_per_column == pytest.approx(-0.21, abs=4 * found.cycles_per_column_std)
+    assert found.speed == pytest.approx(SPEED, abs=4 * found.speed_std)
+    assert found.spatial_frequency == pytest.approx(200, abs=4 * found.spatial_frequency_std)
+    assert found.direction == 1
+    assert not found.flags
+
+
+def test_speed_and_texture_give_each_other():
+    frames = texture(1, 720, 20, 200, SPEED)
+    by_texture = ocisac.sense_region(frames, camera(), motion="across", spatial_frequency=200.0)
+    assert by_texture.speed == pytest.approx(SPEED, abs=4 * by_texture.speed_std)
+    assert by_texture.speed_std == pytest.approx(by_texture.motion_frequency_std / 200)
+    by_speed = ocisac.sense_region(frames, camera(), motion="across", speed=SPEED)
+    assert by_speed.spatial_frequency == pytest.approx(200, abs=4 * by_speed.spatial_frequency_std)
+
+
+PITCH = 1e-4
+
+
+def along(frames, fx, speed, seed=0):
+    return texture(frames, 720, 20, fx, speed, per_row=fx * PITCH, per_column=0.0, seed=seed)
+
+
+@pytest.mark.parametrize("fx", [100, 230, 510])
+@pytest.mark.parametrize("speed", [-SPEED, -0.05, 0.3, SPEED])
+@pytest.mark.parametrize("known", ["texture", "speed"])
+def test_motion_along_the_rows_with_direction_and_pitch(fx, speed, known):
+    told = {"spatial_frequency": float(fx)} if known == "texture" else {"speed": abs(speed)}
+    told |= {"pitch": PITCH, "direction": int(np.sign(speed)), "motion": "along", "motion_bounds": (0.0, 2.0 * fx)}
+    found = ocisac.sense_region(along(1, fx, speed), camera(), **told)
+    assert found.kind == "moving"
+    assert found.motion_frequency == pytest.approx(fx * abs(speed), abs=4 * found.motion_frequency_std)
+    assert found.direction == np.sign(speed)
+    assert found.gain == pytest.approx(abs(np.sinc(fx * speed * 1202e-6)), abs=4 * found.gain_std)
+    assert found.theory == pytest.approx(abs(np.sinc(fx * speed * 1202e-6)), abs=0.01)
+    assert not found.flags & Flag.AMBIGUOUS_MOTION
+
+
+@pytest.mark.parametrize("speed", [-SPEED, -0.2, 0.3, SPEED])
+def test_motion_along_the_rows_with_two_frames_needs_no_direction(speed):
+    found = ocisac.sense_region(along(2, 230, speed), camera(), pitch=PITCH, spatial_frequency=230.0)
+    assert found.motion_frequency == pytest.approx(230 * abs(speed), abs=4 * found.motion_frequency_std)
+    assert found.direction == np.sign(speed)
+    assert not found.flags & Flag.AMBIGUOUS_MOTION
+    alone = ocisac.sense_region(along(1, 230, speed), camera(), motion="along", pitch=PITCH, spatial_frequency=230.0)
+    assert found.motion_frequency_std < 0.25 * alone.motion_frequency_std
+
+
+def test_slow_motion_along_the_rows_with_two_frames_and_bounds_needs_no_texture():
+    found = ocisac.sense_region(along(2, 230, 0.05), camera(), pitch=PITCH, motion_bounds=(0.0, 14.9))
+    assert found.motion_frequency == pytest.approx(11.5, abs=4 * found.motion_frequency_std)
+    assert found.spatial_frequency == pytest.approx(230, abs=4 * found.spatial_frequency_std)
+    assert found.speed == pytest.approx(0.05, abs=4 * found.speed_std)
+    assert found.direction == 1
+    assert not found.flags
+
+
+def test_ambiguous_motion_is_flagged_with_all_candidates():
+    """One frame, texture known, direction not: the truth is among the candidates."""
+    found = ocisac.sense_region(along(1, 230, SPEED), camera(), motion="along", pitch=PITCH, spatial_frequency=230.0)
+    assert found.flags & Flag.AMBIGUOUS_MOTION
+    assert min(abs(np.array(found.motion_candidates) - 230 * SPEED)) < 4 * found.motion_frequency_std
+    two = ocisac.sense_region(along(2, 230, SPEED), camera())
+    assert two.flags & Flag.AMBIGUOUS_MOTION
+    assert len(two.motion_candidates) > 2
+    nothing = ocisac.sense_region(along(1, 230, SPEED), camera(), motion="along")
+    assert math.isnan(nothing.motion_frequency)
+    assert nothing.flags & Flag.AMBIGUOUS_MOTION
+
+
+def test_what_is_told_against_the_pictures_is_flagged():
+    told = {"pitch": PITCH, "motion": "along", "direction": 1}
+    found = ocisac.sense_region(
+        along(1, 230, -SPEED), camera(), spatial_frequency=100.0, **told, motion_bounds=(0, 500)
+    )
+    assert found.flags & Flag.MODEL_MISFIT
+    assert math.isnan(found.motion_frequency)
+    two = ocisac.sense_region(along(2, 230, SPEED), camera(), pitch=PITCH, spatial_frequency=233.0)
+    assert two.flags & (Flag.MODEL_MISFIT | Flag.AMBIGUOUS_MOTION)
+
+
+@pytest.mark.parametrize("per_column", [0.0, 0.003, -0.2])
+def test_a_texture_at_rest_is_still(per_column):
+    frames = texture(3, 720, 30, 230, 0.0, per_row=0.02, per_column=per_column)
+    found = ocisac.sense_region(frames, camera(), motion_bounds=(0.0, 29.0))
+    assert found.kind == "still"
+    assert found.motion_frequency == 0
+    assert not found.flags
+    assert found.gain == pytest.approx(1.0, abs=4 * found.gain_std)
+
+
+def test_a_texture_that_moves_by_whole_cycles_a_frame_may_be_at_rest():
+    frames = along(2, 230, 3.0)  # 23 cycles a frame
+    found = ocisac.sense_region(frames, camera())
+    assert found.kind == "still"
+    assert found.flags & Flag.AMBIGUOUS_MOTION
+    assert found.motion_candidates[1] == pytest.approx(30, abs=0.1)
+    for told in ({"spatial_frequency": 230.0}, {"speed": 3.0}):
+        known = ocisac.sense_region(frames, camera(), pitch=PITCH, **told)
+        assert known.kind == "moving"
+        assert known.motion_frequency == pytest.approx(690, abs=4 * known.motion_frequency_std)
+    rest = ocisac.sense_region(along(2, 230, 0.0), camera(), pitch=PITCH, spatial_frequency=230.0, direction=1)
+    assert rest.kind == "still"
+    assert not rest.flags
+
+
+@pytest.mark.parametrize("frequency", [200.0, 517.0, 1731.0, 7919.0])
+def test_a_light_is_told_from_textures_that_show_the_same_rows(frequency):
+    exposure = 100e-6
+    light = ocisac.sense_region(lamp(3, 720, 30, frequency, exposure=exposure), camera(exposure))
+    assert light.kind == "light"
+    assert light.cycles_per_column == pytest.approx(0, abs=4 * light.cycles_per_column_std)
+    assert light.gain == pytest.approx(light.theory, abs=4 * light.gain_std)
+    across = ocisac.sense_region(
+        texture(3, 720, 30, frequency, 1.0, per_column=0.01, exposure=exposure), camera(exposure)
+    )
+    assert across.kind == "moving"
+    per_row = (frequency + 37.1) * ROW_TIME
+    stripes = texture(3, 720, 30, 37.1, 1.0, per_row=per_row, per_column=0.0, exposure=exposure)
+    found = ocisac.sense_region(stripes, camera(exposure))
+    assert found.kind == "moving" or found.flags & Flag.AMBIGUOUS_KIND
+
+
+def test_one_picture_of_a_light_or_of_bars_is_of_ambiguous_kind():
+    found = ocisac.sense_region(lamp(1, 720, 30, 517.0), camera())
+    assert found.kind == "light"
+    assert found.flags & Flag.AMBIGUOUS_KIND
+
+
+def test_a_frame_time_that_is_slightly_off_is_flagged_and_a_tolerance_helps():
+    frames = lamp(3, 720, 30, 517.0)
+    off = Camera(ROW_TIME, 1202e-6, FRAME_TIME * 1.0004)
+    assert ocisac.sense_region(frames, off).flags & Flag.AMBIGUOUS_KIND
+    assert ocisac.sense_region(frames, off).kind == "light"
+    assert not ocisac.sense_region(frames, off, timing_tolerance=1e-3).flags
+
+
+@pytest.mark.parametrize("shape", ["cosine", "grating"])
+def test_gains_over_frames_are_those_along_columns(shape):
+    frames = texture(16, 360, 20, 200, SPEED) if shape == "cosine" else grating(16, 360, 20, 200, SPEED)
+    found = ocisac.sense_region(frames, camera(), waveform="tone" if shape == "cosine" else "square")
+    theory = np.sinc(200 * SPEED * 1202e-6)
+    assert found.frames_gain == pytest.approx(theory, abs=4 * found.frames_gain_std)
+    assert found.gain == pytest.approx(theory, abs=4 * found.gain_std)
+    assert found.frames_gain_std < 3e-4
+
+
+def test_a_light_and_a_texture_on_the_same_pixels():
+    """The paper's joint case: both tones in every column, f_x v and both gains from the same frames."""
+    scores = []
+    for seed in range(6):
+        sensing = texture(3, 720, 30, 200, SPEED, seed=seed)
+        frames = sensing + 0.6 * lamp(3, 720, 30, 517.0, noise=0.0)
+        unlit = texture(3, 720, 30, 200, SPEED, seed=100 + seed)
+        moving = ocisac.sense_region(frames, camera(), others=[517.0], background=60.0, bounds=(250, 450), pitch=1e-3)
+        assert moving.kind == "moving"
+        beside = ocisac.background_light(unlit, camera(), [moving.frequency])
+        light = ocisac.sense_region(frames, camera(), 517.0, others=[moving.frequency], background=beside)
+        assert light.kind == "light"
+        assert light.background_given
+        scores.append((light.gain - np.sinc(517 * 1202e-6)) / light.gain_std)
+        scores.append((moving.gain - np.sinc(200 * SPEED * 1202e-6)) / moving.gain_std)
+        scores.append((moving.motion_frequency - 200 * SPEED) / moving.motion_frequency_std)
+    assert np.sum(np.square(scores)) < 34.81  # chi-square of 18 at 99 %
+    assert np.abs(scores).max() < 4
+
+
+def test_background_beside_a_light():
+    beside = ocisac.background_light(np.full((720, 12), 40.0) + np.arange(12), camera(), pooled=True)
+    assert beside.mean == pytest.approx(45.5)
+    assert beside.std == pytest.approx(np.std(np.arange(12), ddof=1) / np.sqrt(12))
+    light = ocisac.sense_region(lamp(2, 720, 20, 517.0) + 45.5, camera(), 517.0, background=beside)
+    sure = ocisac.sense_region(lamp(2, 720, 20, 517.0) + 45.5, camera(), 517.0, background=45.5)
+    assert light.gain == pytest.approx(sure.gain, rel=1e-3)
+    assert light.gain_std == pytest.approx(np.hypot(sure.gain_std, light.gain * beside.std / 100), rel=1e-2)
+
+
+def test_a_texture_of_little_contrast():
+    frames = (
+        100
+        + 0.3 * (texture(1, 720, 30, 200, SPEED, noise=0.0) - 100)
+        + np.random.default_rng(3).normal(0, 2, (720, 30))
+    )
+    found = ocisac.sense_region(frames, camera(), depth=0.3, motion="across")
+    assert found.gain == pytest.approx(found.theory, abs=4 * found.gain_std)
+    assert found.contrast == pytest.approx(0.3 * found.gain)
+    assert found.contrast_range == pytest.approx(found.contrast, rel=0.03)
+
+
+def test_limits_are_flagged():
+    few = ocisac.sense_region(texture(1, 720, 20, 40, SPEED), camera(), motion="across", bounds=(30, 200))
+    assert few.flags & Flag.FEW_CYCLES
+    null = ocisac.sense_region(texture(1, 720, 20, 475, SPEED), camera(), 475 * SPEED, motion="across")
+    assert null.flags & Flag.NEAR_NULL
+    dark = ocisac.sense_region(texture(1, 720, 20, 200, SPEED), camera(), background=150.0)
+    assert dark.flags & Flag.NO_LIGHT
+    assert math.isnan(dark.gain)
+    faint = ocisac.sense_region(texture(1, 720, 2, 200, SPEED, noise=2000.0), camera(), 350.2)
+    assert faint.flags & Flag.WEAK
+    bright = ocisac.sense_region((2 * texture(1, 720, 20, 200, SPEED)).clip(0, 255).astype(np.uint8), camera())
+    assert bright.flags & Flag.SATURATED
+    half = ocisac.sense_region(texture(1, 720, 20, 200, SPEED), camera(), 0.5 / ROW_TIME)
+    assert half.flags & Flag.UNRESOLVABLE
+    assert math.isnan(half.gain)
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ({"frequency": 0.0}, "frequency: got 0.0, allowed: a finite number above 0"),
+        ({"frequency": math.nan}, "frequency: got nan"),
+        ({"frequency_std": -1.0}, "frequency_std: got -1.0, allowed: a finite number, 0 or above"),
+        ({"waveform": "saw"}, "waveform: got 'saw', allowed: 'tone' or 'square'"),
+        ({"duty": 1.0}, "duty: got 1.0, allowed: above 0 and below 1"),
+        ({"depth": 0.0}, "depth: got 0.0, allowed: a finite number above 0"),
+        ({"motion": "up"}, "motion: got 'up', allowed: 'across', 'along' or None"),
+        ({"direction": 2}, "direction: got 2, allowed: -1, 0 or 1"),
+        ({"pitch": -1.0}, "pitch: got -1.0, allowed: a finite number above 0"),
+        ({"spatial_frequency": 0.0}, "spatial_frequency: got 0.0"),
+        ({"speed": math.inf}, "speed: got inf"),
+        ({"motion_bounds": (5.0, 5.0)}, "motion_bounds: got (5.0, 5.0)"),
+        ({"bounds": (500.0, 400.0)}, "bounds: got "),
+        ({"others": [0.0]}, "others: got "),
+        ({"background": np.zeros(3)}, "background: got shape (3,), allowed: one value, (20,) or (1, 20)"),
+        ({"background": math.nan}, "background: got nan, allowed: finite values"),
+        ({"timing_tolerance": 0.0}, "timing_tolerance: got 0.0, allowed: above 0 up to 0.01"),
+    ],
+)
+def test_bad_arguments_are_refused(told, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        ocisac.sense_region(texture(1, 100, 20, 200, SPEED), camera(), **told)
+
+
+@pytest.mark.parametrize("frames", [np.zeros((0, 3)), np.zeros((2, 2, 2, 2)), np.zeros((9, 3), complex)])
+def test_bad_frames_are_refused(frames):
+    with pytest.raises(ValueError, match="frames: got"):
+        ocisac.sense_region(frames, camera())
+    with pytest.raises(ValueError, match="frames: got"):
+        ocisac.background_light(frames, camera())

@@ -1,0 +1,327 @@
+"""Equaliser: what it restores, what it leaves alone at the ends, agreement with NumPy, and refusals."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as of
+from ocisac_fast import reference
+
+ROW_TIME = 10e-6
+Floats = npt.NDArray[np.float64]
+
+
+def camera(exposure_rows: float, **more: Any) -> of.Camera:
+    return of.Camera(ROW_TIME, exposure_rows * ROW_TIME, **more)
+
+
+def tone(rows: int, exposure_rows: float, frequency: float, phase: float) -> tuple[Floats, Floats]:
+    """Light at the rows and its mean over the exposure; frequency in cycles per row."""
+    angle = 2 * np.pi * frequency * np.arange(rows) + phase
+    x = frequency * exposure_rows
+    return 0.5 + 0.5 * np.cos(angle), 0.5 + 0.5 * np.sinc(x) * np.cos(angle - np.pi * x)
+
+
+def chips(rows: int, exposure_rows: float, chip_rows: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Random on-off light, averaged over one row about each row's end, and its mean over the exposure."""
+    levels = rng.integers(0, 2, int((rows + exposure_rows) / chip_rows) + 4).astype(float)
+    edges = np.arange(len(levels) + 1) * chip_rows
+    prefix = np.concatenate([[0], np.cumsum(levels) * chip_rows])
+    t = np.arange(rows) + exposure_rows + chip_rows * (1 + rng.random())
+
+    def integral(to: Floats) -> Floats:
+        return np.asarray(np.interp(to, edges, prefix))
+
+    return integral(t + 0.5) - integral(t - 0.5), (integral(t) - integral(t - exposure_rows)) / exposure_rows
+
+
+def plain_inverse(column: Floats, exposure_rows: float, max_boost: float = 10.0) -> Floats:
+    """The same gain in a circular DFT of the column as it is."""
+    f = np.fft.rfftfreq(len(column))
+    h = np.sinc(f * exposure_rows)
+    gain = h / np.maximum(h**2, max_boost**-2) * np.exp(1j * np.pi * f * exposure_rows)
+    return np.asarray(np.fft.irfft(np.fft.rfft(column) * gain, len(column)))
+
+
+def rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+class TestRestores:
+    @settings(deadline=None, max_examples=40)
+    @given(st.floats(2.0, 30.0), st.floats(0.0005, 0.3), st.floats(0, 2 * np.pi))
+    def test_tones_in_the_interior(self, exposure_rows: float, frequency: float, phase: float) -> None:
+        rows = 2160
+        if abs(np.sinc(frequency * exposure_rows)) <= 0.2:
+            frequency = 0.7 / exposure_rows
+        light, seen = tone(rows, exposure_rows, frequency, phase)
+        result = of.equalize(seen, camera(exposure_rows))
+        interior = slice(rows // 3, 2 * rows // 3)
+        assert np.abs(result - light)[interior].max() < 0.01 * 0.5
+
+    @settings(deadline=None, max_examples=50)
+    @given(
+        st.sampled_from([1, 2, 3, 5, 97, 720, 1080]),
+        st.floats(0, 0.999),
+        st.floats(-1e3, 1e3),
+        st.floats(-5, 5),
+        st.sampled_from(["inverse", "wiener"]),
+    )
+    def test_constants_and_ramps_are_exact(
+        self, rows: int, share: float, level: float, slope: float, method: Any
+    ) -> None:
+        exposure_rows = share * rows
+        seen = level + slope * (np.arange(rows) - exposure_rows / 2) * (rows > 1)
+        result = of.equalize(seen, camera(exposure_rows), method)
+        scale = np.abs(seen).max() + abs(slope) * rows + 1e-300
+        assert np.abs(result - level - slope * np.arange(rows) * (rows > 1)).max() < 1e-12 * scale
+
+    @pytest.mark.parametrize("method", ["inverse", "wiener"])
+    def test_light_close_to_the_smallest_number(self, method: Any) -> None:
+        seen = 2.808444181528628e-148 * (np.arange(720) - 180)
+        assert np.all(np.isfinite(of.equalize(seen, camera(360.0), method)))
+
+    def test_vignetting_does_not_ring(self) -> None:
+        """A brightness that falls off smoothly: the plain circular DFT rings where its ends do not meet."""
+        rows, exposure_rows = 720, 28.3
+        n = np.arange(rows)
+
+        def integral(t: Floats) -> Floats:
+            return t - ((t - 300) / 360) ** 3 * 60
+
+        light = 1 - 0.5 * ((n - 300) / 360) ** 2
+        seen = (integral(n) - integral(n - exposure_rows)) / exposure_rows
+        inside = slice(28, -28)
+        ours = np.abs(of.equalize(seen, camera(exposure_rows)) - light)
+        plain = np.abs(plain_inverse(seen, exposure_rows) - light)
+        assert ours[inside].max() < 0.01
+        assert ours.max() < 0.03
+        assert plain[inside].max() > 0.05
+        assert plain.max() > 0.3
+
+    def test_half_an_exposure_is_taken_back(self) -> None:
+        light, seen = tone(1080, 24.0, 0.015, 0.4)
+        middle = slice(400, 700)
+        result = of.equalize(seen, camera(24.0))
+        assert rms((result - light)[middle]) < 0.002
+        assert rms((np.roll(result, 12) - light)[middle]) > 0.1
+
+    @pytest.mark.parametrize(("exposure_rows", "chip_rows", "sigma"), [(7.3, 9, 0.1), (12, 3, 0.05), (24, 4, 0.04)])
+    @pytest.mark.parametrize("known", [True, False])
+    def test_wiener_beats_inverse_on_noisy_chips(
+        self, exposure_rows: float, chip_rows: float, sigma: float, known: bool
+    ) -> None:
+        rng = np.random.default_rng(3)
+        light, seen = (
+            np.stack(values, axis=1)
+            for values in zip(*(chips(1080, exposure_rows, chip_rows, rng) for _ in range(16)), strict=True)
+        )
+        seen = seen + sigma * rng.normal(size=seen.shape)
+        inverse = rms(of.equalize(seen, camera(exposure_rows)) - light)
+        wiener = rms(of.equalize(seen, camera(exposure_rows), "wiener", sigma if known else None) - light)
+        assert wiener < 0.99 * inverse
+        if chip_rows > exposure_rows:
+            assert wiener < 0.4 * inverse
+
+    def test_last_half_exposure(self) -> None:
+        """Chips without noise: the error grows where no later row saw the light, and stays bounded."""
+        rng = np.random.default_rng(4)
+        errors = np.array(
+            [of.equalize(seen, camera(24.0)) - light for light, seen in (chips(1080, 24.0, 30, rng) for _ in range(40))]
+        )
+        assert rms(errors[:, 24:-24]) < 0.13
+        assert rms(errors[:, :24]) < 0.15
+        assert rms(errors[:, -24:-12]) < 0.25
+        assert rms(errors[:, -12:]) < 0.35
+
+
+class TestEdges:
+    @pytest.mark.parametrize("method", ["inverse", "wiener"])
+    def test_no_exposure_is_the_identity(self, method: Any) -> None:
+        columns = np.random.default_rng(0).random((50, 3))
+        result, report = of.equalize(columns, camera(0), method, report=True)
+        assert np.array_equal(result, columns)
+        assert report.frequencies_lost.tolist() == [[0.5 / ROW_TIME, np.inf]]
+        assert report.rows_extrapolated == 0
+
+    @pytest.mark.parametrize("exposure_rows", [50, 51.5, 1e9])
+    def test_exposure_of_the_frame_leaves_the_mean(self, exposure_rows: float) -> None:
+        columns = np.random.default_rng(0).random((50, 3))
+        result, report = of.equalize(columns, camera(exposure_rows), report=True)
+        assert np.allclose(result, columns.mean(axis=0), rtol=1e-14)
+        assert report.frequencies_lost.tolist() == [[0, np.inf]]
+        assert report.rows_extrapolated == min(50, np.ceil(exposure_rows / 2))
+
+    def test_wiener_without_noise_is_the_inverse(self) -> None:
+        columns = np.random.default_rng(0).random((200, 3))
+        assert np.array_equal(of.equalize(columns, camera(9.3), "wiener", 0), of.equalize(columns, camera(9.3)))
+
+    def test_wiener_of_noise_alone_leaves_the_line(self) -> None:
+        columns = np.random.default_rng(0).normal(size=(200, 3))
+        result = of.equalize(columns, camera(9.3), "wiener", 2.0)
+        assert np.abs(np.diff(result, 2, axis=0)).max() < 1e-12
+
+    def test_tone_curve_is_undone_first(self) -> None:
+        stored = np.random.default_rng(0).integers(16, 236, (300, 4)).astype(np.uint8)
+        curved = of.equalize(stored, camera(9.0, tone_curve="gamma", gamma=2.0, dark_level=16, white_level=235))
+        light = (stored - 16.0) ** 2 / 219
+        assert np.allclose(curved, of.equalize(light, camera(9.0)), rtol=0, atol=1e-9)
+
+
+class TestReport:
+    def test_lost_bands_are_where_the_sinc_is_small(self) -> None:
+        bands = of.lost_frequencies(camera(28.0), max_boost=8)
+        f = np.linspace(0, 0.6 / ROW_TIME, 100_001)
+        inside = ((f[:, None] > bands[:, 0]) & (f[:, None] < bands[:, 1])).any(axis=1)
+        lost = (np.abs(np.sinc(f * 28.0 * ROW_TIME)) < 1 / (8 * np.sqrt(2))) | (f > 0.5 / ROW_TIME)
+        assert np.count_nonzero(inside != lost) <= 2
+        assert np.all(np.diff(bands.ravel()) > 0)
+        assert bands[-1, 1] == np.inf
+
+    @settings(deadline=None, max_examples=50)
+    @given(st.floats(0, 1e5), st.floats(1, 1e3))
+    def test_lost_bands_rise(self, exposure_rows: float, boost: float) -> None:
+        bands = of.lost_frequencies(camera(exposure_rows), boost)
+        assert np.all(np.diff(bands.ravel()) > 0)
+        assert bands[0, 0] <= 0.5 / ROW_TIME
+        assert bands[-1, 1] == np.inf
+
+    def test_noise_gain_is_what_noise_shows(self) -> None:
+        noise = np.random.default_rng(1).normal(size=(2000, 20))
+        result, report = of.equalize(noise, camera(11.0), report=True)
+        assert rms(result[200:-200]) == pytest.approx(report.noise_gain[0], rel=0.02)
+        assert report.noise_gain.shape == report.noise.shape == (20,)
+
+    def test_wiener_loses_more_when_noise_is_strong(self) -> None:
+        _, seen = chips(1080, 7.3, 9, np.random.default_rng(2))
+        weak = of.equalize(seen, camera(7.3), "wiener", 1e-3, report=True)[1]
+        strong = of.equalize(seen, camera(7.3), "wiener", 0.1, report=True)[1]
+
+        def lost(report: of.EqualizerReport) -> float:
+            return float(np.diff(np.minimum(report.frequencies_lost, 0.5 / ROW_TIME)).sum())
+
+        assert lost(of.equalize(seen, camera(7.3), report=True)[1]) <= lost(weak) * 1.01 < lost(strong)
+        assert strong.noise == 0.1
+
+    def test_noise_is_estimated(self) -> None:
+        rng = np.random.default_rng(5)
+        _, seen = chips(1080, 24.0, 8, rng)
+        _, report = of.equalize(seen + 0.03 * rng.normal(size=1080), camera(24.0), "wiener", report=True)
+        assert report.noise == pytest.approx(0.03, rel=0.1)
+
+
+def strided(array: npt.NDArray[Any], kind: str) -> npt.NDArray[Any]:
+    """The same values in memory of another layout."""
+    if kind == "reversed":
+        return np.ascontiguousarray(array[..., ::-1, :][..., ::-1])[..., ::-1, :][..., ::-1]
+    if kind == "gaps":
+        return np.repeat(np.repeat(array, 2, axis=-1), 3, axis=-2)[..., ::3, ::2]
+    if kind == "transposed":
+        return np.ascontiguousarray(array.swapaxes(-1, -2)).swapaxes(-1, -2)
+    return array
+
+
+class TestAgreesWithNumPy:
+    @settings(deadline=None, max_examples=40)
+    @given(
+        st.sampled_from([1, 2, 3, 7, 31, 97, 210, 720]),
+        st.integers(1, 5),
+        st.integers(1, 3),
+        st.floats(0, 1.1),
+        st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
+        st.sampled_from(["dense", "reversed", "gaps", "transposed"]),
+        st.sampled_from([("inverse", None), ("wiener", None), ("wiener", 5.0)]),
+        st.integers(0, 2**32 - 1),
+    )
+    def test_shapes_strides_and_types(
+        self, rows: int, columns: int, frames: int, share: float, dtype: Any, layout: str, how: Any, seed: int
+    ) -> None:
+        exposure_rows = share**3 * rows
+        rng = np.random.default_rng(seed)
+        array = (200 * rng.random((frames, rows, columns)) + 20 * np.sin(np.arange(rows) / 9)[:, None]).clip(0)
+        array = strided(array.astype(dtype), layout)
+        result = of.equalize(array, camera(exposure_rows), *how, max_boost=6.0)
+        expected = reference.equalize(array, camera(exposure_rows), *how, max_boost=6.0)
+        assert result.shape == array.shape
+        assert np.abs(result - expected).max() <= 1e-10 * np.abs(expected).max()
+
+    @pytest.mark.parametrize(("rows", "exposure_rows"), [(1080, 60.4), (1080, 500.0), (4352, 28.1), (4352, 300.5)])
+    def test_large(self, rows: int, exposure_rows: float) -> None:
+        seen = np.random.default_rng(1).random((rows, 2))
+        for method in ("inverse", "wiener"):
+            result = of.equalize(seen, camera(exposure_rows), method)  # type: ignore[call-overload]
+            expected = reference.equalize(seen, camera(exposure_rows), method)
+            assert np.abs(result - expected).max() <= 1e-10 * np.abs(expected).max()
+
+    def test_one_dimension_and_out(self) -> None:
+        columns = np.random.default_rng(1).random((97, 4))
+        expected = of.equalize(columns, camera(8.5))
+        assert np.allclose(of.equalize(columns[:, 2], camera(8.5)), expected[:, 2], rtol=0, atol=1e-13)
+        out = np.full((4, 97), np.nan).T[::-1]
+        assert of.equalize(columns, camera(8.5), out=out) is out
+        assert np.array_equal(out, expected)
+        assert of.equalize(columns, camera(8.5), out=columns) is columns
+        assert np.array_equal(columns, expected)
+
+    def test_noise_of_each_column(self) -> None:
+        columns = np.random.default_rng(1).random((2, 97, 3))
+        levels = np.array([[0.01, 0.1, 0.2], [0.05, 0.0, 0.3]])
+        together = of.equalize(columns, camera(8.5), "wiener", levels)
+        for frame in range(2):
+            for c in range(3):
+                alone = of.equalize(columns[frame, :, c], camera(8.5), "wiener", levels[frame, c])
+                assert np.allclose(together[frame, :, c], alone, rtol=0, atol=1e-12)
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            ({"max_boost": 0.5}, "max_boost: got 0.5, allowed: 1 to 1e6"),
+            ({"max_boost": np.nan}, "max_boost: got nan"),
+            ({"max_boost": np.inf}, "max_boost: got inf"),
+            ({"method": "zero"}, "method: got zero, allowed: inverse or wiener"),
+            ({"method": "wiener", "noise": -1.0}, "noise: got -1"),
+            ({"method": "wiener", "noise": np.nan}, "noise: got nan"),
+            ({"method": "wiener", "noise": [1.0, 2.0]}, r"noise: got shape \(2,\)"),
+            ({"out": np.empty((50, 2))}, r"out: got shape \(50, 2\), allowed: \(50, 3\)"),
+            ({"out": np.empty((50, 3), np.float32)}, "out: got dtype float32, allowed: float64"),
+        ],
+    )
+    def test_arguments(self, arguments: dict[str, Any], message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            of.equalize(np.ones((50, 3)), camera(5.0), **arguments)
+
+    def test_read_only_out(self) -> None:
+        out = np.empty((50, 3))
+        out.flags.writeable = False
+        with pytest.raises(ValueError, match="out: got a read-only array"):
+            of.equalize(np.ones((50, 3)), camera(5.0), out=out)
+
+    def test_unknown_exposure(self) -> None:
+        for call in (lambda c: of.equalize(np.ones(9), c), of.lost_frequencies):
+            with pytest.raises(ValueError, match="exposure: got none, allowed: the exposure of the camera"):
+                call(of.Camera(ROW_TIME))
+
+    @pytest.mark.parametrize("bad", [np.nan, np.inf])
+    def test_not_finite(self, bad: float) -> None:
+        columns = np.ones((50, 3))
+        columns[7, 1] = bad
+        with pytest.raises(ValueError, match="columns: got"):
+            of.equalize(columns, camera(5.0))
+
+    @pytest.mark.parametrize("shape", [(), (0,), (0, 3), (3, 0), (1, 2, 3, 4)])
+    def test_shapes(self, shape: tuple[int, ...]) -> None:
+        with pytest.raises(ValueError, match="columns: got"):
+            of.equalize(np.ones(shape), camera(5.0))
+
+    def test_report_is_frozen(self) -> None:
+        report = of.equalize(np.ones(9), camera(2.0), report=True)[1]
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            report.rows_extrapolated = 3  # type: ignore[misc]

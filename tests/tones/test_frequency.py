@@ -1,0 +1,351 @@
+"""Frequency search, calibration and the choice of columns and channel."""
+
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as oc
+from ocisac_fast import Camera, Flag, reference
+
+PER_ROW = Camera(row_time=1.0)
+
+
+def square_through_exposure(frequency, rows, exposure, phase=0.0, duty=0.5):
+    """Exact mean of a 0/1 square wave over each row's exposure (rows); exposure in rows, above 0."""
+
+    def antiderivative(cycles):
+        return np.floor(cycles) * duty + np.minimum(cycles - np.floor(cycles), duty)
+
+    end = frequency * np.arange(rows) + phase
+    return (antiderivative(end) - antiderivative(end - frequency * exposure)) / (frequency * exposure)
+
+
+def tone(frequency, rows, phase=0.0):
+    return np.cos(2 * np.pi * frequency * np.arange(rows) + phase)
+
+
+def rms_bound(frequency, rows, amplitude, sigma, trend_degree):
+    """Cramér–Rao bound of the frequency of one tone beside a polynomial, all amplitudes unknown; over all phases."""
+    n = np.arange(rows)
+    turn = 2 * np.pi * frequency * n
+    others = np.stack([*((2 * n / rows - 1) ** d for d in range(trend_degree + 1)), np.cos(turn), np.sin(turn)], axis=1)
+    slopes = np.stack([n * np.sin(turn + phase) for phase in np.pi * np.arange(40) / 40], axis=1)
+    rest = 2 * np.pi * amplitude * (slopes - others @ np.linalg.lstsq(others, slopes, rcond=None)[0])
+    return sigma * np.sqrt(np.mean(1 / (rest**2).sum(axis=0)))
+
+
+# --- real pictures ---------------------------------------------------------------------------------------------------
+
+
+def entries(recordings, kind):
+    return [entry for entry in json.loads((recordings / "recordings.json").read_text()) if kind in entry]
+
+
+def channels_of(path: pathlib.Path):
+    image = pytest.importorskip("PIL.Image")
+    return list(np.moveaxis(np.asarray(image.open(path).convert("RGB")), -1, 0))
+
+
+def test_tones_of_real_pictures(recordings):
+    for entry in entries(recordings, "tone"):
+        camera = Camera(entry["row_time_s"], entry.get("exposure_s"))
+        channels = channels_of(recordings / entry["file"])
+        best = channels[oc.pick_channel(channels, camera)]
+        for waveform in ("auto", "tone", "square"):
+            found = oc.find_frequency(best, camera, waveform=waveform)
+            want = entry["tone"]
+            assert found.frequency == pytest.approx(want["frequency_hz"], rel=want["tolerance"]), entry["file"]
+            assert found.flags == 0
+            assert 0 < found.frequency_std < want["tolerance"] * want["frequency_hz"]
+
+
+def test_row_times_of_real_pictures(recordings):
+    for entry in entries(recordings, "calibrate"):
+        channels = channels_of(recordings / entry["file"])
+        best = channels[oc.pick_channel(channels, PER_ROW)]
+        want = entry["calibrate"]
+        got = oc.calibrate(best, want["frequency_hz"])
+        assert got.row_time == pytest.approx(want["row_time_s"], rel=want["tolerance"]), entry["file"]
+        assert got.flags == 0
+        assert 0 < got.row_time_std < want["tolerance"] * want["row_time_s"]
+
+
+# --- known light -----------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=50)
+@given(
+    rows=st.sampled_from([97, 251, 720, 1080]),
+    place=st.floats(0, 1),
+    phase=st.floats(0, 1),
+    exposure=st.floats(0.2, 4),
+    square=st.booleans(),
+    noise=st.sampled_from([0.02, 0.1, 0.3]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_finds_any_frequency(rows, place, phase, exposure, square, noise, seed):
+    frequency = 1.2 / rows * (0.49 * rows / 1.2) ** place  # from 1.2 cycles in the frame to 0.49 a row
+    if square:
+        exposure = min(exposure, 0.4 / frequency)  # a longer one makes the fundamental small
+        light = square_through_exposure(frequency, rows, exposure, phase)
+    else:
+        light = 0.5 + 0.5 * tone(frequency, rows, 2 * np.pi * phase)
+    columns = light[:, np.newaxis] * [100.0, 80.0, 60.0, 90.0]
+    columns += np.random.default_rng(seed).normal(0, noise * 50, columns.shape)
+    found = oc.find_frequency(columns, PER_ROW)
+    assert not found.flags & Flag.NO_TONE
+    # Beside noise: harmonics above half the row rate fold back, so that sharp edges are timed to about a row over the
+    # frame; and less than two cycles hardly tell their harmonics apart.
+    folded = frequency / rows if square else 0
+    unresolved = 0.12 / rows if square and found.flags & Flag.FEW_CYCLES else 0
+    assert abs(found.cycles_per_row - frequency) < 6 * found.cycles_per_row_std + folded + unresolved
+
+
+@pytest.mark.parametrize(("rows", "cycles"), [(200, 8.3), (200, 1.4), (720, 30.7), (300, 0.31 * 300)])
+def test_spread_is_that_of_the_bound_and_of_the_standard_error(rows, cycles):
+    trials, sigma, frequency = 400, 0.4, cycles / rows
+    random = np.random.default_rng(7)
+    errors, stds = np.empty(trials), np.empty(trials)
+    for i in range(trials):
+        columns = 1 + tone(frequency, rows, random.uniform(0, 2 * np.pi))[:, np.newaxis] * [1.0, 0.7]
+        columns += random.normal(0, sigma, columns.shape)
+        found = oc.find_frequency(columns, PER_ROW, waveform="tone")
+        errors[i], stds[i] = found.cycles_per_row - frequency, found.cycles_per_row_std
+    bound = rms_bound(frequency, rows, np.hypot(1, 0.7), sigma, 0 if cycles < 2 else 2)
+    spread = np.sqrt(np.mean(errors**2))
+    assert abs(np.mean(errors)) < 4 * spread / np.sqrt(trials)
+    assert spread == pytest.approx(bound, rel=0.1)
+    assert np.sqrt(np.mean(stds**2)) == pytest.approx(spread, rel=0.1)
+
+
+def test_standard_error_is_honest_about_noise_that_columns_share():
+    rows, frequency, random = 720, 0.0312, np.random.default_rng(5)
+    errors, stds = np.empty(200), np.empty(200)
+    for i in range(len(errors)):
+        rough = random.normal(0, 0.3, rows + 4)
+        speckle = np.convolve(
+            rough, np.ones(5) / np.sqrt(5), "valid"
+        )  # correlated over 5 rows, the same in all columns
+        columns = ((1 + tone(frequency, rows, random.uniform(0, 6))) * (1 + speckle))[:, np.newaxis] * np.ones(8)
+        found = oc.find_frequency(columns + random.normal(0, 0.02, columns.shape), PER_ROW, waveform="tone")
+        errors[i], stds[i] = found.frequency - frequency, found.frequency_std
+    assert np.sqrt(np.mean(stds**2)) == pytest.approx(np.sqrt(np.mean(errors**2)), rel=0.25)
+
+
+@pytest.mark.parametrize("cycles", [4.6, 17.3, 150.2])
+def test_gradients_of_the_light_do_not_move_the_frequency(cycles):
+    rows, random = 720, np.random.default_rng(11)
+    x = np.linspace(-1, 1, rows)
+    envelope = 1.5 - 0.5 * x - 0.8 * x**2  # of the source; and ambient light four times as strong
+    light = envelope * (1 + tone(cycles / rows, rows, 0.4)) + 4 * (1 + 0.7 * x)
+    columns = light[:, np.newaxis] * np.ones(4) + random.normal(0, 0.1, (rows, 4))
+    found = oc.find_frequency(columns, PER_ROW, waveform="tone")
+    assert not found.flags
+    assert abs(found.frequency * rows - cycles) < 0.005 + 4 * found.frequency_std * rows
+
+
+def test_harmonics_sharpen_a_square_wave_and_are_not_taken_for_it():
+    rows, random = 720, np.random.default_rng(2)
+    for frequency in (0.0051, 0.013, 0.041):
+        light = square_through_exposure(frequency, rows, 2.0, 0.3)[:, np.newaxis] * [50.0, 40.0]
+        columns = light + random.normal(0, 5, light.shape)
+        by = {
+            waveform: oc.find_frequency(columns, PER_ROW, waveform=waveform) for waveform in ("auto", "tone", "square")
+        }
+        assert by["tone"].harmonics == 1 < by["auto"].harmonics <= by["square"].harmonics <= 31
+        assert by["auto"].frequency_std < 0.8 * by["tone"].frequency_std
+        for found in by.values():
+            assert abs(found.frequency - frequency) < 5 * found.frequency_std
+
+
+def test_a_weak_light_over_the_whole_frame_is_found_in_the_sum_of_its_columns():
+    random = np.random.default_rng(4)
+    columns = 100 + 0.08 * tone(0.0837, 720)[:, np.newaxis] + random.normal(0, 1, (720, 64))
+    found = oc.find_frequency(columns, PER_ROW)
+    assert not found.flags
+    assert abs(found.frequency - 0.0837) < 5 * found.frequency_std
+
+
+def test_columns_and_frames_need_no_common_phase():
+    random, rows = np.random.default_rng(9), 400
+    phases = random.uniform(0, 2 * np.pi, (3, 6))
+    turn = 2 * np.pi * 0.0613 * np.arange(rows)[np.newaxis, :, np.newaxis]
+    columns = 10 + np.cos(turn + phases[:, np.newaxis, :]) + random.normal(0, 0.3, (3, rows, 6))
+    found = oc.find_frequency(columns, PER_ROW, waveform="tone")
+    assert abs(found.frequency - 0.0613) < 4 * found.frequency_std
+    assert found.frequency_std == pytest.approx(rms_bound(0.0613, rows, np.sqrt(18), 0.3, 2), rel=0.15)
+
+
+# --- columns and channels --------------------------------------------------------------------------------------------
+
+
+def scene():
+    """A lit band of columns 80 to 159 of 240, boxes with text over columns 120 to 159, a saturated strip from 160."""
+    random = np.random.default_rng(8)
+    picture = np.full((600, 240), 20.0)
+    picture[:, 80:160] += 120 * square_through_exposure(0.0123, 600, 3.0)[:, np.newaxis]
+    picture[100:400, 120:160] = 255 * (random.random((300, 40)) > 0.8)
+    picture += random.normal(0, 4, picture.shape)
+    picture[:, 160:200] = np.where(tone(0.0123, 600)[:, np.newaxis] > -0.9, 255, 200)
+    return np.clip(picture, 0, 255).astype(np.uint8)
+
+
+def test_columns_that_show_the_light_are_found():
+    picture = scene()
+    found = oc.find_frequency(picture, PER_ROW)
+    assert abs(found.frequency - 0.0123) < max(5 * found.frequency_std, 1e-6)
+    assert not found.flags
+    for columns in (found.columns, oc.tone_columns(picture, PER_ROW), oc.tone_columns(picture, PER_ROW, 0.0123)):
+        assert columns.used[84:116].all()
+        assert not columns.used[:76].any()
+        assert not columns.used[124:].any()
+        assert columns.strength[100] > 0.8 > 0.5 > columns.strength[140]
+    everything = oc.find_frequency(picture, PER_ROW, select=False)
+    assert everything.columns.used.all()
+
+
+def test_saturated_columns_serve_where_there_are_no_others():
+    picture = scene()[:, 160:200]
+    found = oc.find_frequency(picture, PER_ROW)
+    assert found.flags == Flag.SATURATED
+    assert abs(found.frequency - 0.0123) < 1e-4
+
+
+def test_white_level_says_where_pixels_saturate():
+    light = np.clip(80 + 120 * tone(0.02, 500), 0, 180)[:, np.newaxis] * np.ones(3)
+    noisy = light + np.random.default_rng(1).uniform(-0.4, 0, light.shape)
+    assert not oc.find_frequency(noisy, PER_ROW).flags
+    assert oc.find_frequency(noisy, Camera(1.0, white_level=179.0)).flags == Flag.SATURATED
+
+
+def test_channel_with_the_light_is_picked():
+    random = np.random.default_rng(6)
+    dark, dim, bright = (10 + a * (1 + tone(0.03, 300))[:, np.newaxis] * np.ones(20) for a in (0, 2, 30))
+    channels = [c + random.normal(0, 3, c.shape) for c in (dark, bright, dim)]
+    assert oc.pick_channel(channels, PER_ROW) == reference.pick_channel(channels, PER_ROW) == 1
+    assert oc.pick_channel(channels[:1], PER_ROW) == 0
+
+
+# --- agreement with the reference ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=25)
+@given(
+    rows=st.sampled_from([8, 9, 16, 23, 97, 251]),
+    columns=st.sampled_from([1, 2, 3, 70]),
+    frames=st.sampled_from([0, 1, 3]),
+    place=st.floats(0, 1),
+    noise=st.sampled_from([1.0, 10.0, 100.0]),
+    dtype=st.sampled_from(["uint8", "uint16", "float32", "float64"]),
+    waveform=st.sampled_from(["auto", "tone", "square"]),
+    flip=st.sampled_from([1, -1, 2]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_agrees_with_the_reference(rows, columns, frames, place, noise, dtype, waveform, flip, seed):
+    random = np.random.default_rng(seed)
+    frequency = 1.2 / rows * (0.49 * rows / 1.2) ** place
+    light = 128 + 60 * tone(frequency, rows)[:, np.newaxis] * random.uniform(0.2, 1, abs(flip) * columns)
+    light = light + random.normal(0, noise, (frames, *light.shape) if frames else light.shape)
+    array = np.clip(light, 0, 255).astype(dtype)[..., ::flip]
+    camera = Camera(2e-5)
+    got, want = (f(array, camera, waveform=waveform) for f in (oc.find_frequency, reference.find_frequency))
+    assert got.frequency == pytest.approx(want.frequency, rel=1e-9, nan_ok=True)
+    assert got.frequency_std == pytest.approx(want.frequency_std, rel=1e-6, nan_ok=True)
+    assert got.snr == pytest.approx(want.snr, rel=1e-6)
+    assert (got.flags, got.harmonics) == (want.flags, want.harmonics)
+    np.testing.assert_array_equal(got.columns.used, want.columns.used)
+    np.testing.assert_allclose(got.columns.strength, want.columns.strength, atol=1e-9)
+    mine, theirs = (f(array, camera, 1.3 / 2e-5 * frequency) for f in (oc.tone_columns, reference.tone_columns))
+    np.testing.assert_array_equal(mine.used, theirs.used)
+    np.testing.assert_allclose(mine.strength, theirs.strength, atol=1e-9)
+
+
+def test_calibration_is_cycles_per_row_over_frequency():
+    random = np.random.default_rng(3)
+    columns = 5 + tone(1000 * 1.46e-5, 1080)[:, np.newaxis] * np.ones(5) + random.normal(0, 0.1, (1080, 5))
+    got, want = oc.calibrate(columns, 1000.0), reference.calibrate(columns, 1000.0)
+    assert abs(got.row_time - 1.46e-5) < 5 * got.row_time_std
+    assert got.row_time == pytest.approx(want.row_time, rel=1e-9)
+    assert got.row_time_std == pytest.approx(want.row_time_std, rel=1e-6)
+    assert got.row_time == pytest.approx(got.found.cycles_per_row / 1000, rel=1e-15)
+    assert oc.calibrate(columns, 1000.0, bounds=(1e-5, 2e-5)).row_time == pytest.approx(got.row_time, rel=1e-9)
+
+
+# --- what cannot be answered -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("columns", [np.zeros((50, 3)), np.full((50, 3), 255, np.uint8), np.full(50, 0.1), np.eye(3)])
+def test_nothing_to_see_is_nan_and_flagged(columns):
+    for find in (oc.find_frequency, reference.find_frequency):
+        found = find(columns, PER_ROW)
+        assert np.isnan(found.frequency)
+        assert np.isnan(found.frequency_std)
+        assert found.flags == Flag.NO_TONE
+        assert found.columns.used.all()
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 7])
+def test_too_few_rows_are_flagged(rows):
+    found = oc.calibrate(np.arange(2.0 * rows).reshape(rows, 2), 500.0)
+    assert found.flags == Flag.NO_TONE
+    assert np.isnan(found.row_time)
+    assert oc.tone_columns(np.ones((rows, 2)), PER_ROW, 0.1).used.all()
+
+
+@pytest.mark.parametrize("count", [1, 4, 64, 130])
+def test_noise_is_no_tone(count):
+    random = np.random.default_rng(12)
+    for rows in (30, 100, 300):
+        for _ in range(8):
+            assert oc.find_frequency(random.normal(0, 1, (rows, count)), PER_ROW).flags & Flag.NO_TONE
+
+
+def test_few_cycles_and_bounds_are_flagged():
+    columns = 3 + tone(1.5 / 500, 500) + np.random.default_rng(1).normal(0, 0.05, 500)
+    assert oc.find_frequency(columns, PER_ROW).flags == Flag.FEW_CYCLES
+    columns = 3 + tone(0.05, 500) + np.random.default_rng(1).normal(0, 0.05, 500)
+    assert oc.find_frequency(columns, PER_ROW, bounds=(0.04, 0.06)).flags == 0
+    cut = oc.find_frequency(columns, PER_ROW, bounds=(0.0505, 0.06))
+    assert cut.flags & Flag.AT_BOUND
+    assert cut.frequency == pytest.approx(0.0505)
+    assert oc.find_frequency(columns, Camera(1e-5), bounds=(0, 1e9)).frequency == pytest.approx(5000, rel=1e-3)
+    assert oc.find_frequency(columns, PER_ROW, bounds=(0, 1e-9)).flags & Flag.AT_BOUND
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"columns": np.full((20, 2), np.nan)}, "columns: got nan"),
+        ({"columns": np.array([[1.0, np.inf]] * 9)}, "columns: got inf"),
+        ({"columns": np.zeros((0, 3))}, "columns"),
+        ({"columns": np.zeros((2, 2, 2, 2))}, "columns: got 4 dimensions"),
+        ({"columns": ["a"]}, "columns"),
+        ({"waveform": "saw"}, "waveform: got saw, allowed: auto, tone or square"),
+        ({"bounds": (-1.0, 0.2)}, "bounds: got -1"),
+        ({"bounds": (0.2, 0.1)}, "bounds: got 0.1"),
+        ({"bounds": (0.5, 0.9)}, "bounds: got 0.5"),
+        ({"bounds": (float("nan"), 0.1)}, "bounds: got nan"),
+        ({"bounds": (0.1, float("nan"))}, "bounds: got nan"),
+    ],
+)
+def test_nonsense_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        oc.find_frequency(**{"columns": np.ones((20, 2)), "camera": PER_ROW, **arguments})
+
+
+@pytest.mark.parametrize("frequency", [0.0, -5.0, float("nan"), float("inf")])
+def test_frequencies_without_meaning_are_refused(frequency):
+    for call in (
+        lambda: oc.calibrate(np.ones(20), frequency),
+        lambda: oc.tone_columns(np.ones(20), PER_ROW, frequency),
+    ):
+        with pytest.raises(ValueError, match="frequency: got"):
+            call()
+
+
+def test_no_channels_are_refused():
+    with pytest.raises(ValueError, match="channels: got 0 channels"):
+        oc.pick_channel([], PER_ROW)

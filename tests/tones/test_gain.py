@@ -1,0 +1,339 @@
+"""The gain of tones: agreement with the reference, properties, flags and refusals."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Flag, _core, reference
+
+ROW_TIME = 22.2e-6
+FIELDS = ("gain", "gain_std", "phase", "mean", "snr")
+
+
+def tone_columns(rows, cycles_per_row, columns=3, noise=1.0, seed=0, mean=100.0):
+    """Tones of random phase about `mean` with contrast 0.6."""
+    random = np.random.default_rng(seed)
+    phase = 2 * np.pi * np.outer(np.arange(rows), cycles_per_row) + random.uniform(-np.pi, np.pi, columns)
+    return mean * (1 + 0.6 * np.cos(phase)) + noise * random.standard_normal((rows, columns))
+
+
+def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=0.0):
+    with np.errstate(divide="ignore", invalid="ignore"):  # a gain of 0 has any phase
+        error = {"gain": want.gain_std, "phase": want.gain_std / want.gain, "mean": want.gain_std * want.mean}
+    for name in FIELDS:
+        a, b = getattr(got, name), getattr(want, name)
+        assert a.shape == b.shape, name
+        if name == "phase":
+            a = b + np.angle(np.exp(1j * (a - b)))
+        scale = np.abs(b[np.isfinite(b)]).max(initial=1e-300)
+        allowed = (tolerance_of_noise if tolerance_of_noise and name in ("gain_std", "snr") else tolerance) * scale
+        if name in error:
+            allowed = allowed + standard_errors * np.nan_to_num(error[name])
+        np.testing.assert_array_equal(np.isnan(a), np.isnan(b), err_msg=name)
+        assert not np.any(np.abs(a - b) > allowed), (name, a, b, allowed)
+    np.testing.assert_array_equal(got.flags, want.flags)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    rows=st.sampled_from([1, 2, 3, 4, 5, 13, 97, 720, 1080, 4352]),
+    position=st.floats(0.05, 0.95),
+    columns=st.integers(1, 5),
+    frames=st.integers(0, 2),
+    dtype=st.sampled_from(["uint8", "uint16", "float32", "float64"]),
+    steps=st.tuples(st.sampled_from([-2, -1, 1, 3]), st.sampled_from([-1, 1, 2])),
+    method=st.sampled_from(["fit", "dft"]),
+    waveform=st.sampled_from(["tone", "square"]),
+    duty=st.sampled_from([0.5, 0.3]),
+    pooled=st.booleans(),
+    curve=st.sampled_from(["linear", "gamma", "srgb"]),
+    exposure=st.sampled_from([None, 0.0, 3.3e-4, 5e-3]),
+    seed=st.integers(0, 1000),
+)
+def test_agrees_with_the_reference(
+    rows, position, columns, frames, dtype, steps, method, waveform, duty, pooled, curve, exposure, seed
+):
+    # From just above two cycles in the frame to almost half the row rate.
+    least = min(2.1 / rows, 0.3)
+    cycles = least * (0.48 / least) ** position
+    random = np.random.default_rng(seed)
+    row_step, column_step = steps
+    big = tone_columns(rows * abs(row_step), cycles / abs(row_step), columns * abs(column_step), seed=seed)
+    big = np.stack([big * random.uniform(0.5, 1.2) for _ in range(max(frames, 1))]).clip(0, 255)
+    floating = dtype.startswith("float")
+    pixels = (big / 255 if floating else big).astype(dtype)
+    view = pixels[:, ::row_step, ::column_step] if frames else pixels[0, ::row_step, ::column_step]
+    camera = Camera(ROW_TIME, exposure=exposure, tone_curve=curve, dark_level=1 / 255 if floating else 1)
+    arguments = (camera, cycles / ROW_TIME, method, waveform, duty)
+    before = pixels.copy()
+    got = ocisac.tone_gain(view, *arguments, pooled=pooled)
+    want = reference.tone_gain(view, *arguments, pooled=pooled)
+    # Streamed integers: a residual that is a difference of squares, and, from 256 rows of bytes on, weights of 13 bits
+    # or more, which see the noise a little differently.
+    streamed = not floating and method == "fit" and curve == "linear" and not pooled
+    if streamed and dtype == "uint8" and rows >= 256:
+        assert_agree(got, want, 1e-9, tolerance_of_noise=2e-3, standard_errors=1e-3)
+    elif streamed:
+        assert_agree(got, want, 1e-8, tolerance_of_noise=1e-5)
+    elif method == "dft":  # its noise is a difference of energies up to a thousand times as large
+        assert_agree(got, want, 1e-10, tolerance_of_noise=1e-8)
+    else:
+        assert_agree(got, want, 1e-11)
+    np.testing.assert_array_equal(pixels, before)
+
+
+def test_agrees_with_the_reference_to_twelve_digits_on_a_frame():
+    pixels, frequency = tone_columns(1080, 0.0123, 40), 0.0123 / ROW_TIME
+    camera = Camera(ROW_TIME, exposure=3e-4)
+    got, want = (of.tone_gain(pixels, camera, frequency) for of in (ocisac, reference))
+    assert_agree(got, want, 1e-12)
+
+
+@pytest.mark.parametrize("rows", [256, 720, 1080, 2048, 2049, 4352])
+@pytest.mark.parametrize("noise", [0.1, 1.0, 5.0])
+def test_rounded_weights_cost_bytes_a_thousandth_of_a_standard_error(rows, noise):
+    pixels = np.rint(tone_columns(rows, 0.0343, 200, noise)).astype(np.uint8)
+    rounded, exact = (ocisac.tone_gain(as_type, Camera(1.0), 0.0343) for as_type in (pixels, pixels.astype(float)))
+    apart = np.abs(rounded.gain - exact.gain) / exact.gain_std
+    assert 1e-7 < apart.max() < 2e-3
+    np.testing.assert_allclose(rounded.gain_std, exact.gain_std, rtol=6e-3)
+
+
+def test_several_tones_are_fitted_together():
+    rows, first, second = 720, 0.0111, 0.0163
+    n = np.arange(rows)
+    column = 100 + 30 * np.cos(2 * np.pi * first * n + 0.4) + 20 * np.cos(2 * np.pi * second * n - 1.1)
+    both = ocisac.tone_gain(column, Camera(1.0), [first, second])
+    assert both.gain.shape == (2,)
+    np.testing.assert_allclose(both.gain, [0.3, 0.2], atol=1e-12)
+    np.testing.assert_allclose(both.phase, [0.4, -1.1], atol=1e-11)
+    alone = ocisac.tone_gain(column, Camera(1.0), first)
+    assert abs(alone.gain - 0.3) > 1e-3  # the other tone leaks into a fit that does not know it
+    want = reference.tone_gain(column, Camera(1.0), [first, second])
+    np.testing.assert_allclose(both.gain, want.gain, rtol=1e-12)
+
+
+@pytest.mark.parametrize("exposure", [0.0, 4e-4, 1.3e-3, 2.6e-3])
+@pytest.mark.parametrize("frequency", [700.0, 46000.0])
+def test_phase_and_gain_are_those_of_the_light(frequency, exposure):
+    """Also above half the row rate, and where sinc is negative."""
+    phase, theory = 0.7, np.sinc(frequency * exposure)
+    middle = ROW_TIME * np.arange(720) - exposure / 2
+    column = 50 * (1 + theory * np.cos(2 * np.pi * frequency * middle + phase))
+    result = ocisac.tone_gain(column, Camera(ROW_TIME, exposure=exposure), frequency)
+    assert result.gain == pytest.approx(abs(theory), abs=1e-9)
+    assert result.phase == pytest.approx(phase, abs=1e-6)
+    assert bool(result.flags & Flag.ALIASED) == (frequency > 0.5 / ROW_TIME)
+
+
+def test_background_is_taken_off():
+    column = tone_columns(720, 0.0137, 4, noise=0)
+    ambient = np.array([0.0, 10.0, 50.0, 400.0])
+    result = ocisac.tone_gain(column + ambient, Camera(1.0), 0.0137, background=ambient)
+    np.testing.assert_allclose(result.gain, 0.6, atol=1e-10)
+    told_nothing = ocisac.tone_gain(column + ambient, Camera(1.0), 0.0137)
+    np.testing.assert_allclose(told_nothing.gain, 0.6 * 100 / (100 + ambient), atol=1e-3)
+
+
+def test_tone_curve_and_limited_range_are_taken_out():
+    light = 0.5 + 0.3 * np.cos(2 * np.pi * 0.0137 * np.arange(720))
+    stored = 16 + 219 * light ** (1 / 2.2)
+    camera = Camera(1.0, tone_curve="gamma", gamma=2.2, dark_level=16, white_level=235)
+    assert ocisac.tone_gain(stored, camera, 0.0137).gain == pytest.approx(0.6, abs=1e-9)
+    assert abs(ocisac.tone_gain(stored, Camera(1.0), 0.0137).gain - 0.6) > 0.1
+
+
+def test_threads_do_not_change_a_bit():
+    pixels = tone_columns(300, 0.02, 500)
+    one, four = (ocisac.tone_gain(pixels, Camera(1.0), 0.02, threads=n) for n in (1, 4))
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
+
+
+@given(
+    frames=st.integers(1, 5),
+    columns=st.sampled_from([1, 63, 257, 640, 1000, 2090, 4200]),
+    start=st.integers(0, 70),
+    threads=st.sampled_from([2, 3, 8]),
+    dtype=st.sampled_from(["uint8", "uint16"]),
+)
+@settings(deadline=None, max_examples=30)
+def test_threads_share_frames_of_any_width_wherever_they_begin(frames, columns, start, threads, dtype):
+    """They take whole frames and, at the end, parts that begin with a line of the cache: every column once."""
+    size = frames * 96 * columns
+    random = np.random.default_rng(size)
+    pixels = random.integers(0, 256, start + size).astype(dtype)[start:].reshape(frames, 96, columns)
+    one, many = (ocisac.tone_gain(pixels, Camera(1.0), 0.11, efficiency=0.9, threads=n) for n in (1, threads))
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
+    alone = ocisac.tone_gain(pixels[-1, :, -1], Camera(1.0), 0.11, efficiency=0.9)
+    assert one.gain[-1, -1] == alone.gain
+
+
+@pytest.mark.parametrize("frequency", [500.0, 0.034 / ROW_TIME])
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32", "float64"])
+@pytest.mark.parametrize("efficiency", [0.999999, 0.99, 0.9, 0.5])
+def test_efficiency_is_kept_without_bias(frequency, dtype, efficiency):
+    """Rows are added first: variance grows by no more than was allowed, and is told."""
+    rows, trials = 1083, 3000
+    pixels = np.rint(tone_columns(rows, frequency * ROW_TIME, trials, noise=2.0)).astype(dtype)
+    camera = Camera(ROW_TIME, 1e-4, dark_level=3)
+    full = ocisac.tone_gain(pixels, camera, frequency)
+    fast = ocisac.tone_gain(pixels, camera, frequency, efficiency=efficiency)
+    spread = fast.gain.std()
+    assert (full.gain.std() / spread) ** 2 > efficiency - 0.03
+    difference = fast.gain - full.gain
+    assert abs(difference.mean()) < 5 * difference.std() / np.sqrt(trials) + 1e-8
+    assert fast.gain_std.mean() == pytest.approx(spread, rel=0.06)
+    np.testing.assert_allclose(fast.mean, full.mean, atol=2e-2)
+    np.testing.assert_allclose(fast.phase, full.phase, atol=2e-2)
+    np.testing.assert_array_equal(fast.flags, full.flags)
+
+
+@pytest.mark.parametrize("target", _core.simd_targets())
+def test_rows_are_added_only_where_that_is_faster(target):
+    """Not for one tone in bytes with vectors as wide as a line of a cache; for two, and in wider samples, they are."""
+    pixels = np.rint(tone_columns(1080, 0.01, 40, noise=2.0)).astype(np.uint8)
+    wide = target.startswith("AVX3")
+
+    def rows_are_added(frequency, columns):
+        full, fast = (ocisac.tone_gain(columns, Camera(1.0), frequency, efficiency=e).gain for e in (1.0, 0.99))
+        return not np.allclose(full, fast, rtol=1e-9, atol=0)
+
+    try:
+        _core.force_simd_target(target)
+        assert rows_are_added(0.01, pixels) == (not wide)
+        assert rows_are_added([0.01, 0.017], pixels)
+        assert rows_are_added(0.01, pixels.astype(np.uint16))
+    finally:
+        _core.force_simd_target("")
+
+
+def test_where_no_rows_may_be_added_the_streaming_fit_is_the_full_one():
+    pixels = tone_columns(720, 0.1, 50)
+    full, fast = (ocisac.tone_gain(pixels, Camera(1.0), [0.1, 0.237], efficiency=e) for e in (1.0, 0.999999))
+    for name in FIELDS:
+        np.testing.assert_allclose(getattr(fast, name), getattr(full, name), rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(fast.flags, full.flags)
+
+
+def test_streaming_takes_any_view_and_any_number_of_threads():
+    pixels = np.rint(tone_columns(2 * 720, 0.005, 4500)).astype(np.uint8)
+    view = np.stack([pixels, pixels[::-1]])[:, ::-2, ::2]
+    one, four = (ocisac.tone_gain(view, Camera(1.0), 0.01, efficiency=0.9, threads=n) for n in (1, 4))
+    want = ocisac.tone_gain(view.copy(), Camera(1.0), 0.01, efficiency=0.9)
+    for name in FIELDS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
+        np.testing.assert_array_equal(getattr(one, name), getattr(want, name))
+
+
+def test_streaming_flags_what_cannot_be_told():
+    camera = Camera(1.0)
+    dark = ocisac.tone_gain(np.zeros((100, 2), np.uint8), camera, 0.1, efficiency=0.9)
+    assert np.isnan(dark.gain).all()
+    assert (dark.flags == Flag.NO_LIGHT).all()
+    bright = ocisac.tone_gain(np.full((100, 2), 255, np.uint8), camera, 0.1, efficiency=0.9)
+    assert (bright.flags == Flag.SATURATED | Flag.WEAK).all()
+    for frequency, rows in ((0.5, 100), (1.0, 100), (0.3, 3), (0.3, 1)):
+        answer = ocisac.tone_gain(tone_columns(rows, 0.1, 2), camera, frequency, efficiency=0.9)
+        assert np.isnan(answer.gain).all()
+    with pytest.raises(ValueError, match="columns: got nan"):
+        ocisac.tone_gain(np.full((100, 2), np.nan), camera, 0.1, efficiency=0.9)
+
+
+def test_read_only_strided_views_are_taken():
+    pixels = tone_columns(300, 0.02, 6).astype(np.uint8)
+    pixels.setflags(write=False)
+    upside_down = ocisac.tone_gain(pixels[::-1, ::2], Camera(1.0), 0.02)
+    want = ocisac.tone_gain(pixels[::-1, ::2].copy(), Camera(1.0), 0.02)
+    np.testing.assert_array_equal(upside_down.gain, want.gain)
+
+
+def test_flags():
+    camera = Camera(ROW_TIME, exposure=1e-3)
+
+    def flags(column, frequency, **options):
+        return Flag(int(ocisac.tone_gain(column, camera, frequency, **options).flags))
+
+    column = tone_columns(720, 480 * ROW_TIME, 1)[:, 0]
+    assert flags(column, 480.0) == Flag(0)
+    assert Flag.NEAR_NULL in flags(column, 1000.0)
+    assert Flag.WEAK in flags(column, 2222.0)
+    assert Flag.FEW_CYCLES in flags(column, 30.0)
+    assert Flag.ALIASED in flags(column, 1 / ROW_TIME + 480)
+    assert Flag.NO_LIGHT in flags(column, 480.0, background=500)
+    assert Flag.OFF_BIN in flags(column, 480.0, method="dft")
+    assert Flag.SATURATED in flags(np.full(720, 255, np.uint8), 480.0)
+    assert Flag.HARMONICS_DROPPED in flags(column, 30.0, waveform="square")
+    assert Flag.ILL_CONDITIONED in flags(column, 0.01)
+
+
+@pytest.mark.parametrize("method", ["fit", "dft"])
+def test_what_cannot_be_told_is_nan_and_flagged(method):
+    column = tone_columns(720, 0.1, 1)[:, 0]
+    for cycles in (0.5, 1.0, 2.0):
+        result = ocisac.tone_gain(column, Camera(1.0), cycles, method=method)
+        assert np.isnan(result.gain)
+        assert Flag.UNRESOLVABLE in Flag(int(result.flags))
+    for rows in (1, 2, 3):
+        assert np.isnan(ocisac.tone_gain(column[:rows], Camera(1.0), 0.3, method=method).gain)
+    steady = ocisac.tone_gain(np.full(100, 77.7), Camera(1.0), 0.1, method=method)
+    assert steady.gain < 1e-9
+    assert Flag.WEAK in Flag(int(steady.flags))
+    constant = ocisac.tone_gain(np.zeros(100), Camera(1.0), 0.1, method=method)
+    assert Flag.NO_LIGHT in Flag(int(constant.flags))
+
+
+def test_tones_that_coincide_are_nan():
+    column = tone_columns(720, 0.1, 1)[:, 0]
+    assert np.isnan(ocisac.tone_gain(column, Camera(1.0), [0.1, 0.1]).gain).all()
+
+
+def test_near_a_null_the_noise_does_not_pose_as_gain():
+    """A tone of four standard errors: the plain magnitude reads sqrt(4^2 + 1) of them."""
+    rows, trials, noise = 720, 4000, 2.0
+    error = noise * np.sqrt(2 / rows)
+    random = np.random.default_rng(5)
+    column = 100 + 4 * error * np.cos(2 * np.pi * 0.0137 * np.arange(rows))[:, None]
+    result = ocisac.tone_gain(column + noise * random.standard_normal((rows, trials)), Camera(1.0), 0.0137)
+    bias = result.gain.mean() * 100 / error - 4
+    assert abs(bias) < 4 / np.sqrt(trials) < np.sqrt(4**2 + 1) - 4
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"columns": np.zeros((0, 3))}, "columns: got shape"),
+        ({"columns": np.zeros((3, 0))}, "columns: got shape"),
+        ({"columns": np.zeros((2, 2, 2, 2))}, "columns: got 4 dimensions"),
+        ({"columns": np.zeros((8, 2), complex)}, "columns: got dtype complex128"),
+        ({"columns": np.array([["a"]])}, "columns: got dtype"),
+        ({"columns": np.full((8, 2), np.nan)}, "columns: got nan"),
+        ({"columns": np.full((8, 2), np.inf)}, "columns: got inf"),
+        ({"frequency": 0.0}, "frequency: got 0, allowed: a finite number above 0"),
+        ({"frequency": -5.0}, "frequency: got -5"),
+        ({"frequency": np.nan}, "frequency: got nan"),
+        ({"frequency": []}, "frequency: got no values"),
+        ({"frequency": [[1.0]]}, "frequency: got shape"),
+        ({"frequency": 1e300}, "frequency: got 1"),
+        ({"method": "fft"}, "method: got fft, allowed: fit or dft"),
+        ({"waveform": "saw"}, "waveform: got saw"),
+        ({"duty": 0.0}, "duty: got 0"),
+        ({"duty": 1.0}, "duty: got 1"),
+        ({"background": np.nan}, "background: got nan"),
+        ({"background": np.zeros(5)}, "background: got shape"),
+        ({"efficiency": 0.0}, "efficiency: got 0"),
+        ({"efficiency": 1.5}, "efficiency: got 1.5"),
+        ({"threads": 0}, "threads: got 0"),
+        (
+            {"camera": Camera(1.0, tone_curve="gamma", dark_level=16)},
+            "dark_level: got 16, allowed: below the white level",
+        ),
+    ],
+)
+def test_refusals(change, message):
+    arguments = {"columns": np.ones((8, 2)), "camera": Camera(1.0), "frequency": 0.2} | change
+    with pytest.raises(ValueError, match=message) as caught:
+        ocisac.tone_gain(**arguments)
+    assert "\n" not in str(caught.value)
