@@ -25,8 +25,8 @@ import time
 import numpy as np
 import timing
 
-import ocisac_fast as ocisac
 from ocisac_fast.chart.detectors import Setting, make_frame
+from ocisac_fast.chips import closest_pair_distance, detector_error_rates
 
 ROWS = 1080
 
@@ -81,7 +81,7 @@ class Result:
 
 def bound_of(exposure: float, rows_per_chip: float, noise: float) -> float:
     """Wrong chips that the closest pair of sequences alone makes, in any receiver."""
-    distance = ocisac.closest_pair_distance(rows_per_chip, max(exposure, 1e-3) * rows_per_chip)
+    distance = closest_pair_distance(rows_per_chip, max(exposure, 1e-3) * rows_per_chip)
     return math.erfc(distance / (2 * noise) / math.sqrt(2)) / 2
 
 
@@ -124,7 +124,7 @@ def measure_anywhere(settings: int, as_json: bool) -> bool:
     while len(frames) < settings:
         exposure, rows_per_chip = random.uniform(0.5, 14.0), random.uniform(2.0, 7.0)
         noise = float(random.choice(timing.NOISES))
-        if ocisac.detector_error_rates(rows_per_chip, exposure * rows_per_chip, noise).mlse < timing.DECODABLE:
+        if detector_error_rates(rows_per_chip, exposure * rows_per_chip, noise).mlse < timing.DECODABLE:
             frames.append(timing.measure(rows_per_chip, exposure, noise, 1, False))
     names = [name for name in frames[0] if name.startswith("chip_error_rate")]
     got = {name: sum(frame[name] * frame["chips"] for frame in frames) for name in names}
@@ -149,7 +149,7 @@ def draw(path: str, frames: int) -> None:
     rows_per_chip = 4.1
     with picture(path, 10.4, 4.4) as figure:
         for axes, noise in zip(figure.subplots(1, 2, sharey=True), (0.02, 0.05), strict=True):
-            told = [ocisac.detector_error_rates(rows_per_chip, x * rows_per_chip, noise) for x in exposures]
+            told = [detector_error_rates(rows_per_chip, x * rows_per_chip, noise) for x in exposures]
             for method, (marker, colour) in looks.items():
                 longest = 10.0 if method == "mlse" else 14.0
                 if method != "reduced":

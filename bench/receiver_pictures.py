@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import ocisac_fast as ocisac
 from ocisac_fast.chart.detectors import Setting, make_frame
 from ocisac_fast.chart.drawing import shrink
+from ocisac_fast.chips import expose_chips
 from ocisac_fast.plots import BLACK, BLUE, ORANGE, RED, picture
 
 if TYPE_CHECKING:
@@ -88,9 +88,7 @@ def _rows_of(chips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends of the rows' exposures in chips, and what they see."""
     rows = int(CHIPS.size * ROWS_PER_CHIP)
     clock = {"rows_per_chip": ROWS_PER_CHIP, "exposure": LENGTH * ROWS_PER_CHIP}
-    light = ocisac.expose_chips(
-        np.concatenate([[0, 0], chips]), rows, first=-2, phase=LENGTH * ROWS_PER_CHIP / 2, **clock
-    )
+    light = expose_chips(np.concatenate([[0, 0], chips]), rows, first=-2, phase=LENGTH * ROWS_PER_CHIP / 2, **clock)
     return np.arange(rows) / ROWS_PER_CHIP, light
 
 

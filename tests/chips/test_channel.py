@@ -6,8 +6,22 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings, strategies as st
 
-import ocisac_fast as ocisac
-from ocisac_fast import reference
+import ocisac_fast.chips as ocisac
+from ocisac_fast import Camera, Chips, integrate_exposure, reference
+from ocisac_fast.chips import (
+    ChannelEstimate,
+    ClockErrors,
+    ClockTracker,
+    chip_likelihoods,
+    clock_bounds,
+    closest_pair_distance,
+    expose_chips,
+    find_channel,
+    find_preamble,
+    fit_channel,
+    pool_estimates,
+    refine_channel,
+)
 from ocisac_fast.reference.sequence_detection import detect_sequence
 
 
@@ -28,7 +42,7 @@ class Column:
             self.chips[at : at + len(preamble)] = preamble
             self.start = self.phase + (self.first + at) * self.rows_per_chip
         self.swing = 40 * (1 + gradient * np.linspace(-1, 1, rows))
-        light = ocisac.expose_chips(self.chips, rows, **self.clock)
+        light = expose_chips(self.chips, rows, **self.clock)
         self.noise = 40 * noise
         self.rows = 10 + 3 * np.linspace(-1, 1, rows) + self.swing * light
         self.rows += self.noise * self.random.standard_normal(rows)
@@ -51,7 +65,7 @@ class Column:
         return {**self.clock, "rows_per_chip": period, "phase": phase, "exposure": exposure}
 
     def bounds(self, **options):
-        return ocisac.clock_bounds(self.chips, self.swing, noise=self.noise, **self.clock, **options)
+        return clock_bounds(self.chips, self.swing, noise=self.noise, **self.clock, **options)
 
 
 clocks = {
@@ -82,9 +96,9 @@ def test_exposed_chips_agree_with_the_reference(seed, chips, rows, dtype, step, 
 @pytest.mark.parametrize("exposure_known", [False, True])
 def test_an_exposed_chip_is_a_waveform_seen_by_a_camera(exposure_known):
     chips = np.array([1, 0, 0, 1, 1, 0, 1, 0, 0, 0], float)
-    camera = ocisac.Camera(1.0, 7.3)
-    light = ocisac.integrate_exposure(ocisac.Chips(chips, 1 / 4.7), camera, np.arange(8, 40))
-    got = ocisac.expose_chips(chips, 40, rows_per_chip=4.7, phase=7.3 / 2, exposure=7.3)
+    camera = Camera(1.0, 7.3)
+    light = integrate_exposure(Chips(chips, 1 / 4.7), camera, np.arange(8, 40))
+    got = expose_chips(chips, 40, rows_per_chip=4.7, phase=7.3 / 2, exposure=7.3)
     np.testing.assert_allclose(got[8:], light, atol=1e-12)
 
 
@@ -133,7 +147,7 @@ def test_errors_are_at_their_bounds(rows_per_chip, exposure):
     misses = []
     for seed in range(40):
         column = Column(seed, rows_per_chip, exposure, noise=0.04)
-        got = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())
+        got = fit_channel(column.rows, column.chips, **column.wrong_clock())
         bounds = column.bounds()
         phase_of_middle = got.phase - column.phase + bounds.chip * (got.rows_per_chip - column.rows_per_chip)
         assert got.converged
@@ -160,7 +174,7 @@ def test_the_bounds_are_those_of_the_design():
 
 def test_a_gradient_of_the_light_is_followed():
     column = Column(3, 4.0, 5.0, noise=0.01, gradient=0.6)
-    got = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock(), swing_degree=1)
+    got = fit_channel(column.rows, column.chips, **column.wrong_clock(), swing_degree=1)
     dark, bright = got.levels(1080)
     np.testing.assert_allclose(bright - dark, column.swing, atol=0.5)
     np.testing.assert_allclose(dark, 10 + 3 * np.linspace(-1, 1, 1080), atol=0.5)
@@ -169,7 +183,7 @@ def test_a_gradient_of_the_light_is_followed():
 
 def test_without_noise_the_channel_is_exact():
     column = Column(4, 3.7, 6.2, noise=0.0)
-    got = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())
+    got = fit_channel(column.rows, column.chips, **column.wrong_clock())
     assert got.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-10)
     assert got.phase == pytest.approx(column.phase, abs=1e-8)
     assert got.exposure == pytest.approx(column.exposure, rel=1e-9)
@@ -178,18 +192,18 @@ def test_without_noise_the_channel_is_exact():
 def test_what_chips_do_not_tell_is_not_guessed():
     rows = np.linspace(0, 1, 50)
     clock = {"rows_per_chip": 5.0, "phase": 0.0, "exposure": 2.0}
-    assert ocisac.fit_channel(rows, np.ones(10), **clock) is None
-    assert ocisac.fit_channel(rows, [0, 1], **{**clock, "rows_per_chip": 3.0}) is None  # five rows, six unknowns
-    assert ocisac.clock_bounds(np.ones(10), np.ones(50), noise=0.1, **clock) is None
+    assert fit_channel(rows, np.ones(10), **clock) is None
+    assert fit_channel(rows, [0, 1], **{**clock, "rows_per_chip": 3.0}) is None  # five rows, six unknowns
+    assert clock_bounds(np.ones(10), np.ones(50), noise=0.1, **clock) is None
     aligned = {"rows_per_chip": 2.0, "phase": 0.3, "exposure": 1.0}  # every edge on the same part of a row
     chips = np.random.default_rng(0).integers(0, 2, 100)
-    bounds = ocisac.clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
+    bounds = clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
     assert np.isinf(bounds.exposure_std)
     assert 0 < bounds.rows_per_chip_std < 0.01
     want = reference.clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
     assert np.isinf(want.exposure_std)
     assert bounds.rows_per_chip_std == pytest.approx(want.rows_per_chip_std)
-    got = ocisac.fit_channel(ocisac.expose_chips(chips, 200, **aligned), chips, **aligned)
+    got = fit_channel(expose_chips(chips, 200, **aligned), chips, **aligned)
     assert np.isinf(got.errors.exposure_std)
 
 
@@ -201,7 +215,7 @@ def test_preambles_are_found(rows_per_chip, exposure, noise, exposure_known):
         preamble = np.random.default_rng(1000 + seed).integers(0, 2, 40)
         column = Column(seed, rows_per_chip, exposure, noise, preamble=preamble)
         length = column.exposure if exposure_known else None
-        match = ocisac.find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip, exposure=length)[0]
+        match = find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip, exposure=length)[0]
         assert abs(match.channel.phase - column.start) < 0.3 * column.rows_per_chip
         assert match.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=0.02)
         assert match.explained > 0.8
@@ -215,7 +229,7 @@ def test_one_chip_per_row_with_unknown_phase():
     preamble = np.random.default_rng(5).integers(0, 2, 40)
     for seed in range(20):
         column = Column(seed, 1.0, 1.0, 0.02, preamble=preamble)
-        match = ocisac.find_preamble(column.rows, preamble, rows_per_chip=1.0, exposure=column.exposure)[0]
+        match = find_preamble(column.rows, preamble, rows_per_chip=1.0, exposure=column.exposure)[0]
         assert abs(match.channel.phase - column.start) < 0.1
 
 
@@ -236,9 +250,9 @@ def test_all_preambles_of_a_frame_are_found():
     column = Column(0, 3.0, 4.0, 0.01)
     for at in (30, 150, 280):
         column.chips[at : at + 32] = preamble
-    rows = 10 + 40 * ocisac.expose_chips(column.chips, 1080, **column.clock)
+    rows = 10 + 40 * expose_chips(column.chips, 1080, **column.clock)
     rows += 0.4 * column.random.standard_normal(1080)
-    found = ocisac.find_preamble(rows, preamble, rows_per_chip=3.0, most=5)
+    found = find_preamble(rows, preamble, rows_per_chip=3.0, most=5)
     starts = [column.phase + (column.first + at) * column.rows_per_chip for at in (30, 150, 280)]
     assert sorted(match.channel.phase for match in found[:3]) == pytest.approx(starts, abs=0.3)
 
@@ -247,9 +261,9 @@ def test_no_preamble_is_found_in_noise():
     preamble = np.random.default_rng(8).integers(0, 2, 48)
     for seed in range(20):
         noise = np.random.default_rng(seed).standard_normal(1080)
-        assert ocisac.find_preamble(noise, preamble, rows_per_chip=4.0) == []
-    assert ocisac.find_preamble(np.full(1080, 7.0), preamble, rows_per_chip=4.0) == []
-    assert ocisac.find_preamble(np.arange(50.0), preamble, rows_per_chip=4.0) == []  # longer than the frame
+        assert find_preamble(noise, preamble, rows_per_chip=4.0) == []
+    assert find_preamble(np.full(1080, 7.0), preamble, rows_per_chip=4.0) == []
+    assert find_preamble(np.arange(50.0), preamble, rows_per_chip=4.0) == []  # longer than the frame
 
 
 def errors_of(column, found, shift):
@@ -265,8 +279,8 @@ def test_the_whole_frame_from_a_preamble(exposure):
     misses = []
     for seed in range(4):
         column = Column(seed, 4.1, exposure, 0.03, rows=720, preamble=preamble, gradient=0.2)
-        start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
-        found = ocisac.refine_channel(column.rows, start, detect_sequence, known=preamble)
+        start = find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
+        found = refine_channel(column.rows, start, detect_sequence, known=preamble)
         shift = round((column.start - column.phase) / column.rows_per_chip)
         assert errors_of(column, found, shift) == 0
         assert found.settled
@@ -285,8 +299,8 @@ def test_a_clock_followed_alone_slips_here_and_those_compared_do_not(rows_per_ch
     standard = np.array([0] + [1] * 6 + [0] * 6 + [1])
     preamble = np.concatenate([standard, 1 - standard, standard])
     column = Column(seed, rows_per_chip, exposure, noise, preamble=preamble)
-    start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip)[0].channel
-    found = ocisac.refine_channel(column.rows, start, known=preamble)
+    start = find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip)[0].channel
+    found = refine_channel(column.rows, start, known=preamble)
     shift = round((column.start - column.phase) / column.rows_per_chip)
     assert errors_of(column, found, shift) == 0
     assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
@@ -295,7 +309,7 @@ def test_a_clock_followed_alone_slips_here_and_those_compared_do_not(rows_per_ch
 def test_the_whole_frame_agrees_with_the_reference():
     preamble = np.random.default_rng(9).integers(0, 2, 32)
     column = Column(1, 4.1, 3.0, 0.02, rows=400, preamble=preamble)
-    start = ocisac.find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
+    start = find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
     got, want = (of.refine_channel(column.rows, start, detect_sequence, known=preamble) for of in (ocisac, reference))
     np.testing.assert_array_equal(got.chips, want.chips)
     assert (got.first, got.settled) == (want.first, want.settled)
@@ -308,7 +322,7 @@ def test_the_whole_frame_agrees_with_the_reference():
 def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
     for seed in range(3):
         column = Column(seed, rows_per_chip, exposure, 0.02, rows=500)
-        found = ocisac.find_channel(
+        found = find_channel(
             column.rows,
             detect_sequence,
             rows_per_chip=rows_per_chip,
@@ -323,7 +337,7 @@ def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
 @pytest.mark.parametrize(("rows_per_chip", "seed"), [(4.0, 14), (4.0, 17), (7.0, 13)])
 def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
     column = Column(seed, rows_per_chip, 7, 0.04)
-    found = ocisac.find_channel(column.rows, rows_per_chip=rows_per_chip, exposure=column.exposure)
+    found = find_channel(column.rows, rows_per_chip=rows_per_chip, exposure=column.exposure)
     middle = [(540 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
     assert errors_of(column, found, round(middle[0] - middle[1])) == 0
     assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
@@ -331,11 +345,11 @@ def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
 
 def test_a_detector_that_answers_wrongly_is_refused():
     column = Column(0, 4.0, 2.0)
-    start = ocisac.fit_channel(column.rows, column.chips, **column.wrong_clock())
+    start = fit_channel(column.rows, column.chips, **column.wrong_clock())
     with pytest.raises(ValueError, match="detect: got 1, allowed: as many levels as chips asked for"):
-        ocisac.refine_channel(column.rows, start, lambda *question: [0.0])
+        refine_channel(column.rows, start, lambda *question: [0.0])
     with pytest.raises(ValueError, match="highest_degree: got 9, allowed: 0 to 6"):
-        ocisac.refine_channel(column.rows, start, detect_sequence, highest_degree=9)
+        refine_channel(column.rows, start, detect_sequence, highest_degree=9)
 
 
 def channels_of(frames, seed, frame_rows=1501.3, period=3.7):
@@ -346,9 +360,9 @@ def channels_of(frames, seed, frame_rows=1501.3, period=3.7):
         first = np.ceil((begin - 1.1) / period)
         measured = period + 3e-4 * random.standard_normal()
         middle = 1.1 + (first + 140) * period - begin + 0.05 * random.standard_normal()
-        errors = ocisac.ClockErrors(140, np.diag([0.05**2, 3e-4**2, 0.04]))
+        errors = ClockErrors(140, np.diag([0.05**2, 3e-4**2, 0.04]))
         clock = (measured, middle - 140 * measured, 20 + 0.2 * random.standard_normal())
-        yield frame, ocisac.ChannelEstimate(*clock, errors, np.zeros(1), np.ones(1), 0.01, (0, 1080), True)
+        yield frame, ChannelEstimate(*clock, errors, np.zeros(1), np.ones(1), 0.01, (0, 1080), True)
 
 
 @settings(max_examples=20)
@@ -370,7 +384,7 @@ def test_the_tracked_clock_agrees_with_the_reference(seed, frames, ahead):
 
 
 def test_no_chip_is_lost_between_frames_with_a_gap():
-    tracker = ocisac.ClockTracker(1501.0, frame_rows_std=0.5)
+    tracker = ClockTracker(1501.0, frame_rows_std=0.5)
     for frame, channel in channels_of([*range(10), *range(15, 40)], 3):
         predicted = tracker.predict(frame)
         if predicted is not None and frame > 3:
@@ -381,7 +395,7 @@ def test_no_chip_is_lost_between_frames_with_a_gap():
     with pytest.raises(ValueError, match="frame: got 39, allowed: a frame after the last one"):
         tracker.update(39, channel)
     with pytest.raises(ValueError, match="frame_rows: got 0"):
-        ocisac.ClockTracker(0)
+        ClockTracker(0)
 
 
 @pytest.mark.parametrize("exposure", [0.6, 3.0, 5.0])
@@ -392,22 +406,22 @@ def test_frames_are_read_on_without_preambles_across_the_gaps(exposure):
     preamble = random.integers(0, 2, 32)
     chips = random.integers(0, 2, 16000).astype(float)
     chips[100:132] = preamble
-    tracker = ocisac.ClockTracker(frame_rows * (1 + 50e-6), frame_rows_std=0.1)
+    tracker = ClockTracker(frame_rows * (1 + 50e-6), frame_rows_std=0.1)
     channel, begins_with = None, 0
     for frame in (0, 1, 2, 3, 5, 6, 9, 10, 15, 16):
         drifted = period * (1 + 2e-6 * frame)
         phase = -(frame * frame_rows) * (1 + 1e-6 * frame)  # of chip 0, in rows of this frame
-        light = ocisac.expose_chips(chips, rows, rows_per_chip=drifted, phase=phase, exposure=length)
+        light = expose_chips(chips, rows, rows_per_chip=drifted, phase=phase, exposure=length)
         signal = 10 + 50 * (light + 0.02 * random.standard_normal(rows))
         if frame == 0:
-            channel = ocisac.find_preamble(signal, preamble, rows_per_chip=4.0, exposure=length)[0].channel
+            channel = find_preamble(signal, preamble, rows_per_chip=4.0, exposure=length)[0].channel
             known, begins_with = {"known": preamble}, 100
         else:
             predicted = tracker.predict(frame)
             assert predicted.chips_lost < 0.2
             channel, known = predicted.channel(channel, rows), {}
             begins_with = 100 + predicted.chip
-        found = ocisac.refine_channel(signal, channel, detect_sequence, **known)
+        found = refine_channel(signal, channel, detect_sequence, **known)
         sent = chips[begins_with + found.first :][: len(found.chips)]
         edge = int(np.ceil(exposure)) + 1
         if frame > 0:  # in the first frame the chips before the light's first are missing
@@ -431,9 +445,9 @@ def test_pooling_ten_frames_brings_short_exposures_below_a_percent():
     off = []
     for batch in range(12):
         columns = [Column(100 * batch + k, 4.0, 0.5, 0.04) for k in range(10)]
-        found = [ocisac.fit_channel(c.rows, c.chips, **c.wrong_clock()) for c in columns]
+        found = [fit_channel(c.rows, c.chips, **c.wrong_clock()) for c in columns]
         exposures = [f.exposure / f.rows_per_chip for f in found]
-        pooled = ocisac.pool_estimates(exposures, [f.errors.exposure_std / f.rows_per_chip for f in found])
+        pooled = pool_estimates(exposures, [f.errors.exposure_std / f.rows_per_chip for f in found])
         assert pooled.count == 10
         off.append((pooled.value - 0.5) / pooled.std)
         assert abs(pooled.value / 0.5 - 1) < 0.01
@@ -508,12 +522,12 @@ def test_detection_reaches_what_the_closest_pair_allows():
         wrong = total = 0
         for _ in range(40):
             rows = light + noise * column.random.standard_normal(len(light))
-            found = ocisac.chip_likelihoods(rows, **column.clock, noise=noise, count=len(column.chips))
+            found = chip_likelihoods(rows, **column.clock, noise=noise, count=len(column.chips))
             inside = slice(12, -12)
             wrong += int(np.sum((found > 0)[inside] != column.chips[inside]))
             total += len(column.chips[inside])
         errors[noise] = wrong / total
-    distance = ocisac.closest_pair_distance(column.rows_per_chip, column.exposure)
+    distance = closest_pair_distance(column.rows_per_chip, column.exposure)
     assert distance == pytest.approx(reference.closest_pair_distance(column.rows_per_chip, column.exposure), rel=1e-12)
     tail = math.erfc(distance / 0.08 / math.sqrt(2)) / 2
     assert errors[0.02] == 0
@@ -522,7 +536,7 @@ def test_detection_reaches_what_the_closest_pair_allows():
 
 def test_the_core_detects_where_no_detector_is_given():
     column = Column(11, 4.0, 3.0)
-    found = ocisac.find_channel(column.rows, rows_per_chip=4.0, exposure=column.exposure)
+    found = find_channel(column.rows, rows_per_chip=4.0, exposure=column.exposure)
     assert found is not None
     assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
 
@@ -539,7 +553,7 @@ def test_the_core_detects_where_no_detector_is_given():
 def test_likelihoods_refuse(change, message):
     question = {"rows_per_chip": 4.0, "phase": 0.0, "exposure": 8.0, "noise": 0.1, "first": 0, "count": 3}
     with pytest.raises(ValueError, match=message):
-        ocisac.chip_likelihoods(np.zeros(4), **{**question, **change})
+        chip_likelihoods(np.zeros(4), **{**question, **change})
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3, 5, 7, 8, 12])
@@ -547,9 +561,9 @@ def test_likelihoods_refuse(change, message):
 def test_frames_of_a_few_rows_tell_no_channel(rows, exposure):
     for seed in range(5):
         column = np.random.default_rng(seed).random(rows)
-        found = ocisac.find_channel(column, rows_per_chip=4.0, exposure=exposure)
+        found = find_channel(column, rows_per_chip=4.0, exposure=exposure)
         assert found is None or abs(found.channel.rows_per_chip / 4 - 1) < 0.03
-        assert ocisac.find_preamble(column, standard_preamble(), rows_per_chip=4.0, exposure=exposure) == []
+        assert find_preamble(column, standard_preamble(), rows_per_chip=4.0, exposure=exposure) == []
 
 
 def standard_preamble():

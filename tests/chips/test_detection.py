@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-import ocisac_fast as ocisac
-from ocisac_fast import reference
+import ocisac_fast.chips as ocisac
+from ocisac_fast import Camera, reference
+from ocisac_fast.chips import ChannelEstimate, ClockErrors, detector_error_rates, expose_chips
 
-CAMERA = ocisac.Camera(row_time=20e-6)
+CAMERA = Camera(row_time=20e-6)
 METHODS = ("slicer", "inverse", "wiener", "dfe", "reduced", "mlse")
 
 
 def make_channel(rows_per_chip, exposure, phase=0.7, noise=1.0, dark=(20.0, 3.0), swing=(100.0, -10.0)):
-    errors = ocisac.ClockErrors(0, np.zeros((3, 3)))
-    return ocisac.ChannelEstimate(
-        rows_per_chip, phase, exposure, errors, np.array(dark), np.array(swing), noise, (0, 1), True
-    )
+    errors = ClockErrors(0, np.zeros((3, 3)))
+    return ChannelEstimate(rows_per_chip, phase, exposure, errors, np.array(dark), np.array(swing), noise, (0, 1), True)
 
 
 def make_columns(channel, shape, seed, noise=None):
@@ -32,7 +31,7 @@ def make_columns(channel, shape, seed, noise=None):
     out = np.empty(shape)
     for frame in range(frames):
         for column in range(columns):
-            light = ocisac.expose_chips(chips[frame, :, column], rows, first=first, **clock)
+            light = expose_chips(chips[frame, :, column], rows, first=first, **clock)
             out[frame, :, column] = dark + (bright - dark) * light
     out += (channel.noise if noise is None else noise) * random.standard_normal(shape)
     return out, chips, first
@@ -98,7 +97,7 @@ def test_frames_of_columns_are_read_like_each_by_itself(method):
 
 
 def test_the_tone_curve_is_undone():
-    camera = ocisac.Camera(row_time=20e-6, tone_curve="gamma", gamma=2.2, dark_level=16)
+    camera = Camera(row_time=20e-6, tone_curve="gamma", gamma=2.2, dark_level=16)
     channel = make_channel(4.2, 4.2 * 3.3, dark=(20.0,), swing=(150.0,), noise=0.5)
     light, chips, _ = make_columns(channel, (1, 400, 1), 2)
     white = 255 - 16
@@ -129,7 +128,7 @@ def test_the_expected_share_of_wrong_chips_is_what_is_counted():
 
 
 def test_error_rates_fall_with_the_noise_and_order_the_detectors():
-    rates = [ocisac.detector_error_rates(4.0, 5.3 * 4, noise) for noise in (0.02, 0.04, 0.08)]
+    rates = [detector_error_rates(4.0, 5.3 * 4, noise) for noise in (0.02, 0.04, 0.08)]
     for name in ("slicer", "inverse", "wiener", "dfe", "mlse"):
         values = [getattr(rate, name) for rate in rates]
         assert values == sorted(values)
@@ -177,6 +176,6 @@ def test_other_bad_input_is_refused():
     with pytest.raises(ValueError, match="columns"):
         ocisac.detect_chips(np.ones((2, 2, 2, 2)), CAMERA, channel)
     with pytest.raises(ValueError, match="noise: got 0, allowed"):
-        ocisac.detector_error_rates(4.0, 8.0, 0.0)
+        detector_error_rates(4.0, 8.0, 0.0)
     with pytest.raises(ValueError, match="exposure: got 200, allowed: 0 to 24 chips"):
-        ocisac.detector_error_rates(4.0, 200.0, 0.1)
+        detector_error_rates(4.0, 200.0, 0.1)

@@ -282,7 +282,7 @@ def counter(tmp_path_factory):
     if compiler is None or not sys.platform.startswith("linux"):
         pytest.skip("needs a C compiler on Linux")
     library = tmp_path_factory.mktemp("counter") / "count_allocations.so"
-    source = ROOT / "tests" / "count_allocations.c"
+    source = ROOT / "tests" / "device" / "count_allocations.c"
     subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True)
     return library
 

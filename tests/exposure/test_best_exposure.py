@@ -12,6 +12,7 @@ from hypothesis import example, given, settings, strategies as st
 
 import ocisac_fast as of
 from ocisac_fast import reference
+from ocisac_fast.exposure import BestExposure
 
 F_MIN = 100.0
 F_MAX = F_MIN / (np.arange(1, 101) / 100)  # 1/eps = 0.01 ... 1.00
@@ -33,29 +34,29 @@ def fine_search(frequencies: np.ndarray, points: int = 400_001) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def exact() -> of.BestExposure:
+def exact() -> BestExposure:
     return of.best_exposure(F_MAX, F_MIN)
 
 
 class TestPublishedFigures:
-    def test_closed_form(self, exact: of.BestExposure) -> None:
+    def test_closed_form(self, exact: BestExposure) -> None:
         closed = of.best_exposure(F_MAX, F_MIN, method="closed-form")
         mean, largest = deviation(closed.objective, exact.objective)
         assert (f"{mean:.2f}", f"{largest:.2f}") == ("5.71", "36.62")
         assert np.argmin(closed.objective / exact.objective) == 33  # at 1/eps = 0.34
 
-    def test_rounding_instead_of_floor(self, exact: of.BestExposure) -> None:
+    def test_rounding_instead_of_floor(self, exact: BestExposure) -> None:
         rounded = of.best_exposure(F_MAX, F_MIN, method="rounded")
         mean, largest = deviation(rounded.objective, exact.objective)
         assert (f"{mean:.2f}", f"{largest:.2f}") == ("1.67", "7.08")
 
-    def test_exact_is_no_worse_than_a_fine_search(self, exact: of.BestExposure) -> None:
+    def test_exact_is_no_worse_than_a_fine_search(self, exact: BestExposure) -> None:
         for f, best in zip(F_MAX, np.asarray(exact.objective), strict=True):
             found = fine_search(np.array([f, F_MIN])).max()
             assert best >= found * (1 - 1e-14)
             assert best <= found * (1 + 1e-8)  # the grid misses the peak by (spacing)^2
 
-    def test_search_is_the_papers_grid(self, exact: of.BestExposure) -> None:
+    def test_search_is_the_papers_grid(self, exact: BestExposure) -> None:
         search = of.best_exposure(F_MAX, F_MIN, method="search", points=400_001)
         assert np.all(exact.objective >= np.asarray(search.objective) * (1 - 1e-14))
         assert deviation(search.objective, exact.objective)[1] < 1e-6

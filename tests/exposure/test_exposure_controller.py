@@ -10,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as of
 from ocisac_fast import reference
+from ocisac_fast.exposure import ExposureMeasurement, ExposureReason, MeasuredTone, best_noisy_exposure
 
 frequencies = st.floats(50.0, 4000.0)
 CAMERA = (20e-6, 10e-3)
@@ -24,14 +25,14 @@ class TestBestNoisyExposure:
     )
     def test_agrees_with_the_reference(self, tones: list[tuple[float, float]], noise: float, step: float) -> None:
         f, w = zip(*tones, strict=True)
-        best = of.best_noisy_exposure(f, w, CAMERA, noise_exposure=noise, step=step)
+        best = best_noisy_exposure(f, w, CAMERA, noise_exposure=noise, step=step)
         found = reference.best_noisy_exposure(f, w, CAMERA, noise_exposure=noise, step=step)
         assert found.objective * (1 - 1e-12) <= best.objective <= found.objective * (1 + 1e-9)
 
     @settings(max_examples=30)
     @given(frequencies, frequencies, st.floats(1e-6, 1.0), st.floats(1e-6, 1.0))
     def test_without_noise_it_is_eq_18(self, f_c: float, f_s: float, w_c: float, w_s: float) -> None:
-        best = of.best_noisy_exposure((f_c, f_s), (w_c, w_s), (1e-7, 1 / min(f_c, f_s)))
+        best = best_noisy_exposure((f_c, f_s), (w_c, w_s), (1e-7, 1 / min(f_c, f_s)))
         exact = of.best_exposure(f_c, f_s, weights=(w_c, w_s))
         assert best.objective == pytest.approx(exact.objective, rel=1e-9)
 
@@ -54,22 +55,22 @@ class TestBestNoisyExposure:
     def test_refuses(self, changed: dict[str, object], message: str) -> None:
         arguments = {"frequencies": (100.0,), "weights": (1.0,), "bounds": (1e-3, 1e-2), **changed}
         with pytest.raises(ValueError, match=message):
-            of.best_noisy_exposure(**arguments)  # type: ignore[arg-type]
+            best_noisy_exposure(**arguments)  # type: ignore[arg-type]
 
 
-def measurements(seed: int, frames: int) -> list[of.ExposureMeasurement]:
+def measurements(seed: int, frames: int) -> list[ExposureMeasurement]:
     """A random drive: tones that drift, jump and vanish, a scene that brightens and darkens and at times saturates."""
     random = np.random.default_rng(seed)
     result, f_s, level = [], 300.0, 0.3
     for _ in range(frames):
         f_s = float(np.clip(f_s * np.exp(random.normal(0, 0.01)), 50, 3000)) if random.random() > 0.05 else 900.0
         level *= float(np.exp(random.normal(0, 0.05)))
-        light = of.MeasuredTone(500.0 + random.normal(), share=2.0, snr=100.0)
-        weak = of.MeasuredTone(700.0, snr=0.5)
+        light = MeasuredTone(500.0 + random.normal(), share=2.0, snr=100.0)
+        weak = MeasuredTone(700.0, snr=0.5)
         peak = math.nan if random.random() < 0.3 else 2 * level
         motions = [f_s, math.nan] if random.random() > 0.1 else []
         clipped = 0.2 if random.random() < 0.05 else 0.0
-        result.append(of.ExposureMeasurement([light, weak, 1300.0], motions, level=level, peak=peak, saturated=clipped))
+        result.append(ExposureMeasurement([light, weak, 1300.0], motions, level=level, peak=peak, saturated=clipped))
     return result
 
 
@@ -109,7 +110,7 @@ class TestController:
         for hysteresis in (0.0, 0.01):
             controller = of.ExposureController(CAMERA, hysteresis=hysteresis)
             chosen = [
-                controller.update(of.ExposureMeasurement([500.0], [310.0 * (1 + 0.005 * random.normal())], level=0.3))
+                controller.update(ExposureMeasurement([500.0], [310.0 * (1 + 0.005 * random.normal())], level=0.3))
                 for _ in range(100)
             ]
             moves[hysteresis] = len({suggestion.exposure for suggestion in chosen})
@@ -117,10 +118,10 @@ class TestController:
 
     def test_says_why(self) -> None:
         controller = of.ExposureController(CAMERA, noise_level=0.02)
-        light = of.MeasuredTone(500.0, snr=400.0, gain=0.2, gain_std=0.001)
-        said = controller.update(of.ExposureMeasurement([light], [175.0], exposure=2e-4, level=0.05, peak=0.06))
-        assert of.ExposureReason.FIRST in said.reasons
-        assert of.ExposureReason.GAIN_MISMATCH in said.reasons
+        light = MeasuredTone(500.0, snr=400.0, gain=0.2, gain_std=0.001)
+        said = controller.update(ExposureMeasurement([light], [175.0], exposure=2e-4, level=0.05, peak=0.06))
+        assert ExposureReason.FIRST in said.reasons
+        assert ExposureReason.GAIN_MISMATCH in said.reasons
         for part in (
             "exposure ",
             "objective 100.00% of the best",
@@ -129,24 +130,24 @@ class TestController:
             "a measured gain is not",
         ):
             assert part in said.explain
-        held = controller.update(of.ExposureMeasurement([500.0], [175.0], level=said.level))
-        assert held.reasons & of.ExposureReason.HELD
+        held = controller.update(ExposureMeasurement([500.0], [175.0], level=said.level))
+        assert held.reasons & ExposureReason.HELD
         assert held.exposure == said.exposure
 
     def test_expected_snr_is_that_of_the_model(self) -> None:
         controller = of.ExposureController((1e-3, 1e-3))
-        said = controller.update(of.ExposureMeasurement([of.MeasuredTone(300.0, snr=10.0)], exposure=5e-4))
+        said = controller.update(ExposureMeasurement([MeasuredTone(300.0, snr=10.0)], exposure=5e-4))
         collected = [t * np.sinc(300.0 * t) for t in (5e-4, 1e-3)]
         assert said.tones[0][3] == pytest.approx(10.0 * (collected[1] / collected[0]) ** 2)
 
     def test_brightness_alone(self) -> None:
         controller = of.ExposureController((1e-5, 1e-2), gains=(1.0, 4.0))
-        dark = controller.update(of.ExposureMeasurement(exposure=1e-3, gain=1.0, level=1e-4))
-        assert dark.reasons & of.ExposureReason.TOO_DARK
-        assert dark.reasons & of.ExposureReason.NO_TONES
+        dark = controller.update(ExposureMeasurement(exposure=1e-3, gain=1.0, level=1e-4))
+        assert dark.reasons & ExposureReason.TOO_DARK
+        assert dark.reasons & ExposureReason.NO_TONES
         assert (dark.exposure, dark.gain) == (1e-2, 4.0)
-        bright = controller.update(of.ExposureMeasurement(exposure=1e-2, gain=4.0, level=1.0, peak=1e9))
-        assert bright.reasons & of.ExposureReason.TOO_BRIGHT
+        bright = controller.update(ExposureMeasurement(exposure=1e-2, gain=4.0, level=1.0, peak=1e9))
+        assert bright.reasons & ExposureReason.TOO_BRIGHT
         assert (bright.exposure, bright.gain) == (1e-5, 1.0)
 
     @pytest.mark.parametrize(
@@ -179,9 +180,9 @@ class TestController:
             ({"lights": [0.0]}, "frequency: got 0"),
             ({"lights": [math.inf]}, "frequency: got inf"),
             ({"lights": [100.0] * 33}, "tones: got 33, allowed: at most 32"),
-            ({"motions": [of.MeasuredTone(100.0, share=-1.0)]}, "share: got -1"),
-            ({"motions": [of.MeasuredTone(100.0, snr=-1.0)]}, "snr: got -1"),
-            ({"motions": [of.MeasuredTone(100.0, gain=-1.0)]}, "gain: got -1"),
+            ({"motions": [MeasuredTone(100.0, share=-1.0)]}, "share: got -1"),
+            ({"motions": [MeasuredTone(100.0, snr=-1.0)]}, "snr: got -1"),
+            ({"motions": [MeasuredTone(100.0, gain=-1.0)]}, "gain: got -1"),
             ({"exposure": 0.0}, "exposure: got 0"),
             ({"gain": -1.0}, "camera_gain: got -1"),
             ({"level": -0.1}, "level: got -0.1"),
@@ -192,4 +193,4 @@ class TestController:
     )
     def test_refuses_measurements(self, measured: dict[str, object], message: str) -> None:
         with pytest.raises(ValueError, match=message):
-            of.ExposureController(CAMERA).update(of.ExposureMeasurement(**measured))  # type: ignore[arg-type]
+            of.ExposureController(CAMERA).update(ExposureMeasurement(**measured))  # type: ignore[arg-type]

@@ -10,7 +10,8 @@ from hypothesis import given, settings, strategies as st
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
 from ocisac_fast.cli import main
-from ocisac_fast.packets.fsk import FskReceiver, fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+from ocisac_fast.packets.fsk import fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+from ocisac_fast.receiver.fsk import FskReceiver
 
 ROW_TIME, ROWS, FRAME_TIME = 22.2e-6, 1080, 1 / 30
 SPACING = 1 / (ROWS * ROW_TIME)

@@ -14,6 +14,7 @@ from hypothesis import given, settings, strategies as st
 import ocisac_fast as ocisac
 from ocisac_fast import reference
 from ocisac_fast.cli import main
+from ocisac_fast.packets import decode_line_code, encode_line_code
 from ocisac_fast.packets.transmission import PacketAssembler
 from ocisac_fast.reference.transmission import _codeword
 
@@ -47,43 +48,43 @@ class Camera:
 @settings(max_examples=40)
 def test_line_codes_agree_with_the_reference(code, words, noise):
     bits = np.unpackbits(np.array(words, np.uint8))
-    chips = ocisac.encode_line_code(bits, code)
+    chips = encode_line_code(bits, code)
     np.testing.assert_array_equal(chips, reference.encode_line_code(bits, code))
     if not words:
         return
     llr = soft(chips) + noise * np.random.default_rng(len(words)).standard_normal(len(chips))
     llr[np.abs(llr) < 5] = 0
-    for got, expected in zip(ocisac.decode_line_code(llr, code), reference.decode_line_code(llr, code), strict=True):
+    for got, expected in zip(decode_line_code(llr, code), reference.decode_line_code(llr, code), strict=True):
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * CERTAIN * 40)
 
 
 @pytest.mark.parametrize("code", CODES)
 def test_line_codes_bring_bits_back_and_report_what_is_no_word(code):
     bits = np.unpackbits(np.arange(256, dtype=np.uint8))
-    chips = ocisac.encode_line_code(bits, code)
-    llr, violations = ocisac.decode_line_code(soft(chips), code)
+    chips = encode_line_code(bits, code)
+    llr, violations = decode_line_code(soft(chips), code)
     np.testing.assert_array_equal(llr > 0, bits == 1)
     assert not violations.any()
-    unknown, violations = ocisac.decode_line_code(np.zeros(len(chips)), code)
+    unknown, violations = decode_line_code(np.zeros(len(chips)), code)
     assert not unknown.any()
     assert not violations.any()
     if code != "none":
-        assert ocisac.decode_line_code(soft(np.ones(len(chips))), code)[1].all()
+        assert decode_line_code(soft(np.ones(len(chips))), code)[1].all()
 
 
 @pytest.mark.parametrize(("code", "longest"), [("manchester", 2), ("4b6b", 4), ("8b10b", 5)])
 def test_runs_stay_below_those_of_the_preamble_and_the_mean_is_half(code, longest):
     values = np.random.default_rng(1).integers(0, 256, 30_000, dtype=np.uint8)
-    chips = ocisac.encode_line_code(np.unpackbits(values), code)
+    chips = encode_line_code(np.unpackbits(values), code)
     assert longest_run(chips) == longest
     assert abs(np.cumsum(2 * chips.astype(int) - 1)).max() <= 4
 
 
 def test_a_missing_half_of_a_manchester_bit_costs_nothing():
-    chips = ocisac.encode_line_code([1, 0, 1], "manchester")
+    chips = encode_line_code([1, 0, 1], "manchester")
     llr = soft(chips)
     llr[[0, 3]] = 0
-    np.testing.assert_array_equal(ocisac.decode_line_code(llr, "manchester")[0], [CERTAIN, -CERTAIN, 2 * CERTAIN])
+    np.testing.assert_array_equal(decode_line_code(llr, "manchester")[0], [CERTAIN, -CERTAIN, 2 * CERTAIN])
 
 
 @given(
@@ -265,11 +266,11 @@ def test_never_a_wrong_payload_in_a_million_tries():
         (lambda: ocisac.transmit(b"a", block_bytes=2.5), r"block_bytes: got 2.5, allowed: 1 to 255"),
         (lambda: ocisac.transmit(b"a", number=256), r"number: got 256, allowed: 0 to 255"),
         (lambda: ocisac.transmit(b"a", preamble="long"), r'preamble: got "long", allowed: standard, lengthened'),
-        (lambda: ocisac.encode_line_code([0, 2], "none"), r"bits: got 2, allowed: 0 and 1"),
-        (lambda: ocisac.encode_line_code([[0]], "none"), r"bits: got shape \(1, 1\)"),
-        (lambda: ocisac.encode_line_code([0] * 7, "8b10b"), r"bits: got 7 bits, allowed: whole words of 8 bits"),
-        (lambda: ocisac.decode_line_code([1.0] * 7, "4b6b"), r"llr: got 7 chips, allowed: whole words of 6 chips"),
-        (lambda: ocisac.decode_line_code([np.nan], "none"), r"llr: got NaN, allowed: numbers"),
+        (lambda: encode_line_code([0, 2], "none"), r"bits: got 2, allowed: 0 and 1"),
+        (lambda: encode_line_code([[0]], "none"), r"bits: got shape \(1, 1\)"),
+        (lambda: encode_line_code([0] * 7, "8b10b"), r"bits: got 7 bits, allowed: whole words of 8 bits"),
+        (lambda: decode_line_code([1.0] * 7, "4b6b"), r"llr: got 7 chips, allowed: whole words of 6 chips"),
+        (lambda: decode_line_code([np.nan], "none"), r"llr: got NaN, allowed: numbers"),
         (lambda: PacketAssembler().push(0, [np.nan]), r"llr: got NaN, allowed: numbers"),
         (lambda: PacketAssembler().push(0, [1j]), r"llr: got shape \(1,\) of complex128"),
     ],

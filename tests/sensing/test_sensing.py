@@ -10,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
+from ocisac_fast.sensing import BackgroundLight
 
 ROW_TIME, FRAME_TIME = 22.2e-6, 1 / 30
 SPEED = 1.751
@@ -77,7 +78,7 @@ CASES = {
         texture(3, 240, 8, 230, 3.0, per_row=0.023, per_column=0.0),
         {"pitch": 1e-4, "spatial_frequency": 230.0},
     ),
-    "light": (lamp(8, 240, 9, 517.0) + 30, {"background": ocisac.BackgroundLight(np.full(9, 30.0), np.full(9, 0.3))}),
+    "light": (lamp(8, 240, 9, 517.0) + 30, {"background": BackgroundLight(np.full(9, 30.0), np.full(9, 0.3))}),
     "light, known": (
         lamp(8, 240, 9, 517.0) + 30,
         {"frequency": 517.0, "background": 30, "others": [300]},

@@ -10,15 +10,16 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings, strategies as st
 
-import ocisac_fast as of
-from ocisac_fast import reference
+import ocisac_fast.tones as of
+from ocisac_fast import Camera, reference
+from ocisac_fast.tones import EqualizerReport, lost_frequencies
 
 ROW_TIME = 10e-6
 Floats = npt.NDArray[np.float64]
 
 
-def camera(exposure_rows: float, **more: Any) -> of.Camera:
-    return of.Camera(ROW_TIME, exposure_rows * ROW_TIME, **more)
+def camera(exposure_rows: float, **more: Any) -> Camera:
+    return Camera(ROW_TIME, exposure_rows * ROW_TIME, **more)
 
 
 def tone(rows: int, exposure_rows: float, frequency: float, phase: float) -> tuple[Floats, Floats]:
@@ -176,7 +177,7 @@ class TestEdges:
 
 class TestReport:
     def test_lost_bands_are_where_the_sinc_is_small(self) -> None:
-        bands = of.lost_frequencies(camera(28.0), max_boost=8)
+        bands = lost_frequencies(camera(28.0), max_boost=8)
         f = np.linspace(0, 0.6 / ROW_TIME, 100_001)
         inside = ((f[:, None] > bands[:, 0]) & (f[:, None] < bands[:, 1])).any(axis=1)
         lost = (np.abs(np.sinc(f * 28.0 * ROW_TIME)) < 1 / (8 * np.sqrt(2))) | (f > 0.5 / ROW_TIME)
@@ -187,7 +188,7 @@ class TestReport:
     @settings(deadline=None, max_examples=50)
     @given(st.floats(0, 1e5), st.floats(1, 1e3))
     def test_lost_bands_rise(self, exposure_rows: float, boost: float) -> None:
-        bands = of.lost_frequencies(camera(exposure_rows), boost)
+        bands = lost_frequencies(camera(exposure_rows), boost)
         assert np.all(np.diff(bands.ravel()) > 0)
         assert bands[0, 0] <= 0.5 / ROW_TIME
         assert bands[-1, 1] == np.inf
@@ -203,7 +204,7 @@ class TestReport:
         weak = of.equalize(seen, camera(7.3), "wiener", 1e-3, report=True)[1]
         strong = of.equalize(seen, camera(7.3), "wiener", 0.1, report=True)[1]
 
-        def lost(report: of.EqualizerReport) -> float:
+        def lost(report: EqualizerReport) -> float:
             return float(np.diff(np.minimum(report.frequencies_lost, 0.5 / ROW_TIME)).sum())
 
         assert lost(of.equalize(seen, camera(7.3), report=True)[1]) <= lost(weak) * 1.01 < lost(strong)
@@ -305,9 +306,9 @@ class TestRefusals:
             of.equalize(np.ones((50, 3)), camera(5.0), out=out)
 
     def test_unknown_exposure(self) -> None:
-        for call in (lambda c: of.equalize(np.ones(9), c), of.lost_frequencies):
+        for call in (lambda c: of.equalize(np.ones(9), c), lost_frequencies):
             with pytest.raises(ValueError, match="exposure: got none, allowed: the exposure of the camera"):
-                call(of.Camera(ROW_TIME))
+                call(Camera(ROW_TIME))
 
     @pytest.mark.parametrize("bad", [np.nan, np.inf])
     def test_not_finite(self, bad: float) -> None:

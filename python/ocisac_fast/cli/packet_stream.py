@@ -101,7 +101,7 @@ class PacketStream:
     def _make(self, camera: Camera) -> Any:
         options = self._options
         if options.tones:
-            from ocisac_fast.packets.fsk import FskReceiver
+            from ocisac_fast.receiver import FskReceiver
 
             return FskReceiver(camera, options.tones, block_bytes=options.block_bytes, preamble=options.preamble)
         from ocisac_fast.receiver.stream import MultiReceiver

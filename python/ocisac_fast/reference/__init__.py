@@ -19,11 +19,12 @@ from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, Squar
 from ocisac_fast.lights.location import Location, locate_camera
 from ocisac_fast.lights.sources import LightSource
 from ocisac_fast.lights.tracker import SourceTracker, Track
-from ocisac_fast.packets.fsk import FskFrame, FskReceiver, FskSymbol, FskTransmission, fsk_transmit
+from ocisac_fast.packets.fsk import FskSymbol, FskTransmission, fsk_transmit
 from ocisac_fast.packets.goodput import Goodput, possible_goodput
 from ocisac_fast.packets.merging import merge_receptions
 from ocisac_fast.packets.transmission import Transmission
 from ocisac_fast.receiver.blind import Received
+from ocisac_fast.receiver.fsk import FskFrame, FskReceiver
 from ocisac_fast.receiver.stream import MultiReceiver, ReceivedFrame, Receiver, SourceFrame
 from ocisac_fast.reference.channel import (
     ClockTracker,
