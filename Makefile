@@ -9,6 +9,7 @@ WERROR ?= OFF
 
 build := build/make
 bin := $(VENV)/bin
+study := PYTHONPATH=bench $(bin)/python -m studies
 python_sources := python tests scripts/requirements scripts/check-wheel scripts/compare_benchmarks bench
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
 # Folders as well: a source that comes or goes changes their time. And the log of commits: the build tells its commit.
@@ -51,14 +52,14 @@ test: cpp-test $(VENV)/.requirements-test
 	@echo '==> Python tests'
 	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest -n $(JOBS) --dist worksteal $(PYTEST_ARGS)
 
-chart: build $(VENV)/.requirements-chart
-	@$(bin)/ocisac chart --directory docs --text docs/accuracy.md
+chart: build $(VENV)/.requirements-studies
+	@$(study).chart --directory docs --text docs/accuracy.md
 
-limits: build $(VENV)/.requirements-chart
-	@$(bin)/ocisac limits --directory docs --text docs/limits.md
+limits: build
+	@$(study).limits --directory docs --text docs/limits.md
 
 reproduce: build
-	@$(bin)/ocisac reproduce -o docs/paper --text docs/paper.md
+	@$(study).reproduction -o docs/paper --text docs/paper.md
 
 nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
@@ -88,7 +89,7 @@ lint: build $(VENV)/.requirements-lint
 	@echo '==> ruff'
 	@$(bin)/ruff check -q $(python_sources) && $(bin)/ruff format -q --check $(python_sources)
 	@echo '==> mypy --strict'
-	@MYPYPATH=python $(bin)/mypy
+	@$(bin)/mypy
 	@echo '==> stubtest'
 	@MYPYPATH=python $(bin)/python -m mypy.stubtest --allowlist python/stubtest-allowlist ocisac_fast._core
 	@echo '==> clang-format'
@@ -147,6 +148,10 @@ $(bin)/python: | packages
 $(VENV)/.requirements-%: pyproject.toml scripts/requirements | $(bin)/python
 	@echo '==> Python packages for: $*'
 	@$(bin)/python scripts/requirements $* >$@ && $(bin)/python -m pip install -qq -r $@
+
+$(VENV)/.requirements-studies: bench/studies/requirements.txt | $(VENV)/.requirements-cli
+	@echo '==> Python packages for: studies'
+	@$(bin)/python -m pip install -qq -r $< && cp $< $@
 
 $(VENV)/.extension: $(native) pyproject.toml | $(VENV)/.requirements-cli
 	@echo '==> C++ core and Python package: build and install (editable)'

@@ -25,8 +25,8 @@ import time
 import numpy as np
 import timing
 
-from ocisac_fast.chart.detectors import Setting, make_frame
 from ocisac_fast.chips import closest_pair_distance, detector_error_rates
+from studies.chart.detectors import Setting, make_frame
 
 ROWS = 1080
 

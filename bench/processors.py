@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast.chart.measuring import seconds_of
+from studies.chart.measuring import seconds_of
 
 TWO_CORES = 1.7  # what the second processor of two cores gains at least
 

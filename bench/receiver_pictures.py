@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ocisac_fast.chart.detectors import Setting, make_frame
-from ocisac_fast.chart.drawing import shrink
 from ocisac_fast.chips import expose_chips
 from ocisac_fast.plots import BLACK, BLUE, ORANGE, RED, picture
+from studies.chart.detectors import Setting, make_frame
+from studies.drawing import shrink
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

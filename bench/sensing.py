@@ -26,8 +26,8 @@ import light_scenes
 import numpy as np
 
 from ocisac_fast import SourceTracker, SquareWave, detect_sources, integrate_exposure, locate_camera
-from ocisac_fast.control.drive import POLICIES, drive_past_light
 from ocisac_fast.exposure import best_noisy_exposure
+from studies.drive import POLICIES, drive_past_light
 
 CAMERA = light_scenes.CAMERA
 

@@ -31,7 +31,7 @@ from peers import PEERS
 from processors import TWO_CORES, one_and_two, rounds_on_two, two_processors
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, best_exposure, integrate_exposure, reference, tone_gain
-from ocisac_fast.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
+from studies.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
 CAMERA = Camera(ROW_TIME)

@@ -18,29 +18,36 @@ from ocisac_fast.files import read_frames, write_frames
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.light.waveforms import Chips, SquareWave, Waveform, integrate_exposure
 from ocisac_fast.receiver.blind import Received, receive
-from ocisac_fast.reproduction.testbed import (
-    COLUMNS,
-    COMMUNICATION,
-    DARK_LEVEL,
-    EXPOSURES,
-    FRAMES_PER_SECOND,
-    GRATINGS,
-    NOISE,
-    ROW_TIME,
-    ROWS,
-    SWING,
-    motion_frequency,
-)
 from ocisac_fast.scene.simulation import simulate_frames
 from ocisac_fast.tones.gain import tone_gain
 
+# Table 2 of the paper; what it leaves out: swing, noise and dark level, DN.
+ROWS, COLUMNS, FRAMES_PER_SECOND = 720, 1080, 30.0
+ROW_TIME = 22.2e-6
+EXPOSURES = (622e-6, 1202e-6, 2404e-6, 4981e-6)
+COMMUNICATION = (200.0, 500.0, 700.0)
+RING_DIAMETER, TURNS_PER_SECOND = 0.15, 223.0 / 60.0
+GRATINGS = (100.0, 200.0, 500.0)  # nominal periods a metre
+SWING, NOISE, DARK_LEVEL = 200.0, 2.0, 16.0
 FRAME_TIME = 1.0 / FRAMES_PER_SECOND
-SENSING = tuple(motion_frequency(grating) for grating in GRATINGS)
 
 MESSAGE = "OC-ISAC!"
 CHIP_RATE = 10e3
 CHIP_CAMERA = Camera(ROW_TIME, 60e-6, dark_level=DARK_LEVEL)
 MARKER = "1" * 8  # before the message: ASCII, whose bytes begin with 0, holds no such run
+
+
+def periods_on_ring(grating: float) -> int:
+    """A ring closes on whole periods only: the nearest to the nominal grating (1/m)."""
+    return round(grating * math.pi * RING_DIAMETER)
+
+
+def motion_frequency(grating: float) -> float:
+    """f_x v of the ring that closes, Hz."""
+    return periods_on_ring(grating) * TURNS_PER_SECOND
+
+
+SENSING = tuple(motion_frequency(grating) for grating in GRATINGS)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from ocisac_fast import Camera, Chips, Constant, Samples, SquareWave, Tone, chart
+from ocisac_fast import Camera, Chips, Constant, Samples, SquareWave, Tone
 from ocisac_fast.reference import exact_scene, render_scene
 from ocisac_fast.scene import (
     Ambient,
@@ -350,17 +350,6 @@ def test_plans_say_what_they_keep_and_hold_their_bound(objects, tolerance, words
     assert words in str(plan)
     assert plan.bound <= tolerance
     assert np.abs(next(render(plan)) - exact_scene(scene)[0]).max() <= plan.bound + 1e-9
-
-
-def test_panel_of_the_chart_sets_plans_beside_brute_force():
-    panel = next(panel for panel in chart.PANELS if panel.name == "scenes")
-    steps = []
-    points = panel.measure(dataclasses.replace(chart.QUICK, columns=120), steps.append)
-    assert len(steps) == panel.steps == len(points)
-    found = {point.method: point for point in points}
-    assert found["plan, 0.1 DN"].error <= 0.1
-    assert found["brute force, 4"].error > found["brute force, 64"].error > found["plan, 0.1 DN"].error
-    assert found["brute force, 64"].cost > found["plan, 0.1 DN"].cost
 
 
 def noisy_scene(**sensor):

@@ -14,7 +14,6 @@ _COMMANDS = {
     "calibrate": "Row time of a camera, from a light of known frequency.",
     "gain": "Gain of a tone in a recording, against theory.",
     "exposure": "Best exposure time for communication and sensing.",
-    "control": "Exposure control in a closed loop: a simulated drive past a modulated light.",
     "locate": "Where the camera is, from lights whose places are known.",
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",
@@ -24,9 +23,6 @@ _COMMANDS = {
     "simulate": "Make a recording of a modulated light.",
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",
-    "chart": "Speed against accuracy of every method.",
-    "limits": "Where methods fail, and what the library does there.",
-    "reproduce": "The paper's testbed, figures and table, made again.",
 }
 
 
@@ -68,18 +64,18 @@ def ocisac(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-def run(arguments: list[str]) -> int:
-    """Run with these arguments; errors as one line on standard error, see ``ocisac_fast.cli.main`` for the code."""
+def run(arguments: list[str], command: click.Command = ocisac) -> int:
+    """Run a command; errors as one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
     warnings.showwarning = _warn
     try:
-        with ocisac.make_context("ocisac", list(arguments)) as context:
-            ocisac.invoke(context)
+        with command.make_context(command.name, list(arguments)) as context:
+            command.invoke(context)
         sys.stdout.flush()
         return 0
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.ClickException as error:
-        return _fail(error.format_message())
+        return _fail(command, error.format_message())
     except (KeyboardInterrupt, click.Abort):
         return 130
     except BrokenPipeError:
@@ -87,15 +83,15 @@ def run(arguments: list[str]) -> int:
         return 141
     except OSError as error:
         name = f"{error.filename}: " if error.filename is not None else ""
-        return _fail(name + (error.strerror or str(error)))
+        return _fail(command, name + (error.strerror or str(error)))
     except MemoryError as error:
-        return _fail(f"out of memory: {error}")
+        return _fail(command, f"out of memory: {error}")
     except (ValueError, ArithmeticError) as error:
-        return _fail(str(error))
+        return _fail(command, str(error))
 
 
-def _fail(message: str) -> int:
-    print("ocisac:", " ".join(message.split()), file=sys.stderr)
+def _fail(command: click.Command, message: str) -> int:
+    print(f"{command.name}:", " ".join(message.split()), file=sys.stderr)
     return 2
 
 

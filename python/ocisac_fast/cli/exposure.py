@@ -71,7 +71,7 @@ def exposure(
 
         plot_exposure(plot, float(comm), float(sense), weights=weights, bounds=bounds)
     if front is not None:
-        from ocisac_fast.control.plots import plot_front
+        from ocisac_fast.plots import plot_front
 
         plot_front(front, float(comm), float(sense), weights=weights, bounds=bounds)
     if as_json:

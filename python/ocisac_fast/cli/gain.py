@@ -177,8 +177,8 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
 
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
     """MODEL_MISFIT, or 0: whether the mean column of a frame varies as ``tone_gain`` assumes that it does not."""
+    from ocisac_fast.camera.linear_light import linear_light
     from ocisac_fast.core import Flag
-    from ocisac_fast.reference.light import linear_light
     from ocisac_fast.tones import varying_tone_gain
 
     column = linear_light(columns, camera).mean(axis=-1)

@@ -1,0 +1,14 @@
+"""Where methods fail, why, how badly, and what the library does then: the catalogue behind ``make limits``."""
+
+from __future__ import annotations
+
+# Each module enters its limits: this is the order of the catalogue.
+# isort: off
+from studies.limits import sampling, arithmetic, pixels, restoring, sensing  # noqa: F401
+
+# isort: on
+from studies.limits.catalogue import LIMITS, Limit, Point, limit
+from studies.limits.drawing import draw
+from studies.limits.reporting import update_text
+
+__all__ = ["LIMITS", "Limit", "Point", "draw", "limit", "update_text"]

@@ -1,0 +1,79 @@
+"""Limits of equalisation: nulls of the response, exposures longer than the frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.waveforms import Tone, Waveform, integrate_exposure, sample_waveform
+from ocisac_fast.tones.equalization import equalize
+from studies.chart.scenes import Float64s
+from studies.chart.tradeoffs import circular_inverse
+from studies.limits.catalogue import Point, limit, rms
+
+_ROW_TIME = 22.2e-6
+_NO_LIMIT = 1e12  # of the boost
+_NOISE = 0.01  # of the swing
+
+
+def _restored(light: Waveform, frequency: float, x: float, rows: int, exposure_rows: float) -> Point:
+    """RMS errors / swing two exposures and more from the ends, as far as there are such rows, of light whose highest
+    frequency is given, with 1 % noise."""
+    camera = Camera(_ROW_TIME, exposure_rows * _ROW_TIME)
+    starts = np.linspace(0.0, 0.05, 40)
+    blurred = np.stack([integrate_exposure(light, camera, rows, start) for start in starts], axis=1)
+    truth = sample_waveform(light, np.arange(rows)[:, None] * _ROW_TIME + starts)
+    columns = blurred + _NOISE * np.random.default_rng(12).standard_normal(blurred.shape)
+    restored, report = equalize(columns, camera, report=True)
+    ends = min(round(2 * exposure_rows), rows // 3)
+    inner = slice(ends, rows - ends)
+
+    def error(values: Float64s) -> float:
+        return rms((values - truth)[inner])
+
+    plain = error(circular_inverse(columns, camera, _NO_LIMIT))
+    lost = any(low <= frequency <= high for low, high in report.frequencies_lost)
+    return Point(x, plain, error(restored), _NOISE * rms(report.noise_gain), lost=lost)
+
+
+@limit(
+    "null-equalisation",
+    "Sinc null: equalisation",
+    sweep="exposure, rows",
+    error="RMS error / swing, 1 % noise",
+    plain="DFT divided by sinc(f·T_e)",
+    why="Around the multiples of 1/T_e the division multiplies noise, and whatever the frame's ends brought, without "
+    "bound.",
+    then="Amplifies no frequency by more than `max_boost`, continues the column beyond its ends, and reports the bands "
+    "lost and the noise gained.",
+    spot=24,
+    fails_by=10.0,
+    good=0.05,
+)
+def _null_equalisation() -> list[Point]:
+    points = []
+    for exposure_rows in (1.5, 3, 6, 12, 24, 45):
+        highest = 0.3 / (exposure_rows * _ROW_TIME)  # the light itself is well inside the first lobe
+        light = Tone(highest, 0.5) + Tone(0.45 * highest, 0.5, 1.0)
+        points.append(_restored(light, highest, exposure_rows, 1080, exposure_rows))
+    return points
+
+
+@limit(
+    "long-exposure",
+    "Exposure longer than the frame",
+    sweep="exposure / frame",
+    error="RMS error / swing, 1 % noise",
+    plain="DFT divided by sinc(f·T_e)",
+    why="Every frequency that the frame can show lies beyond the first null: there is next to nothing to divide.",
+    then="From one frame on returns the mean of the column, and reports all frequencies as lost. At half a frame the "
+    "ends still cost 0.2 of the swing, which the report does not tell.",
+    spot=2.0,
+    fails_by=100.0,
+    good=0.06,
+    silent=(0.5,),
+)
+def _long_exposure() -> list[Point]:
+    frequency = 1.6 / (240 * _ROW_TIME)
+    shares = (0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 4.0)
+    return [_restored(Tone(frequency), frequency, share, 240, share * 240) for share in shares]

@@ -1,0 +1,33 @@
+"""Figures put into a text between its markers."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from ocisac_fast.files import atomic_path
+
+
+def fill_markers(path: str | os.PathLike[str], kind: str, blocks: Mapping[str, str]) -> None:
+    """Puts every block between ``<!-- KIND: NAME -->`` and ``<!-- KIND: end -->``.
+
+    Raises:
+        ValueError: a marker of an unknown name, or none at all.
+    """
+    text = Path(path).read_text(encoding="utf-8")
+
+    def filled(match: re.Match[str]) -> str:
+        name = match[1]
+        if name not in blocks:
+            raise ValueError(f"{os.fspath(path)}: marker: got {name!r}, allowed: {', '.join(blocks)}")
+        return f"<!-- {kind}: {name} -->\n{blocks[name]}\n<!-- {kind}: end -->"
+
+    pattern = rf"<!-- {kind}: ([\w-]+) -->\n.*?<!-- {kind}: end -->"
+    result, found = re.subn(pattern, filled, text, flags=re.DOTALL)
+    if not found:
+        allowed = f"'<!-- {kind}: NAME -->' ... '<!-- {kind}: end -->'"
+        raise ValueError(f"{os.fspath(path)}: got no marker, allowed: {allowed}")
+    with atomic_path(path) as temporary:
+        Path(temporary).write_text(result, encoding="utf-8")

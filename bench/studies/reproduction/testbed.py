@@ -1,0 +1,126 @@
+"""The virtual testbed of table 2: an LED inside a turning annular grating, before a rolling-shutter camera."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.demo import (
+    COLUMNS as COLUMNS,
+    COMMUNICATION as COMMUNICATION,
+    DARK_LEVEL as DARK_LEVEL,
+    EXPOSURES as EXPOSURES,
+    FRAMES_PER_SECOND as FRAMES_PER_SECOND,
+    GRATINGS as GRATINGS,
+    NOISE as NOISE,
+    RING_DIAMETER as RING_DIAMETER,
+    ROW_TIME as ROW_TIME,
+    ROWS as ROWS,
+    SWING as SWING,
+    TURNS_PER_SECOND as TURNS_PER_SECOND,
+    motion_frequency as motion_frequency,
+    periods_on_ring as periods_on_ring,
+)
+from ocisac_fast.light.response import exposure_response
+from ocisac_fast.light.waveforms import Constant, SquareWave
+from ocisac_fast.scene import (
+    Grating,
+    Mask,
+    Pinhole,
+    Pose,
+    Rectangle,
+    Scene,
+    Sensor,
+    Source,
+    render,
+)
+
+FRAMES = 1800  # a setting, as the paper averaged
+
+DISTANCE = 0.3  # m, of the camera from the ring
+
+# What the paper leaves out. A lens that sees the ring over all rows; noise that does not depend on the light. The two
+# clocks differ, so that the light's phase runs through all values over a recording; dark rows are not clipped at 0.
+CLOCK_OFFSET = 70e-6
+FOCAL_LENGTH, PIXEL_PITCH = 6e-3, 2.9e-6  # m
+FULL_WELL = 20e3  # electrons at 255 DN
+TOLERANCE = 1e-3  # DN, of the rendering
+
+Kind = Literal["communication", "sensing"]
+
+
+def speed() -> float:
+    """Of the grating, m/s: v = pi D N."""
+    return math.pi * RING_DIAMETER * TURNS_PER_SECOND
+
+
+def true_grating(grating: float) -> float:
+    """Periods a metre of the ring that closes."""
+    return periods_on_ring(grating) / (math.pi * RING_DIAMETER)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One light or grating at one exposure.
+
+    Attributes:
+        kind: ``"communication"`` (flickering LED, grating at rest) or ``"sensing"`` (steady LED, grating turning).
+        nominal: as the paper prints it: Hz, or periods a metre.
+        exposure: s.
+    """
+
+    kind: Kind
+    nominal: float
+    exposure: float
+
+    @property
+    def frequency(self) -> float:
+        """Of the flicker, Hz: f_c, or f_x v of the ring that closes."""
+        return self.nominal if self.kind == "communication" else motion_frequency(self.nominal)
+
+    @property
+    def camera(self) -> Camera:
+        frame_time = (1.0 + CLOCK_OFFSET) / FRAMES_PER_SECOND
+        return Camera(ROW_TIME, self.exposure, frame_time, dark_level=DARK_LEVEL)
+
+    @property
+    def theory(self) -> float:
+        """|sinc(f T_e)|."""
+        return float(abs(exposure_response(self.frequency, self.exposure)))
+
+
+def settings() -> list[Setting]:
+    """The 12 settings of communication and the 12 of sensing, by rising frequency, then exposure."""
+    lights: list[tuple[Kind, float]] = [("communication", f) for f in COMMUNICATION]
+    gratings: list[tuple[Kind, float]] = [("sensing", g) for g in GRATINGS]
+    return [Setting(kind, nominal, exposure) for kind, nominal in lights + gratings for exposure in EXPOSURES]
+
+
+def scene(setting: Setting, columns: int, turn: float) -> Scene:
+    """The testbed before the middle ``columns`` columns of the camera, the light ``turn`` cycles (0 to 1) ahead.
+
+    The lampshade is the plane that touches the ring before the LED; its bars take the pitch of the ring that closes. In
+    recordings of communication it stands still, with a slot before the middle column.
+    """
+    lens = Pinhole(columns, ROWS, FOCAL_LENGTH, PIXEL_PITCH)
+    sensor = Sensor(SWING / setting.exposure, 8, FULL_WELL, read_noise=NOISE * FULL_WELL / 255.0)
+    flickers = setting.kind == "communication"
+    light = SquareWave(setting.frequency, phase=2.0 * math.pi * turn) if flickers else Constant(1.0)
+    lamp = Source(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE + RING_DIAMETER / 2.0)), light)
+    grating = GRATINGS[0] if flickers else setting.nominal
+    bars = Grating(true_grating(grating), phase=0.0 if flickers else -2.0 * math.pi * turn)
+    shade = Mask(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE)), bars, 0.0 if flickers else speed())
+    return Scene(lens, setting.camera, sensor, sources=(lamp,), masks=(shade,))
+
+
+def record(setting: Setting, frames: int, seed: int, columns: int = 1) -> npt.NDArray[np.uint8]:
+    """A recording of the testbed: (frames, rows, columns) bytes with noise, rendered from :func:`scene`."""
+    number = settings().index(setting)
+    turn = float(np.random.default_rng([seed, number]).uniform())
+    plan = scene(setting, columns, turn).plan(TOLERANCE, frames=frames)
+    return np.stack(list(render(plan, noise=True, seed=seed * len(settings()) + number)))

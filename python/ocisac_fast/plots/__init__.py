@@ -1,0 +1,16 @@
+"""Pictures of results (matplotlib, ``ocisac-fast[cli]``)."""
+
+from ocisac_fast.plots.exposure import plot_exposure as plot_exposure, plot_front as plot_front
+from ocisac_fast.plots.picture import (
+    BLACK as BLACK,
+    BLUE as BLUE,
+    GREEN as GREEN,
+    ORANGE as ORANGE,
+    PURPLE as PURPLE,
+    RED as RED,
+    SKY as SKY,
+    picture as picture,
+)
+from ocisac_fast.plots.receiver import draw_chips as draw_chips, plot_received as plot_received
+from ocisac_fast.plots.regions import plot_regions as plot_regions, plot_sources as plot_sources
+from ocisac_fast.plots.tones import plot_gain as plot_gain

@@ -1,0 +1,139 @@
+"""The objective over the exposure, and the fronts between communication and sensing."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ocisac_fast.exposure.choice import best_exposure, exposure_objective
+from ocisac_fast.exposure.controller import best_noisy_exposure
+from ocisac_fast.exposure.fronts import exposure_front
+from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, RED, SKY, picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_NOISE_CYCLES = 0.1  # T_n of the second front, in cycles of the slower tone
+_DECIBEL_FLOOR = -30.0
+
+
+def plot_exposure(
+    path: str | os.PathLike[str],
+    f_comm: float,
+    f_sense: float,
+    weights: tuple[float, float] = (1.0, 1.0),
+    bounds: tuple[float, float] | None = None,
+) -> None:
+    """The objective over the exposure time with the points that the methods choose.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        f_comm, f_sense, weights, bounds: as for ``best_exposure``.
+    """
+    shortest, longest = bounds or (0.0, 1.0 / min(f_comm, f_sense))
+    exposures = np.linspace(shortest, longest, 4001)
+    objective = np.asarray(exposure_objective(exposures, f_comm, f_sense, weights))
+    with picture(path, 8.0, 4.2) as figure:
+        axes = figure.subplots()
+        axes.plot(exposures * 1e3, objective * 1e3, color=BLUE, lw=1.4)
+        for method, best, style in _choices(f_comm, f_sense, weights, bounds):
+            label = f"{method}: {best.exposure * 1e3:.4f} ms"
+            axes.plot(best.exposure * 1e3, best.objective * 1e3, label=label, **style)
+        axes.set(
+            xlabel="exposure time / ms",
+            ylabel="objective Y / ms",
+            title=f"Communication {f_comm:g} Hz and sensing {f_sense:g} Hz",
+        )
+        axes.legend(loc="best")
+
+
+def _choices(f_comm: float, f_sense: float, weights: Any, bounds: Any) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+    """Method, its ``BestExposure`` and its mark, of search, the paper's closed form and ours."""
+    for method, marker, colour, size in (
+        ("search", "s", SKY, 12),
+        ("closed-form", "D", ORANGE, 8),
+        ("exact", "o", RED, 6),
+    ):
+        limits = None if method == "closed-form" else bounds
+        best = best_exposure(f_comm, f_sense, method=method, weights=weights, bounds=limits)  # type: ignore[arg-type]
+        yield method, best, {"marker": marker, "color": colour, "ms": size, "ls": ""}
+
+
+def plot_front(
+    path: str | os.PathLike[str],
+    f_comm: float,
+    f_sense: float,
+    weights: tuple[float, float] = (1.0, 1.0),
+    bounds: tuple[float, float] | None = None,
+    noise_exposure: float | None = None,
+) -> None:
+    """T |sinc| of communication against that of sensing, and the signal-to-noise ratios where noise and light count.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        f_comm, f_sense, weights, bounds: as for ``best_exposure``.
+        noise_exposure: T_n of the second front, s; None: a tenth of a cycle of the slower tone.
+    """
+    slower = min(f_comm, f_sense)
+    noise = _NOISE_CYCLES / slower if noise_exposure is None else noise_exposure
+    with picture(path, 11.0, 5.6) as figure:
+        left, right = figure.subplots(1, 2)
+        _draw_front(left, f_comm, f_sense, weights, bounds)
+        _draw_noisy_front(figure, right, f_comm, f_sense, weights, bounds, noise)
+
+
+def _draw_front(axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds: Any) -> None:
+    front = exposure_front(f_comm, f_sense, bounds=bounds)
+    axes.plot(front.comm * 1e3, front.sense * 1e3, color=BLUE, lw=0.9, label="all exposures")
+    axes.plot(
+        np.where(front.efficient, front.comm, np.nan) * 1e3,
+        np.where(front.efficient, front.sense, np.nan) * 1e3,
+        color=GREEN,
+        lw=3.5,
+        label="efficient",
+    )
+    for method, best, style in _choices(f_comm, f_sense, weights, bounds):
+        point = [best.exposure * abs(np.sinc(f * best.exposure)) * 1e3 for f in (f_comm, f_sense)]
+        label = {"exact": "ours", "closed-form": "the paper's"}.get(method, method)
+        axes.plot(*point, label=f"{label}: {best.exposure * 1e3:.3f} ms", **style)
+    axes.set(
+        xlabel=f"T·G of communication at {f_comm:g} Hz / ms",
+        ylabel=f"T·G of sensing at {f_sense:g} Hz / ms",
+        title="Amplitudes (the terms of eq. 18)",
+    )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+
+
+def _draw_noisy_front(
+    figure: Figure, axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds: Any, noise: float
+) -> None:
+    """Signal-to-noise ratios over those of an exposure T_n without loss; darker points are brighter pictures."""
+    longest = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else bounds
+    front = exposure_front(f_comm, f_sense, bounds=longest, noise_exposure=noise)
+
+    def decibel(amplitude: Any) -> Any:
+        level = 20.0 * np.log10(np.maximum(amplitude, 1e-300) / noise)
+        return np.where(level < _DECIBEL_FLOOR, np.nan, level)
+
+    points = axes.scatter(
+        decibel(front.comm), decibel(front.sense), c=front.exposure * 1e3, s=5, cmap="viridis_r", zorder=2
+    )
+    figure.colorbar(points, ax=axes, label="exposure / ms, in proportion to the mean level")
+    low = max(longest[0], 1e-6 * longest[1])
+    best: Any = best_noisy_exposure((f_comm, f_sense), weights, (low, longest[1]), noise_exposure=noise)
+    closed: Any = best_exposure(f_comm, f_sense, method="closed-form")
+    for chosen, marker, colour, label in ((closed, "D", ORANGE, "the paper's"), (best, "o", RED, "ours")):
+        factor = chosen.exposure / math.sqrt(1.0 + chosen.exposure / noise)
+        point = [float(decibel(factor * abs(np.sinc(f * chosen.exposure)))) for f in (f_comm, f_sense)]
+        axes.plot(*point, marker, color=colour, ms=8, label=f"{label}: {chosen.exposure * 1e3:.3f} ms")
+    axes.set(
+        xlabel="SNR of communication / dB",
+        ylabel="SNR of sensing / dB",
+        title=f"With noise: shot = read at {noise * 1e3:.3g} ms",
+    )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)

@@ -1,0 +1,62 @@
+"""The combined column of a frame with the chips received in it."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.plots.picture import BLUE, ORANGE, RED, picture
+from ocisac_fast.receiver.blind import Received
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def plot_received(path: str | os.PathLike[str], frame: npt.NDArray[Any], camera: Camera, received: Received) -> None:
+    """The combined column of a frame with the chips and levels that were detected in it.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        frame: (rows, columns) or (rows, columns, channels), stored values.
+        camera: as for ``receive``.
+        received: what ``receive`` made of the frame.
+    """
+    rows = frame.shape[0]
+    lines = min(4, max(1, rows // 200))
+    edges = np.linspace(0, rows, lines + 1)
+    found = f"{len(received.bits)} chips of {received.rows_per_chip:.4g} rows" if received.bits else "no chips found"
+    with picture(path, 11.0, 1.2 + 1.5 * lines) as figure:
+        every = figure.subplots(lines, squeeze=False)[:, 0]
+        for axes, first, last in zip(every, edges[:-1], edges[1:], strict=True):
+            draw_chips(axes, frame, camera, received, first, last)
+        every[0].set_title(f"Combined column: {found}")
+        every[-1].set_xlabel("row")
+
+
+def draw_chips(
+    axes: Axes, frame: npt.NDArray[Any], camera: Camera, received: Received, first: float, last: float
+) -> None:
+    """Rows first to last of the combined column, the threshold, and a 0 or 1 over every chip."""
+    picture = frame[..., received.channel] if frame.ndim == 3 else frame
+    light = linear_light(picture, camera)
+    used = received.weights if received.weights.sum() > 0.0 else np.full(light.shape[1], 1.0 / light.shape[1])
+    signal = light @ used
+    axes.plot(np.arange(signal.size), signal, color=BLUE, lw=1.1)
+    span = float(np.ptp(signal)) or 1.0
+    starts = received.phase + np.arange(len(received.bits) + 1) * received.rows_per_chip
+    if received.bits:
+        middle = received.levels.mean(axis=0)
+        axes.step(starts, np.append(middle, middle[-1]), where="post", color=RED, lw=1.0, ls="--")
+    for bit, begin, end in zip(received.bits, starts[:-1], starts[1:], strict=True):
+        centre = 0.5 * (begin + end)
+        if bit == "1":
+            axes.axvspan(begin, end, color=ORANGE, alpha=0.18, lw=0.0)
+        if first <= centre < last:
+            axes.text(centre, signal.max() + 0.06 * span, bit, ha="center", va="bottom", fontsize="x-small")
+    axes.grid(False)
+    axes.set(xlim=(first, last), ylim=(signal.min() - 0.08 * span, signal.max() + 0.3 * span), ylabel="light / DN")

@@ -1,0 +1,96 @@
+"""A frame with the boxes of lights or of sensed regions over it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.lights.sources import LightSource
+from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, PURPLE, SKY, picture
+from ocisac_fast.sensing.region import SensedRegion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@contextlib.contextmanager
+def _over_frame(path: str | os.PathLike[str], frame: npt.NDArray[Any]) -> Iterator[Axes]:
+    """Axes in stored pixels over the frame."""
+    rows, columns = frame.shape
+    step = max(1, max(rows, columns) // 2000)
+    with picture(path, 9.0, float(np.clip(9.0 * rows / columns, 3.0, 12.0))) as figure:
+        axes = figure.subplots()
+        extent = (0, columns, rows, 0)
+        axes.imshow(frame[::step, ::step], cmap="gray", extent=extent, aspect="equal", interpolation="nearest")
+        axes.set_xlabel("column")
+        axes.set_ylabel("row, in time order")
+        yield axes
+
+
+def plot_sources(path: str | os.PathLike[str], frame: npt.NDArray[Any], sources: list[LightSource]) -> None:
+    """A frame with the box, number and frequency of every light found in it; reflections dashed.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        frame: (rows, columns), stored values.
+        sources: what ``detect_sources`` found in it.
+    """
+    from matplotlib.patches import Rectangle
+
+    with _over_frame(path, frame) as axes:
+        for index, source in enumerate(sources):
+            colour = ORANGE if source.reflection_of is None else BLUE
+            style = "-" if source.reflection_of is None else "--"
+            corner = (source.x, source.y)
+            axes.add_patch(Rectangle(corner, source.width, source.height, fill=False, ec=colour, ls=style, lw=1.2))
+            text = f"{index}: {source.frequency:.4g} Hz"
+            axes.annotate(text, corner, (0, 3), textcoords="offset points", color=colour, fontsize=8)
+
+
+def plot_regions(path: str | os.PathLike[str], frame: npt.NDArray[Any], regions: Sequence[SensedRegion]) -> None:
+    """A frame with the box of every region, what it is, and an arrow where its motion is known.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        frame: (rows, columns), stored values.
+        regions: what ``sense`` found in it.
+    """
+    with _over_frame(path, frame) as axes:
+        for index, region in enumerate(regions):
+            _draw_region(axes, index, region)
+        axes.grid(False)
+
+
+def _draw_region(axes: Axes, index: int, region: SensedRegion) -> None:
+    from matplotlib.patches import Rectangle
+
+    colour = {"light": ORANGE, "moving": SKY, "still": GREEN}.get(region.kind, PURPLE)
+    style = "--" if region.flags & (Flag.AMBIGUOUS_KIND | Flag.AMBIGUOUS_MOTION) else "-"
+    corner = (region.x, region.y)
+    axes.add_patch(Rectangle(corner, region.width, region.height, fill=False, ec=colour, ls=style, lw=1.6))
+    frequency = region.frequency if region.kind == "light" else region.motion_frequency
+    lines = [f"{index}: {region.kind}, {frequency:.5g} Hz", f"gain {region.gain:.4f} ± {region.gain_std:.1g}"]
+    if np.isfinite(region.speed) and region.kind == "moving":
+        lines.append(f"{region.speed:.4g} m/s")
+    box = {"boxstyle": "square,pad=0.2", "fc": "black", "ec": "none", "alpha": 0.6}
+    at = (region.x + 0.02 * region.width, region.y + 0.02 * region.height)
+    axes.annotate(
+        "\n".join(lines), at, (3, -3), textcoords="offset points", color=colour, fontsize=8, va="top", bbox=box
+    )
+    if region.kind == "moving" and region.direction:
+        x, y = region.x + 0.5 * region.width, region.y + 0.6 * region.height
+        along = abs(region.cycles_per_column) <= 4.0 * region.cycles_per_column_std
+        across, down = (0.0, 0.25 * region.height) if along else (0.25 * region.width, 0.0)
+        across, down = across * region.direction, down * region.direction
+        axes.annotate(
+            "",
+            (x + across, y + down),
+            (x - across, y - down),
+            arrowprops={"arrowstyle": "->", "color": colour, "lw": 2.0},
+        )

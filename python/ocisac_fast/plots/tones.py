@@ -1,0 +1,104 @@
+"""A column's spectrum with the fitted tone, and the column before and after equalisation."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.light.response import exposure_response
+from ocisac_fast.plots.picture import BLACK, BLUE, RED, picture
+from ocisac_fast.tones.equalization import equalize
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def plot_gain(
+    path: str | os.PathLike[str],
+    columns: npt.NDArray[Any],
+    camera: Camera,
+    frequency: float,
+    gain: float,
+    waveform: str = "tone",
+) -> None:
+    """Spectrum with the fitted tone and the exposure's response; the column before and after equalisation.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        columns: (rows, columns) of one frame, stored values; their mean is shown.
+        camera: as for ``tone_gain``; a row time of 1 shows cycles per row.
+        frequency, gain: of the fitted tone.
+        waveform: ``"tone"`` or ``"square"``, whose fundamental is 4/pi of its mean.
+    """
+    light = linear_light(columns, camera).mean(axis=1)
+    with picture(path, 9.0, 6.5) as figure:
+        top, bottom = figure.subplots(2)
+        _draw_spectrum(top, light, camera, frequency, gain, waveform)
+        _draw_equalized(bottom, light, camera, frequency)
+
+
+def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, frequency: float) -> None:
+    """About 12 cycles of a column, and of it equalised where the exposure is known."""
+    in_rows = camera.row_time == 1.0
+    time = np.arange(light.size) * (1.0 if in_rows else camera.row_time * 1e3)
+    axes.plot(time, light, ".-", color=BLUE, lw=0.8, ms=3, label="column")
+    if camera.exposure:
+        restored = equalize(light, Camera(camera.row_time, camera.exposure), "wiener")
+        axes.plot(time, restored, color=RED, lw=1.1, label="equalised (Wiener)")
+    axes.set(
+        xlabel="row" if in_rows else "time of the row / ms",
+        ylabel="light / DN",
+        title="Column before and after equalisation" if camera.exposure else "Column (its exposure is not known)",
+        xlim=(0.0, _several_cycles(time, frequency * camera.row_time)),
+    )
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=2)
+
+
+def _several_cycles(time: npt.NDArray[Any], cycles_per_row: float) -> float:
+    """The end of the axis: all rows, or as many as hold about 12 cycles."""
+    rows = int(min(time.size - 1, 12.0 / max(cycles_per_row, 1e-9)))  # a NaN shows all rows
+    return float(time[max(rows, 1)]) if time.size > 1 else 1.0
+
+
+def _draw_spectrum(
+    axes: Axes, light: npt.NDArray[np.float64], camera: Camera, frequency: float, gain: float, waveform: str
+) -> None:
+    """Amplitude over mean on a logarithmic scale, through a Hann window that keeps the mean from leaking."""
+    rows = light.size
+    window = np.hanning(rows + 2)[1:-1]
+    length = 4 * rows  # shows the peak between two bins
+    mean = light.mean() if light.mean() > 0.0 else 1.0
+    spectrum = 2.0 * np.abs(np.fft.rfft((light - light.mean()) * window, length)) / (window.sum() * mean)
+    frequencies = np.fft.rfftfreq(length, camera.row_time)
+    in_rows = camera.row_time == 1.0
+    scale = 1.0 if in_rows else 1e-3
+    factor = 4.0 / np.pi if waveform == "square" else 1.0
+    axes.semilogy(frequencies * scale, np.maximum(spectrum / factor, 1e-7), color=BLUE, lw=0.9, label="column")
+    if camera.exposure is not None:
+        response = np.abs(exposure_response(frequencies, camera.exposure))
+        axes.semilogy(
+            frequencies * scale, np.maximum(response, 1e-7), color=BLACK, lw=1.0, ls="--", label="|sinc(f T_e)|"
+        )
+    if np.isfinite(gain):
+        _mark_tone(axes, camera, frequency, gain)
+    axes.set(
+        xlabel="cycles per row" if in_rows else "frequency / kHz",
+        ylabel="gain",
+        title="Spectrum and fitted tone",
+        xlim=(0.0, 0.5 * scale / camera.row_time),
+        ylim=(max(float(np.median(spectrum)) * 0.1, 1e-6), 2.0),
+    )
+    axes.legend(loc="upper right")
+
+
+def _mark_tone(axes: Axes, camera: Camera, frequency: float, gain: float) -> None:
+    """The fitted tone, where the rows show it."""
+    in_rows = camera.row_time == 1.0
+    folded = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5) / camera.row_time
+    label = f"fit: gain {gain:.4f} at " + (f"{frequency:.6g} cycles a row" if in_rows else f"{frequency:.2f} Hz")
+    axes.semilogy([folded * (1.0 if in_rows else 1e-3)], [max(gain, 1e-7)], "o", color=RED, ms=7, label=label)

@@ -1,0 +1,161 @@
+"""The catalogue of limits: each plain method fails as stated, and the library is right, honest or says so."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import pathlib
+import re
+
+import numpy as np
+import pytest
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Flag
+from studies import limits
+from studies.chart.scenes import Scene
+from studies.command import run
+from studies.limits import LIMITS, plain_methods
+from studies.limits.__main__ import limits as command
+from studies.limits.reporting import entry_text
+
+DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "limits.md"
+NAMES = [limit.name for limit in LIMITS]
+ENTRY = {limit.name: limit for limit in LIMITS}
+
+
+@functools.cache
+def points(name):
+    return ENTRY[name].measure()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_plain_method_fails_by_what_is_stated(name):
+    entry = ENTRY[name]
+    spot = entry.point_at_spot(points(name))
+    assert spot.plain >= entry.fails_by
+    assert entry.fails_by > 2 * entry.good or spot.answered(entry) == "flagged"  # a failure, not a matter of taste
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_library_is_right_or_honest_or_says_so(name):
+    entry = ENTRY[name]
+    silent = tuple(point.x for point in points(name) if point.answered(entry) == "silent")
+    assert silent == entry.silent
+    for point in points(name):
+        assert not math.isnan(point.library) or point.flags & entry.flags
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_standard_errors_are_not_blown_up_to_look_honest(name):
+    """Where nothing is flagged, what is told is at most three times what happens, or as good as nothing."""
+    for point in points(name):
+        if not point.flags and point.told > 1e-4:
+            assert point.told < 3 * point.library
+
+
+def test_names_are_unique_and_spots_are_measured():
+    assert len(set(NAMES)) == len(NAMES)
+    for entry in LIMITS:
+        assert entry.point_at_spot(points(entry.name)).x == entry.spot
+
+
+def test_the_document_has_every_entry_in_order_and_word_for_word():
+    text = DOCUMENT.read_text(encoding="utf-8")
+    body = re.search(r"<!-- limits: entries -->\n(.*)\n<!-- limits: end -->", text, re.DOTALL)
+    assert body
+    assert body[1] == "\n\n".join(entry_text(entry) for entry in LIMITS)
+    table = re.search(r"<!-- limits: figures -->\n(.*?)\n<!-- limits: end -->", text, re.DOTALL)
+    assert table
+    assert [line.split(" | ")[0].strip("| ") for line in table[1].splitlines()[2:]] == [e.title for e in LIMITS]
+
+
+def test_command_writes_picture_and_text(tmp_path, monkeypatch, capsys):
+    few = [ENTRY["short"], ENTRY["long-exposure"], ENTRY["null-gain"]]
+    monkeypatch.setattr(limits, "LIMITS", few)
+    text = tmp_path / "text.md"
+    text.write_text("a\n<!-- limits: figures -->\nold\n<!-- limits: end -->\nz\n")
+    arguments = ["--directory", str(tmp_path), "--text", str(text)]
+    assert run(command, [*arguments, "--json"]) == 0
+    facts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [fact["limit"] for fact in facts] == [entry.name for entry in few]
+    assert facts[0]["points"][0]["library"] is None
+    assert facts[0]["points"][0]["answer"] == "flagged"
+    assert (tmp_path / "limits.png").stat().st_size > 5000
+    written = text.read_text()
+    assert "old" not in written
+    assert "UNRESOLVABLE" in written
+    assert "frequency reported lost" in written
+    assert run(command, arguments) == 0
+    assert "picture:" in capsys.readouterr().out
+
+
+# What a sweep does not show.
+
+
+@pytest.mark.parametrize("per_row", [0.5, 1.0, 1.5])
+def test_at_multiples_of_half_the_row_rate_a_sum_reads_anything_and_the_library_nothing(per_row):
+    scene = Scene("half", "", per_row * 720, exposure_cycles=0.25, rows=720, columns=50, noise=0.5)
+    frame = next(scene.frames(1))
+    plain = plain_methods.transform_gain(scene, frame)
+    assert np.abs(plain - scene.gain).max() > 0.8 * scene.gain
+    found = ocisac.tone_gain(frame, scene.camera, scene.frequency)
+    assert np.isnan(found.gain).all()
+    assert (found.flags & Flag.UNRESOLVABLE).all()
+
+
+def test_a_constant_column_has_a_peak_frequency_but_no_tone():
+    column = 100.0 + np.random.default_rng(3).standard_normal((720, 8))
+    plain = plain_methods.peak_frequency(column)
+    assert plain.max() - plain.min() > 0.1  # of the row rate: anything
+    assert ocisac.find_frequency(column, Camera(1.0)).flags & Flag.NO_TONE
+
+
+def test_dark_columns_are_zero_by_zero_and_the_library_says_no_light():
+    scene = Scene("dark", "", 12.0, rows=720, columns=4)
+    dark = np.zeros((720, 4), np.uint8)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(plain_methods.transform_gain(scene, dark)).all()
+    found = ocisac.tone_gain(dark, scene.camera, scene.frequency)
+    assert (found.flags & Flag.NO_LIGHT).all()
+
+
+def test_the_paper_s_method_says_where_it_is_wrong():
+    for cycles, off in ((8.0, False), (8.5, True)):
+        scene = Scene("bin", "", cycles, rows=720, columns=20)
+        found = ocisac.tone_gain(next(scene.frames(1)), scene.camera, scene.frequency, method="dft")
+        assert bool((found.flags & Flag.OFF_BIN).all()) == off
+
+
+@pytest.mark.parametrize("amplitude", [0.4, 2.0, 15.0])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_half_a_step_of_noise_makes_rounding_noise(amplitude, dtype):
+    random = np.random.default_rng(5)
+    u, offset = np.arange(720)[:, None], random.random(500)
+    light = 100 + offset + amplitude * np.cos(2 * np.pi * (12.37 * u / 720 + random.random(500)))
+    for noise, quantised in ((0.0, True), (0.2, True), (0.55, False), (1.0, False)):
+        stored = np.rint(light + noise * random.standard_normal(light.shape))
+        found = ocisac.tone_gain(stored.astype(dtype), Camera(1.0), 12.37 / 720)
+        error = np.sqrt(np.mean((found.gain - amplitude / (100 + offset)) ** 2))
+        flagged = np.mean((found.flags & (Flag.QUANTISED | Flag.WEAK)) != 0)
+        if quantised:
+            assert flagged > 0.9 or error < 1.5 * found.gain_std.mean()
+        else:
+            assert flagged < 0.02
+            assert error == pytest.approx(np.sqrt(np.mean(found.gain_std**2)), rel=0.15)
+        told_nothing = ocisac.tone_gain(stored, Camera(1.0), 12.37 / 720)  # floats need not be whole numbers
+        assert not (told_nothing.flags & Flag.QUANTISED).any()
+
+
+def test_two_sources_at_one_frequency_cannot_be_told_apart():
+    found = ocisac.tone_gain(np.random.default_rng(4).random((720, 3)), Camera(1.0), [0.1, 0.1])
+    assert np.isnan(found.gain).all()
+    assert (found.flags & Flag.UNRESOLVABLE).all()
+
+
+def test_one_and_two_rows_are_answered_with_nothing():
+    for rows in (1, 2):
+        found = ocisac.tone_gain(np.full((rows, 2), 50.0), Camera(1.0), 0.23)
+        assert np.isnan(found.gain).all()
+        assert ocisac.equalize(np.full((rows, 2), 50.0), Camera(1.0, 7.0)) == pytest.approx(50.0)
