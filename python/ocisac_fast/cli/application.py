@@ -13,7 +13,7 @@ import click
 _COMMANDS = {
     "calibrate": "Row time of a camera, from a light of known frequency.",
     "gain": "Gain of a tone in a recording, against theory.",
-    "exposure": "Best exposure time for communication and sensing.",
+    "exposure": "Best exposure time for communication and sensing, or without bands of lights.",
     "locate": "Where the camera is, from lights whose places are known.",
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from ocisac_fast.cli.lights import LIGHTS, SHARE, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.pictures import json_option, plot_option
 from ocisac_fast.cli.units import FREQUENCY, TIME, ParameterType, Quantity
+
+if TYPE_CHECKING:
+    from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight
 
 
 class _Pair(ParameterType):
@@ -27,36 +31,58 @@ class _Pair(ParameterType):
         return tuple(float(self._single.convert(part, param, ctx)) for part in parts)
 
 
-@click.command(short_help="Best exposure time for communication and sensing.")
-@click.option("--comm", type=FREQUENCY, required=True, help="Frequency of the communication tone, f_c.")
-@click.option("--sense", type=FREQUENCY, required=True, help="Frequency of the sensed movement, f_s = f_x v.")
+@click.command(short_help="Best exposure time for communication and sensing, and without bands of lights.")
+@click.option("--comm", type=FREQUENCY, help="Frequency of the communication tone, f_c.")
+@click.option("--sense", type=FREQUENCY, help="Frequency of the sensed motion, f_s = f_x v.")
 @click.option(
     "--method",
     type=click.Choice(["exact", "closed-form", "search"]),
+    metavar="NAME",
     default="exact",
-    show_default=True,
-    help="exact: the optimum; closed-form and search: the paper's algorithm and grid.",
+    help="exact, or the paper's: closed-form, search.",
 )
-@click.option("--weights", type=_Pair(click.FLOAT, "COMM,SENSE"), default="1,1", show_default=True)
-@click.option("--bounds", type=_Pair(TIME, "SHORTEST,LONGEST"), help="Else above 0 and up to 1/min(f_c, f_s).")
-@click.option("--step", type=TIME, help="Grid of exposure times.")
-@plot_option("the objective over the exposure time")
-@click.option("--front", type=click.Path(dir_okay=False), help="Draw communication against sensing (PNG, PDF or SVG).")
+@click.option("--weights", type=_Pair(click.FLOAT, "COMM,SENSE"), default="1,1", help="In the sum; else 1,1.")
+@click.option("--bounds", type=_Pair(TIME, "MIN,MAX"), help="Else 0 to 1/min(f_c, f_s), or to 0.1 s.")
+@click.option("--step", type=TIME, help="Only multiples of it: the row time, say.")
+@click.option("--avoid", type=LIGHTS, help="Lights: 100Hz, 90Hz+-1%, 1kHz:square, 90Hz:0.1, mains.")
+@click.option("--below", type=SHARE, default="2%", help="Most (max-min)/(max+min) of them; else 2%.")
+@click.option("--near", type=TIME, help="The nearest to it instead of the shortest.")
+@click.option("--keep", type=SHARE, help="Least gain of the communication tone.")
+@plot_option("the exposures")
+@click.option("--front", type=click.Path(dir_okay=False), metavar="FILE", help="Draw one aim against the other.")
 @json_option
 def exposure(
-    comm: Quantity,
-    sense: Quantity,
+    comm: Quantity | None,
+    sense: Quantity | None,
     method: Any,
     weights: tuple[float, float],
     bounds: tuple[float, float] | None,
     step: Quantity | None,
+    avoid: tuple[FlickeringLight, ...] | None,
+    below: float,
+    near: Quantity | None,
+    keep: float | None,
     plot: str | None,
     front: str | None,
     as_json: bool,
 ) -> None:
-    """Find the exposure time T with the largest Y(T) = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s)."""
+    """Find the exposure time T with the largest Y = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s), or with --avoid
+    the shortest without bands of other lights; with --comm too that of the largest Y, with --keep the shortest that
+    keeps it.
+    """
+    if avoid is not None:
+        _avoid(comm, sense, method, weights, bounds, step, avoid, below, near, keep, plot, front, as_json)
+        return
     from ocisac_fast.exposure import best_exposure
 
+    for name, value in (("--comm", comm), ("--sense", sense)):
+        if value is None:
+            raise click.UsageError(f"Missing option '{name}'.")
+    for name, given in (("--near", near), ("--keep", keep)):
+        if given is not None:
+            raise click.UsageError(f"{name}: needs --avoid")
+    assert comm is not None
+    assert sense is not None
     best = best_exposure(
         float(comm),
         float(sense),
@@ -79,3 +105,64 @@ def exposure(
         return
     facts = {"exposure": quantity(exposure_time, "s", 7), "objective": quantity(objective, "s", 7), "method": method}
     emit_facts("", facts)
+
+
+def _avoid(
+    comm: Quantity | None,
+    sense: Quantity | None,
+    method: str,
+    weights: tuple[float, float],
+    bounds: tuple[float, float] | None,
+    step: Quantity | None,
+    avoid: tuple[FlickeringLight, ...],
+    below: float,
+    near: Quantity | None,
+    keep: float | None,
+    plot: str | None,
+    front: str | None,
+    as_json: bool,
+) -> None:
+    from ocisac_fast.exposure import flicker_free_exposure
+
+    if method != "exact":
+        raise click.UsageError(f"--method: got {method}, allowed: exact with --avoid")
+    if comm is None and (sense is not None or keep is not None or front is not None):
+        raise click.UsageError("--comm: needed by --sense, --keep and --front")
+    found = flicker_free_exposure(
+        avoid,
+        below,
+        near=None if near is None else float(near),
+        bounds=bounds,
+        step=None if step is None else float(step),
+        f_comm=None if comm is None else float(comm),
+        f_sense=None if sense is None else float(sense),
+        min_gain=keep,
+        weights=weights,
+    )
+    if plot is not None:
+        from ocisac_fast.plots.flicker import plot_modulation
+
+        plot_modulation(plot, avoid, below, found, bounds)
+    if front is not None and comm is not None:
+        from ocisac_fast.plots.flicker import plot_flicker_front
+
+        plot_flicker_front(front, float(comm), avoid, below, found, bounds)
+    _report(found, avoid, as_json)
+
+
+def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_json: bool) -> None:
+    facts: dict[str, Any] = {"exposure_s": found.exposure, "modulation": found.modulation, "holds": found.holds}
+    optional = {"gain": found.gain, "objective": found.objective}
+    facts |= {name: value for name, value in optional.items() if value == value}
+    if as_json:
+        lights = [
+            {"frequency_hz": light.frequency, "frequency_uncertainty_hz": light.uncertainty, "duty": light.duty}
+            | {"modulation": left}
+            for light, left in zip(avoid, found.modulations, strict=True)
+        ]
+        emit_json(facts | {"lights": lights})
+        return
+    told = {"exposure": quantity(found.exposure, "s", 7), "holds": "yes" if found.holds else "no: the best there is"}
+    told |= {f"left of {light_name(light)}": f"{m:.3%}" for light, m in zip(avoid, found.modulations, strict=True)}
+    told |= {name: quantity(facts[name], "s" if name == "objective" else "", 7) for name in optional if name in facts}
+    emit_facts("", told)

@@ -13,4 +13,13 @@ from ocisac_fast.exposure.controller import (
     MeasuredTone as MeasuredTone,
     best_noisy_exposure as best_noisy_exposure,
 )
+from ocisac_fast.exposure.flicker import (
+    FlickerFreeExposure as FlickerFreeExposure,
+    FlickerFront as FlickerFront,
+    FlickeringLight as FlickeringLight,
+    exposure_modulation as exposure_modulation,
+    flicker_free_exposure as flicker_free_exposure,
+    flicker_front as flicker_front,
+    mains_lights as mains_lights,
+)
 from ocisac_fast.exposure.fronts import ExposureFront as ExposureFront, exposure_front as exposure_front

@@ -60,10 +60,10 @@ def exposure_front(
     exposure = np.linspace(low, high, points)
     noise = np.sqrt(1.0 + exposure / noise_exposure)
     comm, sense = (exposure * np.abs(np.sinc(f * exposure)) / noise for f in (f_comm, f_sense))
-    return ExposureFront(exposure, comm, sense, _efficient(comm, sense))
+    return ExposureFront(exposure, comm, sense, efficient_points(comm, sense))
 
 
-def _efficient(first: Float64s, second: Float64s) -> npt.NDArray[np.bool_]:
+def efficient_points(first: Float64s, second: Float64s) -> npt.NDArray[np.bool_]:
     """Points of which no other is as large in one and larger in the other."""
     order = np.lexsort((-second, -first))  # the largest of the first, among equals the largest of the second
     best = np.maximum.accumulate(second[order])

@@ -14,6 +14,7 @@ from ocisac_fast.cleaning.bands import CleanedFrames, Mark
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.exposure.choice import BestExposure
 from ocisac_fast.exposure.controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
+from ocisac_fast.exposure.flicker import FlickerFreeExposure, FlickeringLight
 from ocisac_fast.exposure.fronts import ExposureFront, exposure_front
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 from ocisac_fast.lights.location import Location, locate_camera
@@ -41,6 +42,7 @@ from ocisac_fast.reference.detection import detect_chips, detector_error_rates
 from ocisac_fast.reference.equalization import equalize, lost_frequencies
 from ocisac_fast.reference.exposure_choice import best_exposure, exposure_objective
 from ocisac_fast.reference.exposure_controller import ExposureController, best_noisy_exposure
+from ocisac_fast.reference.exposure_flicker import exposure_modulation, flicker_free_exposure
 from ocisac_fast.reference.exposure_response import exposure_response
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
 from ocisac_fast.reference.fsk import fsk_demodulate, fsk_symbol_error_rate
@@ -82,6 +84,8 @@ __all__ = [
     "ExposureReason",
     "ExposureSuggestion",
     "Flag",
+    "FlickerFreeExposure",
+    "FlickeringLight",
     "FoundFrequency",
     "FskFrame",
     "FskReceiver",
@@ -132,12 +136,14 @@ __all__ = [
     "exact_scene",
     "expose_chips",
     "exposure_front",
+    "exposure_modulation",
     "exposure_objective",
     "exposure_response",
     "find_channel",
     "find_frequency",
     "find_preamble",
     "fit_channel",
+    "flicker_free_exposure",
     "fsk_demodulate",
     "fsk_symbol_error_rate",
     "fsk_transmit",

@@ -1,0 +1,25 @@
+"""The pictures of docs/exposure.md about flickering lights: ``python bench/flicker.py [-o docs]``."""
+
+from __future__ import annotations
+
+import argparse
+import pathlib
+
+from ocisac_fast.exposure import flicker_free_exposure, mains_lights
+from ocisac_fast.plots.flicker import plot_flicker_front, plot_modulation
+
+_DATA_LIGHT = 35.0  # Hz; slow enough for exposures of 50 ms
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--directory", type=pathlib.Path, default=pathlib.Path("docs"))
+    directory = parser.parse_args().directory
+    mains = mains_lights()
+    plot_modulation(directory / "exposure-bands.png", mains, 0.02, flicker_free_exposure(mains, 0.02))
+    kept = flicker_free_exposure(mains, 0.02, f_comm=_DATA_LIGHT, min_gain=0.1)
+    plot_flicker_front(directory / "exposure-bands-front.png", _DATA_LIGHT, mains, 0.02, kept)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""Pictures of flickering lights under an exposure."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+
+from ocisac_fast.exposure.flicker import (
+    LONGEST_EXPOSURE,
+    FlickerFreeExposure,
+    FlickeringLight,
+    exposure_modulation,
+    flicker_front,
+)
+from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, RED, SKY, picture
+
+_COLOURS = (BLUE, ORANGE, GREEN, SKY)
+
+
+def plot_modulation(
+    path: str | os.PathLike[str],
+    lights: Sequence[FlickeringLight],
+    below: float,
+    found: FlickerFreeExposure,
+    bounds: tuple[float, float] | None = None,
+) -> None:
+    """Modulation of each light over the exposure, the bound, and the exposure that was found.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        lights, below, bounds: as for ``flicker_free_exposure``.
+        found: its answer.
+    """
+    low, high = bounds or (0.0, LONGEST_EXPOSURE)
+    exposure = np.linspace(low, high, 4001)
+    with picture(path, 8.0, 4.2) as figure:
+        axes = figure.subplots()
+        for k, light in enumerate(lights):
+            kind = "tone" if light.duty is None else f"PWM, duty {light.duty:g}"
+            label = f"{light.frequency:g} ± {light.uncertainty:g} Hz, {kind}"
+            axes.plot(exposure * 1e3, exposure_modulation(light, exposure), lw=1.1, color=_COLOURS[k % 4], label=label)
+        axes.axhline(below, color=RED, lw=1.0, ls="--", label=f"bound {below:.3g}")
+        axes.plot(found.exposure * 1e3, found.modulation, "o", color=RED, label=f"{found.exposure * 1e3:.4f} ms")
+        axes.set(xlabel="exposure time / ms", ylabel="modulation left", yscale="log", ylim=(below / 20.0, 1.1))
+        axes.legend(loc="lower left", fontsize=8)
+
+
+def plot_flicker_front(
+    path: str | os.PathLike[str],
+    f_comm: float,
+    lights: Sequence[FlickeringLight],
+    below: float,
+    found: FlickerFreeExposure,
+    bounds: tuple[float, float] | None = None,
+) -> None:
+    """Gain of the data light against the modulation that is left of the others, over all exposures.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        f_comm, lights, below, bounds: as for ``flicker_free_exposure``.
+        found: its answer.
+    """
+    front = flicker_front(f_comm, lights, bounds)
+    best = front.efficient
+    order = np.argsort(front.modulation[best])
+    with picture(path, 6.0, 5.0) as figure:
+        axes = figure.subplots()
+        axes.plot(front.modulation, front.gain, ".", ms=1.0, color=SKY, label="all exposures")
+        axes.plot(front.modulation[best][order], front.gain[best][order], ".-", ms=4, color=GREEN, label="efficient")
+        axes.axvline(below, color=RED, lw=1.0, ls="--", label=f"bound {below:.3g}")
+        axes.plot(found.modulation, found.gain, "o", color=RED, label=f"{found.exposure * 1e3:.4f} ms")
+        axes.set(
+            xlabel="largest modulation of the lights to avoid",
+            ylabel=f"gain at {f_comm:g} Hz",
+            xscale="log",
+            xlim=(below / 50.0, 1.1),
+        )
+        axes.legend(loc="upper left", fontsize=8)
