@@ -3,11 +3,14 @@
 import contextlib
 import io
 import os
+import re
+import stat
 import struct
 import subprocess
 import sys
 import warnings
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import numpy as np
@@ -236,7 +239,7 @@ def test_deep_pictures_with_alpha_keep_sixteen_bits(tmp_path, pixels, channels):
     assert np.array_equal(read_frames(tmp_path / "p.png").frames[0], values[..., :-1].squeeze())
 
 
-def test_npy_is_mapped_and_its_shapes_are_understood(tmp_path):
+def test_npy_is_read_frame_by_frame_and_its_shapes_are_understood(tmp_path):
     path = tmp_path / "a.npy"
     for shape, want in [((5,), (1, 5, 1)), ((5, 4), (1, 5, 4)), ((3, 5, 4), (3, 5, 4)), ((2, 5, 4, 3), (2, 5, 4, 3))]:
         values = random_frames(shape, np.float64)
@@ -244,8 +247,83 @@ def test_npy_is_mapped_and_its_shapes_are_understood(tmp_path):
         recording = read_frames(path)
         assert recording.frames.shape == want
         assert np.array_equal(recording.frames.reshape(shape), values)
-    with open_recording(path) as stream:
-        assert isinstance(next(iter(stream)), np.memmap)
+    np.save(path, np.asfortranarray(values))
+    assert np.array_equal(read_frames(path).frames, values)
+
+
+def test_npy_that_is_cut_short_while_it_is_read_is_refused(tmp_path):
+    """In a child: of a mapped file, the pages that are gone would end the process."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.zeros((8, 512, 512), np.uint8))
+    code = f"""
+import os
+from ocisac_fast.files import FileError, open_recording
+with open_recording({str(path)!r}) as stream:
+    frames = iter(stream)
+    print(next(frames).sum())
+    os.truncate({str(path)!r}, 1000)
+    try:
+        print(sum(frame.sum() for frame in frames))
+    except FileError as error:
+        print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    first, last = done.stdout.splitlines()
+    assert first == "0"
+    assert re.search(r"a\.npy: truncated", last)
+
+
+PEAK = """
+import sys
+from ocisac_fast.files import FileError, read_frames
+
+def peak():
+    status = open("/proc/self/status").read()
+    return int(status.split("VmHWM:")[1].split()[0])
+
+read_frames(sys.argv[1])  # small, and all that is imported
+before = peak()
+try:
+    read_frames(sys.argv[2], most_bytes=int(sys.argv[3]))
+except FileError as error:
+    print(error)
+print(peak() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
+@pytest.mark.parametrize("compression", ["raw", "tiff_deflate"])
+def test_pages_of_a_tiff_are_held_once(tmp_path, compression):
+    """Peak memory: the frames, the file and one page; of more than is allowed, what is allowed."""
+    path = tmp_path / "pages.tif"
+    page = np.zeros((5000, 5000), np.uint8)
+    images = [image_module.fromarray(page) for _ in range(6)]
+    small = tmp_path / "small.tif"
+    images[0].crop((0, 0, 8, 8)).save(small, "TIFF", compression=compression)
+    images[0].save(path, "TIFF", compression=compression, save_all=True, append_images=images[1:])
+    limits = {4 << 30: len(images), 4 * page.nbytes: 4}
+    for most_bytes, kept in limits.items():
+        done = subprocess.run(
+            [sys.executable, "-c", PEAK, small, path, str(most_bytes)], capture_output=True, text=True, check=True
+        )
+        *told, peak = done.stdout.splitlines()
+        assert len(told) == (kept < len(images))
+        allowed = kept * page.nbytes + path.stat().st_size + page.nbytes + (32 << 20)  # Pillow's blocks
+        assert int(peak) * 1024 < allowed, (peak, allowed)
+
+
+def test_interlaced_video_is_refused(tmp_path):
+    path = tmp_path / "fields.mkv"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg2video", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+        stream.options = {"flags": "+ildct+ilme", "field_order": "tt"}
+        for _ in range(3):
+            frame = av.VideoFrame.from_ndarray(random_frames((96, 64), np.uint8), format="yuv420p")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    with pytest.raises(FileError, match=r"fields\.mkv: interlaced: .*separatefields"):
+        read_frames(path)
 
 
 def damaged_files():
@@ -414,6 +492,71 @@ def test_a_file_is_written_with_the_usual_permissions(tmp_path):
     finally:
         os.umask(before)
     assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
+
+
+def test_what_a_link_points_to_is_written(tmp_path):
+    (tmp_path / "there").mkdir()
+    target, link, dangling = tmp_path / "there" / "real.npy", tmp_path / "link.npy", tmp_path / "dangling.npy"
+    target.write_bytes(b"before")
+    target.chmod(0o604)
+    link.symlink_to(target)
+    dangling.symlink_to(tmp_path / "there" / "new.npy")
+    frames = random_frames((2, 3, 4), np.uint8)
+    for path in (link, dangling):
+        write_frames(path, frames)
+        assert path.is_symlink()
+        assert np.array_equal(read_frames(path).frames, frames)
+    assert target.stat().st_mode & 0o777 == 0o604
+    assert sorted(os.listdir(tmp_path / "there")) == ["new.npy", "real.npy"]
+    loop = tmp_path / "loop.npy"
+    loop.symlink_to(loop)
+    with pytest.raises(OSError, match="symbolic links"):
+        write_frames(loop, frames)
+    assert loop.is_symlink()
+
+
+def test_what_is_no_file_gets_the_bytes(tmp_path):
+    fifo = tmp_path / "frames.npy"
+    os.mkfifo(fifo)
+    frames = random_frames((2, 30, 40), np.uint8)
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit(fifo.read_bytes)
+        write_frames(fifo, frames)
+        assert np.array_equal(np.load(io.BytesIO(read.result(10))), frames)
+    assert stat.S_ISFIFO(fifo.stat().st_mode)
+    with atomic_path("/dev/null") as temporary:
+        temporary.write_text("gone")
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+    with pytest.raises(IsADirectoryError), atomic_path(tmp_path):
+        pass
+    assert os.listdir(tmp_path) == [fifo.name]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everything")
+def test_a_file_that_may_not_be_written_is_refused(tmp_path):
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"before")
+    path.chmod(0o400)
+    with pytest.raises(PermissionError):
+        write_frames(path, np.zeros((4, 4), np.uint8))
+    assert path.read_bytes() == b"before"
+
+
+@pytest.mark.parametrize("mode", [0o400, 0o640, 0o755])
+def test_a_file_keeps_its_mode(tmp_path, mode):
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"before")
+    path.chmod(mode)
+    with contextlib.suppress(PermissionError):
+        write_frames(path, np.zeros((4, 4), np.uint8))
+    assert path.stat().st_mode & 0o777 == mode
+
+
+@pytest.mark.parametrize("length", [251, 252, 255])
+def test_the_longest_names_can_be_written(tmp_path, length):
+    path = tmp_path / ("n" * (length - 4) + ".npy")
+    write_frames(path, np.zeros((4, 4), np.uint8))
+    assert os.listdir(tmp_path) == [path.name]
 
 
 def test_reading_never_warns_of_large_pictures(tmp_path):

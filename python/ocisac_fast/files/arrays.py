@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,18 +21,21 @@ MAGIC = b"\x93NUMPY"
 
 
 def open_array(path: Path) -> RecordingStream:
-    """The frames of a .npy file, mapped into memory.
+    """The frames of a .npy file, read as they are asked for.
 
     (rows,) is one column, (rows, columns) one frame, (frames, rows, columns) several and
-    (frames, rows, columns, channels) several in colour. Pickled objects are refused.
+    (frames, rows, columns, channels) several in colour. Pickled objects are refused. The file is read, not mapped: a
+    mapped file that another process cuts short ends this one (SIGBUS).
     """
-    with path.open("rb") as stream:
-        header = _read_header(stream)
-        size, need = path.stat().st_size, stream.tell() + header.bytes
-    if need > size:
-        raise FileError(f"truncated: {size} bytes, its header announces {need}")
-    array = np.load(path, mmap_mode="r", allow_pickle=False)
-    return RecordingStream.of_array(_as_frames(array), "array", LightResponse())
+    with contextlib.ExitStack() as opened:
+        file = opened.enter_context(path.open("rb"))
+        header = _read_header(file)
+        size, need = os.fstat(file.fileno()).st_size, file.tell() + header.bytes
+        if need > size:
+            raise FileError(f"truncated: {size} bytes, its header announces {need}")
+        opened.pop_all()
+    count = header.shape[0] if len(header.shape) > 2 else 1
+    return RecordingStream(_array_frames(file, header), "array", LightResponse(), frame_count=count, close=file.close)
 
 
 def stream_arrays(file: BinaryIO) -> RecordingStream:

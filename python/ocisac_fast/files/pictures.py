@@ -5,9 +5,11 @@ Pillow reads them, but reduces colour of 16 bits to 8: those pictures are decode
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 FORMATS = ("PNG", "JPEG", "TIFF", "PPM", "BMP", "WEBP")
 _PNM_HEADER = re.compile(rb"P([56])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
 _TIFF_BITS_PER_SAMPLE = 258
+_BAND_PIXELS = 1 << 20
 
 
 def is_picture(head: bytes) -> bool:
@@ -40,9 +43,14 @@ def open_picture(source: Path | bytes) -> RecordingStream:
     data = source.read_bytes() if isinstance(source, Path) else source
     if data[:2] in (b"P5", b"P6"):
         frames, response = _binary_pnm(data)
-    else:
-        frames, response = _picture(data)
-    return RecordingStream.of_array(frames, "picture", response)
+        return RecordingStream.of_array(frames, "picture", response)
+    if data[:4] == b"\x89PNG" and b"IEND" not in data:
+        raise FileError("truncated: PNG without its end")
+    with _refusals():
+        image = pillow().open(io.BytesIO(data), formats=FORMATS)
+        response = response_of_picture(image)
+        pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
+    return RecordingStream(_frames(image, data, pages), "picture", response, frame_count=pages, close=image.close)
 
 
 def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
@@ -64,16 +72,14 @@ def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
     return native, LightResponse(white_level=float(largest), told_by="PNM header")
 
 
-def _picture(data: bytes) -> tuple[Frame, LightResponse]:
+@contextlib.contextmanager
+def _refusals() -> Iterator[None]:
+    """Pillow's errors as those of a file."""
     image_module = pillow()
-    if data[:4] == b"\x89PNG" and b"IEND" not in data:
-        raise FileError("truncated: PNG without its end")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # large pictures are what cameras make; Pillow still refuses absurd ones
-            with image_module.open(io.BytesIO(data), formats=FORMATS) as image:
-                response = response_of_picture(image)
-                return _pages(image, data), response
+            yield
     except image_module.DecompressionBombError as error:
         raise FileError("absurd size: more pixels than any camera has") from error
     except image_module.UnidentifiedImageError as error:
@@ -84,24 +90,42 @@ def _picture(data: bytes) -> tuple[Frame, LightResponse]:
         raise FileError(f"truncated or damaged picture ({' '.join(str(error).split())})") from error
 
 
-def _pages(image: Image, data: bytes) -> Frame:
-    pages = []
-    for page in range(getattr(image, "n_frames", 1) if image.format == "TIFF" else 1):
+def _frames(image: Image, data: bytes, pages: int) -> Iterator[Frame]:
+    """One page at a time: of many, memory holds those alone that the caller keeps."""
+    for page in range(pages):
+        yield _page(image, data, page, pages)
+
+
+def _page(image: Image, data: bytes, page: int, pages: int) -> Frame:
+    with _refusals():
         if page:
             image.seek(page)
         image.load()  # decodes all of it: FFmpeg below would fill in what a truncated file lacks
-        pages.append(_pixels(image))
-        if pages[-1].shape != pages[0].shape:
-            raise FileError(f"page {page} is {pages[-1].shape} after pages of {pages[0].shape}")
-    if _is_deep_colour(image, data):
-        if len(pages) > 1:
+        deep = _is_deep_colour(image, data)
+        if deep and pages > 1:
             raise FileError("several pages of 16-bit colour, allowed: one")
-        return _deep_colour(data)[np.newaxis]
-    return np.stack(pages)
+        frame = _deep_colour(data) if deep else _pixels(image)
+        if page == pages - 1:
+            image.close()
+        return frame
 
 
 def _pixels(image: Image) -> Frame:
-    """Values of a loaded picture, without alpha; a palette becomes colours."""
+    """Values of a loaded picture, taken a band of rows at a time: Pillow copies twice what it gives out."""
+    width, height = image.size
+    step = max(_BAND_PIXELS // width, 1)
+    bands = (image.crop((0, top, width, min(top + step, height))) for top in range(0, height, step))
+    values: Frame = np.empty(0)
+    for index, band in enumerate(bands):
+        part = _values(band, image.format)
+        if index == 0:
+            values = np.empty((height, *part.shape[1:]), part.dtype)
+        values[index * step : index * step + len(part)] = part
+    return values
+
+
+def _values(image: Image, kind: str | None) -> Frame:
+    """Without alpha; a palette becomes colours."""
     mode = image.mode
     if mode == "1":
         image = image.convert("L")
@@ -112,7 +136,7 @@ def _pixels(image: Image) -> Frame:
     elif mode not in ("L", "RGB", "F", "I", "I;16", "I;16B", "I;16L", "I;16N"):
         raise FileError(f"picture of mode {mode}, allowed: grey or RGB")
     values = np.asarray(image)
-    if mode == "I" and image.format in ("PNG", "PPM"):  # older Pillows hold 16 bits in 32
+    if mode == "I" and kind in ("PNG", "PPM"):  # older Pillows hold 16 bits in 32
         values = values.astype(np.uint16)
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 

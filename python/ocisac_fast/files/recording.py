@@ -90,7 +90,7 @@ class RecordingStream:
 
     @classmethod
     def of_array(cls, frames: Frame, kind: str, response: LightResponse) -> RecordingStream:
-        """Frames (frames, rows, columns[, channels]) that are in memory, or mapped into it, already."""
+        """Frames (frames, rows, columns[, channels]) that are in memory already."""
         return cls(iter(frames), kind, response, frame_count=len(frames))
 
     def map_frames(self, function: Callable[[Iterator[Frame]], Iterator[Frame]]) -> RecordingStream:
@@ -114,21 +114,35 @@ class RecordingStream:
         self._cleanup.close()
 
     def read(self, most_bytes: int) -> Recording:
-        """All frames that are left.
+        """All frames that are left; beside them, memory holds one frame at a time.
 
         Raises:
-            FileError: no frame, frames of different shapes, or more than ``most_bytes`` of them.
+            FileError: no frame, frames of different shapes or types, or more than ``most_bytes`` of them.
         """
-        frames: list[Frame] = []
-        size = 0
+        whole: Frame = np.empty(0)
+        count = 0
         for frame in self:
-            size += frame.nbytes
-            if size > most_bytes:
+            if (count + 1) * frame.nbytes > most_bytes:
                 raise FileError(f"more than {most_bytes >> 20} MiB of frames, read it frame by frame")
-            if frames and frame.shape != frames[0].shape:
-                raise FileError(f"frame {len(frames)} is {frame.shape} after frames of {frames[0].shape}")
-            frames.append(frame)
-        if not frames:
+            if count == 0:
+                whole = frame[np.newaxis]
+            elif frame.shape != whole.shape[1:]:
+                raise FileError(f"frame {count} is {frame.shape} after frames of {whole.shape[1:]}")
+            elif frame.dtype != whole.dtype:
+                raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
+            elif count == 1:  # pages of the array count once they are written: what is announced may not come
+                announced = min(self.frame_count or 2, most_bytes // frame.nbytes)
+                first, whole = whole, np.empty((max(announced, 2), *frame.shape), frame.dtype)
+                whole[0], whole[1] = first[0], frame
+                del first
+            else:
+                if count == len(whole):
+                    whole.resize((count + 1, *frame.shape), refcheck=False)  # moves no data where it is large
+                whole[count] = frame
+            count += 1
+            del frame  # before the next one is made
+        if count == 0:
             raise FileError("no frame in it")
-        whole = frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames)
+        if count < len(whole):
+            whole.resize((count, *whole.shape[1:]), refcheck=False)
         return Recording(whole, self.kind, self.response, self.frame_rate)

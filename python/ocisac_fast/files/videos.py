@@ -22,6 +22,10 @@ _LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp|gray|nv\d\d|[py][024]1[026](le|be)$")
 _PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}  # first of every second byte
 _UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and its kin keep their bits at the top of a word
 _FULL_RANGE = 2
+_INTERLACED = (
+    "interlaced: the rows of a frame are of two times, allowed: progressive frames (ffmpeg -vf separatefields: each "
+    "field a frame of twice the row time; -vf setfield=prog: where the mark is wrong)"
+)
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MOST_PIXELS = 1 << 28
 
@@ -153,6 +157,8 @@ def _frames(av: Any, container: Any, stream: Any, name: str, values: Callable[[A
             if frame.is_corrupt:
                 damaged += 1
                 continue
+            if frame.interlaced_frame:
+                raise FileError(_INTERLACED)
             count += 1
             if frame.pts is not None and frame.time_base:
                 end = float(frame.pts * frame.time_base)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import secrets
+import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -19,26 +22,52 @@ from ocisac_fast.files.recording import FileError, Frame
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF"}
 _VIDEOS = {".mkv": "ffv1", ".mp4": "libx264"}
 _FULL_RANGE, _LINEAR_TRANSFER = 2, 8
+_MAX_SUFFIX = 16  # bytes; longer ones are of no kind of file that is written
 
 
 @contextlib.contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A temporary path beside ``path`` with the same suffix, renamed to it on success and removed on an error."""
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(target.parent))
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
-    os.close(handle)
-    temporary = Path(name)
+    """A temporary path with the suffix of ``path``, which takes its place on success and is removed on an error.
+
+    Links are written through. A file that is there keeps its mode and, where that is allowed, its owner; one that may
+    not be written is refused. What is no file, such as a FIFO or a device, gets the bytes once they are whole.
+    """
+    target = Path(os.path.realpath(path))
+    there = _status(Path(path))
+    if there is not None and stat.S_ISDIR(there.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
+    if there is not None and not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.fspath(path))
+    is_file = there is None or stat.S_ISREG(there.st_mode)
+    folder = target.parent if is_file else Path(tempfile.gettempdir())
+    if not folder.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(Path(path).parent))
+    suffix = Path(path).suffix
+    # Short, whatever the length of the name; created as open() does, so that the umask holds for new files.
+    temporary = folder / f".{secrets.token_hex(8)}{suffix if len(os.fsencode(suffix)) <= _MAX_SUFFIX else ''}"
+    os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if there else 0o666))
     try:
         yield temporary
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
+        if not is_file:
+            with temporary.open("rb") as whole, open(path, "wb") as sink:
+                shutil.copyfileobj(whole, sink)
+            temporary.unlink()
+            return
+        if there is not None:
+            with contextlib.suppress(PermissionError):
+                os.chown(temporary, there.st_uid, there.st_gid)
+            temporary.chmod(stat.S_IMODE(there.st_mode))
         temporary.replace(target)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def _status(path: Path) -> os.stat_result | None:
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        return None
 
 
 def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], frame_rate: float = 30.0) -> None:
