@@ -635,3 +635,54 @@ def test_an_interrupt_is_quiet(tmp_path):
         child.kill()
     assert (child.returncode, out, err) == (130, b"", b"")
     assert list(tmp_path.iterdir()) == []
+
+
+def command_line(*arguments, **environment):
+    code = "import sys; from ocisac_fast.cli import main; sys.exit(main())"
+    return [sys.executable, "-c", code, *map(str, arguments)], {**os.environ, **environment}
+
+
+def test_sigterm_leaves_no_half_file(tmp_path):
+    size = ("--rows", 480, "--columns", 640, "--frames", 100_000)
+    command, environment = command_line(
+        "simulate", "--frequency", "500Hz", *TESTBED, *size, "-o", tmp_path / "long.mkv"
+    )
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
+        deadline = time.monotonic() + 60
+        while not any(path.stat().st_size > 0 for path in tmp_path.iterdir()) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert list(tmp_path.iterdir()), "the recording has begun"
+        child.terminate()
+        out, err = child.communicate(timeout=60)
+    assert (child.returncode, out, err) == (143, b"", b"")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
+def test_a_file_name_that_is_no_utf8_leaves_json_valid(tmp_path):
+    name = os.fsencode(tmp_path) + b"/lamp\xff.png"
+    write_frames(os.fsdecode(name), np.zeros((64, 48), np.uint8))
+    command, environment = command_line("receive", "--row-time", "22.2us", "--json", PYTHONUTF8="1")
+    done = subprocess.run([*command, name], env=environment, capture_output=True, check=True)
+    text = done.stdout.decode("utf-8")  # strict
+    assert "lamp\ufffd.png" in text or "lamp" not in text
+    assert plain({"file\udcff": ["\udcff"]}) == {"file\ufffd": ["\ufffd"]}
+    command, environment = command_line(
+        "gain", name.decode("utf-8", "surrogateescape") + "\x1b[2J", "--row-time", "1us", "--frequency", "1Hz"
+    )
+    done = subprocess.run(command, env=environment, capture_output=True)
+    assert done.returncode == 2
+    assert b"\\udcff.png\\x1b[2J" in done.stderr
+
+
+def test_standard_output_may_be_ascii(square, facts):
+    path = square("s.png")
+    wanted = facts("gain", path, "--frequency", "500Hz", *TESTBED)
+    for options, lines in ((), 3), (("--json",), 1):
+        command, environment = command_line(
+            "gain", path, "--frequency", "500Hz", *TESTBED, *options, PYTHONIOENCODING="ascii"
+        )
+        done = subprocess.run(command, env=environment, capture_output=True)
+        assert (done.returncode, done.stderr) == (0, b"")
+        assert len(done.stdout.decode("ascii").splitlines()) >= lines
+    assert json.loads(done.stdout) == wanted[0]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
+import signal
 import sys
 import warnings
 from typing import Any
 
 import click
+
+from ocisac_fast.cli.text import one_line, write_any_text
 
 _COMMANDS = {
     "calibrate": "Row time of a camera, from a light of known frequency.",
@@ -67,6 +71,27 @@ def ocisac(ctx: click.Context) -> None:
 def run(arguments: list[str], command: click.Command = ocisac) -> int:
     """Run a command; errors as one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
     warnings.showwarning = _warn
+    write_any_text()
+    terminate = signal.getsignal(signal.SIGTERM)
+    with contextlib.suppress(ValueError):  # not the main thread: signals are not ours
+        if terminate == signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, _stop)
+    try:
+        return _run(arguments, command)
+    finally:
+        with contextlib.suppress(ValueError):
+            signal.signal(signal.SIGTERM, terminate)
+
+
+class _Terminated(BaseException):
+    """SIGTERM: what is half written is removed on the way out."""
+
+
+def _stop(*_: Any) -> None:
+    raise _Terminated
+
+
+def _run(arguments: list[str], command: click.Command) -> int:
     try:
         with command.make_context(command.name, list(arguments)) as context:
             command.invoke(context)
@@ -78,6 +103,8 @@ def run(arguments: list[str], command: click.Command = ocisac) -> int:
         return _fail(command, error.format_message())
     except (KeyboardInterrupt, click.Abort):
         return 130
+    except _Terminated:
+        return 143
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the last flush has somewhere to go
         return 141
@@ -91,9 +118,9 @@ def run(arguments: list[str], command: click.Command = ocisac) -> int:
 
 
 def _fail(command: click.Command, message: str) -> int:
-    print(f"{command.name}:", " ".join(message.split()), file=sys.stderr)
+    print(f"{command.name}:", one_line(message), file=sys.stderr)
     return 2
 
 
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
-    print("ocisac: warning:", " ".join(str(message).split()), file=sys.stderr)
+    print("ocisac: warning:", one_line(str(message)), file=sys.stderr)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import json
 import math
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
@@ -12,26 +13,34 @@ from typing import Any, TypeVar
 import click
 import numpy as np
 
+from ocisac_fast.cli.text import is_utf8
+
+_SURROGATES = re.compile("[\ud800-\udfff]")  # how Python holds the bytes of a file name that are no UTF-8
 _UNBROKEN = 20_000  # columns of output that is not a terminal: lines stay whole
 _Item = TypeVar("_Item")
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON knows it: NumPy's types become Python's, what is not finite becomes None."""
+    """The value as JSON knows it: NumPy's types become Python's, what is not finite None.
+
+    Bytes of a file name that are no UTF-8 become U+FFFD.
+    """
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {plain(str(key)): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
         return [plain(item) for item in value]
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
+    if isinstance(value, str):
+        return _SURROGATES.sub("\ufffd", value)
     return value
 
 
 def emit_json(record: Mapping[str, Any]) -> None:
     """One JSON object on a line of standard output."""
-    click.echo(json.dumps(plain(record), allow_nan=False, ensure_ascii=False))
+    click.echo(json.dumps(plain(record), allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)))
 
 
 def emit_facts(title: str, facts: Mapping[str, str]) -> None:
