@@ -78,12 +78,12 @@ py::object bounds(const Vector& chips, std::ptrdiff_t first, double rows_per_chi
 }
 
 py::list find(const Vector& signal, const Vector& preamble, double rows_per_chip, double tolerance,
-              std::optional<double> exposure, double longest_exposure, std::size_t most) {
+              std::optional<double> exposure, double longest_exposure, std::size_t max_matches) {
   std::vector<PreambleMatch> matches;
   {
     const auto rows = view(signal), levels = view(preamble);
     const py::gil_scoped_release unlocked;
-    matches = find_preamble(rows, levels, {rows_per_chip, tolerance, exposure, longest_exposure, most});
+    matches = find_preamble(rows, levels, {rows_per_chip, tolerance, exposure, longest_exposure, max_matches});
   }
   py::list list;
   for (const auto& match : matches)
@@ -183,7 +183,7 @@ void register_channel(py::module_& module) {
   module.def("clock_bounds", &bounds, arg("chips"), arg("first"), arg("rows_per_chip"), arg("phase"), arg("exposure"),
              arg("swing"), arg("noise"), arg("dark_degree"), arg("swing_degree"), arg("exposure_known"));
   module.def("find_preamble", &find, arg("signal"), arg("preamble"), arg("rows_per_chip"), arg("tolerance"),
-             arg("exposure"), arg("longest_exposure"), arg("most"));
+             arg("exposure"), arg("longest_exposure"), arg("max_matches"));
   module.def("chip_likelihoods", &likelihoods, arg("rows"), arg("rows_per_chip"), arg("phase"), arg("exposure"),
              arg("noise"), arg("first"), arg("count"), arg("method"));
   module.def("closest_pair_distance", &closest_pair_distance, arg("rows_per_chip"), arg("exposure"));

@@ -19,14 +19,14 @@ namespace {
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 struct ToneTable {
-  std::array<MeasuredTone, most_weighted_tones> tones;
+  std::array<MeasuredTone, max_weighted_tones> tones;
   std::size_t count = 0;
 };
 
 // (tones, 6): frequency, 1 for sensing, share, snr, gain, gain_std
 ToneTable measured_tones(const Doubles& table) {
   ToneTable read;
-  require(table.shape(0) <= static_cast<py::ssize_t>(most_weighted_tones), "tones", table.shape(0), "at most 32");
+  require(table.shape(0) <= static_cast<py::ssize_t>(max_weighted_tones), "tones", table.shape(0), "at most 32");
   for (py::ssize_t i = 0; i < table.shape(0); ++i)
     read.tones[read.count++] = {table.at(i, 0), table.at(i, 1) != 0 ? ToneKind::sensing : ToneKind::communication,
                                 table.at(i, 2), table.at(i, 3),
@@ -45,12 +45,12 @@ py::tuple update(Shared<ExposureController>& controller, const Doubles& table, d
                         s.noise_exposure, s.level, s.reasons);
 }
 
-std::array<WeightedTone, most_weighted_tones> weighted_tones(const Doubles& frequencies, const Doubles& weights) {
-  require(frequencies.ndim() == 1 && frequencies.size() <= static_cast<py::ssize_t>(most_weighted_tones), "frequencies",
+std::array<WeightedTone, max_weighted_tones> weighted_tones(const Doubles& frequencies, const Doubles& weights) {
+  require(frequencies.ndim() == 1 && frequencies.size() <= static_cast<py::ssize_t>(max_weighted_tones), "frequencies",
           std::to_string(frequencies.size()) + " values", "1 to 32 in one dimension");
   require(weights.ndim() == 1 && weights.size() == frequencies.size(), "weights",
           std::to_string(weights.size()) + " values", "one a frequency, here " + std::to_string(frequencies.size()));
-  std::array<WeightedTone, most_weighted_tones> tones{};
+  std::array<WeightedTone, max_weighted_tones> tones{};
   for (py::ssize_t i = 0; i < frequencies.size(); ++i)
     tones[static_cast<std::size_t>(i)] = {frequencies.at(i), weights.at(i)};
   return tones;
@@ -71,7 +71,7 @@ py::tuple run_best_noisy_exposure(const Doubles& frequencies, const Doubles& wei
 Shared<ExposureController> make_controller(double shortest, double longest, double step, double lowest_gain,
                                            double highest_gain, double comm_weight, double sense_weight,
                                            double hysteresis, double level_floor, double level_aim,
-                                           double level_ceiling, double most_saturated, double least_snr,
+                                           double level_ceiling, double max_saturated, double min_snr,
                                            double noise_level) {
   return Shared(ExposureController({{shortest, longest, step},
                                     lowest_gain,
@@ -82,8 +82,8 @@ Shared<ExposureController> make_controller(double shortest, double longest, doub
                                     level_floor,
                                     level_aim,
                                     level_ceiling,
-                                    most_saturated,
-                                    least_snr,
+                                    max_saturated,
+                                    min_snr,
                                     noise_level}));
 }
 
@@ -95,8 +95,8 @@ void register_exposure_controller(py::module_& module) {
   py::class_<Shared<ExposureController>>(module, "ExposureController")
       .def(py::init(&make_controller), py::arg("shortest"), py::arg("longest"), py::arg("step"), py::arg("lowest_gain"),
            py::arg("highest_gain"), py::arg("comm_weight"), py::arg("sense_weight"), py::arg("hysteresis"),
-           py::arg("level_floor"), py::arg("level_aim"), py::arg("level_ceiling"), py::arg("most_saturated"),
-           py::arg("least_snr"), py::arg("noise_level"))
+           py::arg("level_floor"), py::arg("level_aim"), py::arg("level_ceiling"), py::arg("max_saturated"),
+           py::arg("min_snr"), py::arg("noise_level"))
       .def("update", &update, py::arg("tones"), py::arg("exposure"), py::arg("gain"), py::arg("level"), py::arg("peak"),
            py::arg("saturated"))
       .def("reset", [](Shared<ExposureController>& controller) {

@@ -26,12 +26,12 @@ py::list as_list(const std::vector<LightSource>& sources) {
 }
 
 py::list detect(const py::array& frames, const Camera& camera, double false_alarms, double min_cycles,
-                std::size_t most) {
+                std::size_t max_sources) {
   const AnyFramesView view = any_view(frames);
   std::vector<LightSource> sources;
   {
     const py::gil_scoped_release unlocked;
-    sources = detect_sources(view, camera, {false_alarms, min_cycles, most});
+    sources = detect_sources(view, camera, {false_alarms, min_cycles, max_sources});
   }
   return as_list(sources);
 }
@@ -62,7 +62,7 @@ py::list follow(const py::array& frame, const Camera& camera, const std::vector<
 
 void register_sources(py::module_& module) {
   module.def("detect_sources", &detect, py::arg("frames"), py::arg("camera"), py::arg("false_alarms"),
-             py::arg("min_cycles"), py::arg("most"));
+             py::arg("min_cycles"), py::arg("max_sources"));
   module.def("follow_sources", &follow, py::arg("frame"), py::arg("camera"), py::arg("expected"),
              py::arg("false_alarms"), py::arg("min_cycles"));
 }

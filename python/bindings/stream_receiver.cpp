@@ -32,8 +32,9 @@ using Box = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
 Shared<MultiReceiver> multi_receiver(const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
                                      std::size_t block_bytes, const std::string& preamble,
                                      std::optional<double> search_passes, const std::vector<Box>& regions,
-                                     std::size_t most) {
-  MultiReceiverOptions options{{chip_rate, format_of(line_code, block_bytes, preamble), search_passes}, {}, most};
+                                     std::size_t max_sources) {
+  MultiReceiverOptions options{
+      {chip_rate, format_of(line_code, block_bytes, preamble), search_passes}, {}, max_sources};
   for (const auto& [x, y, width, height] : regions) options.regions.push_back({x, y, width, height});
   return Shared(MultiReceiver(camera, std::move(options)));
 }
@@ -74,7 +75,8 @@ void register_stream_receiver(py::module_& module) {
           py::arg("channels"), py::arg("frame"));
   py::class_<Shared<MultiReceiver>>(module, "MultiReceiver")
       .def(py::init(&multi_receiver), py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"),
-           py::arg("block_bytes"), py::arg("preamble"), py::arg("search_passes"), py::arg("regions"), py::arg("most"))
+           py::arg("block_bytes"), py::arg("preamble"), py::arg("search_passes"), py::arg("regions"),
+           py::arg("max_sources"))
       .def("push", &push_multi, py::arg("channels"), py::arg("frame"));
 }
 

@@ -135,7 +135,7 @@ def find_preamble(
     tolerance: float,
     exposure: float | None,
     longest_exposure: float,
-    most: int,
+    max_matches: int,
 ) -> list[tuple[tuple[Any, ...], float, float]]: ...
 def chip_likelihoods(
     rows: npt.NDArray[np.float64],
@@ -184,7 +184,7 @@ class ClockTracker:
 
 def pool_estimates(values: npt.NDArray[np.float64], errors: npt.NDArray[np.float64]) -> tuple[float, float, int]: ...
 def detect_sources(
-    frames: npt.NDArray[Any], camera: Camera, false_alarms: float, min_cycles: float, most: int
+    frames: npt.NDArray[Any], camera: Camera, false_alarms: float, min_cycles: float, max_sources: int
 ) -> list[tuple[Any, ...]]: ...
 def follow_sources(
     frame: npt.NDArray[Any],
@@ -283,7 +283,7 @@ class MultiReceiver:
         preamble: str,
         search_passes: float | None,
         regions: Sequence[tuple[int, int, int, int]],
-        most: int,
+        max_sources: int,
     ) -> None: ...
     def push(
         self, channels: Sequence[npt.NDArray[Any]], frame: int | None
@@ -321,8 +321,8 @@ class ExposureController:
         level_floor: float,
         level_aim: float,
         level_ceiling: float,
-        most_saturated: float,
-        least_snr: float,
+        max_saturated: float,
+        min_snr: float,
         noise_level: float,
     ) -> None: ...
     def update(

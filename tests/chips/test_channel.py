@@ -252,7 +252,7 @@ def test_all_preambles_of_a_frame_are_found():
         column.chips[at : at + 32] = preamble
     rows = 10 + 40 * expose_chips(column.chips, 1080, **column.clock)
     rows += 0.4 * column.random.standard_normal(1080)
-    found = find_preamble(rows, preamble, rows_per_chip=3.0, most=5)
+    found = find_preamble(rows, preamble, rows_per_chip=3.0, max_matches=5)
     starts = [column.phase + (column.first + at) * column.rows_per_chip for at in (30, 150, 280)]
     assert sorted(match.channel.phase for match in found[:3]) == pytest.approx(starts, abs=0.3)
 
@@ -477,7 +477,7 @@ FIND = {"signal": np.zeros(9), "preamble": [0, 1, 0], "rows_per_chip": 4.0}
         ("find_preamble", FIND | {"longest_exposure": 0}, "longest_exposure: got 0"),
         ("find_preamble", FIND | {"preamble": [1]}, "preamble: got 1, allowed: at least two chips"),
         ("find_preamble", FIND | {"signal": [np.nan]}, "signal: got nan"),
-        ("find_preamble", FIND | {"most": 0}, "most: got 0, allowed: at least 1"),
+        ("find_preamble", FIND | {"max_matches": 0}, "max_matches: got 0, allowed: at least 1"),
         ("expose_chips", {**FIT, "rows": 0}, "rows: got 0, allowed: at least 1"),
         ("pool_estimates", {"values": [1.0], "errors": [1.0, 2.0]}, "errors: got 2, allowed: as many as values"),
     ],

@@ -342,7 +342,7 @@ def test_a_picture_without_light_stays() -> None:
         ({"keep": "all"}, "keep: got 'all'"),
         ({"level": "high"}, "level: got 'high'"),
         ({"noise": 0.0}, "noise: got 0"),
-        ({"most_gain": 1.0}, "most_gain: got 1"),
+        ({"max_gain": 1.0}, "max_gain: got 1"),
         ({"toe": 1.5}, "toe: got 1.5"),
         ({"toe": np.nan}, "toe: got nan"),
     ],

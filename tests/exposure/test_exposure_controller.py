@@ -165,8 +165,8 @@ class TestController:
             ({"level_floor": 1.0}, "level_floor: got 1"),
             ({"level_aim": 0.0}, "level_aim: got 0"),
             ({"level_ceiling": 1.5}, "level_ceiling: got 1.5"),
-            ({"most_saturated": 1.0}, "most_saturated: got 1"),
-            ({"least_snr": -1.0}, "least_snr: got -1"),
+            ({"max_saturated": 1.0}, "max_saturated: got 1"),
+            ({"min_snr": -1.0}, "min_snr: got -1"),
             ({"noise_level": 0.0}, "noise_level: got 0"),
         ],
     )

@@ -143,7 +143,7 @@ def test_a_long_video_is_read_frame_by_frame(tmp_path):
         read = list(stream)
     assert np.array_equal(read, frames)
     with pytest.raises(FileError, match="read it frame by frame"):
-        read_frames(tmp_path / "v.mkv", most_bytes=3 * 1024)
+        read_frames(tmp_path / "v.mkv", max_bytes=3 * 1024)
 
 
 def png(chunks, pixels):
@@ -284,7 +284,7 @@ def peak():
 read_frames(sys.argv[1])  # small, and all that is imported
 before = peak()
 try:
-    read_frames(sys.argv[2], most_bytes=int(sys.argv[3]))
+    read_frames(sys.argv[2], max_bytes=int(sys.argv[3]))
 except FileError as error:
     print(error)
 print(peak() - before)
@@ -302,9 +302,9 @@ def test_pages_of_a_tiff_are_held_once(tmp_path, compression):
     images[0].crop((0, 0, 8, 8)).save(small, "TIFF", compression=compression)
     images[0].save(path, "TIFF", compression=compression, save_all=True, append_images=images[1:])
     limits = {4 << 30: len(images), 4 * page.nbytes: 4}
-    for most_bytes, kept in limits.items():
+    for max_bytes, kept in limits.items():
         done = subprocess.run(
-            [sys.executable, "-c", PEAK, small, path, str(most_bytes)], capture_output=True, text=True, check=True
+            [sys.executable, "-c", PEAK, small, path, str(max_bytes)], capture_output=True, text=True, check=True
         )
         *told, peak = done.stdout.splitlines()
         assert len(told) == (kept < len(images))

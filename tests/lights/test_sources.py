@@ -304,7 +304,7 @@ def test_false_alarms_of_noise_stay_within_what_was_set():
         ({"false_alarms": 1.5}, "false_alarms: got 1.5"),
         ({"min_cycles": 1.0}, "min_cycles: got 1, allowed: a finite number, 2 or above"),
         ({"min_cycles": float("inf")}, "min_cycles: got inf"),
-        ({"most": 0}, "most: got 0, allowed: 1 or above"),
+        ({"max_sources": 0}, "max_sources: got 0, allowed: 1 or above"),
     ],
 )
 def test_options_out_of_range_are_refused(options, message):

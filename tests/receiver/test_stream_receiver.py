@@ -291,6 +291,6 @@ def test_two_lights_side_by_side_are_two_streams():
     assert got == {False: b"left", True: b"right"}
     assert {result.source for result in results} == {0, 1}
     assert results[0].received.snr >= results[1].received.snr
-    for wrong, message in [({"regions": [(1, 2, 3)]}, "regions: got"), ({"most": 0}, "most: got 0")]:
+    for wrong, message in [({"regions": [(1, 2, 3)]}, "regions: got"), ({"max_sources": 0}, "max_sources: got 0")]:
         with pytest.raises(ValueError, match=message):
             MultiReceiver(lights[0].camera, **wrong)

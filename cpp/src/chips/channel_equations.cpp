@@ -13,7 +13,7 @@ using Eigen::Index;
 
 namespace {
 
-constexpr double kLeastPivot = 1e-11;  // of a normal matrix with a unit diagonal
+constexpr double kMinPivot = 1e-11;  // of a normal matrix with a unit diagonal
 
 // Where the clock does not count.
 double no_swing(std::size_t, const double*) { return 0; }
@@ -59,7 +59,7 @@ std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::V
   const Eigen::VectorXd scale = (diagonal > 0).select(diagonal.max(1e-300).sqrt().inverse(), 0.0);
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
   const Eigen::LDLT<Eigen::MatrixXd> factored(scaled);
-  if (!(factored.vectorD().minCoeff() > kLeastPivot)) return std::nullopt;
+  if (!(factored.vectorD().minCoeff() > kMinPivot)) return std::nullopt;
   const Eigen::MatrixXd inverse = factored.solve(Eigen::MatrixXd::Identity(normal.rows(), normal.rows()));
   const Eigen::VectorXd values = scale.asDiagonal() * factored.solve(scale.asDiagonal() * right);
   return Solved{values, scale.asDiagonal() * inverse * scale.asDiagonal()};

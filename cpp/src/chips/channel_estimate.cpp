@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kRounds = 20;
 constexpr int kPasses = 3;
-constexpr double kLeastShare = 1e-3;     // of a step; the model has kinks
+constexpr double kMinShare = 1e-3;       // of a step; the model has kinks
 constexpr double kSmallFall = 1e-5;      // of the squares, in variances of a row; so is a step that gains less
 constexpr double kSmallStep = 1e-3;      // standard errors; such a step is the last
 constexpr double kSettled = 1e-9;        // chips; a step below it is the last
@@ -58,7 +58,7 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
   if (!here) return std::nullopt;
   for (int round = 0; round < kRounds; ++round) {
     bool better = false;
-    for (double share = 1; share > kLeastShare; share *= 0.5) {
+    for (double share = 1; share > kMinShare; share *= 0.5) {
       if (!effort.take(rows)) return Descent{clock, range, std::move(*here), false};
       const ChipClock next = stepped(clock, here->step, share, half_chips);
       auto there = next.rows_per_chip > 0 ? linearise(equations, next, range, known, here->levels) : std::nullopt;

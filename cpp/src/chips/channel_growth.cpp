@@ -12,25 +12,25 @@ namespace ocisac {
 namespace {
 
 constexpr double kSurePhase = 0.08;  // chips; standard error up to which rows are detected
-constexpr double kMostGrowth = 2;
+constexpr double kMaxGrowth = 2;
 // Least growth of the rows from one round to the next, in up to three tries.
 constexpr std::array kGrowths{1.3, 1.2, 1.12};
-constexpr int kMostRounds = 40;
+constexpr int kMaxRounds = 40;
 constexpr int kSettlingRounds = 4;  // once all rows are in
 
 // Rows on either side as far as the clock is sure, at least the least growth.
-RowRange grown(const ChannelEstimate& channel, std::size_t frame_rows, double least_growth) {
+RowRange grown(const ChannelEstimate& channel, std::size_t frame_rows, double min_growth) {
   const ChipClock& clock = channel.clock;
   const double middle = clock.phase + static_cast<double>(channel.errors.chip) * clock.rows_per_chip;
   const auto limit = static_cast<double>(frame_rows);
-  const double least = 0.5 * least_growth * static_cast<double>(channel.rows.size()) + clock.rows_per_chip;
+  const double least = 0.5 * min_growth * static_cast<double>(channel.rows.size()) + clock.rows_per_chip;
   double sure = 0;
   while (sure < limit / clock.rows_per_chip &&
          channel.errors.phase_std(channel.errors.chip + static_cast<std::ptrdiff_t>(sure)) <
              kSurePhase * clock.rows_per_chip)
     sure += 2;
   const double centre = 0.5 * static_cast<double>(channel.rows.begin + channel.rows.end);
-  const double most = kMostGrowth / 2 * static_cast<double>(channel.rows.size());
+  const double most = kMaxGrowth / 2 * static_cast<double>(channel.rows.size());
   const double begin = std::min(centre - least, std::max(middle - sure * clock.rows_per_chip, centre - most));
   const double end = std::max(centre + least, std::min(middle + sure * clock.rows_per_chip, centre + most));
   return {static_cast<std::size_t>(std::clamp(begin, 0.0, limit)),
@@ -39,13 +39,13 @@ RowRange grown(const ChannelEstimate& channel, std::size_t frame_rows, double le
 
 }  // namespace
 
-std::optional<RefinedChannel> grow(const TurnContext& context, const ChannelEstimate& start, double least_growth) {
+std::optional<RefinedChannel> grow(const TurnContext& context, const ChannelEstimate& start, double min_growth) {
   ChannelEstimate channel = start;
   FoundChips last;
   int settling = 0;
   bool settled = false;
-  for (int round = 0; round < kMostRounds && settling < kSettlingRounds && !settled; ++round) {
-    const RowRange range = grown(channel, context.signal.size(), least_growth);
+  for (int round = 0; round < kMaxRounds && settling < kSettlingRounds && !settled; ++round) {
+    const RowRange range = grown(channel, context.signal.size(), min_growth);
     auto turn = take_best_turn(context, channel, range);
     if (!turn) return std::nullopt;
     const bool whole = range.size() == context.signal.size();

@@ -12,16 +12,16 @@ namespace ocisac {
 namespace {
 
 constexpr double kFollowed = 0.25;         // of the rows that told levels: so far beyond them a slope is believed
-constexpr double kLeastSwing = 0.1;        // of that in the middle of those rows
+constexpr double kMinSwing = 0.1;          // of that in the middle of those rows
 constexpr double kCertainPhase = 0.04;     // chips; with a larger standard error other rates are tried
 constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
-constexpr double kMostExposureMoved = 0.8;
-constexpr double kMovedErrors = 1.5, kMostMoved = 0.4;  // standard errors, chips
-constexpr double kLeastNoise = 1e-4;                    // of the swing, for the detector
-constexpr double kMostChips = 1e6;                      // in a frame
-constexpr double kStatesPerRow = 64;                    // of the trellis, that take as long as a row of a fit
-constexpr double kMostStateChips = 11;                  // with longer exposures not all of the states are looked at
-constexpr double kLevelFits = 2;                        // to choose the levels of a turn, in fits of levels and clock
+constexpr double kMaxExposureMove = 0.8;
+constexpr double kMovedErrors = 1.5, kMaxMove = 0.4;  // standard errors, chips
+constexpr double kMinNoise = 1e-4;                    // of the swing, for the detector
+constexpr double kMaxChips = 1e6;                     // in a frame
+constexpr double kStatesPerRow = 64;                  // of the trellis, that take as long as a row of a fit
+constexpr double kMaxStateChips = 11;                 // with longer exposures not all of the states are looked at
+constexpr double kLevelFits = 2;                      // to choose the levels of a turn, in fits of levels and clock
 
 // The channel's levels, held a little beyond the rows that told them.
 struct Levels {
@@ -37,7 +37,7 @@ struct Levels {
   [[nodiscard]] double dark(std::size_t row) const { return channel.dark_at(held(row), frame_rows); }
   [[nodiscard]] double swing(std::size_t row) const {
     const double middle = 0.5 * static_cast<double>(channel.rows.begin + channel.rows.end);
-    return std::max(channel.swing_at(held(row), frame_rows), kLeastSwing * channel.swing_at(middle, frame_rows));
+    return std::max(channel.swing_at(held(row), frame_rows), kMinSwing * channel.swing_at(middle, frame_rows));
   }
 };
 
@@ -93,10 +93,10 @@ std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelE
   ChipClock clock = channel.clock;
   clock.phase -= static_cast<double>(range.begin);
   const double half = 0.5 * clock.exposure, last_row = static_cast<double>(range.size()) - 1;
-  if (!(clock.exposure + last_row < kMostChips * clock.rows_per_chip)) return std::nullopt;
+  if (!(clock.exposure + last_row < kMaxChips * clock.rows_per_chip)) return std::nullopt;
   const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
   const double middle = levels.swing((range.begin + range.end) / 2);
-  FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kLeastNoise), first,
+  FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kMinNoise), first,
                                    static_cast<std::size_t>(last - first + 1), context.options.known}),
                    first};
   put_known(context.options.known, chips);
@@ -111,7 +111,7 @@ FoundChips without_edges(const FoundChips& chips) {
 bool TurnContext::may_try(RowRange range, const ChipClock& clock, double fits) const {
   if (options.effort == nullptr) return true;
   const double rows = static_cast<double>(range.size());
-  const double states = std::exp2(std::min(kMostStateChips, std::ceil(clock.exposure / clock.rows_per_chip)));
+  const double states = std::exp2(std::min(kMaxStateChips, std::ceil(clock.exposure / clock.rows_per_chip)));
   return options.effort->take(rows * (fits + 1) + rows / clock.rows_per_chip * states / kStatesPerRow);
 }
 
@@ -154,9 +154,8 @@ std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEsti
   const double error = end_error(channel, range);
   if (!(error > kCertainPhase)) return best;
   const double exposure_error = channel.errors.exposure_std() / channel.clock.rows_per_chip;
-  const double rate_move = std::min(kMovedErrors * error, kMostMoved);
-  const double exposure_move =
-      exposure_error > kCertainExposure ? std::min(4 * exposure_error, kMostExposureMoved) : 0.0;
+  const double rate_move = std::min(kMovedErrors * error, kMaxMove);
+  const double exposure_move = exposure_error > kCertainExposure ? std::min(4 * exposure_error, kMaxExposureMove) : 0.0;
   for (const double longer : {0.0, 1.0, -1.0}) {
     if (longer != 0 && (context.options.exposure_known || exposure_move == 0)) continue;
     for (const double faster : {0.0, -1.0, 1.0}) {

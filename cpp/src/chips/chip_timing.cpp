@@ -21,7 +21,7 @@ constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the movin
 constexpr std::size_t kFewestEdges = 4;
 constexpr std::size_t kCandidates = 16;
 constexpr double kLargestDuty = 0.2;       // chips, in the search; a little more is let through after the fit
-constexpr double kLeastCertainty = 5.5;    // nats
+constexpr double kMinCertainty = 5.5;      // nats
 constexpr double kLargestResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
 
 double median(std::vector<double> values) {
@@ -207,7 +207,7 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
 }
 
 bool locked(const ChipTiming& timing) {
-  return timing.residual <= kLargestResidual * timing.lattice.rows_per_chip && timing.certainty > kLeastCertainty;
+  return timing.residual <= kLargestResidual * timing.lattice.rows_per_chip && timing.certainty > kMinCertainty;
 }
 
 }  // namespace

@@ -18,12 +18,12 @@ constexpr double kUnsureFrame = 0.3;   // chips; with a larger standard error at
 constexpr double kExposureStep = 0.5;  // chips, of the exposures to begin with
 constexpr int kExposureSteps = 2;      // on either side
 constexpr double kGrowth = 1.35;       // of the rows from one round to the next
-constexpr double kMovedErrors = 1.5, kLeastMoved = 0.25, kMostMoved = 0.4;  // standard errors, chips at the rows' ends
-constexpr std::size_t kMostClocks = 8;                                      // kept
-constexpr double kReach = 20;                                               // nats that these are behind the likeliest
-constexpr double kAlike = 0.12;                                             // chips, at the rows' ends and of exposure
+constexpr double kMovedErrors = 1.5, kMinMove = 0.25, kMaxMove = 0.4;  // standard errors, chips at the rows' ends
+constexpr std::size_t kMaxClocks = 8;                                  // kept
+constexpr double kReach = 20;                                          // nats that these are behind the likeliest
+constexpr double kAlike = 0.12;                                        // chips, at the rows' ends and of exposure
 constexpr int kWholeRounds = 3;
-constexpr double kLeastGrowth = 1.3;  // from the likeliest
+constexpr double kMinGrowth = 1.3;  // from the likeliest
 
 // The rows with more on either side; at an end of the frame as many more on the other.
 RowRange longer(RowRange rows, std::size_t frame_rows) {
@@ -65,7 +65,7 @@ std::vector<ChannelEstimate> likeliest(std::vector<ChannelEstimate> clocks, RowR
   std::vector<ChannelEstimate> kept;
   for (auto& channel : clocks) {
     const double behind = static_cast<double>(rows.size()) * std::log(channel.noise / clocks.front().noise);
-    if (!kept.empty() && (behind > kReach || kept.size() == kMostClocks)) break;
+    if (!kept.empty() && (behind > kReach || kept.size() == kMaxClocks)) break;
     const auto is_like = [&](const ChannelEstimate& other) { return are_alike(channel.clock, other.clock, rows); };
     if (std::ranges::none_of(kept, is_like)) kept.push_back(channel);
   }
@@ -77,7 +77,7 @@ std::vector<ChannelEstimate> turn_each(const TurnContext& context, std::span<con
                                        RowRange rows, bool with_rates) {
   std::vector<ChannelEstimate> turned;
   for (const ChannelEstimate& channel : clocks) {
-    const double move = std::clamp(kMovedErrors * end_error(channel, rows), kLeastMoved, kMostMoved);
+    const double move = std::clamp(kMovedErrors * end_error(channel, rows), kMinMove, kMaxMove);
     for (const double faster : {0.0, -1.0, 1.0}) {
       if (faster != 0 && !with_rates) continue;
       auto turn = take_turn(context, with_rate_moved(channel, rows, faster * move), rows);
@@ -112,7 +112,7 @@ double closeness(const ChannelEstimate& channel, std::size_t frame_rows) {
 std::optional<RefinedChannel> follow_side_by_side(const TurnContext& context, std::vector<ChannelEstimate> clocks,
                                                   RowRange rows) {
   const auto clock = likeliest_clock(context, std::move(clocks), rows);
-  auto found = clock ? grow(context, *clock, kLeastGrowth) : std::nullopt;
+  auto found = clock ? grow(context, *clock, kMinGrowth) : std::nullopt;
   if (found) found->even = is_even(residual_windows(context.signal, *found), found->channel.clock);
   return found;
 }

@@ -15,7 +15,7 @@ using Matrix2 = Eigen::Matrix2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kLeastVariance = 1e-18;  // rows²; a frame without noise tells no more
+constexpr double kMinVariance = 1e-18;  // rows²; a frame without noise tells no more
 
 struct State {
   Vector3d mean;
@@ -49,7 +49,7 @@ Matrix2 measured_covariance(const ClockErrors& errors) {
   at << c[0], c[1], c[3], c[4];
   move << 1, away, 0, 1;
   Matrix2 moved = move * at * move.transpose();
-  moved.diagonal().array() += kLeastVariance;
+  moved.diagonal().array() += kMinVariance;
   return moved;
 }
 

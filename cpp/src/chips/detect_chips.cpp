@@ -14,7 +14,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLeastNoise = 1e-4;     // of the swing, for a detector
+constexpr double kMinNoise = 1e-4;       // of the swing, for a detector
 constexpr double kSlicedExposure = 1.5;  // chips; with a longer one neighbours close the slicer's eye
 constexpr double kHardlyMore = 1.5;      // times the errors of the likeliest sequence
 constexpr double kHardlyAny = 1e-9;
@@ -107,7 +107,7 @@ ChipRows::ChipRows(std::span<const double> signal, const ChannelEstimate& channe
     return static_cast<std::ptrdiff_t>(std::floor((row - clock_.phase) / clock_.rows_per_chip));
   };
   const double last_row = static_cast<double>(rows_.size()) - 1, half = 0.5 * clock_.exposure;
-  noise_ = std::max(channel.noise / channel.swing_at(0.5 * last_row, rows_.size()), kLeastNoise);
+  noise_ = std::max(channel.noise / channel.swing_at(0.5 * last_row, rows_.size()), kMinNoise);
   first_ = chip_at(-half);
   count_ = static_cast<std::size_t>(chip_at(last_row + half) - first_ + 1);
 }

@@ -33,8 +33,8 @@ std::vector<double> swings_between(std::span<const double> signal, std::span<con
 bool is_small(std::span<const double> swings, std::size_t k) {
   const std::size_t final = swings.size() - 1;
   const bool at_end = k == 0 || k == final;
-  const double least_neighbour = std::min(swings[k == 0 ? 1 : k - 1], swings[k == final ? final - 1 : k + 1]);
-  if (at_end ? swings[k] >= least_neighbour : swings[k] > least_neighbour) return false;
+  const double min_neighbour = std::min(swings[k == 0 ? 1 : k - 1], swings[k == final ? final - 1 : k + 1]);
+  if (at_end ? swings[k] >= min_neighbour : swings[k] > min_neighbour) return false;
   const std::size_t first = k < kSwingsAround ? 0 : k - kSwingsAround;
   const std::size_t last = std::min(k + kSwingsAround + 1, swings.size());
   std::array<double, 2 * kSwingsAround + 1> around{};

@@ -14,10 +14,10 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kMostEnumerated = 8;  // other chips whose signs are all tried
-constexpr double kNegligible = 1e-7;        // of the gain
-constexpr int kPlaces = 4;                  // of the chips to the rows
-constexpr std::size_t kChips = 6;           // looked at for each
+constexpr std::size_t kMaxEnumerated = 8;  // other chips whose signs are all tried
+constexpr double kNegligible = 1e-7;       // of the gain
+constexpr int kPlaces = 4;                 // of the chips to the rows
+constexpr std::size_t kChips = 6;          // looked at for each
 
 double tail(double deviations) { return 0.5 * std::erfc(deviations / std::numbers::sqrt2); }
 
@@ -46,9 +46,10 @@ double by_series(double gain, std::span<const double> others, double noise) {
 }
 
 // Chips that lie an exposure from the ends of the equations, at most `most`, evenly spread.
-std::vector<std::size_t> inner_chips(const ChipEquations& equations, std::size_t most) {
+std::vector<std::size_t> inner_chips(const ChipEquations& equations, std::size_t max_count) {
   const std::size_t edge = std::min(2 * equations.band() + 2, equations.count() / 2);
-  const std::size_t inside = equations.count() - 2 * edge, count = std::min(most, std::max<std::size_t>(inside, 1));
+  const std::size_t inside = equations.count() - 2 * edge,
+                    count = std::min(max_count, std::max<std::size_t>(inside, 1));
   std::vector<std::size_t> chips;
   for (std::size_t k = 0; k < count; ++k) chips.push_back(std::min(edge + k * inside / count, equations.count() - 1));
   return chips;
@@ -155,7 +156,7 @@ double sliced_error_rate(double gain, std::span<const double> others, double noi
       small += 0.25 * other * other;
   }
   const double spread = std::sqrt(small);
-  return large.size() <= kMostEnumerated ? by_all_signs(gain, large, spread) : by_series(gain, large, spread);
+  return large.size() <= kMaxEnumerated ? by_all_signs(gain, large, spread) : by_series(gain, large, spread);
 }
 
 double wiener_error_rate(const ChipEquations& equations) { return linear_error_rate(equations, false); }

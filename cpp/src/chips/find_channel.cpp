@@ -16,7 +16,7 @@ namespace {
 constexpr double kSearchChips = 36;    // in the part of the frame searched, beside the exposure
 constexpr double kSearchSlack = 0.15;  // chips by which the grid of starts may miss
 constexpr int kSearchRounds = 4;
-constexpr double kRateErrors = 3, kMostRateError = 0.01;          // standard errors, share
+constexpr double kRateErrors = 3, kMaxRateError = 0.01;           // standard errors, share
 constexpr std::size_t kSearchParts = 3;                           // parts of the frame that are tried
 constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // of the exposure; of each where it is not known
 constexpr std::size_t kStartsRefined = 3;                         // the best of all parts and exposures
@@ -124,7 +124,7 @@ std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& sear
 bool is_other_rate(const ChannelEstimate& channel, const ChannelSearch& search) {
   const double off = std::abs(channel.clock.rows_per_chip / search.rows_per_chip - 1);
   const double error = channel.errors.rows_per_chip_std() / search.rows_per_chip;
-  return !(off <= search.tolerance + std::min(kRateErrors * error, kMostRateError));
+  return !(off <= search.tolerance + std::min(kRateErrors * error, kMaxRateError));
 }
 
 std::vector<double> exposures(const ChannelSearch& search) {
@@ -167,9 +167,9 @@ std::optional<RefinedChannel> try_starts(const TurnContext& context, std::span<c
 
 // Whether more is left of the frame than of its best part, where chips are easily taken for others; not where no chip
 // can be told.
-bool may_be_wrong(const RefinedChannel& found, double least_score, std::size_t frame_rows) {
+bool may_be_wrong(const RefinedChannel& found, double min_score, std::size_t frame_rows) {
   const double close = closeness(found.channel, frame_rows);
-  return score_of(found) > kSureGrowth * least_score && close < kCloseSequences && close > kHopeless;
+  return score_of(found) > kSureGrowth * min_score && close < kCloseSequences && close > kHopeless;
 }
 
 // From the starts of each part side by side, while what was found may be wrong.

@@ -13,9 +13,9 @@ namespace {
 constexpr double kPhaseSlack = 0.2;      // chips by which the grid of rates may miss the ends of the preamble
 constexpr double kPlaceStep = 0.3;       // chips, of the grid of places; at most a row
 constexpr std::size_t kCandidates = 12;  // places from which the channel is fitted
-constexpr double kLeastCertainty = 5.5;  // nats
+constexpr double kMinCertainty = 5.5;    // nats
 constexpr double kToleranceError = 0.5;  // standard error of a rate somewhere within the tolerance
-constexpr double kMostExplained = 1 - 1e-9;
+constexpr double kMaxExplained = 1 - 1e-9;
 
 // Sums over windows of the rows: what a mean and a slope leave of their squares.
 class WindowSums {
@@ -86,7 +86,7 @@ struct Candidate {
 };
 
 double gain_of(double explained, double count) {
-  return -0.5 * count * std::log(1 - std::clamp(explained, 0.0, kMostExplained));
+  return -0.5 * count * std::log(1 - std::clamp(explained, 0.0, kMaxExplained));
 }
 
 // The best of each place, a place being a chip long.
@@ -148,7 +148,7 @@ std::vector<Candidate> best_places(std::span<const double> signal, std::span<con
   }
   std::erase_if(places, [](const Candidate& place) { return !(place.gain > 0); });
   std::ranges::stable_sort(places, std::ranges::greater{}, &Candidate::gain);
-  places.resize(std::min(places.size(), std::max(kCandidates, 3 * search.most)));
+  places.resize(std::min(places.size(), std::max(kCandidates, 3 * search.max_matches)));
   return places;
 }
 
@@ -198,7 +198,7 @@ std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::sp
   std::vector<PreambleMatch> matches;
   for (const auto& place : best_places(signal, preamble, search)) {
     auto match = match_at(signal, sums, preamble, search, place.clock);
-    if (match && match->certainty > kLeastCertainty) matches.push_back(std::move(*match));
+    if (match && match->certainty > kMinCertainty) matches.push_back(std::move(*match));
   }
   std::ranges::stable_sort(matches, std::ranges::greater{}, &PreambleMatch::certainty);
   std::vector<PreambleMatch> apart;
@@ -207,7 +207,7 @@ std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::sp
       return std::abs(other.channel.clock.phase - match.channel.clock.phase) <
              0.5 * static_cast<double>(preamble.size()) * search.rows_per_chip;
     };
-    if (apart.size() < search.most && std::ranges::none_of(apart, overlaps)) apart.push_back(std::move(match));
+    if (apart.size() < search.max_matches && std::ranges::none_of(apart, overlaps)) apart.push_back(std::move(match));
   }
   return apart;
 }

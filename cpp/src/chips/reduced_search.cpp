@@ -60,7 +60,7 @@ class Feedback {
 class Neighbours {
  public:
   Neighbours(const ChipEquations& equations, std::span<const double> ratios)
-      : equations_(equations), least_(equations.count(), kNever) {
+      : equations_(equations), min_cost_(equations.count(), kNever) {
     for (const double ratio : ratios) chips_.push_back(ratio > 0 ? 0.5 : -0.5);
     find_gradient();
     const std::size_t band = equations_.band();
@@ -70,7 +70,7 @@ class Neighbours {
         if (apart >= 2) turn(chip, 2, apart);
     }
   }
-  [[nodiscard]] double least(std::size_t chip) const { return least_[chip]; }
+  [[nodiscard]] double min_cost(std::size_t chip) const { return min_cost_[chip]; }
 
  private:
   void find_gradient() {
@@ -101,12 +101,12 @@ class Neighbours {
       for (std::size_t j = 0; j < i; ++j)
         cost += 4 * chips_[turned[i]] * chips_[turned[j]] * equations_.normal(turned[i], turned[i] - turned[j]);
     }
-    for (std::size_t i = 0; i < size; ++i) least_[turned[i]] = std::min(least_[turned[i]], std::max(cost, 0.0));
+    for (std::size_t i = 0; i < size; ++i) min_cost_[turned[i]] = std::min(min_cost_[turned[i]], std::max(cost, 0.0));
   }
 
   static constexpr std::size_t kLongestRun = 4;
   const ChipEquations& equations_;
-  std::vector<double> chips_, gradient_, least_;
+  std::vector<double> chips_, gradient_, min_cost_;
 };
 
 class Search {
@@ -159,24 +159,24 @@ class Search {
       if (of_low == state) arrive(low++, 0);
       if (of_high == state) arrive(high++, 1);
     }
-    keep(chip < kFirstExposures * equations_.band() ? search_.most_first : search_.most);
+    keep(chip < kFirstExposures * equations_.band() ? search_.max_first_sequences : search_.max_sequences);
   }
 
   // The likeliest of next_, in order of their states.
-  void keep(std::size_t most) {
+  void keep(std::size_t max_count) {
     float least = kNever;
     for (const Kept& k : next_) least = std::min(least, k.cost);
     float limit = least + static_cast<float>(search_.reach);
-    if (next_.size() > most) {
+    if (next_.size() > max_count) {
       costs_.clear();
       for (const Kept& k : next_) costs_.push_back(k.cost);
-      const auto last = costs_.begin() + static_cast<std::ptrdiff_t>(most - 1);
+      const auto last = costs_.begin() + static_cast<std::ptrdiff_t>(max_count - 1);
       std::ranges::nth_element(costs_, last);
       limit = std::min(limit, *last);
     }
     // Of those that are alike at the limit (chips that no row tells) only as many as there is room for.
-    auto room =
-        static_cast<std::ptrdiff_t>(most) - std::ranges::count_if(next_, [&](const Kept& k) { return k.cost < limit; });
+    auto room = static_cast<std::ptrdiff_t>(max_count) -
+                std::ranges::count_if(next_, [&](const Kept& k) { return k.cost < limit; });
     for (Kept& k : next_) {
       if (k.cost > limit || (k.cost == limit && room-- <= 0)) continue;
       k.cost -= least;
@@ -216,7 +216,7 @@ class Search {
     if (std::ranges::all_of(ratios, [](double value) { return std::isfinite(value); })) return;
     const Neighbours neighbours(equations_, ratios);
     for (std::size_t chip = 0; chip < ratios.size(); ++chip)
-      if (!std::isfinite(ratios[chip])) ratios[chip] = std::copysign(neighbours.least(chip), ratios[chip]);
+      if (!std::isfinite(ratios[chip])) ratios[chip] = std::copysign(neighbours.min_cost(chip), ratios[chip]);
   }
 
   const ChipEquations& equations_;
@@ -233,8 +233,8 @@ class Search {
 std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search) {
   require(equations.band() <= static_cast<std::size_t>(kLongestReducedExposure), "exposure", equations.band(),
           "at most 24 chips");
-  require(search.most > 0, "most", search.most, "at least one sequence");
-  require(search.most_first > 0, "most_first", search.most_first, "at least one sequence");
+  require(search.max_sequences > 0, "max_sequences", search.max_sequences, "at least one sequence");
+  require(search.max_first_sequences > 0, "max_first_sequences", search.max_first_sequences, "at least one sequence");
   require_positive("reach", search.reach);
   if (equations.count() == 0) return {};
   return Search(equations, search).run();

@@ -12,8 +12,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMiddle = 0.4;      // of what the ramps leave of a chip, to either side of its middle
-constexpr double kLeastReach = 0.5;  // rows
+constexpr double kMiddle = 0.4;    // of what the ramps leave of a chip, to either side of its middle
+constexpr double kMinReach = 0.5;  // rows
 // Chips that an error rate is the mean of, so far apart that they lie everywhere to the rows that a frame's chips do.
 constexpr int kChips = 16, kApart = 67;
 
@@ -87,7 +87,7 @@ struct Response {
 // ---- Slicer
 
 double slicer_reach(const ChipClock& clock) {
-  return std::max(kMiddle * (clock.rows_per_chip - clock.exposure), kLeastReach);
+  return std::max(kMiddle * (clock.rows_per_chip - clock.exposure), kMinReach);
 }
 
 // Chips to either side that the rows around a chip's middle may see.
@@ -109,7 +109,7 @@ void for_each_chip_seen(const Weights& weights, double chip, const ChipClock& cl
 
 // ---- Inverse
 
-double inverse_reach(const ChipClock& clock) { return std::max(kMiddle * clock.rows_per_chip, kLeastReach); }
+double inverse_reach(const ChipClock& clock) { return std::max(kMiddle * clock.rows_per_chip, kMinReach); }
 
 // Row n of what equalize() gives is the light at the end of row n's exposure, half an exposure after its middle.
 double inverse_middle(const ChipClock& clock, double chip) { return middle_of(clock, chip) - 0.5 * clock.exposure; }

@@ -19,7 +19,7 @@ struct Cleaned {
   explicit Cleaned(std::size_t size) : light(size), slope(size), variance(size) {}
 };
 
-inline double light_left(double share, double change) { return std::max(1 + share * change, least_light); }
+inline double light_left(double share, double change) { return std::max(1 + share * change, min_light); }
 
 inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size_t row, std::span<const double> change,
                       std::span<const double> share, Cleaned& out) {

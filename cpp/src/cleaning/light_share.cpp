@@ -33,18 +33,18 @@ constexpr std::array<Step, 13> plan{{{0.5, 48},
                                      {0.05, 8}}};
 // Change of light that half ends a reach: for each row of the lag, as the fewer comparisons there are, the farther they
 // have to reach; between frames the lag does not count.
-constexpr double edge_of_lag = 0.025, least_edge = 0.03, most_edge = 0.25, edge_of_frames = 0.15;
+constexpr double edge_of_lag = 0.025, min_edge = 0.03, max_edge = 0.25, edge_of_frames = 0.15;
 constexpr double hold = 1000;                   // evidence with which a share holds to that of the step before
 constexpr double lags_of_reach = 2;             // at least
 constexpr double lags_of_guide = 4;             // along which edges of the columns are told from noise
 constexpr double edge_noise = 9;                // in variances, so that noise is no edge
 constexpr double texture_between_frames = 0.2;  // of that between rows: a still scene has none, but for small motion
 
-// Where a lamp's light ends, what it leaves out, the steady light c·(1 − q/q_most), goes on.
+// Where a lamp's light ends, what it leaves out, the steady light c·(1 − q/q_max), goes on.
 constexpr int rounds_at_lamp_edges = 3;
 constexpr double texture_at_lamp_edges = 0.05, reach_of_steady = 12, edge_of_steady = 0.15;
 constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is added up
-constexpr double least_gain = 3;       // of log likelihood, before the other is taken
+constexpr double min_gain = 3;         // of log likelihood, before the other is taken
 constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // windows three times as wide each: 12 pixels each way
 
 constexpr std::size_t wide = 6;             // steps of the plan, at first
@@ -146,7 +146,7 @@ class ShareEstimator {
         change_(row_light.begin(), row_light.end()),
         lag_(comparison_lag(row_light, picture.rows)),
         edge_(picture.frames > 1 ? edge_of_frames
-                                 : std::clamp(edge_of_lag * static_cast<double>(lag_), least_edge, most_edge)),
+                                 : std::clamp(edge_of_lag * static_cast<double>(lag_), min_edge, max_edge)),
         pixels_(picture.rows * picture.columns),
         evidence_{std::vector<double>(pixels_), std::vector<double>(pixels_)},
         now_(pixels_),
@@ -157,7 +157,7 @@ class ShareEstimator {
         spreader_(picture.rows, picture.columns) {
     for (double& value : change_) value -= 1;
     const double darkest = -*std::min_element(change_.begin(), change_.end());
-    most_ = 1 / std::max(darkest, 1e-9);
+    max_share_ = 1 / std::max(darkest, 1e-9);
   }
 
   std::vector<double> estimate(std::span<const double> row_light, bool smooth) {
@@ -200,7 +200,7 @@ class ShareEstimator {
     gather(plan.front().texture, false);
     const double pull = std::accumulate(evidence_.pull.begin(), evidence_.pull.end(), 0.0);
     const double weight = std::accumulate(evidence_.weight.begin(), evidence_.weight.end(), 0.0);
-    if (weight > 0) std::fill(share_.begin(), share_.end(), std::clamp(share_[0] + pull / weight, 0.0, most_));
+    if (weight > 0) std::fill(share_.begin(), share_.end(), std::clamp(share_[0] + pull / weight, 0.0, max_share_));
   }
 
   void step_of_each(const Step& step) {
@@ -210,13 +210,13 @@ class ShareEstimator {
     spread(evidence_.pull);
     spread(evidence_.weight);
     for (std::size_t i = 0; i < pixels_; ++i)
-      share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, most_);
+      share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, max_share_);
   }
 
   void spread(std::vector<double>& values) { spreader_.all_around(down_, across_, values); }
 
   void wide_steps() {
-    share_.assign(pixels_, std::min(0.5 * most_, 1.0));
+    share_.assign(pixels_, std::min(0.5 * max_share_, 1.0));
     for (int k = 0; k < 4; ++k) step_of_all();
     for (std::size_t k = 0; k < wide; ++k) step_of_each(plan[k]);
   }
@@ -238,7 +238,7 @@ class ShareEstimator {
     for (int k = 0; k < smooth_steps; ++k) {
       gather(smooth_texture, false);
       smoother.step(evidence_.pull, evidence_.weight, share_);
-      for (double& value : share_) value = std::clamp(value, 0.0, most_);
+      for (double& value : share_) value = std::clamp(value, 0.0, max_share_);
     }
   }
 
@@ -248,7 +248,7 @@ class ShareEstimator {
     finish_guide(guide_);
     const double lag = static_cast<double>(lag_);
     for (std::size_t i = 0; i < pixels_; ++i) {
-      const double off = std::max(1 - share_[i] / most_, 0.0);
+      const double off = std::max(1 - share_[i] / max_share_, 0.0);
       now_.light[i] = guide_.light[i] * off;
       now_.variance[i] = guide_.variance[i];
     }
@@ -263,7 +263,7 @@ class ShareEstimator {
     std::vector<double>& other = now_.light;
     for (std::size_t i = 0; i < pixels_; ++i) {
       const double steady = evidence_.pull[i] / evidence_.weight[i];
-      other[i] = guide_.light[i] > 0 ? most_ * (1 - steady / guide_.light[i]) : share_[i];
+      other[i] = guide_.light[i] > 0 ? max_share_ * (1 - steady / guide_.light[i]) : share_[i];
     }
     keep_in_range(other);
     evidence_.pull.assign(pixels_, 0);
@@ -272,7 +272,7 @@ class ShareEstimator {
     std::fill(across_.begin(), across_.end(), std::exp(-1 / reach_of_choice));
     spread(evidence_.pull);
     for (std::size_t i = 0; i < pixels_; ++i)
-      if (evidence_.pull[i] > least_gain) share_[i] = other[i];
+      if (evidence_.pull[i] > min_gain) share_[i] = other[i];
   }
 
   // Between the least and the largest share within 12 pixels.
@@ -351,7 +351,7 @@ class ShareEstimator {
   std::size_t lag_;
   double edge_;
   std::size_t pixels_;
-  double most_ = 0;
+  double max_share_ = 0;
   std::vector<double> share_;
   Evidence evidence_;
   Cleaned now_, before_, guide_;

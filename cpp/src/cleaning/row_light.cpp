@@ -15,7 +15,7 @@ namespace {
 constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};  // step by step, as in the plan
 constexpr std::array<std::size_t, 5> lags{1, 2, 4, 8, 16};
 constexpr double evidence_of_columns = 0.1;  // neighbours hold the same texture
-constexpr double most_change = 0.5;          // of a row in one step
+constexpr double max_change = 0.5;           // of a row in one step
 constexpr std::size_t band = 17;             // diagonals of the normal equations
 
 // Normal equations of the row light: H·δ = b, H[n·band + k] between rows n and n + k.
@@ -138,9 +138,9 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
     if (!(most > 0)) break;
     if (!model.basis.empty()) {
       const std::vector<double> change = solve_in(model.basis, equations, rows);
-      double largest = most_change;
+      double largest = max_change;
       for (const double value : change) largest = std::max(largest, std::abs(value));
-      for (std::size_t n = 0; n < rows; ++n) result.light[n] += most_change / largest * change[n];
+      for (std::size_t n = 0; n < rows; ++n) result.light[n] += max_change / largest * change[n];
       continue;
     }
     if (std::isfinite(model.deviation))
@@ -149,7 +149,7 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
       for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * band] += 1e-4 * most;  // holds what no pair tells
     solve(equations, rows);
     for (std::size_t n = 0; n < rows; ++n)
-      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -most_change, most_change));
+      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -max_change, max_change));
   }
   return result;
 }

@@ -11,12 +11,12 @@ namespace ocisac {
 namespace {
 
 constexpr double variation = 40;       // λ, in log likelihood: as much as 20 pixels say of 1 of share
-constexpr double least_slope = 1e-3;   // ε, per pixel
+constexpr double min_slope = 1e-3;     // ε, per pixel
 constexpr std::size_t block = 8;       // pixels of one trend
 constexpr double reach_of_trend = 40;  // pixels
-constexpr double least_weight = 1e-3;  // holds what no pixel tells
+constexpr double min_weight = 1e-3;    // holds what no pixel tells
 constexpr std::array<int, 4> iterations{4, 12, 20, 40};  // of each level; the coarsest takes the last
-constexpr std::size_t least_side = 8;                    // of a level that is reduced further
+constexpr std::size_t min_side = 8;                      // of a level that is reduced further
 
 double scalar_product(const double* a, const double* b, std::size_t count) {
   std::array<double, 4> sums{};  // independent, so that none waits for the last
@@ -135,7 +135,7 @@ ShareSmoother::ShareSmoother(std::size_t rows, std::size_t columns)
   trend_.down.assign(passages_.size(), 0);
   trend_.across = trend_.down;
   levels_.emplace_back(rows, columns);
-  while (levels_.size() < iterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= least_side)
+  while (levels_.size() < iterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= min_side)
     levels_.emplace_back((levels_.back().rows + 1) / 2, (levels_.back().columns + 1) / 2);
 }
 
@@ -168,7 +168,7 @@ void ShareSmoother::couple(std::span<const double> share) {
       }
     }
   const auto coupling = [&](std::size_t i, std::size_t next) {
-    return variation / std::sqrt(least_slope * least_slope + 0.25 * (slope[i] + slope[next]));
+    return variation / std::sqrt(min_slope * min_slope + 0.25 * (slope[i] + slope[next]));
   };
   for (std::size_t row = 0; row < rows; ++row) {
     const std::size_t first = row * columns, end = first + columns;
@@ -222,7 +222,7 @@ void ShareSmoother::step(std::span<const double> pull, std::span<const double> w
   couple(share);
   find_trend(share);
   find_right(pull, share);
-  for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + least_weight;
+  for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + min_weight;
   for (std::size_t k = 1; k < levels_.size(); ++k) levels_[k].take_from(levels_[k - 1]);
   std::fill(levels_.back().change.begin(), levels_.back().change.end(), 0);
   for (std::size_t k = levels_.size(); k-- > 0;) {

@@ -22,9 +22,9 @@ using Eigen::VectorXd;
 constexpr std::size_t kBlocks = 64;              // groups of neighbouring columns with a weight each
 constexpr double kClippedShare = 0.01;           // columns with more saturated rows than this are left out
 constexpr double kTogether = 0.6, kApart = 0.3;  // cosines of the swings of one light, of different lights
-constexpr std::size_t kMostLights = 8;
-constexpr int kIterations = 8;              // of the factor model, and of the eigenvector within each
-constexpr double kLeastOwnVariance = 0.01;  // of the strongest block: a block without noise must not take all
+constexpr std::size_t kMaxLights = 8;
+constexpr int kIterations = 8;            // of the factor model, and of the eigenvector within each
+constexpr double kMinOwnVariance = 0.01;  // of the strongest block: a block without noise must not take all
 
 template <class T>
 double clipping_level(const ToneCurve& curve) {
@@ -144,7 +144,7 @@ std::vector<BlockGroup> block_groups(const Matrix& cosines, const VectorXd& powe
   const auto is_apart = [&](Index block) {
     return std::ranges::all_of(groups, [&](const auto& g) { return std::abs(cosines(block, g.seed)) < kApart; });
   };
-  while (groups.size() < kMostLights) {
+  while (groups.size() < kMaxLights) {
     Index seed = -1;
     for (Index i = 0; i < count; ++i) {
       if (!(power(i) > 0) || !is_apart(i) || (seed >= 0 && power(i) <= power(seed))) continue;
@@ -169,7 +169,7 @@ CommonFactor common_factor(std::span<const double> covariance, std::size_t size)
   const auto n = static_cast<Index>(size);
   const Eigen::Map<const Matrix> matrix(covariance.data(), n, n);
   const VectorXd power = matrix.diagonal();
-  const double floor = std::max(kLeastOwnVariance * power.maxCoeff(), 1e-12);
+  const double floor = std::max(kMinOwnVariance * power.maxCoeff(), 1e-12);
   VectorXd own = 0.5 * power, loadings = VectorXd::Ones(n);
   for (int outer = 0; outer < kIterations && !loadings.isZero(0); ++outer) {
     Matrix common = matrix;

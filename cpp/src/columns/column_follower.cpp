@@ -15,7 +15,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLeastLoading = 0.1;     // of the largest: columns below are next to the light
+constexpr double kMinLoading = 0.1;       // of the largest: columns below are next to the light
 constexpr double kClippedShare = 0.01;    // of the rows: columns with more of them saturated are left out
 constexpr double kClippingLevel = 0.98;   // of the white level
 constexpr std::size_t kLanes = 8;         // sums side by side, for the compiler to vectorise
@@ -124,9 +124,9 @@ void ColumnFollower::centre(std::size_t columns) {
   }
   if (!(sum > 0)) return;
   const double off = moment / sum - 0.5 * static_cast<double>(loadings_.size() - 1);
-  const auto most_left = -static_cast<std::ptrdiff_t>(first_);
-  const auto most_right = static_cast<std::ptrdiff_t>(columns - first_ - count());
-  const std::ptrdiff_t step = std::clamp(static_cast<std::ptrdiff_t>(0.5 * off), most_left, most_right);
+  const auto min_step = -static_cast<std::ptrdiff_t>(first_);
+  const auto max_step = static_cast<std::ptrdiff_t>(columns - first_ - count());
+  const std::ptrdiff_t step = std::clamp(static_cast<std::ptrdiff_t>(0.5 * off), min_step, max_step);
   if (step == 0) return;
   first_ = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(first_) + step);
   if (step > 0)
@@ -154,7 +154,7 @@ std::span<const double> ColumnFollower::combine(const AnyFramesView& frame, bool
   for (const bool leave_out : {true, false}) {  // saturated columns only where there are no others
     sum = 0;
     for (std::size_t column = 0; column < loadings_.size(); ++column) {
-      const bool counts = loadings_[column] >= kLeastLoading * largest && !(leave_out && is_clipped(column));
+      const bool counts = loadings_[column] >= kMinLoading * largest && !(leave_out && is_clipped(column));
       if (counts) sum += loadings_[column];
     }
     saturated = !leave_out;
@@ -163,7 +163,7 @@ std::span<const double> ColumnFollower::combine(const AnyFramesView& frame, bool
   if (!(sum > 0)) return signal_;  // dark: the weights stay
   saturated_ = saturated;
   for (std::size_t column = 0; column < loadings_.size(); ++column)
-    if (loadings_[column] < kLeastLoading * largest || (!saturated && is_clipped(column))) loadings_[column] = 0;
+    if (loadings_[column] < kMinLoading * largest || (!saturated && is_clipped(column))) loadings_[column] = 0;
   if (can_move) centre(std::visit([](const auto& view) { return view.columns; }, frame));
   sum = std::accumulate(loadings_.begin(), loadings_.end(), 0.0);
   if (sum > 0)

@@ -17,7 +17,7 @@ namespace ocisac {
 namespace {
 
 constexpr double pi = std::numbers::pi;
-constexpr double most_candidates = 1e7;
+constexpr double max_candidates = 1e7;
 
 void check_frequency(double frequency) {
   require(std::isfinite(frequency) && frequency > 0 && std::isfinite(1 / frequency), "frequency", frequency,
@@ -50,12 +50,12 @@ void check_domain(const ExposureDomain& domain) {
 }
 
 // Phases of tones at exposures of more cycles than that would be rounding alone.
-constexpr double most_cycles = 1e15;
+constexpr double max_cycles = 1e15;
 
 ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, std::span<const double> frequencies) {
   const auto [slowest, fastest] = std::ranges::minmax(frequencies);
   const auto bounds = domain.bounds.value_or(ExposureDomain::Bounds{0, 1 / slowest});
-  require(bounds.high * fastest < most_cycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
+  require(bounds.high * fastest < max_cycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
   return bounds;
 }
 
@@ -74,7 +74,7 @@ Multiples multiples_of(double step, ExposureDomain::Bounds bounds) {
 }
 
 void require_few(double candidates, const char* argument, const char* what) {
-  if (candidates > most_candidates) {
+  if (candidates > max_candidates) {
     std::ostringstream found;
     found << candidates << " " << what;
     refuse(argument, found.str(), "at most 10 million: narrower bounds or a larger step");
@@ -273,7 +273,7 @@ BestExposure search(std::span<const double> frequencies, std::span<const double>
 }
 
 void check_points(std::size_t points) {
-  require(points >= 2 && static_cast<double>(points) <= most_candidates, "points", points, "2 to 10 million");
+  require(points >= 2 && static_cast<double>(points) <= max_candidates, "points", points, "2 to 10 million");
 }
 
 }  // namespace

@@ -39,8 +39,8 @@ void check(const ExposureControllerOptions& o) {
   require(o.level_floor < 1, "level_floor", o.level_floor, "below 1");
   require(o.level_aim > 0 && o.level_aim < 1, "level_aim", o.level_aim, "above 0 and below 1");
   require(o.level_ceiling > 0 && o.level_ceiling <= 1, "level_ceiling", o.level_ceiling, "above 0 up to 1");
-  require(o.most_saturated >= 0 && o.most_saturated < 1, "most_saturated", o.most_saturated, "from 0 to below 1");
-  require_not_negative("least_snr", o.least_snr);
+  require(o.max_saturated >= 0 && o.max_saturated < 1, "max_saturated", o.max_saturated, "from 0 to below 1");
+  require_not_negative("min_snr", o.min_snr);
   require(o.noise_level > 0, "noise_level", o.noise_level, "a number above 0, or infinity");
 }
 
@@ -53,7 +53,7 @@ void require_if_known(const char* name, double value, bool above_zero) {
 }
 
 void check(const ExposureMeasurement& m) {
-  require(m.tones.size() <= most_weighted_tones, "tones", m.tones.size(), "at most 32");
+  require(m.tones.size() <= max_weighted_tones, "tones", m.tones.size(), "at most 32");
   for (const MeasuredTone& tone : m.tones) {
     require_if_known("frequency", tone.frequency, true);
     require_not_negative("share", tone.share);
@@ -70,7 +70,7 @@ void check(const ExposureMeasurement& m) {
 
 // The tones that count, with their weights; of each kind the shares add up to its weight.
 struct Tones {
-  std::array<WeightedTone, most_weighted_tones> values;
+  std::array<WeightedTone, max_weighted_tones> values;
   std::size_t count = 0;
   [[nodiscard]] std::span<const WeightedTone> view() const { return {values.data(), count}; }
 };
@@ -83,7 +83,7 @@ Tones weighted(std::span<const MeasuredTone> measured, const ExposureControllerO
     double total = 0;
     for (const MeasuredTone& tone : measured) {
       if (tone.kind != kind) continue;
-      if (std::isnan(tone.frequency) || tone.snr < options.least_snr) {
+      if (std::isnan(tone.frequency) || tone.snr < options.min_snr) {
         reasons |= reason::weak_left_out;
         continue;
       }
@@ -132,7 +132,7 @@ double ExposureController::largest_product(const ExposureMeasurement& measuremen
                                            std::uint32_t& reasons) {
   const double product = present.exposure * present.gain;
   if (std::isnan(product)) return infinity;
-  const bool saturated = measurement.saturated > options_.most_saturated;
+  const bool saturated = measurement.saturated > options_.max_saturated;
   const double dimmer = limit_radiance_ / present.radiance;
   if (dimmer > 0 && std::isfinite(dimmer)) limit_ *= dimmer;
   limit_radiance_ = present.radiance > 0 ? present.radiance : unknown;

@@ -15,11 +15,11 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double most_lobes = 1e6;
+constexpr double max_lobes = 1e6;
 constexpr double precision = 1e-12;  // relative, of the objective
 
 void check(std::span<const WeightedTone> tones, double noise_exposure) {
-  require(!tones.empty() && tones.size() <= most_weighted_tones, "tones", tones.size(), "1 to 32");
+  require(!tones.empty() && tones.size() <= max_weighted_tones, "tones", tones.size(), "1 to 32");
   for (const WeightedTone& tone : tones) {
     require_positive("frequency", tone.frequency);
     require_not_negative("weights", tone.weight);
@@ -170,8 +170,8 @@ class Branching {
   std::span<const WeightedTone> tones_;
   double noise_exposure_;
   ExposureWindow window_;
-  double first_ = 0, last_ = 0;                      // multiples of the step in the window
-  std::array<double, most_weighted_tones> zeros_{};  // of each tone: number of its zero at or before the lobe
+  double first_ = 0, last_ = 0;                     // multiples of the step in the window
+  std::array<double, max_weighted_tones> zeros_{};  // of each tone: number of its zero at or before the lobe
   std::array<Part, 128> parts_;
   BestExposure best_{infinity, -1};
 };
@@ -193,7 +193,7 @@ BestExposure best_noisy_exposure(std::span<const WeightedTone> tones, double noi
   require_not_negative("step", window.step);
   double lobes = 1;
   for (const WeightedTone& tone : tones) lobes += (window.high - window.low) * tone.frequency;
-  require(lobes <= most_lobes, "bounds", window.high, "exposures with at most a million lobes between them");
+  require(lobes <= max_lobes, "bounds", window.high, "exposures with at most a million lobes between them");
   return Branching(tones, noise_exposure, window).run();
 }
 

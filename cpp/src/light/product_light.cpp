@@ -15,7 +15,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMostPieces = 0x1p22;
+constexpr double kMaxPieces = 0x1p22;
 constexpr double kShortestExposure = 1e-150;  // s; a shorter one is a point
 
 // Spherical Bessel function of the first kind and order 1: sin(x)/x² − cos(x)/x.
@@ -191,9 +191,9 @@ Stretch stretch_of(const Exposures& exposures) {
   return {origin, (exposures.line.at(exposures.x_last) - origin).value()};
 }
 
-double most_pieces(const WaveformFactors& factors, double length) {
+double max_pieces(const WaveformFactors& factors, double length) {
   double steps = 1;
-  for (const auto& factor : factors) steps += factor->most_steps(length);
+  for (const auto& factor : factors) steps += factor->max_steps(length);
   return steps;
 }
 
@@ -221,10 +221,10 @@ class SparseLight final : public MeanLight {
 std::unique_ptr<MeanLight> product_light(const WaveformFactors& factors, const Exposures& exposures) {
   if (exposures.exposure < kShortestExposure) return std::make_unique<PointsLight>(factors, exposures);
   const Stretch stretch = stretch_of(exposures);
-  if (most_pieces(factors, stretch.length) <= kMostPieces)
+  if (max_pieces(factors, stretch.length) <= kMaxPieces)
     return std::make_unique<PiecesLight>(factors, exposures, stretch);
-  const double pieces = most_pieces(factors, exposures.exposure);
-  require(pieces <= kMostPieces, "exposure", std::to_string(pieces) + " edges of a product", "at most 2^22 edges");
+  const double pieces = max_pieces(factors, exposures.exposure);
+  require(pieces <= kMaxPieces, "exposure", std::to_string(pieces) + " edges of a product", "at most 2^22 edges");
   return std::make_unique<SparseLight>(factors, exposures);
 }
 

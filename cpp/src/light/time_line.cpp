@@ -6,7 +6,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMostCycles = 0x1p50;
+constexpr double kMaxCycles = 0x1p50;
 
 }  // namespace
 
@@ -15,14 +15,14 @@ CycleCounter::CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble
       step_upper_(upper_half(step_.high)),
       step_lower_(step_.high - step_upper_) {
   const DoubleDouble base = rate * line.origin + offset;
-  base_whole_ = std::abs(base.high) < kMostCycles ? nearest_whole(base.high) : base.high;
+  base_whole_ = std::abs(base.high) < kMaxCycles ? nearest_whole(base.high) : base.high;
   base_ = base + DoubleDouble{-base_whole_, 0};
 }
 
 void CycleCounter::require_countable(double x_first, double x_last, const char* argument) const {
   for (double x : {x_first, x_last}) {
     const double cycles = x * step_.high;
-    const bool countable = std::abs(cycles) < kMostCycles && std::abs(base_whole_) < kMostCycles;
+    const bool countable = std::abs(cycles) < kMaxCycles && std::abs(base_whole_) < kMaxCycles;
     require(countable, argument, std::abs(cycles + base_whole_), "at most 2^50 cycles or chips at the times asked for");
   }
 }

@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kLargestLevel = 1e100;
 constexpr double kLargestLight = 1e300;
-constexpr std::size_t kMostTerms = 4096;
+constexpr std::size_t kMaxTerms = 4096;
 
-constexpr std::size_t kMostTones = 8;
+constexpr std::size_t kMaxTones = 8;
 
 void check(const Waveform::Term& term) {
   double peak = std::abs(term.coefficient);
@@ -27,7 +27,7 @@ void check(const Waveform::Term& term) {
     samples += factor->has_slopes() ? 1 : 0;
   }
   require(samples <= 1, "product", std::to_string(samples) + " factors that are Samples", "one such factor");
-  require(tones <= kMostTones, "product", std::to_string(tones) + " tones", "at most 8 tones");
+  require(tones <= kMaxTones, "product", std::to_string(tones) + " tones", "at most 8 tones");
   require(peak <= kLargestLight, "product", peak, "light of at most 1e300");
 }
 
@@ -44,7 +44,7 @@ void require_level(const char* argument, double level) {
 }
 
 Waveform::Waveform(std::vector<Term> terms) : terms_(std::move(terms)) {
-  require(terms_.size() <= kMostTerms, "waveform", terms_.size(),
+  require(terms_.size() <= kMaxTerms, "waveform", terms_.size(),
           "at most 4096 terms once its products are multiplied out");
   for (const Term& term : terms_) check(term);
 }
@@ -62,7 +62,7 @@ Waveform operator+(const Waveform& a, const Waveform& b) {
 }
 
 Waveform operator*(const Waveform& a, const Waveform& b) {
-  require(a.terms_.size() * b.terms_.size() <= kMostTerms, "waveform", a.terms_.size() * b.terms_.size(),
+  require(a.terms_.size() * b.terms_.size() <= kMaxTerms, "waveform", a.terms_.size() * b.terms_.size(),
           "at most 4096 terms once its products are multiplied out");
   std::vector<Waveform::Term> terms;
   terms.reserve(a.terms_.size() * b.terms_.size());

@@ -13,7 +13,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMostCycles = 0x1p50;
+constexpr double kMaxCycles = 0x1p50;
 constexpr double kFewestCycles = 1e-200;  // in a stretch; with less no edge has an instant
 
 TimeLine delayed(TimeLine line, double delay) {
@@ -177,7 +177,7 @@ class SquareElement final : public WaveformElement {
       return (exact_sum(whole, half_duty) - DoubleDouble{origin.fraction, origin.rest}) / wave_.frequency;
     };
     std::vector<Step> steps;
-    steps.reserve(static_cast<std::size_t>(most_steps(stretch.length)));
+    steps.reserve(static_cast<std::size_t>(max_steps(stretch.length)));
     for (double whole = -1; whole <= cycles + 1; ++whole) {
       steps.push_back({time_of(whole, -wave_.duty / 2), wave_.amplitude, 0});
       steps.push_back({time_of(whole, wave_.duty / 2), 0, 0});
@@ -185,7 +185,7 @@ class SquareElement final : public WaveformElement {
     return steps;
   }
 
-  double most_steps(double length) const override { return 2 * wave_.frequency * length + 6; }
+  double max_steps(double length) const override { return 2 * wave_.frequency * length + 6; }
 
  private:
   SquareWave wave_;
@@ -347,7 +347,7 @@ class CellsElement final : public WaveformElement {
     const auto first = static_cast<std::int64_t>(origin.whole) - (part < DoubleDouble{} ? 1 : 0);
     const auto after_last = static_cast<std::int64_t>(origin.whole + rate_ * stretch.length) + 2;
     std::vector<Step> steps;
-    steps.reserve(static_cast<std::size_t>(most_steps(stretch.length)));
+    steps.reserve(static_cast<std::size_t>(max_steps(stretch.length)));
     const auto append = [&](std::int64_t cell) {
       const auto [value, slope] = cells_.line(cells_.inside_round(cell));
       const double past_origin = static_cast<double>(cell) - origin.whole;
@@ -360,7 +360,7 @@ class CellsElement final : public WaveformElement {
     return steps;
   }
 
-  double most_steps(double length) const override {
+  double max_steps(double length) const override {
     const double passed = rate_ * length + 4;
     return cells_.repeat ? passed : std::min(passed, static_cast<double>(cells_.count()) + 4);
   }
@@ -391,7 +391,7 @@ class CellsElement final : public WaveformElement {
 
 DoubleDouble cycles_of(double rate, double exposure, const char* argument) {
   const DoubleDouble cycles = exact_product(rate, exposure);
-  require(cycles.high < kMostCycles, argument, rate, "at most 2^50 cycles or chips in an exposure");
+  require(cycles.high < kMaxCycles, argument, rate, "at most 2^50 cycles or chips in an exposure");
   return cycles;
 }
 

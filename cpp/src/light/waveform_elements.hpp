@@ -62,7 +62,7 @@ class WaveformElement {
   // What a product needs to know: an element is either cosines (steady light is one of frequency 0) or steps.
   virtual std::vector<Cosine> cosines() const { return {}; }
   virtual std::vector<Step> steps(const Stretch&) const { return {}; }  // the first at or before the origin
-  virtual double most_steps(double /*length*/) const { return 0; }
+  virtual double max_steps(double /*length*/) const { return 0; }
   virtual bool has_slopes() const { return false; }
 };
 

@@ -19,12 +19,12 @@ namespace ocisac {
 namespace {
 
 constexpr int rounds = 2;
-constexpr double least_coherence = 0.6;  // of the halves, locally
-constexpr double least_power = 0.02;     // of the swing's, near its largest
-constexpr double least_likeness = 0.5;   // of a column with the middle
-constexpr double least_swing = 0.15;     // of the middle's
-constexpr double hysteresis = 0.5;       // of the waveform's RMS
-constexpr std::size_t least_edges = 6, most_timed = 64;
+constexpr double min_coherence = 0.6;  // of the halves, locally
+constexpr double min_power = 0.02;     // of the swing's, near its largest
+constexpr double min_likeness = 0.5;   // of a column with the middle
+constexpr double min_swing = 0.15;     // of the middle's
+constexpr double hysteresis = 0.5;     // of the waveform's RMS
+constexpr std::size_t min_edges = 6, max_timed = 64;
 constexpr double edge_evidence = 0.5;                                          // nats
 constexpr double fastest_chip = 2.2, slowest_chip = 0.7, largest_clock = 0.4;  // chips in a short interval; a row
 constexpr double frequency_reach = 0.25;                                       // relative, about the suspect's
@@ -87,7 +87,7 @@ bool halves_alike(const LitFrame& frame, const Box& box, std::size_t length) {
     const double a = logs.at(n, 0), b = logs.at(n, 1);
     aa += a * a, bb += b * b, ab += a * b;
   }
-  return ab > least_coherence * std::sqrt(aa * bb);
+  return ab > min_coherence * std::sqrt(aa * bb);
 }
 
 // Rows about the box whose halves swing alike.
@@ -108,8 +108,8 @@ std::optional<Box> lit_rows(const LitFrame& frame, const Box& box, std::size_t l
   std::ranges::nth_element(inside, high);
   std::vector<std::uint8_t> lit(logs.rows());
   for (std::size_t n = 0; n < lit.size(); ++n) {
-    const double coherent = least_coherence * std::sqrt(std::max(powers.at(n, 1) * powers.at(n, 2), 0.0));
-    lit[n] = powers.at(n, 0) > std::max(coherent, least_power * *high);
+    const double coherent = min_coherence * std::sqrt(std::max(powers.at(n, 1) * powers.at(n, 2), 0.0));
+    lit[n] = powers.at(n, 0) > std::max(coherent, min_power * *high);
   }
   const auto run = run_about(lit, first, first + box.height);
   if (!run) return {};
@@ -137,7 +137,7 @@ std::optional<Box> lit_columns(const LitFrame& frame, const Box& box, std::size_
   }
   std::vector<std::uint8_t> lit(patch.groups);
   for (std::size_t g = 0; g < patch.groups; ++g)
-    lit[g] = products[g] > std::max(least_likeness * std::sqrt(squares[g] * energy), least_swing * energy);
+    lit[g] = products[g] > std::max(min_likeness * std::sqrt(squares[g] * energy), min_swing * energy);
   const std::size_t first = std::min((box.column - patch.first_column) / patch.group, patch.groups - 1);
   const std::size_t end = (box.column + box.width - patch.first_column) / patch.group;
   const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));
@@ -164,7 +164,7 @@ std::vector<std::size_t> edges_of(std::span<const double> waveform) {
 // Rayleigh's statistic |Σ e^{−j2πf·edge}|²/edges of the best clock f, less the ln of the number of clocks tried: the
 // shortest interval but one is taken for one or two chips.
 double clock_evidence(std::span<const std::size_t> edges) {
-  edges = edges.first(std::min(edges.size(), most_timed));
+  edges = edges.first(std::min(edges.size(), max_timed));
   std::vector<std::size_t> intervals;
   for (std::size_t i = 0; i + 1 < edges.size(); ++i) intervals.push_back(edges[i + 1] - edges[i]);
   std::ranges::sort(intervals);
@@ -251,7 +251,7 @@ std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_
   if (patch.groups < 2) return {};
   const Waveform waveform = waveform_of(patch, length);
   const auto edges = edges_of(waveform.values);
-  if (edges.size() < least_edges || !(waveform.energy > 0)) return {};
+  if (edges.size() < min_edges || !(waveform.energy > 0)) return {};
   const double lower = suspect.frequency * (1 - frequency_reach);
   const double upper = std::min(suspect.frequency * (1 + frequency_reach), 0.499);
   const double frequency = strongest_frequency(waveform.values, lower, upper);

@@ -16,10 +16,10 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t most_suspects = 256;
-constexpr double least_rows = 24;       // of a box
-constexpr double least_periodic = 0.4;  // of the swing common to the columns
-constexpr double most_uneven = 0.25;
+constexpr std::size_t max_suspects = 256;
+constexpr double min_rows = 24;       // of a box
+constexpr double min_periodic = 0.4;  // of the swing common to the columns
+constexpr double max_uneven = 0.25;
 constexpr double data_periodic = 0.7;     // a tone or a square wave has more
 constexpr double largest_spread = 0.05;   // relative standard error of a frequency that was told at all
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more are of a light that sends data
@@ -31,9 +31,9 @@ constexpr double reflection_level = 0.5;  // a light as strong as this share of 
 void check(const DetectOptions& options) {
   require(options.false_alarms > 0 && options.false_alarms <= 1, "false_alarms", options.false_alarms,
           "above 0 up to 1 in a picture");
-  require(std::isfinite(options.least_cycles) && options.least_cycles >= 2, "min_cycles", options.least_cycles,
+  require(std::isfinite(options.min_cycles) && options.min_cycles >= 2, "min_cycles", options.min_cycles,
           "a finite number, 2 or above");
-  require(options.most >= 1, "most", options.most, "1 or above");
+  require(options.max_sources >= 1, "max_sources", options.max_sources, "1 or above");
 }
 
 struct Found {
@@ -82,7 +82,7 @@ double evidence_for(std::size_t suspects, double false_alarms) {
 }
 
 // One stored step: smaller swings are as often made by compression as by light.
-double least_amplitude(const AnyFramesView& frames) {
+double min_amplitude(const AnyFramesView& frames) {
   return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T> ? 1.0 : 0.0; }, frames);
 }
 
@@ -93,23 +93,23 @@ double data_evidence_for(std::size_t suspects, double false_alarms) {
 }
 
 // Texture beside the periodic swing; lines of text have more. Few columns are alike by chance.
-double most_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
+double max_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
 
-bool accepted(const DataLight& data, const LightLimits& limits, double least_evidence) {
+bool accepted(const DataLight& data, const LightLimits& limits, double min_evidence) {
   const RefinedLight& light = data.light;
   return static_cast<double>(light.height) >= limits.rows && 0.5 * static_cast<double>(data.edges) >= limits.cycles &&
-         light.amplitude >= limits.amplitude && data.evidence >= least_evidence && light.snr >= 1 &&
-         light.texture <= data_texture * most_texture(light);
+         light.amplitude >= limits.amplitude && data.evidence >= min_evidence && light.snr >= 1 &&
+         light.texture <= data_texture * max_texture(light);
 }
 
 // Texture that comes and goes with the rows is no picture under a light.
-bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > most_uneven; }
+bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > max_uneven; }
 
-bool accepted(const RefinedLight& light, const LightLimits& limits, double least_evidence) {
+bool accepted(const RefinedLight& light, const LightLimits& limits, double min_evidence) {
   const auto height = static_cast<double>(light.height);
   return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
-         evidence(light) >= least_evidence && light.texture <= most_texture(light) && !like_text(light) &&
-         light.periodic >= least_periodic && light.frequency_std <= largest_spread * light.frequency;
+         evidence(light) >= min_evidence && light.texture <= max_texture(light) && !like_text(light) &&
+         light.periodic >= min_periodic && light.frequency_std <= largest_spread * light.frequency;
 }
 
 bool clean(const Found& one) { return !one.data && one.light.periodic >= data_periodic; }
@@ -260,7 +260,7 @@ class Look {
       : frames_(frames),
         frame_(frame),
         options_(options),
-        limits_{least_rows, options.least_cycles, least_amplitude(frames)} {
+        limits_{min_rows, options.min_cycles, min_amplitude(frames)} {
     // A memoryless curve keeps every period, and stored values show darkness best.
     stored_.dark_level = camera.tone_curve.dark_level;
     stored_.white_level = camera.tone_curve.white_level;
@@ -282,7 +282,7 @@ class Look {
   // any tones, and data where no tone explains a suspect.
   void search(const Region& region, std::span<const double> frequencies = {}) {
     auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms);
-    suspects.resize(std::min(suspects.size(), most_suspects));
+    suspects.resize(std::min(suspects.size(), max_suspects));
     for (Suspect& suspect : suspects) suspect.column += region.x, suspect.row += region.y;
     find_tones(suspects, frequencies);
     if (frequencies.empty()) find_data(suspects);
@@ -290,7 +290,7 @@ class Look {
 
   std::vector<Found> lights() {
     auto found = without_doubles(std::move(found_));
-    found.resize(std::min(found.size(), options_.most));
+    found.resize(std::min(found.size(), options_.max_sources));
     const auto of = [&](auto same) {
       return [&, same](const LightPart& a, const LightPart& b) {
         return same(frames_, frame_, stored_.dark_level, floor_, a, b);
@@ -303,24 +303,24 @@ class Look {
 
  private:
   void find_tones(const std::vector<Suspect>& suspects, std::span<const double> frequencies) {
-    const double least_evidence = evidence_for(suspects.size(), options_.false_alarms);
+    const double min_evidence = evidence_for(suspects.size(), options_.false_alarms);
     for (const Suspect& suspect : suspects) {
       if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
         continue;
       if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
       const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (light && accepted(*light, limits_, least_evidence)) add_tone(*light, least_evidence);
+      if (light && accepted(*light, limits_, min_evidence)) add_tone(*light, min_evidence);
     }
   }
 
   // A light, or the lamps that touch and were found as one: each looked at in its own columns.
-  void add_tone(const RefinedLight& light, double least_evidence) {
+  void add_tone(const RefinedLight& light, double min_evidence) {
     std::vector<RefinedLight> lamps;
     for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, part_of(light))) {
       const auto columns = part_of(frames_, {part.column, 0, part.width, shape_of(frames_).rows});
       const Suspect suspect{0, part.row, part.width, part.height, part.frequency, 1, 0};
       auto lamp = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (!lamp || !accepted(*lamp, limits_, least_evidence)) continue;
+      if (!lamp || !accepted(*lamp, limits_, min_evidence)) continue;
       lamp->column += part.column;
       lamps.push_back(*lamp);
     }
@@ -329,7 +329,7 @@ class Look {
   }
 
   void find_data(const std::vector<Suspect>& suspects) {
-    const double least_evidence = data_evidence_for(suspects.size(), options_.false_alarms);
+    const double min_evidence = data_evidence_for(suspects.size(), options_.false_alarms);
     std::vector<RefinedLight> tones;  // that made a light
     for (const Suspect& suspect : suspects) {
       const auto explains = [&](const RefinedLight& light) {
@@ -341,7 +341,7 @@ class Look {
       const auto data = find_data_light(frames_, frame_, stored_.dark_level, floor_, suspect);
       if (!data) continue;
       const RefinedLight& light = data->light;
-      if (!accepted(*data, limits_, least_evidence)) continue;
+      if (!accepted(*data, limits_, min_evidence)) continue;
       if (made_of_tones(light)) {
         tones.push_back(light);
         continue;

@@ -17,9 +17,9 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t most_groups = 64;   // of columns in a patch
-constexpr std::size_t most_columns = 32;  // read for a mean
-constexpr std::size_t widest_sharp = 8;   // columns in a group of a small light
+constexpr std::size_t max_groups = 64;   // of columns in a patch
+constexpr std::size_t max_columns = 32;  // read for a mean
+constexpr std::size_t widest_sharp = 8;  // columns in a group of a small light
 
 // Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
 template <class T>
@@ -99,7 +99,7 @@ Patch patch_of(const LitFrame& frame, const Box& box, const Margins& margins) {
   const std::size_t right = std::min(shape.columns, box.column + box.width + margins.columns);
   const std::size_t top = box.row - std::min(box.row, margins.rows);
   const std::size_t bottom = std::min(shape.rows, box.row + box.height + margins.rows);
-  const std::size_t wanted = std::max<std::size_t>((right - left + most_groups - 1) / most_groups,
+  const std::size_t wanted = std::max<std::size_t>((right - left + max_groups - 1) / max_groups,
                                                    std::clamp<std::size_t>(box.width / 16, 1, widest_sharp));
   const std::size_t group = std::min(wanted, right - left);
   const std::size_t groups = (right - left) / group;
@@ -121,7 +121,7 @@ Patch patch_of(const LitFrame& frame, const Box& box, const Margins& margins) {
 
 std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::size_t end, std::size_t first,
                                std::size_t last) {
-  const std::size_t step = (end - begin + most_columns - 1) / most_columns, count = (end - begin + step - 1) / step;
+  const std::size_t step = (end - begin + max_columns - 1) / max_columns, count = (end - begin + step - 1) / step;
   std::vector<double> mean(last - first, -frame.dark);
   const double share = 1 / static_cast<double>(count);
   std::visit(

@@ -15,8 +15,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kMostCuts = 4;                // one within the other
-constexpr double kMostRows = 0.9;           // of a box; a light in so many of them has it whole
+constexpr int kMaxCuts = 4;                 // one within the other
+constexpr double kMaxRows = 0.9;            // of a box; a light in so many of them has it whole
 constexpr std::size_t kFewestRows = 64;     // of a light
 constexpr std::size_t kReach = 14;          // rows to either side in which a swing is looked for
 constexpr double kActive = 0.06;            // of the strongest swing
@@ -69,10 +69,10 @@ class Cutter {
 
   // By rows, and what that leaves by columns, until nothing is cut.
   void cut(const Region& region, int depth) {
-    const auto parts = depth < kMostCuts ? parts_of(region) : std::vector<Region>{};
+    const auto parts = depth < kMaxCuts ? parts_of(region) : std::vector<Region>{};
     if (parts.size() < 2) {
       const Region swinging = with_rows_that_swing(region);
-      const bool most = static_cast<double>(swinging.height) > kMostRows * static_cast<double>(region.height);
+      const bool most = static_cast<double>(swinging.height) > kMaxRows * static_cast<double>(region.height);
       regions_.push_back(most ? region : swinging);
       return;
     }

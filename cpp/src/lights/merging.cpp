@@ -14,11 +14,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr double least_beside = 0.8, least_above = 0.9;          // correlation of swings
-constexpr double least_between = 0.4, least_rows_between = 0.7;  // swing between parts, of the fainter part's
-constexpr double least_alike = 0.5;                              // correlation of lamps that touch
-constexpr std::size_t least_strip = 8, most_strips = 24;         // columns; strips of a box
-constexpr std::size_t touching = 8;                              // columns apart
+constexpr double min_beside = 0.8, min_above = 0.9;          // correlation of swings
+constexpr double min_between = 0.4, min_rows_between = 0.7;  // swing between parts, of the fainter part's
+constexpr double min_alike = 0.5;                            // correlation of lamps that touch
+constexpr std::size_t min_strip = 8, max_strips = 24;        // columns; strips of a box
+constexpr std::size_t touching = 8;                          // columns apart
 
 using Frame = LitFrame;
 
@@ -73,11 +73,10 @@ bool beside(const Frame& frame, const LightPart& left, const LightPart& right) {
     return false;
   const std::size_t length = mean_length(left, right);
   const auto one = swing(frame, columns_of(left), rows, length), other = swing(frame, columns_of(right), rows, length);
-  if (likeness(one, other) < least_beside) return false;
+  if (likeness(one, other) < min_beside) return false;
   if (between.size() < touching) return true;
   const auto middle = swing(frame, between, rows, length);
-  return likeness(one, middle) >= least_beside &&
-         extent(middle) >= least_between * std::min(extent(one), extent(other));
+  return likeness(one, middle) >= min_beside && extent(middle) >= min_between * std::min(extent(one), extent(other));
 }
 
 bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
@@ -95,8 +94,8 @@ bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
   std::ranges::transform(left, right, both.begin(), std::plus{});
   const std::size_t first = between.begin - rows.begin, count = between.size();
   const std::span<const double> all(both);
-  const double least = least_rows_between * std::min(extent(all.first(first)), extent(all.subspan(first + count)));
-  return likeness(std::span(left).subspan(first, count), std::span(right).subspan(first, count)) >= least_above &&
+  const double least = min_rows_between * std::min(extent(all.first(first)), extent(all.subspan(first + count)));
+  return likeness(std::span(left).subspan(first, count), std::span(right).subspan(first, count)) >= min_above &&
          extent(all.subspan(first, count)) >= least;
 }
 
@@ -119,10 +118,10 @@ std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t fra
   const Frame in{frames, frame, dark, floor};
   const Span rows = rows_of(box);
   const std::size_t length = mean_length(box, box), end = box.column + box.width, quarter = box.width / 4;
-  if (box.width < 2 * least_strip || likeness(swing(in, {box.column, box.column + quarter}, rows, length),
-                                              swing(in, {end - quarter, end}, rows, length)) >= least_alike)
+  if (box.width < 2 * min_strip || likeness(swing(in, {box.column, box.column + quarter}, rows, length),
+                                            swing(in, {end - quarter, end}, rows, length)) >= min_alike)
     return {};
-  const std::size_t strips = std::min(box.width / least_strip, most_strips);
+  const std::size_t strips = std::min(box.width / min_strip, max_strips);
   const auto edge = [&](std::size_t strip) { return box.column + strip * box.width / strips; };
   std::vector<LightPart> parts;
   std::vector<double> run = swing(in, {edge(0), edge(1)}, rows, length);
@@ -135,7 +134,7 @@ std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t fra
   std::size_t first = 0;
   for (std::size_t strip = 1; strip < strips; ++strip) {
     const auto next = swing(in, {edge(strip), edge(strip + 1)}, rows, length);
-    if (likeness(run, next) >= least_alike) {
+    if (likeness(run, next) >= min_alike) {
       std::ranges::transform(run, next, run.begin(), std::plus{});
       continue;
     }

@@ -13,7 +13,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t most_jackknife = 16;
+constexpr std::size_t max_jackknife = 16;
 
 // J(f) = Σ_h |Σ_n x(n)·e^{−j2πhfn}|², with its first two derivatives.
 struct Energy {
@@ -49,7 +49,7 @@ class Profile {
         values_.data(), coarse_real_.size(),
         {coarse_real_.data(), coarse_imaginary_.data(), fine_real.data(), fine_imaginary.data(), middle});
     const auto most =
-        std::min<std::size_t>(kernels::most_harmonics, static_cast<std::size_t>(std::ceil(0.5 / frequency)) - 1);
+        std::min<std::size_t>(kernels::max_harmonics, static_cast<std::size_t>(std::ceil(0.5 / frequency)) - 1);
     Energy out;
     for (std::size_t h = 0; h < most; ++h) {
       const double rate = 2 * std::numbers::pi * static_cast<double>(h + 1);
@@ -100,7 +100,7 @@ double strongest_frequency(std::span<const double> profile, double lower, double
 }
 
 double jackknife_std(std::span<const double> profile, double frequency, double cycles, double lower, double upper) {
-  const auto groups = std::clamp<std::size_t>(static_cast<std::size_t>(cycles), 2, most_jackknife);
+  const auto groups = std::clamp<std::size_t>(static_cast<std::size_t>(cycles), 2, max_jackknife);
   std::size_t first = 0, last = profile.size();
   while (first < last && profile[first] == 0) ++first;
   while (last > first && profile[last - 1] == 0) --last;

@@ -18,10 +18,10 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr double box_edge = 0.15;         // of the largest amplitude
-constexpr double least_alignment = 0.5;   // cosine of the angle to the light's phase
+constexpr double min_alignment = 0.5;     // cosine of the angle to the light's phase
 constexpr double frequency_reach = 0.12;  // relative, in a round
 
-constexpr std::size_t most_orders = 9;  // of a periodic light's harmonics
+constexpr std::size_t max_orders = 9;  // of a periodic light's harmonics
 
 // Without the care of the standard's for what is close to the ends of the exponents.
 double size(Complex z) { return std::sqrt(std::norm(z)); }
@@ -85,7 +85,7 @@ std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Box&
   if (!(largest > 0) || sum == Complex(0)) return {};
   const Complex phase = sum / std::abs(sum);
   const double least = box_edge * largest, c = phase.real(), s = phase.imag();
-  constexpr double alignment = least_alignment * least_alignment;
+  constexpr double alignment = min_alignment * min_alignment;
   std::vector<double> aligned(swing.real.size());
   std::vector<std::uint8_t> open_to(aligned.size());
   for (std::size_t i = 0; i < aligned.size(); ++i) {
@@ -176,8 +176,8 @@ double periodic_share(const Profile& profile, double frequency) {
     total += profile.matched[n] * profile.matched[n] / profile.weight[n];
     weights += profile.weight[n];
   }
-  const auto most = std::min(static_cast<std::size_t>(0.499 / frequency), most_orders);
-  std::array<Complex, most_orders> sums{};
+  const auto most = std::min(static_cast<std::size_t>(0.499 / frequency), max_orders);
+  std::array<Complex, max_orders> sums{};
   for (std::size_t n = 0; n < profile.matched.size(); ++n) {
     if (profile.matched[n] == 0) continue;
     const Complex turn = turned(frequency * static_cast<double>(n));

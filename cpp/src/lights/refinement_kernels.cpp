@@ -109,7 +109,7 @@ struct Moments {
 HarmonicSums HarmonicSumsOf(const double* x, std::size_t blocks, const Turns& turns) {
   const hn::CappedTag<double, fine_turns> d;
   const std::size_t lanes = hn::Lanes(d);
-  Moments sums[most_harmonics];
+  Moments sums[max_harmonics];
   for (std::size_t block = 0; block < blocks; ++block) {
     const auto c = hn::Set(d, turns.coarse_real[block]), s = hn::Set(d, turns.coarse_imaginary[block]);
     for (std::size_t k = 0; k < fine_turns; k += lanes) {
@@ -119,7 +119,7 @@ HarmonicSums HarmonicSumsOf(const double* x, std::size_t blocks, const Turns& tu
       const auto m = hn::Add(hn::Iota(d, 0.0), hn::Set(d, first));
       const auto re = hn::Sub(hn::Mul(c, fc), hn::Mul(s, fs)), im = hn::Add(hn::Mul(c, fs), hn::Mul(s, fc));
       auto a = re, b = im;
-      for (std::size_t h = 0; h < most_harmonics; ++h) {
+      for (std::size_t h = 0; h < max_harmonics; ++h) {
         sums[h].add(value, m, a, b);
         const auto next = hn::Sub(hn::Mul(a, re), hn::Mul(b, im));
         b = hn::Add(hn::Mul(a, im), hn::Mul(b, re));
@@ -128,7 +128,7 @@ HarmonicSums HarmonicSumsOf(const double* x, std::size_t blocks, const Turns& tu
     }
   }
   HarmonicSums out;
-  for (std::size_t h = 0; h < most_harmonics; ++h)
+  for (std::size_t h = 0; h < max_harmonics; ++h)
     for (int q = 0; q < 3; ++q) {
       out.real[h][q] = hn::GetLane(hn::SumOfLanes(d, sums[h].real[q]));
       out.imaginary[h][q] = hn::GetLane(hn::SumOfLanes(d, sums[h].imaginary[q]));

@@ -32,7 +32,7 @@ void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& w
 // out[i] = ln(max(light[i], 0) + floor), to 1e-15. count: a multiple of patch_padding; floor > 0.
 void logarithms(const double* light, std::size_t count, double floor, double* out);
 
-constexpr std::size_t fine_turns = 16, most_harmonics = 3;
+constexpr std::size_t fine_turns = 16, max_harmonics = 3;
 
 // e^{−j2πf(n − middle)} for n = 16a + b as coarse(a)·fine(b).
 struct Turns {
@@ -43,7 +43,7 @@ struct Turns {
 
 // Σ_n x(n)·(n − middle)^q·e^{−j2πhf(n − middle)} for h = 1, 2, 3 and q = 0, 1, 2.
 struct HarmonicSums {
-  double real[most_harmonics][3], imaginary[most_harmonics][3];
+  double real[max_harmonics][3], imaginary[max_harmonics][3];
 };
 
 // `blocks`: of 16 values of x.

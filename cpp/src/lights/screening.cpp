@@ -20,8 +20,8 @@ constexpr std::size_t window = 32, hop = 16;  // rows of a tile, after adding
 constexpr std::size_t tile_groups = 3;        // in a tile
 constexpr std::size_t widest_group = 8;       // columns at the finest scale
 constexpr std::size_t wide_factor = 8;        // a second family of scales, for faint light on wide areas
-constexpr double least_share = 0.4;
-constexpr float least_power = 1e-6F;  // mean square of log light: swings below 0.1 % are nobody's
+constexpr double min_share = 0.4;
+constexpr float min_power = 1e-6F;  // mean square of log light: swings below 0.1 % are nobody's
 // Cycles in a window: by halves where the tiles of the next scale do not see better.
 constexpr std::array<double, 18> cycles{2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8, 9, 10, 11, 12, 13, 14};
 
@@ -131,7 +131,7 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
 double share_threshold(std::size_t tiles, std::size_t groups, double false_alarms) {
   const double tests = static_cast<double>(std::max<std::size_t>(tiles, 1) * cycles.size());
   const double half_freedom = (static_cast<double>(groups * (window - 2)) - 2) / 2;
-  return std::max(least_share, 1 - std::pow(std::min(false_alarms / tests, 1.0), 1 / half_freedom));
+  return std::max(min_share, 1 - std::pow(std::min(false_alarms / tests, 1.0), 1 / half_freedom));
 }
 
 // Log light of one scale as its rows come by: two chunks of 16 rows are a window. Rows added in pairs and groups of
@@ -164,12 +164,12 @@ class Scale {
     return windows_in(rows_) * groups_ + (wide_ ? wide_->tiles() : 0) + (half_ ? half_->tiles() : 0);
   }
 
-  void begin(float floor, float least_swing, double false_alarms, std::size_t all_tiles) {
+  void begin(float floor, float min_swing, double false_alarms, std::size_t all_tiles) {
     floor_ = floor;
-    least_swing_ = least_swing;
+    min_swing_ = min_swing;
     threshold_ = share_threshold(all_tiles, tile_width(), false_alarms);
-    if (wide_) wide_->begin(floor, least_swing, false_alarms, all_tiles);
-    if (half_) half_->begin(floor, least_swing, false_alarms, all_tiles);
+    if (wide_) wide_->begin(floor, min_swing, false_alarms, all_tiles);
+    if (half_) half_->begin(floor, min_swing, false_alarms, all_tiles);
   }
 
   // `light`: mean light of every group in the next row, DN above dark.
@@ -230,7 +230,7 @@ class Scale {
     const kernels::WindowScratch scratch{scratch_[0].data(), scratch_[1].data(), scratch_[2].data(),
                                          scratch_[3].data(), scratch_[4].data(), scratch_[5].data()};
     if (!kernels::tile_energies(a, b, across,
-                                {tile_width(), least_power * window * count, threshold, waves().slope_energy}, scratch,
+                                {tile_width(), min_power * window * count, threshold, waves().slope_energy}, scratch,
                                 energy_.data()))
       return;
     for (std::size_t g = 0; g < across; ++g) {
@@ -238,7 +238,7 @@ class Scale {
       if (energy == 0) continue;
       float mean = 0;  // of log light
       for (std::size_t k = 0; k < tile_width(); ++k) mean += (a.first[g + k] + scratch.sum[g + k] / window) / count;
-      const float swing = least_swing_ * std::exp(-mean);
+      const float swing = min_swing_ * std::exp(-mean);
       if (energy < 0.5F * swing * swing * window * count) continue;
       const Tone tone = strongest_tone(a, b, g, stride_, tile_width());
       const double share = tone.energy / static_cast<double>(count * energy);
@@ -254,7 +254,7 @@ class Scale {
   }
 
   std::size_t rows_, groups_, row_step_, column_step_, stride_, across_ = 1, seen_ = 0;
-  float floor_ = 0, least_swing_ = 0;
+  float floor_ = 0, min_swing_ = 0;
   double threshold_ = 1;
   std::vector<float> logs_, common_;           // (2 chunks × 16 rows)
   std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of ChunkMoments
@@ -351,9 +351,9 @@ std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t fra
   const Shape shape = shape_of(frames);
   const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
   const bool whole = saturation_level(frames) > 0;  // integers: a tone of half a stored step is none
-  const float least_swing = whole ? 0.5F : 0.0F;
+  const float min_swing = whole ? 0.5F : 0.0F;
   Scale finest(shape.rows, shape.columns / group, 1, group, true);
-  finest.begin(floor, least_swing, false_alarms, finest.tiles());
+  finest.begin(floor, min_swing, false_alarms, finest.tiles());
   std::visit(
       [&](const auto& view) {
         const auto one = view.frame(frame);

@@ -95,8 +95,8 @@ bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, c
     hn::StoreU(products(a.next, b.next, g, 1), d, scratch.near + g);
     hn::StoreU(products(a.second, b.second, g, 2), d, scratch.far + g);
   }
-  const auto least_energy = hn::Set(d, bound.least_energy);
-  const auto least_share = hn::Set(d, bound.least_share * static_cast<float>(bound.groups));
+  const auto min_energy = hn::Set(d, bound.min_energy);
+  const auto min_share = hn::Set(d, bound.min_share * static_cast<float>(bound.groups));
   bool any = false;
   for (std::size_t g = 0; g < tiles; g += lanes) {
     auto all = hn::LoadU(d, scratch.own + g), common = hn::Zero(d);
@@ -106,7 +106,7 @@ bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, c
     }
     if (bound.groups > 2) common = hn::Add(common, hn::LoadU(d, scratch.far + g));
     const auto bounded = hn::Add(all, hn::Add(common, common));
-    const auto candidate = hn::And(hn::Gt(all, least_energy), hn::Ge(bounded, hn::Mul(least_share, all)));
+    const auto candidate = hn::And(hn::Gt(all, min_energy), hn::Ge(bounded, hn::Mul(min_share, all)));
     any = any || !hn::AllFalse(d, hn::And(candidate, hn::FirstN(d, tiles - g)));
     hn::StoreU(hn::IfThenElseZero(candidate, all), d, energy + g);
   }

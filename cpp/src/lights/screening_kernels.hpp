@@ -27,11 +27,11 @@ struct Chunk {
   const float* common;
 };
 
-// What makes a tile of `groups` neighbouring groups a candidate: energy above `least_energy`, and a common share of at
-// least `least_share`.
+// What makes a tile of `groups` neighbouring groups a candidate: energy above `min_energy`, and a common share of at
+// least `min_share`.
 struct TileBound {
   std::size_t groups;
-  float least_energy, least_share, slope_energy;
+  float min_energy, min_share, slope_energy;
 };
 
 // Room for what a window's groups hold: `groups` values and padding each.

@@ -14,7 +14,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLeastResponse = 1e-3;  // a tone in a null of the exposure: nothing to be seen
+constexpr double kMinResponse = 1e-3;  // a tone in a null of the exposure: nothing to be seen
 constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kNuisances = 2;  // mean and slope
 
@@ -96,7 +96,7 @@ std::vector<double> soft_bits(std::span<const double> likelihoods, std::size_t b
 
 void check_tones(const Camera& camera, std::span<const double> tones) {
   check(camera);
-  require(tones.size() >= 2 && tones.size() <= kMostTones && std::has_single_bit(tones.size()), "tones",
+  require(tones.size() >= 2 && tones.size() <= kMaxTones && std::has_single_bit(tones.size()), "tones",
           std::to_string(tones.size()) + " tones", "2, 4, 8, … 256 tones");
   for (std::size_t m = 0; m < tones.size(); ++m) {
     require_positive("tones", tones[m]);
@@ -108,7 +108,7 @@ void check_tones(const Camera& camera, std::span<const double> tones) {
 FskDemodulator::FskDemodulator(const Camera& camera, std::span<const double> tones, std::size_t rows)
     : bits_(static_cast<std::size_t>(std::countr_zero(tones.size()))), weights_(weights_of(camera, tones, rows)) {
   for (const double tone : tones)
-    responses_.push_back(std::max(camera.exposure ? std::abs(sinc(tone * *camera.exposure)) : 1.0, kLeastResponse));
+    responses_.push_back(std::max(camera.exposure ? std::abs(sinc(tone * *camera.exposure)) : 1.0, kMinResponse));
 }
 
 FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::optional<double> amplitude) const {

@@ -13,15 +13,15 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kNumberBytes = 1, kChecksumBytes = 4;
-constexpr std::size_t kUsualData = 85, kMostData = 170;  // bytes of a codeword of 255
-constexpr std::size_t kMostBlocks = 256;
+constexpr std::size_t kUsualData = 85, kMaxData = 170;  // bytes of a codeword of 255
+constexpr std::size_t kMaxBlocks = 256;
 constexpr unsigned kHeaderMask = 0x5AA5;
-constexpr double kSureBit = 2;                // nats: a byte with a bit below is not seen
-constexpr double kMostSoftBit = 60;           // nats
-constexpr double kPreambleDoubt = 0.1;        // share of the certainty that may speak against a preamble
-constexpr std::ptrdiff_t kMostSlip = 2;       // chips
-constexpr std::size_t kMostDoubtful = 8;      // stretches
-constexpr std::size_t kMostWaiting = 131072;  // chips
+constexpr double kSureBit = 2;               // nats: a byte with a bit below is not seen
+constexpr double kMaxSoftBit = 60;           // nats
+constexpr double kPreambleDoubt = 0.1;       // share of the certainty that may speak against a preamble
+constexpr std::ptrdiff_t kMaxSlip = 2;       // chips
+constexpr std::size_t kMaxDoubtful = 8;      // stretches
+constexpr std::size_t kMaxWaiting = 131072;  // chips
 
 constexpr std::array<std::uint8_t, 14> kStandard = {0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 1};
 constexpr std::array<std::uint8_t, 42> kLengthened = [] {
@@ -64,7 +64,7 @@ void check(const PacketFormat& format) {
 
 std::size_t header_chips(const PacketFormat& format) { return kHeaderBytes * format.line_code.chips_per_byte(); }
 
-std::size_t most_codewords(const PacketFormat& format) { return kMostBlocks * format.block_bytes / 255; }
+std::size_t max_codewords(const PacketFormat& format) { return kMaxBlocks * format.block_bytes / 255; }
 
 void append_bits(std::vector<std::uint8_t>& bits, unsigned value, unsigned count) {
   for (unsigned bit = count; bit-- > 0;) bits.push_back(static_cast<std::uint8_t>(value >> bit & 1U));
@@ -167,7 +167,7 @@ std::size_t block_chips(const PacketFormat& format) {
 
 std::size_t longest_payload(const PacketFormat& format) {
   check(format);
-  return std::min(kLongestPayload, most_codewords(format) * kMostData - kNumberBytes - kChecksumBytes);
+  return std::min(kLongestPayload, max_codewords(format) * kMaxData - kNumberBytes - kChecksumBytes);
 }
 
 PacketLayout packet_layout(std::size_t payload_bytes, const PacketFormat& format) {
@@ -178,7 +178,7 @@ PacketLayout packet_layout(std::size_t payload_bytes, const PacketFormat& format
   const auto parts = [](std::size_t whole, std::size_t part) { return (whole + part - 1) / part; };
   PacketLayout layout;
   layout.payload_bytes = payload_bytes;
-  layout.codewords = std::min(parts(data, kUsualData), most_codewords(format));
+  layout.codewords = std::min(parts(data, kUsualData), max_codewords(format));
   layout.codeword_data = parts(data, layout.codewords);
   layout.blocks = parts(layout.coded_bytes(), format.block_bytes);
   layout.block_chips = block_chips(format);
@@ -237,7 +237,7 @@ bool PacketAssembler::Vote::change(unsigned seen) {
 PacketAssembler::PacketAssembler(PacketFormat format)
     : format_(std::move(format)),
       block_chips_(block_chips(format_)),
-      whitening_(whitening(kMostBlocks * format_.block_bytes)) {}
+      whitening_(whitening(kMaxBlocks * format_.block_bytes)) {}
 
 void PacketAssembler::lose_clock() {
   ++epoch_;
@@ -288,7 +288,7 @@ PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span
 void PacketAssembler::keep(Stretch stretch) {
   waiting_chips_ += stretch.llr.size();
   waiting_.push_back(std::move(stretch));
-  while (waiting_chips_ > kMostWaiting) {
+  while (waiting_chips_ > kMaxWaiting) {
     waiting_chips_ -= waiting_.front().llr.size();
     waiting_.pop_front();
   }
@@ -305,8 +305,8 @@ bool PacketAssembler::follow(const Stretch& stretch) {
   for (const auto& sighting : stretch.blocks) {
     if (sighting.parity != parity_.value || sighting.block >= layout_->blocks) return false;
     const std::ptrdiff_t seen = origin_by(stretch, sighting);
-    const bool agrees = !origin_ || distance(seen, *origin_, cycle) <= kMostSlip;
-    if (!agrees && !(doubtful_ && distance(seen, *doubtful_, cycle) <= kMostSlip)) {
+    const bool agrees = !origin_ || distance(seen, *origin_, cycle) <= kMaxSlip;
+    if (!agrees && !(doubtful_ && distance(seen, *doubtful_, cycle) <= kMaxSlip)) {
       doubtful_ = seen;
       return false;
     }
@@ -331,7 +331,7 @@ void PacketAssembler::place_block(std::span<const double> chips, std::size_t blo
     float* const soft = &soft_bits_[8 * (place.codeword * ReedSolomon::kLength + place.symbol)];
     for (std::size_t bit = 0; bit < 8; ++bit) {
       const bool inverted = (whitening_[position] >> (7 - bit) & 1U) != 0;
-      const double llr = std::clamp(decoded.llr[bit], -kMostSoftBit, kMostSoftBit);
+      const double llr = std::clamp(decoded.llr[bit], -kMaxSoftBit, kMaxSoftBit);
       soft[bit] += static_cast<float>(inverted ? -llr : llr);
     }
   }
@@ -367,7 +367,7 @@ void PacketAssembler::place_waiting(StretchReport& report) {
     }
     place(*stretch, report);
   }
-  while (still.size() > kMostDoubtful) still.pop_front();
+  while (still.size() > kMaxDoubtful) still.pop_front();
   waiting_ = std::move(still);
   waiting_chips_ = 0;
   for (const auto& stretch : waiting_) waiting_chips_ += stretch.llr.size();

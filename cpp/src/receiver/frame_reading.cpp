@@ -13,14 +13,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLeastNoise = 1e-4;     // of the swing, for the detector
-constexpr int kMostRounds = 3;           // of detection
+constexpr double kMinNoise = 1e-4;       // of the swing, for the detector
+constexpr int kMaxRounds = 3;            // of detection
 constexpr double kClockStays = 0.02;     // chips, at either end of the frame
 constexpr double kExposureStays = 0.01;  // a share
 constexpr double kLevelsStay = 0.03;     // of the swing
-constexpr double kMostRelativeNoise = 1.0 / 3;
-constexpr double kMostErrors = 2e-3;  // expected share of wrong chips
-constexpr double kMostErrorsIfEven = 0.08;
+constexpr double kMaxRelativeNoise = 1.0 / 3;
+constexpr double kMaxErrors = 2e-3;  // expected share of wrong chips
+constexpr double kMaxErrorsIfEven = 0.08;
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -88,7 +88,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known};
   ChannelEstimate channel = start;
   FrameReading reading;
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMaxRounds; ++round) {
     if (!detectable(signal, channel)) return std::nullopt;
     const ChipRows rows(signal, channel);
     const ChipQuestion question = rows.question();
@@ -102,7 +102,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     channel = std::move(*fitted);
     reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
     // Likelihoods were weighed by the noise that was expected.
-    const double weight = std::pow(question.noise / std::max(reading.relative_noise, kLeastNoise), 2);
+    const double weight = std::pow(question.noise / std::max(reading.relative_noise, kMinNoise), 2);
     for (double& llr : reading.llr) llr *= weight;
     if (stays) break;
   }
@@ -112,8 +112,8 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
 }
 
 bool is_sound(const FrameReading& reading) {
-  return reading.relative_noise < kMostRelativeNoise &&
-         reading.error_rate < (reading.even ? kMostErrorsIfEven : kMostErrors);
+  return reading.relative_noise < kMaxRelativeNoise &&
+         reading.error_rate < (reading.even ? kMaxErrorsIfEven : kMaxErrors);
 }
 
 namespace {
@@ -148,7 +148,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
                        .tolerance = search.tolerance,
                        .exposure = search.exposure,
                        .longest_exposure = std::min(kLongestPreambleExposure, chips - kFewestChipsSeen),
-                       .most = kPreamblesTried});
+                       .max_matches = kPreamblesTried});
     for (const auto& match : matches) {
       auto reading = extend_reading(signal, match.channel, exposure_known, search.effort, {search.preamble, 0});
       if (reading && is_sound(*reading)) return reading;

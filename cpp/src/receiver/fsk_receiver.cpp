@@ -23,7 +23,7 @@ FskReceiver::FskReceiver(const Camera& camera, std::vector<double> tones, std::s
   check_tones(camera_, tones_);
   if (!camera_.exposure) return;
   for (const double tone : tones_)
-    require(std::abs(sinc(tone * *camera_.exposure)) >= kLeastFskResponse, "tones", tone,
+    require(std::abs(sinc(tone * *camera_.exposure)) >= kMinFskResponse, "tones", tone,
             "tones of which the exposure of " + shortest_text(*camera_.exposure) +
                 " s leaves 5 % or more: none near a multiple of " + shortest_text(1 / *camera_.exposure) + " Hz");
 }

@@ -24,7 +24,7 @@ constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
 constexpr std::size_t kSearchedColumns = 640;  // at most so many, evenly spread, are searched for lights
 constexpr std::size_t kChunks = 32;            // of the rows
 constexpr double kSwingShare = 0.3;            // of a light's swing, that its other rows have too
-constexpr std::size_t kLeastMargin = 8;        // columns beside a light that are looked at too
+constexpr std::size_t kMinMargin = 8;          // columns beside a light that are looked at too
 
 // Every `step`-th column.
 AnyFramesView thinned(const AnyFramesView& frame, std::size_t step) {
@@ -75,7 +75,7 @@ std::optional<Region> find_light(const AnyFramesView& frame, const Camera& camer
   const std::size_t step = (shape.columns + kSearchedColumns - 1) / kSearchedColumns;
   for (const LightSource& light : detect_sources(thinned(frame, step), camera)) {
     if (light.reflection_of) continue;
-    const std::size_t margin = std::max(kLeastMargin, light.width * step / 4);
+    const std::size_t margin = std::max(kMinMargin, light.width * step / 4);
     const std::size_t first = light.x * step - std::min(light.x * step, margin);
     const std::size_t end = std::min(shape.columns, (light.x + light.width) * step + margin);
     return with_all_rows(frame, {first, light.y, end - first, light.height}, camera.tone_curve);

@@ -41,7 +41,7 @@ bool lies_within(const Region& region, const std::array<std::size_t, 3>& lengths
 
 MultiReceiver::MultiReceiver(const Camera& camera, MultiReceiverOptions options)
     : camera_(camera), options_(std::move(options)) {
-  require(options_.most >= 1, "most", options_.most, "1 or above");
+  require(options_.max_sources >= 1, "max_sources", options_.max_sources, "1 or above");
   const Receiver checked(camera_, options_.receiver);  // arguments are refused here
   for (const Region& region : options_.regions) {
     require(region.width > 0 && region.height > 0, "regions",
@@ -93,7 +93,7 @@ void MultiReceiver::adopt(const std::vector<Region>& found) {
   std::ranges::stable_sort(largest_first, std::ranges::greater{}, [](const Region& r) { return r.width * r.height; });
   for (const Region& region : largest_first) {
     const auto is_same = [&](const Source& source) { return share_of_smaller(source.region, region) > kSamePlace; };
-    if (sources_.size() < options_.most && std::ranges::none_of(sources_, is_same)) add(region);
+    if (sources_.size() < options_.max_sources && std::ranges::none_of(sources_, is_same)) add(region);
   }
 }
 

@@ -21,8 +21,8 @@ constexpr double kRateTolerance = 0.03;
 constexpr double kLargestChange = 0.02;                    // of the period by the last fit
 constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges; with fewer the rate cannot be sure
 constexpr double kLongExposure = 1.05;                     // chips
-constexpr double kLeastSnr = 2;                            // noise cut in two halves shows 1.8
-constexpr double kMostSnr = 1e12;
+constexpr double kMinSnr = 2;                              // noise cut in two halves shows 1.8
+constexpr double kMaxSnr = 1e12;
 constexpr double kSameLight = 0.9;  // cosine of the swings of a signal and of a light
 constexpr double kWeakSnr = 9;      // a swing of three standard deviations to either side
 
@@ -142,7 +142,7 @@ double snr_of(std::span<const double> soft) {
   double variance = 0;
   for (double value : soft) variance += std::pow(std::abs(value) - 1, 2);
   variance /= static_cast<double>(soft.size());
-  return std::min(1 / std::max(variance, 1e-300), kMostSnr);
+  return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
 }
 
 void fill(Received& received, Decoded decoded, std::optional<double> exposure) {
@@ -168,7 +168,7 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
     const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
     if (slower)
       if (auto again = detect_and_refine(column.signal, *slower, Slicer{}, what.exposure)) decoded = std::move(again);
-    if (decoded && snr_of(decoded->detection.soft) >= kLeastSnr) {
+    if (decoded && snr_of(decoded->detection.soft) >= kMinSnr) {
       fill(received, std::move(*decoded), what.exposure);
       return true;
     }

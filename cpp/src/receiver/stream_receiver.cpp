@@ -14,18 +14,18 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFrameTimeError = 1e-4;            // standard error of a nominal frame time, a share
-constexpr double kSurePrediction = 0.15;            // chips; standard error up to which a predicted clock is begun with
-constexpr double kNarrowTolerance = 2e-3;           // of a rate that frames have told
-constexpr double kWideTolerance = 0.02;             // of a nominal one
-constexpr double kAsNoisy = 1.2, kMostNoisier = 2;  // times the frame before
-constexpr double kLittleNoise = 0.06;               // of the swing: the clock can have been lost in no part
+constexpr double kFrameTimeError = 1e-4;   // standard error of a nominal frame time, a share
+constexpr double kSurePrediction = 0.15;   // chips; standard error up to which a predicted clock is begun with
+constexpr double kNarrowTolerance = 2e-3;  // of a rate that frames have told
+constexpr double kWideTolerance = 0.02;    // of a nominal one
+constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // times the frame before
+constexpr double kLittleNoise = 0.06;                 // of the swing: the clock can have been lost in no part
 constexpr double kNoNoise = 0.005;
 constexpr double kNoiseKept = 0.9;   // from frame to frame: it changes where the light fills a part of the rows only
 constexpr std::size_t kPhases = 6;   // tried in a chip where it cannot be predicted
 constexpr double kFewestChips = 12;  // in a frame
 constexpr double kWeakSnr = 9;
-constexpr std::size_t kMostWait = 7;    // frames
+constexpr std::size_t kMaxWait = 7;     // frames
 constexpr std::size_t kForgotten = 60;  // frames in which nothing was found: another light may come
 
 double mean_error_rate(std::span<const double> llr) {
@@ -96,10 +96,10 @@ std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std
   }
   if (!best) return std::nullopt;
   const double as_before =
-      std::max({kAsNoisy * relative_noise_, std::min(kMostNoisier * relative_noise_, kLittleNoise), kNoNoise});
+      std::max({kAsNoisy * relative_noise_, std::min(kMaxNoiseRatio * relative_noise_, kLittleNoise), kNoNoise});
   if (best->relative_noise < as_before && is_sound(*best)) return best;
   auto extended = extend_reading(signal, best->channel, exposure_known, &effort);
-  if (extended && extended->relative_noise < kMostNoisier * relative_noise_ && is_sound(*extended)) return extended;
+  if (extended && extended->relative_noise < kMaxNoiseRatio * relative_noise_ && is_sound(*extended)) return extended;
   return std::nullopt;
 }
 
@@ -158,7 +158,7 @@ void Receiver::lose(ReceivedFrame& result, bool searched) {
   result.flags |= flag::no_signal;
   result.outcome = searched ? FrameOutcome::no_signal : FrameOutcome::unsearched;
   if (searched) {
-    wait_ = std::min((std::size_t{1} << std::min<std::size_t>(fruitless_, 8)) - 1, kMostWait);
+    wait_ = std::min((std::size_t{1} << std::min<std::size_t>(fruitless_, 8)) - 1, kMaxWait);
     ++fruitless_;
   } else {
     --wait_;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t fewest_rows = 8;
-constexpr std::size_t most_harmonics = 31;
+constexpr std::size_t max_harmonics = 31;
 constexpr std::size_t compared_harmonics = 3;  // enough to tell a fundamental from its harmonics
 
 struct Range {
@@ -78,7 +78,7 @@ std::vector<double> spectral_votes(const Signals& signals, std::size_t length) {
 }
 
 // The strongest local maxima of the votes, in cycles per row.
-std::vector<double> spectral_peaks(const Signals& signals, const Range& range, std::size_t most) {
+std::vector<double> spectral_peaks(const Signals& signals, const Range& range, std::size_t max_count) {
   const std::size_t length = optimal_dft_length(2 * signals.rows);
   const auto votes = spectral_votes(signals, length);
   const auto inside = [&](std::size_t k) {
@@ -90,7 +90,7 @@ std::vector<double> spectral_peaks(const Signals& signals, const Range& range, s
   for (std::size_t k = 1; k < votes.size(); ++k)
     if (inside(k) && vote(k) > vote(k - 1) && vote(k) >= vote(k + 1)) peaks.push_back(k);
   std::stable_sort(peaks.begin(), peaks.end(), [&](std::size_t a, std::size_t b) { return votes[a] > votes[b]; });
-  peaks.resize(std::min(peaks.size(), most));
+  peaks.resize(std::min(peaks.size(), max_count));
   std::vector<double> frequencies;
   for (const std::size_t k : peaks) frequencies.push_back(static_cast<double>(k) / static_cast<double>(length));
   return frequencies;
@@ -146,8 +146,8 @@ Candidate judged(const Signals& signals, double frequency, const Range& range) {
       refine_periodic(signals.samples, signals.rows, tone, frequency, range.lower, range.upper, steps).frequency;
   const auto model = periodic_model(at, signals.rows, compared_harmonics);
   const auto fit = refine_periodic(signals.samples, signals.rows, model, at, range.lower, range.upper, steps);
-  const double least_share = 0.2;  // a third harmonic of a square wave that folds there has 0.1
-  if (fit.harmonic_energy[0] < least_share * sum(fit.harmonic_energy)) return {};
+  const double min_share = 0.2;  // a third harmonic of a square wave that folds there has 0.1
+  if (fit.harmonic_energy[0] < min_share * sum(fit.harmonic_energy)) return {};
   return {fit.frequency, misfit(fit, model, signals.rows)};
 }
 
@@ -197,7 +197,7 @@ PeriodicModel pruned(const FinalFit& final, std::size_t signals) {
 FinalFit final_fit(const Signals& signals, double frequency, const Range& range, Harmonics wanted) {
   FinalFit final = refined(signals, periodic_model(frequency, signals.rows, 1), frequency, range);
   if (wanted == Harmonics::fundamental) return final;
-  for (std::size_t count = 3; count <= most_harmonics; count = 2 * count + 1) {
+  for (std::size_t count = 3; count <= max_harmonics; count = 2 * count + 1) {
     const std::size_t before = final.model.harmonics.back();
     const auto model = periodic_model(final.fit.frequency, signals.rows, count);
     if (model.harmonics.size() == final.model.harmonics.size()) break;

@@ -116,12 +116,12 @@ double variance_of_sum(const MatrixXd& scores) {
 
 }  // namespace
 
-PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t most_harmonics) {
+PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max_harmonics) {
   const double cycles = frequency * static_cast<double>(rows);
   PeriodicModel model;
   model.trend_degree = cycles < 2 ? 0 : cycles < 4 ? 1 : 2;
   const double below = 0.5 - 0.5 / static_cast<double>(rows);  // nearer to half the row rate, sine or cosine vanish
-  for (std::size_t h = 2; h <= most_harmonics && static_cast<double>(h) * frequency <= below; ++h)
+  for (std::size_t h = 2; h <= max_harmonics && static_cast<double>(h) * frequency <= below; ++h)
     model.harmonics.push_back(h);
   while (model.harmonics.size() > 1 && rows < 2 * model.parameters()) model.harmonics.pop_back();
   return model;
@@ -169,13 +169,13 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
 }
 
 PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                            double frequency, double lower, double upper, int most_steps) {
+                            double frequency, double lower, double upper, int max_steps) {
   const double bin = 1 / static_cast<double>(rows);
   const double trusted = 1e-5 * bin;  // energies hardly tell such neighbours apart; the step needs no test there
   const double converged = 1e-12 * bin;
   const double longest = 0.25 * bin / static_cast<double>(model.harmonics.back());
   PeriodicFit best = fit_periodic(signals, rows, model, std::clamp(frequency, lower, upper));
-  for (int iteration = 0; iteration < most_steps; ++iteration) {
+  for (int iteration = 0; iteration < max_steps; ++iteration) {
     double step = std::clamp(best.step, -longest, longest);
     PeriodicFit next;
     for (;; step /= 4) {

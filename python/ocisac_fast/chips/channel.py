@@ -346,7 +346,7 @@ def find_preamble(
     tolerance: float = 0.02,
     exposure: float | None = None,
     longest_exposure: float = 14.0,
-    most: int = 1,
+    max_matches: int = 1,
 ) -> list[PreambleMatch]:
     """Places of a known sequence of chips in a column, at any exposure, with the channel there.
 
@@ -360,7 +360,7 @@ def find_preamble(
         tolerance: the true one lies within this share of it, 0 to 0.5.
         exposure: rows, where it is known; None: estimated.
         longest_exposure: chips, where it is estimated. The sequence must be 6 chips longer than the exposure.
-        most: matches to give.
+        max_matches: matches to give.
 
     Returns:
         The matches, the surest first; empty where nothing like the sequence is seen.
@@ -368,8 +368,8 @@ def find_preamble(
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
-    if most < 1:
-        raise ValueError(f"most: got {most}, allowed: at least 1")
+    if max_matches < 1:
+        raise ValueError(f"max_matches: got {max_matches}, allowed: at least 1")
     found = _core.find_preamble(
         _vector(signal, "signal"),
         _vector(preamble, "preamble"),
@@ -377,7 +377,7 @@ def find_preamble(
         float(tolerance),
         None if exposure is None else float(exposure),
         float(longest_exposure),
-        int(most),
+        int(max_matches),
     )
     return [PreambleMatch(_channel(values), explained, certainty) for values, explained, certainty in found]
 

@@ -64,7 +64,7 @@ class Options:
     keep: str
     level: str
     noise: float | None
-    most_gain: float
+    max_gain: float
     fill: bool
     toe: float | None = None
     kernels: Kernels = field(default_factory=Kernels)
@@ -81,7 +81,7 @@ def remove_bands(
     level: Literal["full", "mean"] = "full",
     still: bool = False,
     noise: float | None = None,
-    most_gain: float = 8.0,
+    max_gain: float = 8.0,
     fill: bool = False,
     toe: float | None = None,
 ) -> CleanedFrames:
@@ -108,9 +108,9 @@ def remove_bands(
         still: the frames show one scene that does not move: shares are found from all of them together. A frame
             without the light may be among them, with ``light`` 0.
         noise: standard deviation of a pixel, DN; None: measured, at least half a step of integers.
-        most_gain: rows that would have to be amplified more than this are too dark, and marked; above 1.
+        max_gain: rows that would have to be amplified more than this are too dark, and marked; above 1.
         fill: put the interpolation of the rows above and below in place of what was too dark; it stays marked.
-            Otherwise that is amplified ``most_gain`` times.
+            Otherwise that is amplified ``max_gain`` times.
         toe: light x is stored as x^2/(x + toe white) put through the tone curve of ``camera``; 0 to 1. None: found
             where the light found is chips and the tone curve is not linear, if chips then leave 40 % less of the rows'
             swing unexplained; else 0.
@@ -121,7 +121,7 @@ def remove_bands(
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
-    options = Options(model, keep, level, noise, float(most_gain), fill, toe)
+    options = Options(model, keep, level, noise, float(max_gain), fill, toe)
     return clean_frames(frames, camera, light, start, still, options)
 
 
@@ -224,8 +224,8 @@ def _checked(options: Options) -> Options:
             raise ValueError(f"{name}: got {got!r}, allowed: {', '.join(values)}")
     if options.noise is not None and not (np.isfinite(options.noise) and options.noise > 0):
         raise ValueError(f"noise: got {options.noise}, allowed: a finite number above 0")
-    if not (np.isfinite(options.most_gain) and options.most_gain > 1):
-        raise ValueError(f"most_gain: got {options.most_gain}, allowed: a finite number above 1")
+    if not (np.isfinite(options.max_gain) and options.max_gain > 1):
+        raise ValueError(f"max_gain: got {options.max_gain}, allowed: a finite number above 1")
     if options.toe is not None and not 0 <= options.toe <= 1:
         raise ValueError(f"toe: got {options.toe}, allowed: 0 to 1")
     return options
@@ -320,9 +320,9 @@ def _restored(
     rows = np.minimum(row_light.light, row_light.full)[:, None]  # rows above are lit fully, and noisy
     left = np.maximum(1 + share * (rows - 1), 1e-9)
     gain = (1 + share * (level - 1)) / left
-    dark = (gain > options.most_gain) & ~saturated
+    dark = (gain > options.max_gain) & ~saturated
     marks = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED)).astype(np.uint8)
-    gain = np.minimum(gain, options.most_gain)
+    gain = np.minimum(gain, options.max_gain)
     if options.keep == "bands":
         return light * gain / (1 + share * (level - 1)) * share * rows, marks
     values = np.where(saturated, light, light * gain)

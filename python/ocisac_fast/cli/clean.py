@@ -38,7 +38,7 @@ _HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturate
 )
 @click.option("--fill", is_flag=True, help="Interpolate what was too dark to restore.")
 @click.option("--still", is_flag=True, help="The frames show a scene that does not move: clean them together.")
-@click.option("--most-gain", type=float, default=8.0, show_default=True, help="Rows that need more are too dark.")
+@click.option("--max-gain", type=float, default=8.0, show_default=True, help="Rows that need more are too dark.")
 @click.option(
     "--toe", type=float, help="Of the tone curve, 0 to 1: dim light stored darker than it says. Default: found."
 )

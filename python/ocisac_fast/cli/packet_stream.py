@@ -113,7 +113,7 @@ class PacketStream:
             block_bytes=options.block_bytes,
             preamble=options.preamble,
             regions=options.regions,
-            most=options.sources,
+            max_sources=options.sources,
         )
 
     def _count(self, received: Any) -> None:

@@ -160,10 +160,10 @@ class ExposureController:
         weights: of all lights together and of all motions together; 0 or above, not both 0.
         hysteresis: 0 or above; 0 moves to the best at every update.
         level_floor, level_aim, level_ceiling: shares of the full scale.
-        most_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Then exposure times
+        max_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Then exposure times
             gain goes to 0.7 of what it was, and the limit, relative to the scene's brightness, recovers by 0.2 % a
             frame.
-        least_snr: tones of a lower signal-to-noise ratio (power) are left out; 0 or above.
+        min_snr: tones of a lower signal-to-noise ratio (power) are left out; 0 or above.
         noise_level: mean level at gain 1 where shot noise equals read noise, above 0; None: noise does not depend on
             the exposure.
 
@@ -182,8 +182,8 @@ class ExposureController:
         level_floor: float = 0.05,
         level_aim: float = 0.4,
         level_ceiling: float = 0.9,
-        most_saturated: float = 0.01,
-        least_snr: float = 1.0,
+        max_saturated: float = 0.01,
+        min_snr: float = 1.0,
         noise_level: float | None = None,
     ) -> None:
         for name, pair in (("exposures", exposures), ("gains", gains), ("weights", weights)):
@@ -201,8 +201,8 @@ class ExposureController:
             level_floor=float(level_floor),
             level_aim=float(level_aim),
             level_ceiling=float(level_ceiling),
-            most_saturated=float(most_saturated),
-            least_snr=float(least_snr),
+            max_saturated=float(max_saturated),
+            min_snr=float(min_snr),
             noise_level=math.inf if noise_level is None else float(noise_level),
         )
         self._last = _NAN

@@ -22,7 +22,7 @@ _MOST_BYTES = 4 << 30
 
 
 def read_frames(
-    path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, most_bytes: int = _MOST_BYTES
+    path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, max_bytes: int = _MOST_BYTES
 ) -> Recording:
     """Read all frames of a picture, a video or a .npy array.
 
@@ -32,7 +32,7 @@ def read_frames(
             input. Pictures need Pillow (and PyAV for 16-bit colour), videos PyAV: ``ocisac-fast[files]``.
         colour: red, green and blue of a video instead of its luma plane.
         raw: frames without a header, ``"WIDTHxHEIGHT"`` (of bytes), ``"...:gray8"`` or ``"...:gray16le"``.
-        most_bytes: a recording of more is refused; read it with ``open_recording``.
+        max_bytes: a recording of more is refused; read it with ``open_recording``.
 
     Returns:
         ``Recording``; values as stored (uint8, uint16, ...), range and tone curve as far as the file tells.
@@ -42,7 +42,7 @@ def read_frames(
         OSError: missing, a directory, or not permitted.
     """
     with open_recording(path, colour=colour, raw=raw) as stream, _named(_name(path)):
-        return stream.read(most_bytes)
+        return stream.read(max_bytes)
 
 
 def open_recording(path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None) -> RecordingStream:

@@ -113,17 +113,17 @@ class RecordingStream:
         """Release the file; frames already read stay valid."""
         self._cleanup.close()
 
-    def read(self, most_bytes: int) -> Recording:
+    def read(self, max_bytes: int) -> Recording:
         """All frames that are left; beside them, memory holds one frame at a time.
 
         Raises:
-            FileError: no frame, frames of different shapes or types, or more than ``most_bytes`` of them.
+            FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
         """
         whole: Frame = np.empty(0)
         count = 0
         for frame in self:
-            if (count + 1) * frame.nbytes > most_bytes:
-                raise FileError(f"more than {most_bytes >> 20} MiB of frames, read it frame by frame")
+            if (count + 1) * frame.nbytes > max_bytes:
+                raise FileError(f"more than {max_bytes >> 20} MiB of frames, read it frame by frame")
             if count == 0:
                 whole = frame[np.newaxis]
             elif frame.shape != whole.shape[1:]:
@@ -131,7 +131,7 @@ class RecordingStream:
             elif frame.dtype != whole.dtype:
                 raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
             elif count == 1:  # pages of the array count once they are written: what is announced may not come
-                announced = min(self.frame_count or 2, most_bytes // frame.nbytes)
+                announced = min(self.frame_count or 2, max_bytes // frame.nbytes)
                 first, whole = whole, np.empty((max(announced, 2), *frame.shape), frame.dtype)
                 whole[0], whole[1] = first[0], frame
                 del first

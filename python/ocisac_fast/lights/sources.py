@@ -67,7 +67,7 @@ def detect_sources(
     *,
     false_alarms: float = 0.02,
     min_cycles: float = 3.0,
-    most: int = 64,
+    max_sources: int = 64,
 ) -> list[LightSource]:
     """Find every modulated light in a picture, frame by frame.
 
@@ -85,7 +85,7 @@ def detect_sources(
             and at 0.1 and below about so many on the texture that passes for light most often (boxes one over
             another; 720 x 960 pixels); fewer on noise, clouds and text. A grating of bars is a light to one picture.
         min_cycles: fewest cycles of the light in its box, 2 or above; below 3, edges and blinds pass for lights.
-        most: lights a frame, the strongest; 1 or above.
+        max_sources: lights a frame, the strongest; 1 or above.
 
     Returns:
         The lights of all frames, those of a frame the strongest first.
@@ -93,7 +93,7 @@ def detect_sources(
     Raises:
         ValueError: wrong shape or type, samples that are not finite, or an option out of range.
     """
-    found = _core.detect_sources(as_columns(frames, "frames"), camera._handle, false_alarms, min_cycles, most)
+    found = _core.detect_sources(as_columns(frames, "frames"), camera._handle, false_alarms, min_cycles, max_sources)
     return [source_of(*values) for values in found]
 
 

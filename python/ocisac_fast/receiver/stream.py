@@ -155,7 +155,7 @@ class MultiReceiver:
         camera, chip_rate, line_code, block_bytes, preamble, channel, search_passes: as of :class:`Receiver`; all lights
             use the same.
         regions: boxes (x, y, width, height) of the lights, columns and rows in time order; empty: found.
-        most: lights that are found, at most.
+        max_sources: lights that are found, at most.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -174,7 +174,7 @@ class MultiReceiver:
         channel: int | None = None,
         search_passes: float | None = 5000.0,
         regions: Sequence[Region] = (),
-        most: int = 8,
+        max_sources: int = 8,
     ) -> None:
         self._camera = camera
         self._channel = channel
@@ -186,7 +186,7 @@ class MultiReceiver:
             preamble=preamble,
             search_passes=None if search_passes is None else float(search_passes),
             regions=[_region(region) for region in regions],
-            most=_count("most", most, 1),
+            max_sources=_count("max_sources", max_sources, 1),
         )
 
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> list[SourceFrame]:

@@ -198,7 +198,7 @@ def find_preamble(
     tolerance: float = 0.02,
     exposure: float | None = None,
     longest_exposure: float = 14.0,
-    most: int = 1,
+    max_matches: int = 1,
 ) -> list[PreambleMatch]:
     """The channel fitted from every chip of the frame and a grid of exposures; the surest matches that do not overlap.
 
@@ -231,7 +231,7 @@ def find_preamble(
     apart: list[PreambleMatch] = []
     for match in sorted(found, key=lambda match: -match.certainty):
         near = [abs(match.channel.phase - other.channel.phase) < 0.5 * len(known) * rows_per_chip for other in apart]
-        if match.certainty > 5.5 and len(apart) < most and not any(near):
+        if match.certainty > 5.5 and len(apart) < max_matches and not any(near):
             apart.append(match)
     return apart
 

@@ -261,12 +261,12 @@ def remove_bands(
     level: Literal["full", "mean"] = "full",
     still: bool = False,
     noise: float | None = None,
-    most_gain: float = 8.0,
+    max_gain: float = 8.0,
     fill: bool = False,
     toe: float | None = None,
 ) -> CleanedFrames:
     """As :func:`ocisac_fast.remove_bands`, with the kernels above."""
-    options = Options(model, keep, level, noise, float(most_gain), fill, toe, Kernels(light_share, refine_row_light))
+    options = Options(model, keep, level, noise, float(max_gain), fill, toe, Kernels(light_share, refine_row_light))
     return clean_frames(frames, camera, light, start, still, options)
 
 

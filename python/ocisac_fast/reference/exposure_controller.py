@@ -58,13 +58,13 @@ class ExposureController:
         level_floor: float = 0.05,
         level_aim: float = 0.4,
         level_ceiling: float = 0.9,
-        most_saturated: float = 0.01,
-        least_snr: float = 1.0,
+        max_saturated: float = 0.01,
+        min_snr: float = 1.0,
         noise_level: float | None = None,
     ) -> None:
         self.range, self.step, self.gains, self.weights, self.hysteresis = exposures, step, gains, weights, hysteresis
         self.floor, self.aim, self.ceiling = level_floor, level_aim, level_ceiling
-        self.most_saturated, self.least_snr = most_saturated, least_snr
+        self.max_saturated, self.min_snr = max_saturated, min_snr
         self.noise_level = math.inf if noise_level is None else noise_level
         self.last: tuple[float, float] | None = None
         self.limit, self.limit_radiance = math.inf, math.nan
@@ -101,7 +101,7 @@ class ExposureController:
         if self.limit_radiance > 0 and radiance > 0:
             self.limit *= self.limit_radiance / radiance
         self.limit_radiance = radiance
-        if m.saturated > self.most_saturated:
+        if m.saturated > self.max_saturated:
             self.limit = min(self.limit, 0.7 * product)
             return self.limit
         self.limit *= 1.002
@@ -111,7 +111,7 @@ class ExposureController:
         frequencies, weights = [], []
         for kind, weight in zip((m.lights, m.motions), self.weights, strict=True):
             tones = [tone if isinstance(tone, MeasuredTone) else MeasuredTone(tone) for tone in kind]
-            kept = [t for t in tones if not math.isnan(t.frequency) and not t.snr < self.least_snr]
+            kept = [t for t in tones if not math.isnan(t.frequency) and not t.snr < self.min_snr]
             total = sum(t.share for t in kept)
             if total > 0 and weight > 0:
                 frequencies += [t.frequency for t in kept]

@@ -98,10 +98,10 @@ def _fit(y: Array, model: Model, f: float) -> _Fit:
     )
 
 
-def _refine(y: Array, model: Model, f: float, lower: float, upper: float, most_steps: int = 30) -> _Fit:
+def _refine(y: Array, model: Model, f: float, lower: float, upper: float, max_steps: int = 30) -> _Fit:
     bin_ = 1 / len(y)
     best = _fit(y, model, float(np.clip(f, lower, upper)))
-    for _ in range(most_steps):
+    for _ in range(max_steps):
         step = float(np.clip(best.step(), -0.25 * bin_ / model[1][-1], 0.25 * bin_ / model[1][-1]))
         following = _fit(y, model, float(np.clip(best.f + step, lower, upper)))
         while abs(step) > 1e-5 * bin_ and following.rss() > best.rss():

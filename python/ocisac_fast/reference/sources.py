@@ -69,13 +69,13 @@ def detect_sources(
     *,
     false_alarms: float = 0.02,
     min_cycles: float = 3.0,
-    most: int = 64,
+    max_sources: int = 64,
 ) -> list[LightSource]:
     """Lights of every frame: tiles whose columns swing together at one frequency, refined one by one."""
     pixels = np.asarray(frames)
     sources = []
     for index, frame in enumerate(pixels.reshape(-1, *pixels.shape[-2:]) if pixels.ndim > 1 else pixels[None, :, None]):
-        lights = _lights(frame, camera, false_alarms, min_cycles)[:most]
+        lights = _lights(frame, camera, false_alarms, min_cycles)[:max_sources]
         sources += _sources(frame, camera, index, _joined(frame, camera, lights))
     return sources
 
@@ -87,20 +87,20 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
     floor = _floor(frame, light, camera)
     suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
     rare = -1.6 * math.log(false_alarms) - min(math.log(false_alarms / 0.02), 0.0)
-    least_evidence = math.log(max(len(suspects), 1)) + rare - 1.1
-    least_amplitude = 1.0 if whole else 0.0
+    min_evidence = math.log(max(len(suspects), 1)) + rare - 1.1
+    min_amplitude = 1.0 if whole else 0.0
     lights: list[Found] = []
     for suspect in suspects:
         if any(_explained(suspect.box, other.light) for other in lights):
             continue
-        found = refine(light, suspect, floor, min_cycles, least_amplitude)
+        found = refine(light, suspect, floor, min_cycles, min_amplitude)
         if found is None:
             continue
-        least = (least_evidence, min_cycles, least_amplitude)
+        least = (min_evidence, min_cycles, min_amplitude)
         if _accepted(found, *least):
             lights += [Found(one, one.box) for one in _lamps(light, floor, found, least)]
-    least_evidence = math.log(max(len(suspects), 1)) - 1.2 * math.log(false_alarms) + 3
-    lights = _with_data(light, floor, suspects, lights, (least_evidence, min_cycles, least_amplitude))
+    min_evidence = math.log(max(len(suspects), 1)) - 1.2 * math.log(false_alarms) + 3
+    lights = _with_data(light, floor, suspects, lights, (min_evidence, min_cycles, min_amplitude))
     kept: list[Found] = []
     for one in sorted(lights, key=lambda a: -a.light.amplitude * math.sqrt(a.light.box[2] * a.light.box[3])):
         for k, other in enumerate(kept):
@@ -139,13 +139,13 @@ def _with_data(
     return lights
 
 
-def _accepted(found: Light, least_evidence: float, min_cycles: float, least_amplitude: float) -> bool:
+def _accepted(found: Light, min_evidence: float, min_cycles: float, min_amplitude: float) -> bool:
     cycles = found.box[3] * found.frequency
     return (
         found.box[3] >= LEAST_ROWS
         and cycles >= min_cycles
-        and found.amplitude >= least_amplitude
-        and math.log1p(found.snr) * cycles >= least_evidence
+        and found.amplitude >= min_amplitude
+        and math.log1p(found.snr) * cycles >= min_evidence
         and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
         and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
         and found.periodic >= LEAST_PERIODIC
@@ -166,12 +166,12 @@ def _lamps(light: Array, floor: float, found: Light, least: tuple[float, float, 
     return lamps if len(lamps) > 1 else [found]
 
 
-def _accepted_data(data: DataLight, least_evidence: float, min_cycles: float, least_amplitude: float) -> bool:
+def _accepted_data(data: DataLight, min_evidence: float, min_cycles: float, min_amplitude: float) -> bool:
     return (
         data.box[3] >= LEAST_ROWS
         and data.edges / 2 >= min_cycles
-        and data.amplitude >= least_amplitude
-        and data.evidence >= least_evidence
+        and data.amplitude >= min_amplitude
+        and data.evidence >= min_evidence
         and data.snr >= 1
         and data.texture <= DATA_TEXTURE * MOST_TEXTURE * min(1.0, data.box[2] / 24)
     )
@@ -259,7 +259,7 @@ def _rounded(x: float) -> int:
     return math.floor(x + 0.5)
 
 
-def screen(light: Array, floor: float, least_swing: float, false_alarms: float) -> list[Suspect]:
+def screen(light: Array, floor: float, min_swing: float, false_alarms: float) -> list[Suspect]:
     """Places where tiles hold a tone common to their columns, the one with the most evidence first."""
     group = min(max(light.shape[1] // (2 * GROUPS), 1), WIDEST)
     finest = _means(light, 1, group)
@@ -280,7 +280,7 @@ def screen(light: Array, floor: float, least_swing: float, false_alarms: float) 
         half_freedom = (groups * (WINDOW - 2) - 2) / 2
         chance = min(false_alarms / (max(tiles, 1) * CYCLES.size), 1.0)
         threshold = max(LEAST_SHARE, 1 - chance ** (1 / half_freedom))
-        shares, waves = _tiles(np.log(np.maximum(scale, 0) + floor), groups, threshold, least_swing)
+        shares, waves = _tiles(np.log(np.maximum(scale, 0) + floor), groups, threshold, min_swing)
         found += _suspects(shares, waves, groups, row_step, column_step)
     return sorted(found, key=lambda s: -s.evidence)
 
@@ -295,7 +295,7 @@ def _windows(rows: int) -> int:
     return 0 if rows < WINDOW else (rows - WINDOW) // HOP + 1
 
 
-def _tiles(logs: Array, groups: int, threshold: float, least_swing: float) -> tuple[Array, Array]:
+def _tiles(logs: Array, groups: int, threshold: float, min_swing: float) -> tuple[Array, Array]:
     """Share of the best common tone, and its index in CYCLES, (windows, groups of columns); 0 below the threshold."""
     across = logs.shape[1] - groups + 1
     shares, waves = np.zeros((_windows(logs.shape[0]), across)), np.zeros((_windows(logs.shape[0]), across), int)
@@ -308,7 +308,7 @@ def _tiles(logs: Array, groups: int, threshold: float, least_swing: float) -> tu
         x = x - trend.T @ (trend @ x)
         energy = sum((x**2).sum(axis=0)[k : k + across] for k in range(groups))
         tones = 2 / WINDOW * np.abs(carriers @ sum(x[:, k : k + across] for k in range(groups))) ** 2
-        lit = energy > np.maximum(LEAST_POWER, 0.5 * (least_swing * np.exp(-mean)) ** 2) * WINDOW * groups
+        lit = energy > np.maximum(LEAST_POWER, 0.5 * (min_swing * np.exp(-mean)) ** 2) * WINDOW * groups
         best = np.where(lit, tones.max(axis=0) / np.where(lit, groups * energy, 1.0), 0.0)
         shares[w] = np.where(best >= threshold, np.minimum(best, 0.9999), 0.0)
         waves[w] = tones.argmax(axis=0)
@@ -346,7 +346,7 @@ def _suspects(shares: Array, waves: Array, groups: int, row_step: int, column_st
     return found
 
 
-def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float, least_amplitude: float) -> Light | None:
+def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float, min_amplitude: float) -> Light | None:
     """Box and frequency in turn, three times; None where there is no such light."""
     box, frequency = suspect.box, suspect.frequency
     for _ in range(ROUNDS):
@@ -357,7 +357,7 @@ def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float, leas
         group = max(-(-(right - left) // MOST_GROUPS), min(max(box[2] // 16, 1), 8))
         patch = _means(light[top:bottom, left:right], 1, min(group, right - left))
         lit = _lit_box(patch, frequency, box, (left, top, group))
-        if lit is None or 2 * lit[1] < 0.7 * least_amplitude:
+        if lit is None or 2 * lit[1] < 0.7 * min_amplitude:
             return None
         if lit[0][3] < 0.7 * max(LEAST_ROWS, min_cycles / frequency):
             return None

@@ -15,7 +15,7 @@ struct PreambleSearch {
   double tolerance = 0.02;         // the true one lies within this share of it
   std::optional<double> exposure;  // rows; absent: estimated
   double longest_exposure = 14;    // chips, where it is estimated
-  std::size_t most = 1;            // matches to give
+  std::size_t max_matches = 1;     // matches to give
 };
 
 struct PreambleMatch {

@@ -11,9 +11,10 @@ namespace ocisac {
 inline constexpr double kLongestReducedExposure = 24;  // chips
 
 struct ReducedSearch {
-  std::size_t most = 1024;         // sequences kept at a chip
-  std::size_t most_first = 16384;  // the same in the first four exposures: what lies before the frame is not known
-  double reach = 10;               // nats; sequences that much less likely than the best are given up
+  std::size_t max_sequences = 1024;  // sequences kept at a chip
+  std::size_t max_first_sequences =
+      16384;          // the same in the first four exposures: what lies before the frame is not known
+  double reach = 10;  // nats; sequences that much less likely than the best are given up
 };
 
 // The M-algorithm (Anderson and Mohan 1984) on ChipEquations: at each chip the likeliest sequences of those that

@@ -20,7 +20,7 @@ struct BandedPicture {
 };
 
 // 1 + q·P is kept above this: what is left of a pixel's light in a darker row is no measure of it.
-constexpr double least_light = 0.05;
+constexpr double min_light = 0.05;
 
 // Rows apart at which the light changes most for the texture in between: where its mean squared change first reaches
 // 0.7 of its variance. `row_light`: (frames × rows).

@@ -32,17 +32,17 @@ struct ExposureMeasurement {
 };
 
 struct ExposureControllerOptions {
-  ExposureWindow range;          // the camera's exposures
-  double lowest_gain = 1;        // of the camera's amplifier, linear
-  double highest_gain = 1;       //
-  double comm_weight = 1;        // of all lights together
-  double sense_weight = 1;       // of all motions together
-  double hysteresis = 0.01;      // an exposure stays while the best is better by no more than this share
-  double level_floor = 0.05;     // of the mean; 0: none
-  double level_aim = 0.4;        // of the mean, by the amplifier, where it may
-  double level_ceiling = 0.9;    // of the peak
-  double most_saturated = 0.01;  // share of the pixels
-  double least_snr = 1;          // tones below it are left out
+  ExposureWindow range;         // the camera's exposures
+  double lowest_gain = 1;       // of the camera's amplifier, linear
+  double highest_gain = 1;      //
+  double comm_weight = 1;       // of all lights together
+  double sense_weight = 1;      // of all motions together
+  double hysteresis = 0.01;     // an exposure stays while the best is better by no more than this share
+  double level_floor = 0.05;    // of the mean; 0: none
+  double level_aim = 0.4;       // of the mean, by the amplifier, where it may
+  double level_ceiling = 0.9;   // of the peak
+  double max_saturated = 0.01;  // share of the pixels
+  double min_snr = 1;           // tones below it are left out
   double noise_level = std::numeric_limits<double>::infinity();  // mean at gain 1 where shot noise equals read noise
 };
 
@@ -58,7 +58,7 @@ constexpr std::uint32_t too_dark = 1u << 6;          // the camera cannot reach 
 constexpr std::uint32_t too_bright = 1u << 7;        // the camera cannot stay below the ceiling
 constexpr std::uint32_t floor_given_up = 1u << 8;    // floor and ceiling exclude each other: the ceiling counts
 constexpr std::uint32_t no_tones = 1u << 9;          // nothing to choose by but brightness
-constexpr std::uint32_t weak_left_out = 1u << 10;    // tones below least_snr, or of unknown frequency
+constexpr std::uint32_t weak_left_out = 1u << 10;    // tones below min_snr, or of unknown frequency
 constexpr std::uint32_t gain_mismatch = 1u << 11;    // a measured gain is not |sinc(f T)|
 constexpr std::uint32_t no_brightness = 1u << 12;    // the mean level is unknown
 }  // namespace exposure_reason

@@ -14,9 +14,9 @@
 namespace ocisac {
 
 struct DetectOptions {
-  double false_alarms = 0.02;  // expected number in a picture without a light, at most; (0, 1]
-  double least_cycles = 3;     // in a light's box; at least 2
-  std::size_t most = 64;       // lights in a picture, the strongest
+  double false_alarms = 0.02;    // expected number in a picture without a light, at most; (0, 1]
+  double min_cycles = 3;         // in a light's box; at least 2
+  std::size_t max_sources = 64;  // lights in a picture, the strongest
 };
 
 struct LightSource {

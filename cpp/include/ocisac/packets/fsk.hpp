@@ -11,7 +11,7 @@
 
 namespace ocisac {
 
-inline constexpr std::size_t kMostTones = 256;
+inline constexpr std::size_t kMaxTones = 256;
 
 // Which of the tones a frame shows.
 struct FskSymbol {
@@ -45,7 +45,7 @@ class FskDemodulator {
 
  private:
   std::size_t bits_ = 0;
-  std::vector<double> responses_;  // (tones) |sinc(f·T_e)|, at least kLeastResponse
+  std::vector<double> responses_;  // (tones) |sinc(f·T_e)|, at least kMinResponse
   RowWeights weights_;             // (mean, slope, then two a tone): orthonormal
 };
 

@@ -32,7 +32,7 @@ struct FskFrame {
 class FskReceiver {
  public:
   // `tones`: as of FskDemodulator, the first the symbol 0; where the exposure is known it must leave at least
-  // kLeastFskResponse of each. Throws std::invalid_argument.
+  // kMinFskResponse of each. Throws std::invalid_argument.
   FskReceiver(const Camera& camera, std::vector<double> tones, std::size_t block_bytes = 4,
               Preamble preamble = Preamble::standard);
 
@@ -51,6 +51,6 @@ class FskReceiver {
   std::optional<std::int64_t> last_;  // frame whose bits went to the packet
 };
 
-inline constexpr double kLeastFskResponse = 0.05;
+inline constexpr double kMinFskResponse = 0.05;
 
 }  // namespace ocisac

@@ -19,7 +19,7 @@ namespace ocisac {
 struct MultiReceiverOptions {
   ReceiverOptions receiver{};
   std::vector<Region> regions{};  // of the lights; empty: found, and looked for anew from time to time
-  std::size_t most = 8;           // lights that are found
+  std::size_t max_sources = 8;    // lights that are found
 };
 
 struct SourceFrame {

@@ -16,9 +16,9 @@ struct PeriodicModel {
   [[nodiscard]] std::size_t parameters() const { return trend_degree + 1 + 2 * harmonics.size(); }
 };
 
-// Up to `most_harmonics` below half the row rate, and a trend that few cycles cannot be mistaken for: a constant below
+// Up to `max_harmonics` below half the row rate, and a trend that few cycles cannot be mistaken for: a constant below
 // 2 cycles in the frame, a line below 4, then a parabola. Fewer where there are too few rows.
-PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t most_harmonics);
+PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max_harmonics);
 
 struct PeriodicFit {
   double frequency = 0;                 // f, cycles per row
@@ -38,7 +38,7 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
 
 // The minimum over f near `frequency`, within [lower, upper] cycles per row.
 PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                            double frequency, double lower, double upper, int most_steps = 30);
+                            double frequency, double lower, double upper, int max_steps = 30);
 
 // Standard error of the minimum, from the residual: the sandwich estimate, which allows noise that is shared by the
 // signals of a group (the `group` neighbouring signals of one frame), grows with the light, or is correlated from row
