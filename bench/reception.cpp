@@ -29,14 +29,14 @@ void receive(benchmark::State& state) {
   for (std::size_t row = 0; row < rows; ++row)
     for (std::size_t column = 0; column < columns; ++column)
       pixels.push_back(static_cast<std::uint8_t>(std::clamp(20 + 200 * light[row] + noise(random), 0.0, 255.0)));
-  const std::array<ocisac::AnyFramesView, 1> channels{
+  const std::array<ocisac::AnyFramesView, 1> colours{
       ocisac::dense_view<const std::uint8_t>(pixels.data(), 1, rows, columns)};
   std::string sent;
   for (const double level : levels) sent += level > 0 ? '1' : '0';
-  const auto received = ocisac::receive(channels, camera);
+  const auto received = ocisac::receive(colours, camera);
   if (received.empty() || received[0].bits.size() < 100 || sent.find(received[0].bits) == std::string::npos)
     return state.SkipWithError("other bits than those sent");
-  for (auto _ : state) benchmark::DoNotOptimize(ocisac::receive(channels, camera));
+  for (auto _ : state) benchmark::DoNotOptimize(ocisac::receive(colours, camera));
 }
 BENCHMARK(receive)->Arg(96)->Arg(1280)->ArgName("columns")->Unit(benchmark::kMillisecond);
 

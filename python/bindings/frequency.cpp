@@ -78,14 +78,14 @@ py::tuple columns_of_tone(const py::array& columns, const Camera& camera, double
   return columns_as_arrays(found);
 }
 
-std::size_t channel_of(const std::vector<py::array>& channels, const Camera& camera, const Bounds& bounds,
+std::size_t colour_of(const std::vector<py::array>& colours, const Camera& camera, const Bounds& bounds,
                        const std::string& waveform) {
   std::vector<AnyFramesView> views;
-  for (const auto& channel : channels) views.push_back(any_view(channel));
+  for (const auto& colour : colours) views.push_back(any_view(colour));
   FrequencySearch search = search_of(camera, bounds, waveform, true);
   if (!views.empty()) search.saturation = saturation_of(camera, views.front());
   const py::gil_scoped_release unlocked;
-  return pick_channel(views, search);
+  return pick_colour(views, search);
 }
 
 }  // namespace
@@ -94,7 +94,7 @@ void register_frequency(py::module_& module) {
   module.def("find_frequency", &find, py::arg("columns"), py::arg("camera"), py::arg("bounds"), py::arg("waveform"),
              py::arg("select_columns"));
   module.def("tone_columns", &columns_of_tone, py::arg("columns"), py::arg("camera"), py::arg("frequency"));
-  module.def("pick_channel", &channel_of, py::arg("channels"), py::arg("camera"), py::arg("bounds"),
+  module.def("pick_colour", &colour_of, py::arg("colours"), py::arg("camera"), py::arg("bounds"),
              py::arg("waveform"));
 }
 

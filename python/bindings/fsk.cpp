@@ -28,9 +28,9 @@ py::tuple demodulate(const Camera& camera, const std::vector<double>& tones, con
   return symbol_tuple(FskDemodulator(camera, tones, signal.size()).demodulate(signal, amplitude));
 }
 
-py::tuple push(FskReceiver& receiver, const std::vector<py::array>& channels, std::optional<std::int64_t> frame) {
+py::tuple push(FskReceiver& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
   std::vector<AnyFramesView> views;
-  for (const auto& channel : channels) views.push_back(any_view(channel));
+  for (const auto& colour : colours) views.push_back(any_view(colour));
   FskFrame result;
   {
     const py::gil_scoped_release unlocked;
@@ -39,7 +39,7 @@ py::tuple push(FskReceiver& receiver, const std::vector<py::array>& channels, st
   py::object symbol = py::none(), stretch = py::none();
   if (result.symbol) symbol = symbol_tuple(*result.symbol);
   if (result.stretch) stretch = stretch_tuple(*result.stretch);
-  return py::make_tuple(result.frame, std::string(outcome_name(result.outcome)), result.missing, result.channel, symbol,
+  return py::make_tuple(result.frame, std::string(outcome_name(result.outcome)), result.missing, result.colour, symbol,
                         stretch, result.flags);
 }
 
@@ -56,7 +56,7 @@ void register_fsk(py::module_& module) {
                                 format_of(std::string("none"), block_bytes, preamble).preamble);
            }),
            py::arg("camera"), py::arg("tones"), py::arg("block_bytes"), py::arg("preamble"))
-      .def("push", &push, py::arg("channels"), py::arg("frame"));
+      .def("push", &push, py::arg("colours"), py::arg("frame"));
 }
 
 }  // namespace ocisac::bindings

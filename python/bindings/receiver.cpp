@@ -18,15 +18,15 @@ py::array_t<double> as_array(const std::vector<double>& values) {
 
 // In the order of ocisac_fast.receiver.Received.
 py::tuple as_tuple(const Received& received) {
-  return py::make_tuple(received.frame, received.source, received.channel, received.bits, received.rows_per_chip,
+  return py::make_tuple(received.frame, received.source, received.colour, received.bits, received.rows_per_chip,
                         received.rows_per_chip_std, received.phase, received.snr, as_array(received.detection.dark),
                         as_array(received.detection.bright), as_array(received.detection.soft),
                         as_array(received.weights), received.flags);
 }
 
-py::list receive_list(const std::vector<py::array>& channels, const Camera& camera, std::optional<double> chip_rate) {
+py::list receive_list(const std::vector<py::array>& colours, const Camera& camera, std::optional<double> chip_rate) {
   std::vector<AnyFramesView> views;
-  for (const auto& channel : channels) views.push_back(any_view(channel));
+  for (const auto& colour : colours) views.push_back(any_view(colour));
   std::vector<Received> results;
   {
     const py::gil_scoped_release unlocked;
@@ -40,7 +40,7 @@ py::list receive_list(const std::vector<py::array>& channels, const Camera& came
 }  // namespace
 
 void register_receiver(py::module_& module) {
-  module.def("receive", &receive_list, py::arg("channels"), py::arg("camera"), py::arg("chip_rate"));
+  module.def("receive", &receive_list, py::arg("colours"), py::arg("camera"), py::arg("chip_rate"));
 }
 
 }  // namespace ocisac::bindings

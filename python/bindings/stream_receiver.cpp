@@ -22,7 +22,7 @@ namespace {
 py::tuple as_tuple(const ReceivedFrame& frame) {
   py::object stretch = py::none();
   if (frame.stretch) stretch = stretch_tuple(*frame.stretch);
-  return py::make_tuple(frame.frame, std::string(outcome_name(frame.outcome)), frame.missing, frame.channel, frame.bits,
+  return py::make_tuple(frame.frame, std::string(outcome_name(frame.outcome)), frame.missing, frame.colour, frame.bits,
                         frame.phase, frame.rows_per_chip, frame.rows_per_chip_std, frame.exposure, frame.exposure_std,
                         frame.snr, frame.error_rate, as_array(frame.llr), stretch, frame.flags);
 }
@@ -39,15 +39,15 @@ Shared<MultiReceiver> multi_receiver(const Camera& camera, std::optional<double>
   return Shared(MultiReceiver(camera, std::move(options)));
 }
 
-std::vector<AnyFramesView> views_of(const std::vector<py::array>& channels) {
+std::vector<AnyFramesView> views_of(const std::vector<py::array>& colours) {
   std::vector<AnyFramesView> views;
-  for (const auto& channel : channels) views.push_back(any_view(channel));
+  for (const auto& colour : colours) views.push_back(any_view(colour));
   return views;
 }
 
-py::list push_multi(Shared<MultiReceiver>& receiver, const std::vector<py::array>& channels,
+py::list push_multi(Shared<MultiReceiver>& receiver, const std::vector<py::array>& colours,
                     std::optional<std::int64_t> frame) {
-  const auto views = views_of(channels);
+  const auto views = views_of(colours);
   const auto results = receiver.call([&](MultiReceiver& alone) { return alone.push(views, frame); });
   py::list list;
   for (const auto& [source, region, received] : results)
@@ -68,16 +68,16 @@ void register_stream_receiver(py::module_& module) {
            py::arg("search_passes"))
       .def(
           "push",
-          [](Shared<Receiver>& receiver, const std::vector<py::array>& channels, std::optional<std::int64_t> frame) {
-            const auto views = views_of(channels);
+          [](Shared<Receiver>& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
+            const auto views = views_of(colours);
             return as_tuple(receiver.call([&](Receiver& alone) { return alone.push(views, frame); }));
           },
-          py::arg("channels"), py::arg("frame"));
+          py::arg("colours"), py::arg("frame"));
   py::class_<Shared<MultiReceiver>>(module, "MultiReceiver")
       .def(py::init(&multi_receiver), py::arg("camera"), py::arg("chip_rate"), py::arg("line_code"),
            py::arg("block_bytes"), py::arg("preamble"), py::arg("search_passes"), py::arg("regions"),
            py::arg("max_sources"))
-      .def("push", &push_multi, py::arg("channels"), py::arg("frame"));
+      .def("push", &push_multi, py::arg("colours"), py::arg("frame"));
 }
 
 }  // namespace ocisac::bindings

@@ -44,37 +44,37 @@ FrameOrder::Verdict FrameOrder::admit(std::int64_t frame, const std::array<std::
   return verdict;
 }
 
-// The colour channel in which the light stands out most.
-std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> channels, const ToneCurve& curve) {
+// The colour in which the light stands out most.
+std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve) {
   std::pair<CombinedColumn, std::size_t> best;
-  for (std::size_t channel = 0; channel < channels.size(); ++channel) {
-    auto column = combine_columns(channels[channel], 0, curve);
-    if (channel == 0 || column.quality > best.first.quality) best = {std::move(column), channel};
+  for (std::size_t colour = 0; colour < colours.size(); ++colour) {
+    auto column = combine_columns(colours[colour], 0, curve);
+    if (colour == 0 || column.quality > best.first.quality) best = {std::move(column), colour};
   }
   return best;
 }
 
 // Shapes are looked at before: what `check` is left to refuse are pixels that are no numbers.
-bool are_numbers(std::span<const AnyFramesView> channels) try {
-  for (const auto& channel : channels) check(channel);
+bool are_numbers(std::span<const AnyFramesView> colours) try {
+  for (const auto& colour : colours) check(colour);
   return true;
 } catch (const std::invalid_argument&) {
   return false;
 }
 
-std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> channels) {
-  require(!channels.empty(), "frame", "no channels", "at least one channel");
-  const Shape shape = shape_of(channels.front());
+std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> colours) {
+  require(!colours.empty(), "frame", "no colours", "at least one colour");
+  const Shape shape = shape_of(colours.front());
   require(shape.frames == 1 && shape.rows > 0 && shape.columns > 0, "frame",
           std::to_string(shape.frames) + " frames of " + std::to_string(shape.rows) + " rows and " +
               std::to_string(shape.columns) + " columns",
           "one frame that is not empty");
-  for (const auto& channel : channels) {
-    const Shape other = shape_of(channel);
+  for (const auto& colour : colours) {
+    const Shape other = shape_of(colour);
     require(other.frames == 1 && other.rows == shape.rows && other.columns == shape.columns, "frame",
-            "channels of different shapes", "one shape");
+            "colours of different shapes", "one shape");
   }
-  return {channels.size(), shape.rows, shape.columns};
+  return {colours.size(), shape.rows, shape.columns};
 }
 
 }  // namespace ocisac

@@ -39,10 +39,10 @@ void FskReceiver::take(FskFrame& result) {
   last_ = result.frame;
 }
 
-FskFrame FskReceiver::push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame) {
+FskFrame FskReceiver::push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame) {
   FskFrame result;
   result.frame = frame.value_or(order_.next());
-  const auto lengths = lengths_of(channels);
+  const auto lengths = lengths_of(colours);
   const auto verdict = order_.admit(result.frame, lengths);
   result.outcome = verdict.outcome;
   result.missing = verdict.missing;
@@ -51,14 +51,14 @@ FskFrame FskReceiver::push(std::span<const AnyFramesView> channels, std::optiona
     assembler_.lose_clock();
     last_.reset();
   }
-  if (!are_numbers(channels)) {
+  if (!are_numbers(colours)) {
     result.outcome = FrameOutcome::not_finite;
     return result;
   }
   if (!demodulator_ || rows_ != lengths[1]) demodulator_.emplace(camera_, tones_, lengths[1]);
   rows_ = lengths[1];
-  const auto [column, channel] = best_column(channels, camera_.tone_curve);
-  result.channel = channel;
+  const auto [column, colour] = best_column(colours, camera_.tone_curve);
+  result.colour = colour;
   if (column.saturated) result.flags |= flag::saturated;
   auto symbol = demodulator_->demodulate(column.signal);
   if (!(symbol.snr > std::log(static_cast<double>(tones_.size()) / kChance))) {

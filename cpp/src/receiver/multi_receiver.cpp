@@ -61,10 +61,10 @@ bool MultiReceiver::must_look() const {
 }
 
 // A gap between lights is one that frames agree on; long runs of a light lie elsewhere in the next one.
-void MultiReceiver::look(std::span<const AnyFramesView> channels, const Region& whole) {
+void MultiReceiver::look(std::span<const AnyFramesView> colours, const Region& whole) {
   since_look_ = 0;
-  const auto channel = best_column(channels, camera_.tone_curve).second;
-  auto found = light_regions(channels[channel], camera_.tone_curve);
+  const auto colour = best_column(colours, camera_.tone_curve).second;
+  auto found = light_regions(colours[colour], camera_.tone_curve);
   const bool agrees =
       found.size() == proposed_.size() && std::ranges::equal(found, proposed_, [](const Region& a, const Region& b) {
         return share_of_larger(a, b) > kSamePlace;
@@ -97,10 +97,10 @@ void MultiReceiver::adopt(const std::vector<Region>& found) {
   }
 }
 
-std::vector<SourceFrame> MultiReceiver::push(std::span<const AnyFramesView> channels,
+std::vector<SourceFrame> MultiReceiver::push(std::span<const AnyFramesView> colours,
                                              std::optional<std::int64_t> frame) {
   const std::int64_t number = frame.value_or(order_.next());
-  const auto lengths = lengths_of(channels);
+  const auto lengths = lengths_of(colours);
   const Region whole{0, 0, lengths[2], lengths[1]};
   const bool fits =
       std::ranges::all_of(options_.regions, [&](const Region& region) { return lies_within(region, lengths); });
@@ -110,7 +110,7 @@ std::vector<SourceFrame> MultiReceiver::push(std::span<const AnyFramesView> chan
   const auto verdict = order_.admit(number, lengths);
   auto outcome = verdict.outcome;
   if (outcome == FrameOutcome::received && !fits) outcome = FrameOutcome::other_shape;
-  if (outcome == FrameOutcome::received && !are_numbers(channels)) outcome = FrameOutcome::not_finite;
+  if (outcome == FrameOutcome::received && !are_numbers(colours)) outcome = FrameOutcome::not_finite;
   if (outcome != FrameOutcome::received) {
     ReceivedFrame left_out = nothing_received(number);
     left_out.outcome = outcome;
@@ -119,12 +119,12 @@ std::vector<SourceFrame> MultiReceiver::push(std::span<const AnyFramesView> chan
   }
   if (verdict.anew) std::erase_if(sources_, [&](const Source&) { return options_.regions.empty(); });
   ++since_look_;
-  if (must_look()) look(channels, whole);
+  if (must_look()) look(colours, whole);
 
   std::vector<SourceFrame> results;
   for (Source& source : sources_) {
     std::vector<AnyFramesView> parts;
-    for (const auto& channel : channels) parts.push_back(part_of(channel, source.region));
+    for (const auto& colour : colours) parts.push_back(part_of(colour, source.region));
     auto received = source.receiver.push(parts, number, source.region.y);
     const bool well = received.outcome == FrameOutcome::received;
     source.lost = well ? 0 : source.lost + 1;

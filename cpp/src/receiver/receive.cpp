@@ -184,19 +184,19 @@ struct Source {
 };
 
 // The light that stands out most, among `columns` (all where empty).
-Source receive_source(std::span<const AnyFramesView> channels, std::size_t frame, const Camera& camera,
+Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                       const Search& what, std::span<const std::uint8_t> allowed) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0};
   bool first = true;
   for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
     std::vector<std::pair<CombinedColumn, std::size_t>> columns;
-    for (std::size_t channel = 0; channel < channels.size(); ++channel)
-      columns.emplace_back(combine_columns(channels[channel], frame, camera.tone_curve, saturated, allowed), channel);
+    for (std::size_t colour = 0; colour < colours.size(); ++colour)
+      columns.emplace_back(combine_columns(colours[colour], frame, camera.tone_curve, saturated, allowed), colour);
     std::ranges::stable_sort(columns, [](const auto& a, const auto& b) { return a.first.quality > b.first.quality; });
-    for (auto& [column, channel] : columns) {
+    for (auto& [column, colour] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
-      Received received{frame, 0, channel, {}, nan, nan, nan, nan, {}, {}, 0};
+      Received received{frame, 0, colour, {}, nan, nan, nan, nan, {}, {}, 0};
       if (decode(column, what, received)) return {std::move(received), std::move(column.signal)};
       if (std::exchange(first, false)) best = std::move(received);
     }
@@ -209,14 +209,14 @@ bool is_clean(const Source& source) {
 }
 
 // All lights of a frame, each from columns of its own where there are several; first the one that all columns show.
-std::vector<Received> receive_frame(std::span<const AnyFramesView> channels, std::size_t frame, const Camera& camera,
+std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                                     const Search& what) {
-  Source whole = receive_source(channels, frame, camera, what, {});
-  const auto lights = light_groups(channels[whole.received.channel], frame, camera.tone_curve);
+  Source whole = receive_source(colours, frame, camera, what, {});
+  const auto lights = light_groups(colours[whole.received.colour], frame, camera.tone_curve);
   std::vector<Received> sources;
   for (const auto& light : lights) {
     const bool seen = is_clean(whole) && agreement(whole.signal, light) >= kSameLight;
-    Source source = receive_source(channels, frame, camera, what, light.columns);
+    Source source = receive_source(colours, frame, camera, what, light.columns);
     if (is_clean(source))
       sources.insert(seen ? sources.begin() : sources.end(), std::move(source.received));
     else if (seen)
@@ -229,23 +229,23 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> channels, std
 
 }  // namespace
 
-std::vector<Received> receive(std::span<const AnyFramesView> channels, const Camera& camera,
+std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
                               const ReceiveOptions& options) {
   check(camera);
-  require(!channels.empty(), "channel", "none", "at least one channel");
-  const Shape shape = shape_of(channels.front());
-  for (const auto& channel : channels) {
-    check(channel);
-    const Shape other = shape_of(channel);
-    require(other.frames == shape.frames && other.rows == shape.rows && other.columns == shape.columns, "channel",
-            "channels of different shapes", "one shape");
+  require(!colours.empty(), "colour", "none", "at least one colour");
+  const Shape shape = shape_of(colours.front());
+  for (const auto& colour : colours) {
+    check(colour);
+    const Shape other = shape_of(colour);
+    require(other.frames == shape.frames && other.rows == shape.rows && other.columns == shape.columns, "colour",
+            "colours of different shapes", "one shape");
   }
   if (options.chip_rate) require_positive("chip_rate", *options.chip_rate);
   Search what{search_range(options, camera, shape.rows), {}, options.chip_rate ? kSureWithRate : kSureBlind};
   if (camera.exposure) what.exposure = *camera.exposure / camera.row_time;
   std::vector<Received> received;
   for (std::size_t frame = 0; frame < shape.frames; ++frame)
-    std::ranges::move(receive_frame(channels, frame, camera, what), std::back_inserter(received));
+    std::ranges::move(receive_frame(colours, frame, camera, what), std::back_inserter(received));
   return received;
 }
 

@@ -65,9 +65,9 @@ void Receiver::forget() {
 }
 
 // What is known of the rate before a frame is looked at; blind, where it was not given.
-std::optional<double> Receiver::nominal_rows_per_chip(std::span<const AnyFramesView> channels) {
+std::optional<double> Receiver::nominal_rows_per_chip(std::span<const AnyFramesView> colours) {
   if (!rows_per_chip_) {
-    const Received blind = receive(channels, camera_).front();
+    const Received blind = receive(colours, camera_).front();
     if (!blind.bits.empty()) rows_per_chip_ = blind.rows_per_chip;
   }
   return rows_per_chip_;
@@ -103,9 +103,9 @@ std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std
   return std::nullopt;
 }
 
-std::optional<FrameReading> Receiver::search(std::span<const AnyFramesView> channels, std::span<const double> signal,
+std::optional<FrameReading> Receiver::search(std::span<const AnyFramesView> colours, std::span<const double> signal,
                                              SearchEffort& effort) {
-  const auto rows_per_chip = nominal_rows_per_chip(channels);
+  const auto rows_per_chip = nominal_rows_per_chip(colours);
   if (!rows_per_chip || static_cast<double>(signal.size()) < kFewestChips * *rows_per_chip) return std::nullopt;
   FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, {}, preamble_, &effort};
   if (camera_.exposure) what.exposure = *camera_.exposure / camera_.row_time;
@@ -179,28 +179,28 @@ ReceivedFrame nothing_received(std::int64_t frame) {
   return result;
 }
 
-ReceivedFrame Receiver::push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame,
+ReceivedFrame Receiver::push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame,
                              std::size_t first_row) {
   ReceivedFrame result = nothing_received(frame.value_or(order_.next()));
-  const auto lengths = lengths_of(channels);
+  const auto lengths = lengths_of(colours);
   const auto verdict = order_.admit(result.frame, lengths);
   result.outcome = verdict.outcome;
   result.missing = verdict.missing;
   if (verdict.outcome != FrameOutcome::received) return result;
   if (verdict.anew) forget();
-  if (!are_numbers(channels)) {
+  if (!are_numbers(colours)) {
     result.outcome = FrameOutcome::not_finite;
     return result;
   }
   first_row_ = first_row;
-  const auto [column, channel] = best_column(channels, camera_.tone_curve);
-  result.channel = channel;
+  const auto [column, colour] = best_column(colours, camera_.tone_curve);
+  result.colour = colour;
   if (column.saturated) result.flags |= flag::saturated;
   SearchEffort effort;
   if (options_.search_passes) effort.rows = *options_.search_passes * static_cast<double>(column.signal.size());
   auto reading = follow(column.signal, result.frame, effort);
   const bool searched = !reading && wait_ == 0;
-  if (searched) reading = search(channels, column.signal, effort);
+  if (searched) reading = search(colours, column.signal, effort);
   if (reading)
     take(*reading, column.signal.size(), result);
   else

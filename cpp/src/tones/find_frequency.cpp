@@ -320,15 +320,15 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
           final.model.harmonics.back(), flags, std::move(columns)};
 }
 
-std::size_t pick_channel(std::span<const AnyFramesView> channels, const FrequencySearch& search) {
-  require(!channels.empty(), "channels", "0 channels", "at least one");
+std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search) {
+  require(!colours.empty(), "colours", "0 colours", "at least one");
   std::size_t best = 0;
   double least = std::numeric_limits<double>::infinity();
-  for (std::size_t channel = 0; channel < channels.size(); ++channel) {
-    const FoundFrequency found = find_frequency(channels[channel], search);
+  for (std::size_t colour = 0; colour < colours.size(); ++colour) {
+    const FoundFrequency found = find_frequency(colours[colour], search);
     if ((found.flags & flag::no_tone) == 0 && found.frequency_std < least) {
       least = found.frequency_std;
-      best = channel;
+      best = colour;
     }
   }
   return best;

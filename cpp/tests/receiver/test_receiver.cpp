@@ -56,23 +56,23 @@ TEST_CASE("receive gives the bits sent, at any rate") {
   for (double rows_per_chip : {2.2, 2.7, 3.5, 4.9, 6.19, 9.36, 13.1, 19.7}) {
     CAPTURE(rows_per_chip);
     const Frame frame = make_frame(++seed, rows_per_chip);
-    const std::array channels{frame.view()};
-    const auto received = ocisac::receive(channels, camera);
+    const std::array colours{frame.view()};
+    const auto received = ocisac::receive(colours, camera);
     REQUIRE(received.size() == 1);
     CHECK(received[0].flags == 0);
     CHECK(received[0].rows_per_chip == doctest::Approx(rows_per_chip).epsilon(2e-3));
     CHECK(static_cast<double>(received[0].bits.size()) > 720 / rows_per_chip - 2);
     CHECK(frame.chips.find(received[0].bits) != std::string::npos);
-    CHECK(ocisac::receive(channels, camera)[0].detection.soft == received[0].detection.soft);
+    CHECK(ocisac::receive(colours, camera)[0].detection.soft == received[0].detection.soft);
   }
 }
 
-TEST_CASE("channels of different shapes are refused") {
+TEST_CASE("colours of different shapes are refused") {
   const Frame frame = make_frame(1, 5);
-  const std::array channels{
+  const std::array colours{
       frame.view(), ocisac::AnyFramesView(ocisac::dense_view<const std::uint8_t>(frame.pixels.data(), 1, 9, 9))};
-  CHECK_THROWS_WITH_AS(ocisac::receive(channels, {1.0, {}, {}, {}}),
-                       "channel: got channels of different shapes, allowed: one shape", std::invalid_argument);
+  CHECK_THROWS_WITH_AS(ocisac::receive(colours, {1.0, {}, {}, {}}),
+                       "colour: got colours of different shapes, allowed: one shape", std::invalid_argument);
 }
 
 TEST_CASE("the common factor of a covariance is found") {

@@ -109,5 +109,5 @@ TEST_CASE("what cannot be answered is NaN and flagged") {
   std::vector<double> pixels(60, 1.0);
   pixels[7] = std::nan("");
   CHECK_THROWS_AS(ocisac::find_frequency(view(pixels, 20, 3), {}), std::invalid_argument);
-  CHECK_THROWS_AS(ocisac::pick_channel({}, {}), std::invalid_argument);
+  CHECK_THROWS_AS(ocisac::pick_colour({}, {}), std::invalid_argument);
 }

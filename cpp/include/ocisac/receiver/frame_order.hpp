@@ -20,7 +20,7 @@ enum class FrameOutcome {
   no_signal,    // no light with chips was found
   not_finite,   // pixels that are no numbers
   repeated,     // not after the last frame: left out
-  other_shape,  // rows, columns or channels differ from the frame's before: left out
+  other_shape,  // rows, columns or colours differ from the frame's before: left out
   unsearched,   // the clock is lost and the frames just before were searched in vain: left out, at most seven in a row
 };
 
@@ -36,7 +36,7 @@ class FrameOrder {
     std::int64_t missing = 0;
     bool anew = false;  // the stream has begun anew with this frame: nothing that came before holds
   };
-  // `lengths`: channels, rows, columns.
+  // `lengths`: colours, rows, columns.
   Verdict admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths);
 
   [[nodiscard]] std::int64_t next() const { return seen_ ? *seen_ + 1 : 0; }
@@ -50,14 +50,14 @@ class FrameOrder {
   std::size_t behind_count_ = 0, others_count_ = 0;
 };
 
-// Channels, rows and columns of one frame, one view a colour channel. Throws std::invalid_argument where these are no
+// Colours, rows and columns of one frame, one view a colour. Throws std::invalid_argument where these are no
 // single frame, empty, or of different shapes.
-std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> channels);
+std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> colours);
 
 // Whether all pixels are finite.
-bool are_numbers(std::span<const AnyFramesView> channels);
+bool are_numbers(std::span<const AnyFramesView> colours);
 
-// The colour channel in which the light stands out most, its columns combined.
-std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> channels, const ToneCurve& curve);
+// The colour in which the light stands out most, its columns combined.
+std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve);
 
 }  // namespace ocisac

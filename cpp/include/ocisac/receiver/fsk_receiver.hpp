@@ -20,7 +20,7 @@ struct FskFrame {
   std::int64_t frame = 0;
   FrameOutcome outcome = FrameOutcome::received;
   std::int64_t missing = 0;              // frames between the last one and this, by their numbers
-  std::size_t channel = 0;               // colour channel that was read
+  std::size_t colour = 0;               // colour that was read
   std::optional<FskSymbol> symbol;       // where received
   std::optional<StretchReport> stretch;  // what the packet took of it
   Flags flags = 0;
@@ -36,8 +36,8 @@ class FskReceiver {
   FskReceiver(const Camera& camera, std::vector<double> tones, std::size_t block_bytes = 4,
               Preamble preamble = Preamble::standard);
 
-  // `channels`: one frame, one view a colour channel. `frame`: its number, ascending; absent: one after the last.
-  FskFrame push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame = {});
+  // `colours`: one frame, one view a colour. `frame`: its number, ascending; absent: one after the last.
+  FskFrame push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {});
 
  private:
   void take(FskFrame& result);

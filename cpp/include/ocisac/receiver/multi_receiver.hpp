@@ -34,7 +34,7 @@ class MultiReceiver {
   explicit MultiReceiver(const Camera& camera, MultiReceiverOptions options = {});
 
   // As Receiver::push; the strongest light first.
-  std::vector<SourceFrame> push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame = {});
+  std::vector<SourceFrame> push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {});
 
  private:
   struct Source {
@@ -44,7 +44,7 @@ class MultiReceiver {
     std::size_t lost = 0;  // frames in a row in which it was not received
   };
   [[nodiscard]] bool must_look() const;
-  void look(std::span<const AnyFramesView> channels, const Region& whole);
+  void look(std::span<const AnyFramesView> colours, const Region& whole);
   void adopt(const std::vector<Region>& found);
   void add(const Region& region);
 

@@ -22,7 +22,7 @@ struct ReceiveOptions {
 struct Received {
   std::size_t frame = 0;
   std::size_t source = 0;
-  std::size_t channel = 0;      // index of the colour channel that was read
+  std::size_t colour = 0;      // index of the colour that was read
   std::string bits;             // '0' and '1' in time order, 1 = bright; chips cut by the frame's edges left out
   double rows_per_chip;         // rows
   double rows_per_chip_std;     // rows, standard error
@@ -33,11 +33,11 @@ struct Received {
   Flags flags = 0;
 };
 
-// The sources in each frame, at least one result a frame, the strongest source first. `channels`: one view a colour
-// channel, all of one shape; the one in which the light stands out most is read. Several sources are told apart where
+// The sources in each frame, at least one result a frame, the strongest source first. `colours`: one view a
+// colour, all of one shape; the one in which the light stands out most is read. Several sources are told apart where
 // they stand side by side (light_groups); further ones are given where they are decoded without a doubt. Frames are
 // decoded by themselves.
-std::vector<Received> receive(std::span<const AnyFramesView> channels, const Camera& camera,
+std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
                               const ReceiveOptions& options = {});
 
 }  // namespace ocisac

@@ -31,7 +31,7 @@ struct ReceivedFrame {
   std::int64_t frame = 0;
   FrameOutcome outcome = FrameOutcome::received;
   std::int64_t missing = 0;  // frames between the last one and this, by their numbers
-  std::size_t channel = 0;   // colour channel that was read
+  std::size_t colour = 0;    // colour that was read
   std::string bits;          // '0' and '1', 1 = bright; chips cut by the frame's edges left out
   double phase = 0;          // row at which the first of them begins, half an exposure after the light's own edge
   double rows_per_chip = 0;  // rows
@@ -55,16 +55,16 @@ class Receiver {
  public:
   explicit Receiver(const Camera& camera, ReceiverOptions options = {});
 
-  // `channels`: one frame, one view a colour channel. `frame`: its number, ascending; absent: one after the last.
+  // `colours`: one frame, one view a colour. `frame`: its number, ascending; absent: one after the last.
   // `first_row`: where the views are a part of the picture, the row of the picture at which they begin.
-  ReceivedFrame push(std::span<const AnyFramesView> channels, std::optional<std::int64_t> frame = {},
+  ReceivedFrame push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {},
                      std::size_t first_row = 0);
 
  private:
-  std::optional<double> nominal_rows_per_chip(std::span<const AnyFramesView> channels);
+  std::optional<double> nominal_rows_per_chip(std::span<const AnyFramesView> colours);
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, std::int64_t frame,
                                                    SearchEffort& effort) const;
-  std::optional<FrameReading> search(std::span<const AnyFramesView> channels, std::span<const double> signal,
+  std::optional<FrameReading> search(std::span<const AnyFramesView> colours, std::span<const double> signal,
                                      SearchEffort& effort);
   std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
   void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);

@@ -39,6 +39,6 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
 
 // Of several views of the same scene, the index of the one whose frequency has the smallest standard error; the first
 // where none shows a tone.
-std::size_t pick_channel(std::span<const AnyFramesView> channels, const FrequencySearch& search);
+std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search);
 
 }  // namespace ocisac
