@@ -154,7 +154,7 @@ def change_of_rows(picture: np.ndarray, before: np.ndarray, kept: np.ndarray, ro
 
 
 def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
-    """What remove_bands and vertical blurs of 9, 31 and 101 rows do to the channel that shows the light most."""
+    """What remove_bands and vertical blurs of 9, 31 and 101 rows do to the colour that shows the light most."""
     from ocisac_fast.camera.linear_light import linear_light
     from ocisac_fast.files import read_frames
 
@@ -162,9 +162,9 @@ def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
     stored = read_frames(path).frames
     done = remove_bands(stored, camera)
     light = done.light[0]
-    channel = int(np.argmax(done.share[0].mean(axis=(0, 1)) * stored[0].mean(axis=(0, 1))))
-    before, after = (linear_light(frames[0, ..., channel], camera) for frames in (stored, done.frames))
-    marks, share = done.marks[0, ..., channel], done.share[0, ..., channel]
+    colour = int(np.argmax(done.share[0].mean(axis=(0, 1)) * stored[0].mean(axis=(0, 1))))
+    before, after = (linear_light(frames[0, ..., colour], camera) for frames in (stored, done.frames))
+    marks, share = done.marks[0, ..., colour], done.share[0, ..., colour]
     kept = (marks == Mark.RESTORED) & (share > 0.5 * share.max())
     bright = np.quantile(light, 0.95)
     pictures = {"remove_bands": after}

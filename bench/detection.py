@@ -35,7 +35,7 @@ ROWS = 1080
 class Case:
     """Chips of an exposure, rows of a chip, noise over the swing; the limit on the share of wrong chips."""
 
-    exposure: float
+    exposure_chips: float
     rows_per_chip: float
     noise: float
     limit: float | None = None
@@ -88,7 +88,7 @@ def bound_of(exposure: float, rows_per_chip: float, noise: float) -> float:
 def measure(case: Case, frames: int, method: str, seed: int = 1) -> Result:
     """Errors over so many frames, and the least time of one detection."""
     random = np.random.default_rng(seed)
-    setting = Setting(case.exposure, case.rows_per_chip, case.noise)
+    setting = Setting(case.exposure_chips, case.rows_per_chip, case.noise)
     wrong = total = 0
     least = math.inf
     for _ in range(frames):
@@ -99,7 +99,7 @@ def measure(case: Case, frames: int, method: str, seed: int = 1) -> Result:
         whole = frame.whole
         wrong += int(np.sum((found > 0)[whole] != frame.chips[whole]))
         total += int(np.sum(whole))
-    return Result(case, total, wrong, bound_of(case.exposure, case.rows_per_chip, case.noise), 1e3 * least)
+    return Result(case, total, wrong, bound_of(case.exposure_chips, case.rows_per_chip, case.noise), 1e3 * least)
 
 
 def measure_estimated(frames: int, quick: bool, as_json: bool) -> bool:
@@ -179,7 +179,7 @@ def print_table(results: list[Result]) -> None:
         case = r.case
         limit = "" if case.limit is None else f"{case.limit:g}  {'reached' if r.reached else 'NOT REACHED'}"
         print(
-            f"{case.exposure:14g}  {case.rows_per_chip:9g}  {case.noise:5.2f}  {r.chips:8d}  {r.wrong:6d}"
+            f"{case.exposure_chips:14g}  {case.rows_per_chip:9g}  {case.noise:5.2f}  {r.chips:8d}  {r.wrong:6d}"
             f"  {r.rate:8.1e}  {r.bound:12.1e}  {r.milliseconds:6.3f}  {limit}"
         )
 
@@ -210,7 +210,9 @@ def main() -> int:
     for case in (*AIMS, *(GRID if arguments.grid else ())):
         # Three times as many chips as one error at the limit would take.
         enough = (
-            20 if case.limit is None else math.ceil(3 / case.limit / (ROWS / case.rows_per_chip - case.exposure - 2))
+            20
+            if case.limit is None
+            else math.ceil(3 / case.limit / (ROWS / case.rows_per_chip - case.exposure_chips - 2))
         )
         results.append(measure(case, arguments.frames or max(enough, 20), arguments.method))
     if arguments.json:

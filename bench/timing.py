@@ -25,7 +25,7 @@ import numpy as np
 
 from ocisac_fast.chips import (
     ChannelEstimate,
-    chip_likelihoods,
+    chip_llr,
     clock_bounds,
     detector_error_rates,
     expose_chips,
@@ -60,7 +60,7 @@ class Frame:
     @property
     def whole(self) -> np.ndarray:
         """Numbers of the chips compared: an exposure away from either edge."""
-        edge = math.ceil(self.clock["exposure"] / self.clock["rows_per_chip"]) + 1
+        edge = math.ceil(self.clock["exposure_rows"] / self.clock["rows_per_chip"]) + 1
         return np.arange(edge, int(ROWS / self.clock["rows_per_chip"]) - edge)
 
     def errors(self, chips: np.ndarray, first: int, shift: int) -> int:
@@ -79,22 +79,22 @@ def make_frame(random: np.random.Generator, rows_per_chip: float, exposure: floa
     at = int(random.integers(margin, len(chips) - margin - len(LENGTHENED)))
     chips[at : at + len(LENGTHENED)] = LENGTHENED
     length = exposure * (1 + random.uniform(-0.03, 0.03))
-    clock = {"rows_per_chip": period, "phase": random.uniform(0, period), "exposure": length * period}
+    clock = {"rows_per_chip": period, "phase": random.uniform(0, period), "exposure_rows": length * period}
     rows = 20 + 100 * (expose_chips(chips, ROWS, first=first, **clock) + noise * random.standard_normal(ROWS))
     return Frame(chips, first, clock, noise, rows, first + at)
 
 
 def genie(frame: Frame) -> int:
     """Errors with clock, exposure, levels and noise known."""
-    period, phase, exposure = (frame.clock[name] for name in ("rows_per_chip", "phase", "exposure"))
+    period, phase, exposure = (frame.clock[name] for name in ("rows_per_chip", "phase", "exposure_rows"))
     first = math.floor((-exposure / 2 - phase) / period)
     count = math.floor((ROWS - 1 + exposure / 2 - phase) / period) - first + 1
     chips = (
-        chip_likelihoods(
+        chip_llr(
             (frame.rows - 20) / 100,
             rows_per_chip=period,
             phase=phase,
-            exposure=exposure,
+            exposure_rows=exposure,
             noise=frame.noise,
             first=first,
             count=count,
@@ -109,8 +109,8 @@ def estimate(frame: Frame, rows_per_chip: float, blind: bool) -> tuple[ChannelEs
     """Channel, errors and seconds from the rows alone; in blind frames the exposure is given, not the preamble."""
     begin = time.perf_counter()
     if blind:
-        exposure = frame.clock["exposure"]
-        found = find_channel(frame.rows, rows_per_chip=rows_per_chip, exposure=exposure)
+        exposure = frame.clock["exposure_rows"]
+        found = find_channel(frame.rows, rows_per_chip=rows_per_chip, exposure_rows=exposure)
     else:
         matches = find_preamble(frame.rows, LENGTHENED, rows_per_chip=rows_per_chip)
         found = refine_channel(frame.rows, matches[0].channel, known=LENGTHENED) if matches else None
@@ -150,10 +150,10 @@ def measure(rows_per_chip: float, exposure: float, noise: float, frames: int, bl
         seconds += spent
         clock_off += abs(channel.rows_per_chip / frame.clock["rows_per_chip"] - 1) > 1e-3
         bound = clock_bounds(frame.chips, np.full(ROWS, 1.0), noise=noise, first=frame.first, **frame.clock)
-        if bound is not None and np.isfinite([bound.exposure_std, channel.errors.exposure_std]).all():
-            relative.append(channel.exposure / frame.clock["exposure"] - 1)
-            bounds.append(bound.exposure_std / frame.clock["exposure"])
-            own.append(channel.errors.exposure_std / channel.exposure)
+        if bound is not None and np.isfinite([bound.exposure_rows_std, channel.errors.exposure_rows_std]).all():
+            relative.append(channel.exposure_rows / frame.clock["exposure_rows"] - 1)
+            bounds.append(bound.exposure_rows_std / frame.clock["exposure_rows"])
+            own.append(channel.errors.exposure_rows_std / channel.exposure_rows)
     off, limit = np.array(relative), np.array(bounds)
     pooled = pooled_off(off, np.array(own))
     foretold = detector_error_rates(rows_per_chip, exposure * rows_per_chip, noise).mlse

@@ -34,36 +34,36 @@ py::tuple as_tuple(const ClockErrors& errors) { return py::make_tuple(errors.chi
 
 // In the order of ocisac_fast.chips.ChannelEstimate.
 py::tuple as_tuple(const ChannelEstimate& channel) {
-  return py::make_tuple(channel.clock.rows_per_chip, channel.clock.phase, channel.clock.exposure,
+  return py::make_tuple(channel.clock.rows_per_chip, channel.clock.phase, channel.clock.exposure_rows,
                         as_tuple(channel.errors), channel.dark, channel.swing, channel.noise, channel.rows.begin,
                         channel.rows.end, channel.converged);
 }
 
 Vector expose(const Vector& chips, std::ptrdiff_t first, std::size_t rows, double rows_per_chip, double phase,
-              double exposure) {
+              double exposure_rows) {
   std::vector<double> out(rows);
   {
     const KnownChips known{view(chips), first};
     const py::gil_scoped_release unlocked;
-    expose_chips(known, {rows_per_chip, phase, exposure}, out);
+    expose_chips(known, {rows_per_chip, phase, exposure_rows}, out);
   }
   return Vector(static_cast<py::ssize_t>(out.size()), out.data());
 }
 
 py::object fit(const Vector& signal, const Vector& chips, std::ptrdiff_t first, double rows_per_chip, double phase,
-               double exposure, std::size_t dark_degree, std::size_t swing_degree, bool exposure_known) {
+               double exposure_rows, std::size_t dark_degree, std::size_t swing_degree, bool exposure_known) {
   std::optional<ChannelEstimate> fitted;
   {
     const auto rows = view(signal);
     const KnownChips known{view(chips), first};
     const py::gil_scoped_release unlocked;
-    fitted = fit_channel(rows, known, {rows_per_chip, phase, exposure},
+    fitted = fit_channel(rows, known, {rows_per_chip, phase, exposure_rows},
                          make_model(dark_degree, swing_degree, exposure_known));
   }
   return fitted ? py::object(as_tuple(*fitted)) : py::none();
 }
 
-py::object bounds(const Vector& chips, std::ptrdiff_t first, double rows_per_chip, double phase, double exposure,
+py::object bounds(const Vector& chips, std::ptrdiff_t first, double rows_per_chip, double phase, double exposure_rows,
                   const Vector& swing, double noise, std::size_t dark_degree, std::size_t swing_degree,
                   bool exposure_known) {
   std::optional<ClockErrors> errors;
@@ -71,19 +71,19 @@ py::object bounds(const Vector& chips, std::ptrdiff_t first, double rows_per_chi
     const auto rows = view(swing);
     const KnownChips known{view(chips), first};
     const py::gil_scoped_release unlocked;
-    errors = clock_bounds(known, {rows_per_chip, phase, exposure}, rows, noise,
+    errors = clock_bounds(known, {rows_per_chip, phase, exposure_rows}, rows, noise,
                           make_model(dark_degree, swing_degree, exposure_known));
   }
   return errors ? py::object(as_tuple(*errors)) : py::none();
 }
 
 py::list find(const Vector& signal, const Vector& preamble, double rows_per_chip, double tolerance,
-              std::optional<double> exposure, double longest_exposure, std::size_t max_matches) {
+              std::optional<double> exposure_rows, double max_exposure_chips, std::size_t max_matches) {
   std::vector<PreambleMatch> matches;
   {
     const auto rows = view(signal), levels = view(preamble);
     const py::gil_scoped_release unlocked;
-    matches = find_preamble(rows, levels, {rows_per_chip, tolerance, exposure, longest_exposure, max_matches});
+    matches = find_preamble(rows, levels, {rows_per_chip, tolerance, exposure_rows, max_exposure_chips, max_matches});
   }
   py::list list;
   for (const auto& match : matches)
@@ -104,7 +104,7 @@ DetectChips detector_of(const std::optional<py::function>& detect) {
     const py::gil_scoped_acquire locked;
     const Vector rows(static_cast<py::ssize_t>(question.rows.size()), question.rows.data());
     const ChipClock& clock = question.clock;
-    const auto chips = (*function)(rows, clock.rows_per_chip, clock.phase, clock.exposure, question.noise,
+    const auto chips = (*function)(rows, clock.rows_per_chip, clock.phase, clock.exposure_rows, question.noise,
                                    question.first, question.count)
                            .cast<std::vector<double>>();
     require(chips.size() == question.count, "detect", chips.size(), "as many levels as chips asked for");
@@ -112,14 +112,14 @@ DetectChips detector_of(const std::optional<py::function>& detect) {
   };
 }
 
-Vector likelihoods(const Vector& rows, double rows_per_chip, double phase, double exposure, double noise,
-                   std::ptrdiff_t first, std::size_t count, const std::string& method) {
-  const ChipQuestion question{view(rows), {rows_per_chip, phase, exposure}, noise, first, count};
+Vector ratios_of(const Vector& rows, double rows_per_chip, double phase, double exposure_rows, double noise,
+                 std::ptrdiff_t first, std::size_t count, const std::string& method) {
+  const ChipQuestion question{view(rows), {rows_per_chip, phase, exposure_rows}, noise, first, count};
   const DetectorMethod detector = detector_method(method);
   std::vector<double> ratios;
   {
     const py::gil_scoped_release unlocked;
-    ratios = detect_chips(question, detector).log_likelihood_ratios;
+    ratios = detect_chips(question, detector).llr;
   }
   return Vector(static_cast<py::ssize_t>(ratios.size()), ratios.data());
 }
@@ -144,8 +144,8 @@ py::object refine(const Vector& signal, const py::tuple& start, const std::optio
   return as_object(found);
 }
 
-py::object search(const Vector& signal, double rows_per_chip, double tolerance, std::optional<double> exposure,
-                  double longest_exposure, const std::optional<py::function>& detect, bool exposure_known,
+py::object search(const Vector& signal, double rows_per_chip, double tolerance, std::optional<double> exposure_rows,
+                  double max_exposure_chips, const std::optional<py::function>& detect, bool exposure_known,
                   std::size_t highest_degree) {
   std::optional<RefinedChannel> found;
   {
@@ -153,22 +153,22 @@ py::object search(const Vector& signal, double rows_per_chip, double tolerance, 
     const RefineOptions options{exposure_known, highest_degree, {}};
     const auto detector = detector_of(detect);
     const py::gil_scoped_release unlocked;
-    found = find_channel(rows, {rows_per_chip, tolerance, exposure, longest_exposure}, detector, options);
+    found = find_channel(rows, {rows_per_chip, tolerance, exposure_rows, max_exposure_chips}, detector, options);
   }
   return as_object(found);
 }
 
-bool update(Shared<ClockTracker>& tracker, std::int64_t frame, double rows_per_chip, double phase, double exposure,
+bool update(Shared<ClockTracker>& tracker, std::int64_t frame, double rows_per_chip, double phase, double exposure_rows,
             std::ptrdiff_t chip, const std::array<double, 9>& covariance) {
   return tracker.call([&](ClockTracker& alone) {
-    return alone.update(frame, {rows_per_chip, phase, exposure}, {chip, covariance});
+    return alone.update(frame, {rows_per_chip, phase, exposure_rows}, {chip, covariance});
   });
 }
 
 py::object predict(Shared<ClockTracker>& tracker, std::int64_t frame) {
   const auto found = tracker.call([&](const ClockTracker& alone) { return alone.predict(frame); });
   if (!found) return py::none();
-  return py::make_tuple(found->clock.rows_per_chip, found->clock.phase, found->clock.exposure, found->chip,
+  return py::make_tuple(found->clock.rows_per_chip, found->clock.phase, found->clock.exposure_rows, found->chip,
                         found->errors.covariance, found->chips_lost);
 }
 
@@ -177,26 +177,27 @@ py::object predict(Shared<ClockTracker>& tracker, std::int64_t frame) {
 void register_channel(py::module_& module) {
   using py::arg;
   module.def("expose_chips", &expose, arg("chips"), arg("first"), arg("rows"), arg("rows_per_chip"), arg("phase"),
-             arg("exposure"));
+             arg("exposure_rows"));
   module.def("fit_channel", &fit, arg("signal"), arg("chips"), arg("first"), arg("rows_per_chip"), arg("phase"),
-             arg("exposure"), arg("dark_degree"), arg("swing_degree"), arg("exposure_known"));
-  module.def("clock_bounds", &bounds, arg("chips"), arg("first"), arg("rows_per_chip"), arg("phase"), arg("exposure"),
-             arg("swing"), arg("noise"), arg("dark_degree"), arg("swing_degree"), arg("exposure_known"));
+             arg("exposure_rows"), arg("dark_degree"), arg("swing_degree"), arg("exposure_known"));
+  module.def("clock_bounds", &bounds, arg("chips"), arg("first"), arg("rows_per_chip"), arg("phase"),
+             arg("exposure_rows"), arg("swing"), arg("noise"), arg("dark_degree"), arg("swing_degree"),
+             arg("exposure_known"));
   module.def("find_preamble", &find, arg("signal"), arg("preamble"), arg("rows_per_chip"), arg("tolerance"),
-             arg("exposure"), arg("longest_exposure"), arg("max_matches"));
-  module.def("chip_likelihoods", &likelihoods, arg("rows"), arg("rows_per_chip"), arg("phase"), arg("exposure"),
+             arg("exposure_rows"), arg("max_exposure_chips"), arg("max_matches"));
+  module.def("chip_llr", &ratios_of, arg("rows"), arg("rows_per_chip"), arg("phase"), arg("exposure_rows"),
              arg("noise"), arg("first"), arg("count"), arg("method"));
-  module.def("closest_pair_distance", &closest_pair_distance, arg("rows_per_chip"), arg("exposure"));
+  module.def("closest_pair_distance", &closest_pair_distance, arg("rows_per_chip"), arg("exposure_rows"));
   module.def("refine_channel", &refine, arg("signal"), arg("start"), arg("detect"), arg("exposure_known"),
              arg("highest_degree"), arg("known"), arg("known_first"));
-  module.def("find_channel", &search, arg("signal"), arg("rows_per_chip"), arg("tolerance"), arg("exposure"),
-             arg("longest_exposure"), arg("detect"), arg("exposure_known"), arg("highest_degree"));
+  module.def("find_channel", &search, arg("signal"), arg("rows_per_chip"), arg("tolerance"), arg("exposure_rows"),
+             arg("max_exposure_chips"), arg("detect"), arg("exposure_known"), arg("highest_degree"));
   py::class_<Shared<ClockTracker>>(module, "ClockTracker")
       .def(py::init([](double frame_rows, double frame_rows_std, double drift, double exposure_wander) {
              return Shared(ClockTracker({frame_rows, frame_rows_std, drift, exposure_wander}));
            }),
            arg("frame_rows"), arg("frame_rows_std"), arg("drift"), arg("exposure_wander"))
-      .def("update", &update, arg("frame"), arg("rows_per_chip"), arg("phase"), arg("exposure"), arg("chip"),
+      .def("update", &update, arg("frame"), arg("rows_per_chip"), arg("phase"), arg("exposure_rows"), arg("chip"),
            arg("covariance"))
       .def("predict", &predict, arg("frame"))
       .def("reset", [](Shared<ClockTracker>& tracker) { tracker.call([](ClockTracker& alone) { alone.reset(); }); });

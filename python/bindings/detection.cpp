@@ -29,7 +29,7 @@ py::tuple detect(const py::array& columns, const Camera& camera, const py::tuple
   const Shape shape = shape_of(view);
   auto ratios = new_array({static_cast<py::ssize_t>(shape.frames), static_cast<py::ssize_t>(found.count),
                            static_cast<py::ssize_t>(shape.columns)});
-  std::ranges::copy(found.log_likelihood_ratios, ratios.mutable_data());
+  std::ranges::copy(found.llr, ratios.mutable_data());
   return py::make_tuple(ratios, found.first, kDetectorNames[static_cast<std::size_t>(found.method)]);
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 // In the order of ocisac_fast.packets.FskSymbol.
 py::tuple symbol_tuple(const FskSymbol& symbol) {
-  return py::make_tuple(symbol.symbol, as_array(symbol.likelihoods), as_array(symbol.llr), symbol.snr,
+  return py::make_tuple(symbol.symbol, as_array(symbol.log_likelihoods), as_array(symbol.llr), symbol.snr,
                         symbol.error_rate, symbol.amplitude, symbol.noise);
 }
 

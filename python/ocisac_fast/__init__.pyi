@@ -44,7 +44,7 @@ from ocisac_fast.tones import (
     calibrate as calibrate,
     equalize as equalize,
     find_frequency as find_frequency,
-    pick_channel as pick_channel,
+    pick_colour as pick_colour,
     tone_columns as tone_columns,
     tone_gain as tone_gain,
     varying_tone_gain as varying_tone_gain,

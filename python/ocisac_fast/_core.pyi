@@ -96,14 +96,14 @@ def find_frequency(
 def tone_columns(
     columns: npt.NDArray[Any], camera: Camera, frequency: float
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]: ...
-def pick_channel(
-    channels: list[npt.NDArray[Any]], camera: Camera, bounds: tuple[float, float] | None, waveform: str
+def pick_colour(
+    colours: list[npt.NDArray[Any]], camera: Camera, bounds: tuple[float, float] | None, waveform: str
 ) -> int: ...
 def receive(
-    channels: Sequence[npt.NDArray[Any]], camera: Camera, chip_rate: float | None
+    colours: Sequence[npt.NDArray[Any]], camera: Camera, chip_rate: float | None
 ) -> list[tuple[int, int, int, str, float, float, float, float, Any, Any, Any, Any, int]]: ...
 def expose_chips(
-    chips: npt.NDArray[np.float64], first: int, rows: int, rows_per_chip: float, phase: float, exposure: float
+    chips: npt.NDArray[np.float64], first: int, rows: int, rows_per_chip: float, phase: float, exposure_rows: float
 ) -> npt.NDArray[np.float64]: ...
 def fit_channel(
     signal: npt.NDArray[np.float64],
@@ -111,7 +111,7 @@ def fit_channel(
     first: int,
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     dark_degree: int,
     swing_degree: int,
     exposure_known: bool,
@@ -121,7 +121,7 @@ def clock_bounds(
     first: int,
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     swing: npt.NDArray[np.float64],
     noise: float,
     dark_degree: int,
@@ -133,15 +133,15 @@ def find_preamble(
     preamble: npt.NDArray[np.float64],
     rows_per_chip: float,
     tolerance: float,
-    exposure: float | None,
-    longest_exposure: float,
+    exposure_rows: float | None,
+    max_exposure_chips: float,
     max_matches: int,
 ) -> list[tuple[tuple[Any, ...], float, float]]: ...
-def chip_likelihoods(
+def chip_llr(
     rows: npt.NDArray[np.float64],
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     noise: float,
     first: int,
     count: int,
@@ -151,9 +151,9 @@ def detect_chips(
     columns: npt.NDArray[Any], camera: Camera, channel: tuple[Any, ...], method: str
 ) -> tuple[npt.NDArray[np.float64], int, str]: ...
 def detector_error_rates(
-    rows_per_chip: float, exposure: float, noise: float
+    rows_per_chip: float, exposure_rows: float, noise: float
 ) -> tuple[float, float, float, float, float]: ...
-def closest_pair_distance(rows_per_chip: float, exposure: float) -> float: ...
+def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float: ...
 def refine_channel(
     signal: npt.NDArray[np.float64],
     start: tuple[Any, ...],
@@ -167,8 +167,8 @@ def find_channel(
     signal: npt.NDArray[np.float64],
     rows_per_chip: float,
     tolerance: float,
-    exposure: float | None,
-    longest_exposure: float,
+    exposure_rows: float | None,
+    max_exposure_chips: float,
     detect: Callable[..., Any] | None,
     exposure_known: bool,
     highest_degree: int,
@@ -177,7 +177,13 @@ def find_channel(
 class ClockTracker:
     def __init__(self, frame_rows: float, frame_rows_std: float, drift: float, exposure_wander: float) -> None: ...
     def update(
-        self, frame: int, rows_per_chip: float, phase: float, exposure: float, chip: int, covariance: Sequence[float]
+        self,
+        frame: int,
+        rows_per_chip: float,
+        phase: float,
+        exposure_rows: float,
+        chip: int,
+        covariance: Sequence[float],
     ) -> bool: ...
     def predict(self, frame: int) -> tuple[float, float, float, int, list[float], float] | None: ...
     def reset(self) -> None: ...
@@ -229,7 +235,7 @@ class Receiver:
         preamble: str,
         search_passes: float | None,
     ) -> None: ...
-    def push(self, channels: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
+    def push(self, colours: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
 
 class ScenePart:
     def __init__(
@@ -286,7 +292,7 @@ class MultiReceiver:
         max_sources: int,
     ) -> None: ...
     def push(
-        self, channels: Sequence[npt.NDArray[Any]], frame: int | None
+        self, colours: Sequence[npt.NDArray[Any]], frame: int | None
     ) -> list[tuple[int, tuple[int, int, int, int], tuple[Any, ...]]]: ...
 
 def fsk_demodulate(
@@ -296,7 +302,7 @@ def fsk_symbol_error_rate(tones: int, snr: float) -> float: ...
 
 class FskReceiver:
     def __init__(self, camera: Camera, tones: Sequence[float], block_bytes: int, preamble: str) -> None: ...
-    def push(self, channels: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
+    def push(self, colours: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
 
 def best_noisy_exposure(
     frequencies: npt.NDArray[np.float64],

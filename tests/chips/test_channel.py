@@ -12,7 +12,7 @@ from ocisac_fast.chips import (
     ChannelEstimate,
     ClockErrors,
     ClockTracker,
-    chip_likelihoods,
+    chip_llr,
     clock_bounds,
     closest_pair_distance,
     expose_chips,
@@ -31,7 +31,7 @@ class Column:
     def __init__(self, seed, rows_per_chip, exposure, noise=0.02, rows=1080, preamble=None, gradient=0.0):
         self.random = np.random.default_rng(seed)
         self.rows_per_chip = rows_per_chip * (1 + self.random.uniform(-0.01, 0.01))
-        self.exposure = exposure * self.rows_per_chip
+        self.exposure_rows = exposure * self.rows_per_chip
         self.phase = self.random.uniform(0, self.rows_per_chip)
         self.first = -int(np.ceil(exposure / 2)) - 2
         self.chips = self.random.integers(0, 2, int(rows / self.rows_per_chip) + 2 * abs(self.first)).astype(float)
@@ -52,7 +52,7 @@ class Column:
         return {
             "rows_per_chip": self.rows_per_chip,
             "phase": self.phase,
-            "exposure": self.exposure,
+            "exposure_rows": self.exposure_rows,
             "first": self.first,
         }
 
@@ -61,8 +61,8 @@ class Column:
         middle = len(self.rows) / 2
         period = self.rows_per_chip * (1 + self.random.uniform(-0.2, 0.2) * self.rows_per_chip / middle)
         phase = self.phase + middle / self.rows_per_chip * (self.rows_per_chip - period)
-        exposure = self.exposure * self.random.uniform(0.8, 1.2)
-        return {**self.clock, "rows_per_chip": period, "phase": phase, "exposure": exposure}
+        exposure = self.exposure_rows * self.random.uniform(0.8, 1.2)
+        return {**self.clock, "rows_per_chip": period, "phase": phase, "exposure_rows": exposure}
 
     def bounds(self, **options):
         return clock_bounds(self.chips, self.swing, noise=self.noise, **self.clock, **options)
@@ -71,7 +71,7 @@ class Column:
 clocks = {
     "rows_per_chip": st.floats(0.8, 9),
     "phase": st.floats(-50, 50),
-    "exposure": st.one_of(st.just(0.0), st.floats(0.01, 60)),
+    "exposure_rows": st.one_of(st.just(0.0), st.floats(0.01, 60)),
     "first": st.integers(-30, 30),
 }
 
@@ -89,7 +89,7 @@ def test_exposed_chips_agree_with_the_reference(seed, chips, rows, dtype, step, 
     levels = np.random.default_rng(seed).integers(0, 2, abs(step) * chips).astype(dtype)[::step]
     got, want = (of.expose_chips(levels, rows, **clock) for of in (ocisac, reference))
     assert got.shape == (rows,)
-    rounding = 1e-12 * max(1, 4 / max(clock["exposure"], 1e-3))  # of a row's place, in exposures
+    rounding = 1e-12 * max(1, 4 / max(clock["exposure_rows"], 1e-3))  # of a row's place, in exposures
     np.testing.assert_allclose(got, want, rtol=0, atol=rounding)
 
 
@@ -98,7 +98,7 @@ def test_an_exposed_chip_is_a_waveform_seen_by_a_camera(exposure_known):
     chips = np.array([1, 0, 0, 1, 1, 0, 1, 0, 0, 0], float)
     camera = Camera(1.0, 7.3)
     light = integrate_exposure(Chips(chips, 1 / 4.7), camera, np.arange(8, 40))
-    got = expose_chips(chips, 40, rows_per_chip=4.7, phase=7.3 / 2, exposure=7.3)
+    got = expose_chips(chips, 40, rows_per_chip=4.7, phase=7.3 / 2, exposure_rows=7.3)
     np.testing.assert_allclose(got[8:], light, atol=1e-12)
 
 
@@ -116,7 +116,7 @@ def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, 
     options = dict(zip(("dark_degree", "swing_degree"), degrees, strict=True), exposure_known=exposure_known)
     start = column.wrong_clock()
     if exposure_known:
-        start["exposure"] = column.exposure
+        start["exposure_rows"] = column.exposure_rows
     got, want = (of.fit_channel(column.rows, column.chips, **start, **options) for of in (ocisac, reference))
     spread = np.sqrt(np.diag(want.errors.covariance)) + 1e-6
     middle = got.errors.chip
@@ -125,7 +125,7 @@ def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, 
     difference = [
         got.phase - want.phase + middle * (got.rows_per_chip - want.rows_per_chip),
         got.rows_per_chip - want.rows_per_chip,
-        got.exposure - want.exposure,
+        got.exposure_rows - want.exposure_rows,
     ]
     assert got.noise == pytest.approx(want.noise, rel=2e-4)
     assert got.rows == want.rows
@@ -157,7 +157,7 @@ def test_errors_are_at_their_bounds(rows_per_chip, exposure):
             [
                 phase_of_middle / bounds.phase_std,
                 (got.rows_per_chip - column.rows_per_chip) / bounds.rows_per_chip_std,
-                (got.exposure - column.exposure) / bounds.exposure_std,
+                (got.exposure_rows - column.exposure_rows) / bounds.exposure_rows_std,
             ]
         )
     assert np.all(np.sqrt(np.mean(np.square(misses), axis=0)) < 1.35)  # 40 frames: 11 % spread about 1
@@ -168,7 +168,7 @@ def test_the_bounds_are_those_of_the_design():
     """Relative spread of the exposure, 1080 rows, 4 rows per chip, 4 %: 0.97 % at half a chip, 0.70 % at one chip."""
     for exposure, share in ((0.5, 0.0097), (1.0, 0.0070), (2.0, 0.0042), (7.0, 0.0036)):
         columns = [Column(seed, 4.0, exposure, noise=0.04) for seed in range(20)]
-        spread = np.mean([column.bounds().exposure_std / column.exposure for column in columns])
+        spread = np.mean([column.bounds().exposure_rows_std / column.exposure_rows for column in columns])
         assert spread == pytest.approx(share, rel=0.1)
 
 
@@ -178,7 +178,7 @@ def test_a_gradient_of_the_light_is_followed():
     dark, bright = got.levels(1080)
     np.testing.assert_allclose(bright - dark, column.swing, atol=0.5)
     np.testing.assert_allclose(dark, 10 + 3 * np.linspace(-1, 1, 1080), atol=0.5)
-    assert abs(got.exposure / column.exposure - 1) < 0.01
+    assert abs(got.exposure_rows / column.exposure_rows - 1) < 0.01
 
 
 def test_without_noise_the_channel_is_exact():
@@ -186,25 +186,25 @@ def test_without_noise_the_channel_is_exact():
     got = fit_channel(column.rows, column.chips, **column.wrong_clock())
     assert got.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-10)
     assert got.phase == pytest.approx(column.phase, abs=1e-8)
-    assert got.exposure == pytest.approx(column.exposure, rel=1e-9)
+    assert got.exposure_rows == pytest.approx(column.exposure_rows, rel=1e-9)
 
 
 def test_what_chips_do_not_tell_is_not_guessed():
     rows = np.linspace(0, 1, 50)
-    clock = {"rows_per_chip": 5.0, "phase": 0.0, "exposure": 2.0}
+    clock = {"rows_per_chip": 5.0, "phase": 0.0, "exposure_rows": 2.0}
     assert fit_channel(rows, np.ones(10), **clock) is None
     assert fit_channel(rows, [0, 1], **{**clock, "rows_per_chip": 3.0}) is None  # five rows, six unknowns
     assert clock_bounds(np.ones(10), np.ones(50), noise=0.1, **clock) is None
-    aligned = {"rows_per_chip": 2.0, "phase": 0.3, "exposure": 1.0}  # every edge on the same part of a row
+    aligned = {"rows_per_chip": 2.0, "phase": 0.3, "exposure_rows": 1.0}  # every edge on the same part of a row
     chips = np.random.default_rng(0).integers(0, 2, 100)
     bounds = clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
-    assert np.isinf(bounds.exposure_std)
+    assert np.isinf(bounds.exposure_rows_std)
     assert 0 < bounds.rows_per_chip_std < 0.01
     want = reference.clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
-    assert np.isinf(want.exposure_std)
+    assert np.isinf(want.exposure_rows_std)
     assert bounds.rows_per_chip_std == pytest.approx(want.rows_per_chip_std)
     got = fit_channel(expose_chips(chips, 200, **aligned), chips, **aligned)
-    assert np.isinf(got.errors.exposure_std)
+    assert np.isinf(got.errors.exposure_rows_std)
 
 
 @pytest.mark.parametrize("exposure_known", [False, True])
@@ -214,22 +214,25 @@ def test_preambles_are_found(rows_per_chip, exposure, noise, exposure_known):
     for seed in range(6):
         preamble = np.random.default_rng(1000 + seed).integers(0, 2, 40)
         column = Column(seed, rows_per_chip, exposure, noise, preamble=preamble)
-        length = column.exposure if exposure_known else None
-        match = find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip, exposure=length)[0]
+        length = column.exposure_rows if exposure_known else None
+        match = find_preamble(column.rows, preamble, rows_per_chip=rows_per_chip, exposure_rows=length)[0]
         assert abs(match.channel.phase - column.start) < 0.3 * column.rows_per_chip
         assert match.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=0.02)
         assert match.explained > 0.8
         if exposure_known:
-            assert match.channel.exposure == column.exposure
+            assert match.channel.exposure_rows == column.exposure_rows
         else:
-            assert abs(match.channel.exposure - column.exposure) < 6 * match.channel.errors.exposure_std + 0.01
+            assert (
+                abs(match.channel.exposure_rows - column.exposure_rows)
+                < 6 * match.channel.errors.exposure_rows_std + 0.01
+            )
 
 
 def test_one_chip_per_row_with_unknown_phase():
     preamble = np.random.default_rng(5).integers(0, 2, 40)
     for seed in range(20):
         column = Column(seed, 1.0, 1.0, 0.02, preamble=preamble)
-        match = find_preamble(column.rows, preamble, rows_per_chip=1.0, exposure=column.exposure)[0]
+        match = find_preamble(column.rows, preamble, rows_per_chip=1.0, exposure_rows=column.exposure_rows)[0]
         assert abs(match.channel.phase - column.start) < 0.1
 
 
@@ -237,7 +240,7 @@ def test_preambles_agree_with_the_reference():
     preamble = np.random.default_rng(6).integers(0, 2, 24)
     for seed, exposure in ((0, 0.7), (1, 3.0)):
         column = Column(seed, 4.1, exposure, 0.02, rows=150, preamble=preamble)
-        arguments = {"rows_per_chip": 4.1, "exposure": column.exposure}
+        arguments = {"rows_per_chip": 4.1, "exposure_rows": column.exposure_rows}
         got, want = (of.find_preamble(column.rows, preamble, **arguments)[0] for of in (ocisac, reference))
         spread = want.channel.errors.phase_std
         assert got.channel.phase == pytest.approx(want.channel.phase, abs=0.05 * spread)
@@ -268,7 +271,7 @@ def test_no_preamble_is_found_in_noise():
 
 def errors_of(column, found, shift):
     """Wrong chips among those the frame shows whole; `shift` added to the numbers of the chips found."""
-    edge = int(np.ceil(column.exposure / column.rows_per_chip)) + 1
+    edge = int(np.ceil(column.exposure_rows / column.rows_per_chip)) + 1
     whole = np.arange(edge, int(len(column.rows) / column.rows_per_chip) - edge)
     return np.sum(found.chips[whole - shift - found.first] != column.chips[whole - column.first])
 
@@ -287,7 +290,7 @@ def test_the_whole_frame_from_a_preamble(exposure):
         assert found.even
         assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
         bounds = column.bounds(dark_degree=1, swing_degree=1)
-        misses.append((found.channel.exposure - column.exposure) / bounds.exposure_std)
+        misses.append((found.channel.exposure_rows - column.exposure_rows) / bounds.exposure_rows_std)
     assert np.sqrt(np.mean(np.square(misses))) < 2.2
 
 
@@ -315,7 +318,7 @@ def test_the_whole_frame_agrees_with_the_reference():
     assert (got.first, got.settled) == (want.first, want.settled)
     spread = want.channel.errors
     assert got.channel.rows_per_chip == pytest.approx(want.channel.rows_per_chip, abs=0.02 * spread.rows_per_chip_std)
-    assert got.channel.exposure == pytest.approx(want.channel.exposure, abs=0.02 * spread.exposure_std)
+    assert got.channel.exposure_rows == pytest.approx(want.channel.exposure_rows, abs=0.02 * spread.exposure_rows_std)
 
 
 @pytest.mark.parametrize(("rows_per_chip", "exposure"), [(4.1, 0.5), (2.3, 1.0), (3.3, 3.0), (1.0, 1.0)])
@@ -326,7 +329,7 @@ def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
             column.rows,
             detect_sequence,
             rows_per_chip=rows_per_chip,
-            exposure=column.exposure,
+            exposure_rows=column.exposure_rows,
             exposure_known=rows_per_chip == 1.0,
         )
         middle = [(250 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
@@ -337,7 +340,7 @@ def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
 @pytest.mark.parametrize(("rows_per_chip", "seed"), [(4.0, 14), (4.0, 17), (7.0, 13)])
 def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
     column = Column(seed, rows_per_chip, 7, 0.04)
-    found = find_channel(column.rows, rows_per_chip=rows_per_chip, exposure=column.exposure)
+    found = find_channel(column.rows, rows_per_chip=rows_per_chip, exposure_rows=column.exposure_rows)
     middle = [(540 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
     assert errors_of(column, found, round(middle[0] - middle[1])) == 0
     assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
@@ -375,7 +378,7 @@ def test_the_tracked_clock_agrees_with_the_reference(seed, frames, ahead):
             assert tracker.update(frame, channel)
     got, want = (tracker.predict(frames - 1 + ahead) for tracker in trackers)
     assert got.rows_per_chip == pytest.approx(want.rows_per_chip, rel=1e-7)
-    assert got.exposure == pytest.approx(want.exposure)
+    assert got.exposure_rows == pytest.approx(want.exposure_rows)
     assert got.phase + (want.chip - got.chip) * got.rows_per_chip == pytest.approx(want.phase, abs=1e-4)
     if got.chip == want.chip:
         np.testing.assert_allclose(got.covariance, want.covariance, rtol=1e-3, atol=1e-10)
@@ -411,10 +414,10 @@ def test_frames_are_read_on_without_preambles_across_the_gaps(exposure):
     for frame in (0, 1, 2, 3, 5, 6, 9, 10, 15, 16):
         drifted = period * (1 + 2e-6 * frame)
         phase = -(frame * frame_rows) * (1 + 1e-6 * frame)  # of chip 0, in rows of this frame
-        light = expose_chips(chips, rows, rows_per_chip=drifted, phase=phase, exposure=length)
+        light = expose_chips(chips, rows, rows_per_chip=drifted, phase=phase, exposure_rows=length)
         signal = 10 + 50 * (light + 0.02 * random.standard_normal(rows))
         if frame == 0:
-            channel = find_preamble(signal, preamble, rows_per_chip=4.0, exposure=length)[0].channel
+            channel = find_preamble(signal, preamble, rows_per_chip=4.0, exposure_rows=length)[0].channel
             known, begins_with = {"known": preamble}, 100
         else:
             predicted = tracker.predict(frame)
@@ -446,15 +449,15 @@ def test_pooling_ten_frames_brings_short_exposures_below_a_percent():
     for batch in range(12):
         columns = [Column(100 * batch + k, 4.0, 0.5, 0.04) for k in range(10)]
         found = [fit_channel(c.rows, c.chips, **c.wrong_clock()) for c in columns]
-        exposures = [f.exposure / f.rows_per_chip for f in found]
-        pooled = pool_estimates(exposures, [f.errors.exposure_std / f.rows_per_chip for f in found])
+        exposures = [f.exposure_rows / f.rows_per_chip for f in found]
+        pooled = pool_estimates(exposures, [f.errors.exposure_rows_std / f.rows_per_chip for f in found])
         assert pooled.count == 10
         off.append((pooled.value - 0.5) / pooled.std)
         assert abs(pooled.value / 0.5 - 1) < 0.01
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.6
 
 
-FIT = {"signal": np.zeros(9), "chips": [0, 1], "rows_per_chip": 4.0, "phase": 0.0, "exposure": 1.0}
+FIT = {"signal": np.zeros(9), "chips": [0, 1], "rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 1.0}
 FIND = {"signal": np.zeros(9), "preamble": [0, 1, 0], "rows_per_chip": 4.0}
 
 
@@ -463,7 +466,7 @@ FIND = {"signal": np.zeros(9), "preamble": [0, 1, 0], "rows_per_chip": 4.0}
     [
         ("fit_channel", FIT | {"rows_per_chip": 0.0}, "rows_per_chip: got 0, allowed: a finite number above 0"),
         ("fit_channel", FIT | {"phase": np.nan}, "phase: got nan"),
-        ("fit_channel", FIT | {"exposure": -1.0}, "exposure: got -1, allowed: a finite number, 0 or above"),
+        ("fit_channel", FIT | {"exposure_rows": -1.0}, "exposure_rows: got -1, allowed: a finite number, 0 or above"),
         ("fit_channel", FIT | {"chips": [0, np.inf]}, "chips: got inf"),
         ("fit_channel", FIT | {"chips": []}, r"chips: got shape \(0,\)"),
         ("fit_channel", FIT | {"chips": [1j]}, "chips: got dtype complex128"),
@@ -473,8 +476,8 @@ FIND = {"signal": np.zeros(9), "preamble": [0, 1, 0], "rows_per_chip": 4.0}
         ("fit_channel", FIT | {"swing_degree": -1}, "swing_degree: got -1, allowed: 0 to 6"),
         ("find_preamble", FIND | {"rows_per_chip": np.inf}, "rows_per_chip: got inf"),
         ("find_preamble", FIND | {"tolerance": 0.5}, "tolerance: got 0.5, allowed"),
-        ("find_preamble", FIND | {"exposure": -1}, "exposure: got -1"),
-        ("find_preamble", FIND | {"longest_exposure": 0}, "longest_exposure: got 0"),
+        ("find_preamble", FIND | {"exposure_rows": -1}, "exposure_rows: got -1"),
+        ("find_preamble", FIND | {"max_exposure_chips": 0}, "max_exposure_chips: got 0"),
         ("find_preamble", FIND | {"preamble": [1]}, "preamble: got 1, allowed: at least two chips"),
         ("find_preamble", FIND | {"signal": [np.nan]}, "signal: got nan"),
         ("find_preamble", FIND | {"max_matches": 0}, "max_matches: got 0, allowed: at least 1"),
@@ -499,7 +502,7 @@ def test_refuses(function, arguments, message):
     first=st.integers(-5, 5),
     seed=st.integers(0, 1000),
 )
-def test_likelihoods_are_those_of_all_sequences(rows_per_chip, chips, place, count, first, seed):
+def test_llr_are_those_of_all_sequences(rows_per_chip, chips, place, count, first, seed):
     random = np.random.default_rng(seed)
     exposure = chips * rows_per_chip
     # Rows that see no chips but those `count`.
@@ -507,8 +510,8 @@ def test_likelihoods_are_those_of_all_sequences(rows_per_chip, chips, place, cou
     rows = int(count * rows_per_chip - exposure + place)
     assume(rows > 0)
     light = random.random(rows)
-    question = {"rows_per_chip": rows_per_chip, "phase": phase, "exposure": exposure, "noise": 0.2}
-    got, want = (of.chip_likelihoods(light, **question, first=first, count=count) for of in (ocisac, reference))
+    question = {"rows_per_chip": rows_per_chip, "phase": phase, "exposure_rows": exposure, "noise": 0.2}
+    got, want = (of.chip_llr(light, **question, first=first, count=count) for of in (ocisac, reference))
     assert got.shape == (count,)
     np.testing.assert_allclose(got, want, atol=1e-3)  # single precision inside
 
@@ -522,13 +525,15 @@ def test_detection_reaches_what_the_closest_pair_allows():
         wrong = total = 0
         for _ in range(40):
             rows = light + noise * column.random.standard_normal(len(light))
-            found = chip_likelihoods(rows, **column.clock, noise=noise, count=len(column.chips))
+            found = chip_llr(rows, **column.clock, noise=noise, count=len(column.chips))
             inside = slice(12, -12)
             wrong += int(np.sum((found > 0)[inside] != column.chips[inside]))
             total += len(column.chips[inside])
         errors[noise] = wrong / total
-    distance = closest_pair_distance(column.rows_per_chip, column.exposure)
-    assert distance == pytest.approx(reference.closest_pair_distance(column.rows_per_chip, column.exposure), rel=1e-12)
+    distance = closest_pair_distance(column.rows_per_chip, column.exposure_rows)
+    assert distance == pytest.approx(
+        reference.closest_pair_distance(column.rows_per_chip, column.exposure_rows), rel=1e-12
+    )
     tail = math.erfc(distance / 0.08 / math.sqrt(2)) / 2
     assert errors[0.02] == 0
     assert errors[0.04] < 5 * tail
@@ -536,7 +541,7 @@ def test_detection_reaches_what_the_closest_pair_allows():
 
 def test_the_core_detects_where_no_detector_is_given():
     column = Column(11, 4.0, 3.0)
-    found = find_channel(column.rows, rows_per_chip=4.0, exposure=column.exposure)
+    found = find_channel(column.rows, rows_per_chip=4.0, exposure_rows=column.exposure_rows)
     assert found is not None
     assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
 
@@ -545,15 +550,15 @@ def test_the_core_detects_where_no_detector_is_given():
     ("change", "message"),
     [
         ({"noise": 0.0}, "noise: got 0"),
-        ({"exposure": 65.0}, "exposure: got 65"),
+        ({"exposure_rows": 65.0}, "exposure_rows: got 65"),
         ({"rows_per_chip": -1.0}, "rows_per_chip: got -1"),
         ({"count": -1}, "count: got -1"),
     ],
 )
-def test_likelihoods_refuse(change, message):
-    question = {"rows_per_chip": 4.0, "phase": 0.0, "exposure": 8.0, "noise": 0.1, "first": 0, "count": 3}
+def test_llr_refuse(change, message):
+    question = {"rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 8.0, "noise": 0.1, "first": 0, "count": 3}
     with pytest.raises(ValueError, match=message):
-        chip_likelihoods(np.zeros(4), **{**question, **change})
+        chip_llr(np.zeros(4), **{**question, **change})
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3, 5, 7, 8, 12])
@@ -561,9 +566,9 @@ def test_likelihoods_refuse(change, message):
 def test_frames_of_a_few_rows_tell_no_channel(rows, exposure):
     for seed in range(5):
         column = np.random.default_rng(seed).random(rows)
-        found = find_channel(column, rows_per_chip=4.0, exposure=exposure)
+        found = find_channel(column, rows_per_chip=4.0, exposure_rows=exposure)
         assert found is None or abs(found.channel.rows_per_chip / 4 - 1) < 0.03
-        assert find_preamble(column, standard_preamble(), rows_per_chip=4.0, exposure=exposure) == []
+        assert find_preamble(column, standard_preamble(), rows_per_chip=4.0, exposure_rows=exposure) == []
 
 
 def standard_preamble():

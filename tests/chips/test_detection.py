@@ -14,19 +14,21 @@ CAMERA = Camera(row_time=20e-6)
 METHODS = ("slicer", "inverse", "wiener", "dfe", "reduced", "mlse")
 
 
-def make_channel(rows_per_chip, exposure, phase=0.7, noise=1.0, dark=(20.0, 3.0), swing=(100.0, -10.0)):
+def make_channel(rows_per_chip, exposure_rows, phase=0.7, noise=1.0, dark=(20.0, 3.0), swing=(100.0, -10.0)):
     errors = ClockErrors(0, np.zeros((3, 3)))
-    return ChannelEstimate(rows_per_chip, phase, exposure, errors, np.array(dark), np.array(swing), noise, (0, 1), True)
+    return ChannelEstimate(
+        rows_per_chip, phase, exposure_rows, errors, np.array(dark), np.array(swing), noise, (0, 1), True
+    )
 
 
 def make_columns(channel, shape, seed, noise=None):
     """Columns (frames, rows, columns) of random chips through the channel, and the chips (frames, chips, columns)."""
     random = np.random.default_rng(seed)
     frames, rows, columns = shape
-    half = channel.exposure / 2
+    half = channel.exposure_rows / 2
     first, last = (int(np.floor((row - channel.phase) / channel.rows_per_chip)) for row in (-half, rows - 1 + half))
     chips = random.integers(0, 2, (frames, last - first + 1, columns))
-    clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure")}
+    clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure_rows")}
     dark, bright = channel.levels(rows)
     out = np.empty(shape)
     for frame in range(frames):
@@ -154,8 +156,8 @@ def test_error_rates_agree_with_the_characteristic_function(rows_per_chip, lengt
     [
         ({"rows_per_chip": 0.0}, "rows_per_chip: got 0, allowed"),
         ({"phase": np.nan}, "phase: got nan, allowed"),
-        ({"exposure": -1.0}, "exposure: got -1, allowed"),
-        ({"exposure": 100.0}, "exposure: got 100, allowed: 0 to 24 chips"),
+        ({"exposure_rows": -1.0}, "exposure_rows: got -1, allowed"),
+        ({"exposure_rows": 100.0}, "exposure_rows: got 100, allowed: 0 to 24 chips"),
         ({"swing": np.array([-1.0])}, "channel: got a swing of -1 in row 0, allowed: above 0"),
         ({"dark": np.zeros(0)}, "dark: got 0, allowed: 1 to 7 coefficients"),
         ({"noise": np.nan}, "noise: got nan, allowed"),
@@ -171,11 +173,11 @@ def test_other_bad_input_is_refused():
     channel = make_channel(4.0, 8.0)
     with pytest.raises(ValueError, match="method: got best, allowed: slicer, wiener"):
         ocisac.detect_chips(np.ones(100), CAMERA, channel, "best")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="exposure: got 64, allowed: 0 to 15 chips"):
+    with pytest.raises(ValueError, match="exposure_rows: got 64, allowed: 0 to 15 chips"):
         ocisac.detect_chips(np.ones(100), CAMERA, make_channel(4.0, 64.0), "mlse")
     with pytest.raises(ValueError, match="columns"):
         ocisac.detect_chips(np.ones((2, 2, 2, 2)), CAMERA, channel)
     with pytest.raises(ValueError, match="noise: got 0, allowed"):
         detector_error_rates(4.0, 8.0, 0.0)
-    with pytest.raises(ValueError, match="exposure: got 200, allowed: 0 to 24 chips"):
+    with pytest.raises(ValueError, match="exposure_rows: got 200, allowed: 0 to 24 chips"):
         detector_error_rates(4.0, 200.0, 0.1)

@@ -348,7 +348,7 @@ def test_the_best_channel_is_taken_unless_one_is_named(facts, square, tmp_path):
     noise = np.random.default_rng(5).integers(90, 110, frame.shape, dtype=np.uint8)
     write_frames(tmp_path / "c.png", [np.stack([noise, frame, noise], axis=-1)])
     options = (*TESTBED, *DARK, "--frequency", "500", "--waveform", "square")
-    assert facts("gain", tmp_path / "c.png", *options)[0]["channel"] == 1
+    assert facts("gain", tmp_path / "c.png", *options)[0]["colour"] == 1
     assert "weak" in facts("gain", tmp_path / "c.png", *options, "--channel", "r")[0]["flags"]
 
 

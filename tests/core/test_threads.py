@@ -17,7 +17,7 @@ import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, Samples, SquareWave, Tone
 from ocisac_fast.chips import (
     ClockTracker,
-    chip_likelihoods,
+    chip_llr,
     clock_bounds,
     closest_pair_distance,
     detector_error_rates,
@@ -47,7 +47,7 @@ SENT = ocisac.transmit(bytes(range(24)), line_code="manchester")
 LIGHT = ocisac.integrate_exposure(Chips(SENT.chips, 11700.0, repeat=True), CAMERA, 720, frames=6)
 FRAMES = np.rint(20 + 150 * LIGHT[:, :, None] + RANDOM.standard_normal((6, 720, 16))).astype(np.uint8)
 TONE = 100 + 80 * ocisac.integrate_exposure(Tone(500.0), CAMERA, 720)[:, None] + RANDOM.standard_normal((720, 24))
-CLOCK = {"rows_per_chip": 6.0, "phase": 0.7, "exposure": 4.5}
+CLOCK = {"rows_per_chip": 6.0, "phase": 0.7, "exposure_rows": 4.5}
 CHIPS = RANDOM.integers(0, 2, 130).astype(float)
 SIGNAL = 10 + 40 * expose_chips(CHIPS, 720, first=-3, **CLOCK) + 0.5 * RANDOM.standard_normal(720)
 CHANNEL = fit_channel(SIGNAL, CHIPS, first=-3, **CLOCK)
@@ -109,7 +109,7 @@ CALLS = {
     "best_exposure": lambda: ocisac.best_exposure([500.0, 700.0], [175.0, 350.0], "search", points=500),
     "best_noisy_exposure": lambda: best_noisy_exposure([500.0, 175.0], [1.0, 1.0], (1e-5, 2e-3)),
     "calibrate": lambda: ocisac.calibrate(TONE, 500.0),
-    "chip_likelihoods": lambda: chip_likelihoods(SIGNAL / 40 - 0.25, noise=0.02, first=0, count=100, **CLOCK),
+    "chip_llr": lambda: chip_llr(SIGNAL / 40 - 0.25, noise=0.02, first=0, count=100, **CLOCK),
     "clock_bounds": lambda: clock_bounds(CHIPS, np.full(720, 40.0), noise=0.5, first=-3, **CLOCK),
     "closest_pair_distance": lambda: closest_pair_distance(6.0, 4.5),
     "decode_line_code": lambda: decode_line_code(np.linspace(-3, 3, 80), "8b10b"),
@@ -122,9 +122,9 @@ CALLS = {
     "exposure_front": lambda: ocisac.exposure_front(500.0, 175.0, points=200),
     "exposure_objective": lambda: ocisac.exposure_objective(np.linspace(1e-5, 2e-3, 99), 500.0, 175.0),
     "exposure_response": lambda: ocisac.exposure_response(np.linspace(0, 2e4, 99), 1e-4),
-    "find_channel": lambda: find_channel(SIGNAL, rows_per_chip=6.0, exposure=4.5),
+    "find_channel": lambda: find_channel(SIGNAL, rows_per_chip=6.0, exposure_rows=4.5),
     "find_frequency": lambda: ocisac.find_frequency(TONE, CAMERA),
-    "find_preamble": lambda: find_preamble(SIGNAL, CHIPS[40:54], rows_per_chip=6.0, exposure=4.5),
+    "find_preamble": lambda: find_preamble(SIGNAL, CHIPS[40:54], rows_per_chip=6.0, exposure_rows=4.5),
     "fit_channel": lambda: fit_channel(SIGNAL, CHIPS, first=-3, **CLOCK),
     "fsk_demodulate": lambda: fsk_demodulate(TONE[:, 0], CAMERA, [500.0, 900.0, 1300.0, 1700.0]),
     "fsk_symbol_error_rate": lambda: fsk_symbol_error_rate(16, 12.0),
@@ -134,7 +134,7 @@ CALLS = {
     "longest_payload": lambda: ocisac.longest_payload(line_code="manchester"),
     "lost_frequencies": lambda: lost_frequencies(Camera(22.2e-6, 2e-3)),
     "merge_receptions": lambda: ocisac.merge_receptions(LINES),
-    "pick_channel": lambda: ocisac.pick_channel([TONE, TONE[::-1] / 2], CAMERA),
+    "pick_colour": lambda: ocisac.pick_colour([TONE, TONE[::-1] / 2], CAMERA),
     "pool_estimates": lambda: pool_estimates([1.0, 1.1, 0.9], [0.1, 0.2, 0.1]),
     "possible_goodput": lambda: possible_goodput(24, CAMERA, chip_rate=11700.0, rows=720),
     "receive": lambda: ocisac.receive(SLOW, CAMERA, chip_rate=2000.0),

@@ -34,12 +34,12 @@ def test_agrees_with_the_reference(seed, count, rows, noise):
     column += np.cos(2 * np.pi * tones[sent] * ROW_TIME * np.arange(rows) + random.uniform(0, 6))
     amplitude = None if seed % 2 else 1.0
     got = fsk_demodulate(column, camera, tones, amplitude=amplitude)
-    symbol, likelihoods = reference.fsk_demodulate(column, camera, tones, amplitude=amplitude)
+    symbol, log_likelihoods = reference.fsk_demodulate(column, camera, tones, amplitude=amplitude)
     assert got.symbol == symbol
-    np.testing.assert_allclose(got.likelihoods, likelihoods, rtol=1e-6, atol=1e-5)
+    np.testing.assert_allclose(got.log_likelihoods, log_likelihoods, rtol=1e-6, atol=1e-5)
     for bit, llr in enumerate(got.llr):
         ones = [(index >> (len(got.llr) - 1 - bit)) & 1 == 1 for index in range(count)]
-        expected = likelihoods[ones].max() - likelihoods[np.logical_not(ones)].max()
+        expected = log_likelihoods[ones].max() - log_likelihoods[np.logical_not(ones)].max()
         assert llr == pytest.approx(expected, rel=1e-6, abs=1e-5)
 
 
@@ -205,4 +205,4 @@ def test_bad_input_is_refused(call, message):
 def test_a_column_without_light_tells_nothing():
     got = fsk_demodulate(np.full(ROWS, 7.0), Camera(ROW_TIME), tones_of(4))
     assert got.snr == 0.0
-    assert np.isfinite(got.likelihoods).all()
+    assert np.isfinite(got.log_likelihoods).all()

@@ -125,7 +125,7 @@ FIELDS = (
 
 
 def assert_agree(got, want):
-    assert (got.frame, got.source, got.channel, got.bits) == (want.frame, want.source, want.channel, want.bits)
+    assert (got.frame, got.source, got.colour, got.bits) == (want.frame, want.source, want.colour, want.bits)
     assert got.flags == want.flags
     np.testing.assert_array_equal(got.columns, want.columns)
     for name in FIELDS:
@@ -143,19 +143,19 @@ def assert_agree(got, want):
     columns=st.sampled_from([1, 2, 7, 64, 131]),
     dtype=st.sampled_from(["uint8", "uint16", "float32", "float64"]),
     curve=st.sampled_from(["linear", "gamma", "srgb"]),
-    channels=st.integers(0, 3),
+    colours=st.integers(0, 3),
     steps=st.tuples(st.sampled_from([-2, -1, 1]), st.sampled_from([-1, 1, 2])),
 )
-def test_agrees_with_the_reference(seed, rows_per_chip, exposure, rows, columns, dtype, curve, channels, steps):
+def test_agrees_with_the_reference(seed, rows_per_chip, exposure, rows, columns, dtype, curve, colours, steps):
     row_step, column_step = steps
     planes = []
-    for channel in range(max(channels, 1)):
-        frame = Frame(seed, rows_per_chip, exposure, noise=0.01 * (1 + channel), rows=rows, columns=columns)
+    for colour in range(max(colours, 1)):
+        frame = Frame(seed, rows_per_chip, exposure, noise=0.01 * (1 + colour), rows=rows, columns=columns)
         planes.append(frame.as_bytes(scale=230.0).astype(dtype))
     memory = np.zeros((2 * rows, 2 * columns, len(planes)), dtype)
     view = memory[::row_step, ::column_step][:rows, :columns]
     view[...] = np.stack(planes, axis=-1)
-    frames = view[None] if channels else view[..., 0]
+    frames = view[None] if colours else view[..., 0]
     camera = Camera(2e-5, exposure * rows_per_chip * 2e-5, tone_curve=curve, dark_level=10.0, white_level=255.0)
     assert_agree(ocisac.receive(frames, camera)[0], reference.receive(frames, camera)[0])
 
@@ -223,14 +223,14 @@ def test_the_channel_with_the_light_is_chosen():
     frame = Frame(13, rows_per_chip=5.4, exposure=0.5)
     random = np.random.default_rng(0)
     dark = 20 + 3 * random.standard_normal((*frame.pixels.shape, 3))
-    for channel in range(3):
+    for colour in range(3):
         picture = dark.copy()
-        picture[..., channel] += 150 * frame.pixels
+        picture[..., colour] += 150 * frame.pixels
         got = ocisac.receive(picture[None], CAMERA)[0]
-        assert got.channel == channel
+        assert got.colour == colour
         assert_received(got, frame)
-        assert ocisac.receive(picture[None], CAMERA, channel=channel)[0].bits == got.bits
-        assert ocisac.receive(picture[None], CAMERA, channel=(channel + 1) % 3)[0].bits == ""
+        assert ocisac.receive(picture[None], CAMERA, colour=colour)[0].bits == got.bits
+        assert ocisac.receive(picture[None], CAMERA, colour=(colour + 1) % 3)[0].bits == ""
 
 
 @pytest.mark.parametrize("strength", [1.0, 0.4])
@@ -333,8 +333,8 @@ def test_a_long_exposure_is_flagged():
         ({"chip_rate": np.inf}, "chip_rate: got inf"),
         ({"chip_rate": 0.75}, "chip_rate: got 0.75, allowed: at most half the row rate"),
         ({"line_code": "manchester"}, "line_code: got 'manchester', allowed: 'none'"),
-        ({"channel": 1}, "channel: got 1, allowed: 0 to 0"),
-        ({"channel": -1}, "channel: got -1, allowed: 0 to 0"),
+        ({"colour": 1}, "colour: got 1, allowed: 0 to 0"),
+        ({"colour": -1}, "colour: got -1, allowed: 0 to 0"),
     ],
 )
 def test_refuses(arguments, message):

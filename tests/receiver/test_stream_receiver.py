@@ -74,7 +74,7 @@ def test_what_a_frame_tells_is_right():
     receiver = Receiver(Camera(ROW_TIME, None, frame_time=FRAME_TIME), chip_rate=8.1e3)
     for index in range(6):
         result = receiver.push(light.frame(index))
-    assert (result.outcome, result.frame, result.channel, result.flags) == ("received", 5, 0, 0)
+    assert (result.outcome, result.frame, result.colour, result.flags) == ("received", 5, 0, 0)
     assert abs(result.chip_rate / CHIP_RATE - 1) < 1e-3
     assert abs(result.exposure - 622e-6) < 5 * result.exposure_std < 1e-5
     assert 400 < result.snr < 900
@@ -148,7 +148,7 @@ def test_pixels_of_any_kind():
             receivers[2].push(colour),
         ]
         assert len({result.bits for result in results[:2]}) == 1
-        assert results[2].channel in (1, 2)
+        assert results[2].colour in (1, 2)
     assert any(result.stretch is not None and result.stretch.blocks for result in results)
 
 
@@ -233,7 +233,7 @@ def test_what_the_gap_and_the_code_leave():
         (lambda r: Receiver(r).push(np.zeros((0, 4))), "frames: got shape .0, 4., allowed: at least one"),
         (lambda r: Receiver(r).push(np.zeros(9, complex)), "complex"),
         (lambda r: Receiver(r).push(np.zeros(9), 1.5), "number: got 1.5, allowed: a whole number"),
-        (lambda r: Receiver(r, channel=3).push(np.zeros((9, 9, 3))), "channel: got 3, allowed: 0 to 2"),
+        (lambda r: Receiver(r, colour=3).push(np.zeros((9, 9, 3))), "colour: got 3, allowed: 0 to 2"),
     ],
 )
 def test_bad_input_is_refused(call, message):

@@ -1,4 +1,4 @@
-"""Frequency search, calibration and the choice of columns and channel."""
+"""Frequency search, calibration and the choice of columns and colour."""
 
 import json
 import pathlib
@@ -44,7 +44,7 @@ def entries(recordings, kind):
     return [entry for entry in json.loads((recordings / "recordings.json").read_text()) if kind in entry]
 
 
-def channels_of(path: pathlib.Path):
+def colours_of(path: pathlib.Path):
     image = pytest.importorskip("PIL.Image")
     return list(np.moveaxis(np.asarray(image.open(path).convert("RGB")), -1, 0))
 
@@ -52,8 +52,8 @@ def channels_of(path: pathlib.Path):
 def test_tones_of_real_pictures(recordings):
     for entry in entries(recordings, "tone"):
         camera = Camera(entry["row_time_s"], entry.get("exposure_s"))
-        channels = channels_of(recordings / entry["file"])
-        best = channels[oc.pick_channel(channels, camera)]
+        colours = colours_of(recordings / entry["file"])
+        best = colours[oc.pick_colour(colours, camera)]
         for waveform in ("auto", "tone", "square"):
             found = oc.find_frequency(best, camera, waveform=waveform)
             want = entry["tone"]
@@ -64,8 +64,8 @@ def test_tones_of_real_pictures(recordings):
 
 def test_row_times_of_real_pictures(recordings):
     for entry in entries(recordings, "calibrate"):
-        channels = channels_of(recordings / entry["file"])
-        best = channels[oc.pick_channel(channels, PER_ROW)]
+        colours = colours_of(recordings / entry["file"])
+        best = colours[oc.pick_colour(colours, PER_ROW)]
         want = entry["calibrate"]
         got = oc.calibrate(best, want["frequency_hz"])
         assert got.row_time == pytest.approx(want["row_time_s"], rel=want["tolerance"]), entry["file"]
@@ -179,7 +179,7 @@ def test_columns_and_frames_need_no_common_phase():
     assert found.frequency_std == pytest.approx(rms_bound(0.0613, rows, np.sqrt(18), 0.3, 2), rel=0.15)
 
 
-# --- columns and channels --------------------------------------------------------------------------------------------
+# --- columns and colours --------------------------------------------------------------------------------------------
 
 
 def scene():
@@ -224,9 +224,9 @@ def test_white_level_says_where_pixels_saturate():
 def test_channel_with_the_light_is_picked():
     random = np.random.default_rng(6)
     dark, dim, bright = (10 + a * (1 + tone(0.03, 300))[:, np.newaxis] * np.ones(20) for a in (0, 2, 30))
-    channels = [c + random.normal(0, 3, c.shape) for c in (dark, bright, dim)]
-    assert oc.pick_channel(channels, PER_ROW) == reference.pick_channel(channels, PER_ROW) == 1
-    assert oc.pick_channel(channels[:1], PER_ROW) == 0
+    colours = [c + random.normal(0, 3, c.shape) for c in (dark, bright, dim)]
+    assert oc.pick_colour(colours, PER_ROW) == reference.pick_colour(colours, PER_ROW) == 1
+    assert oc.pick_colour(colours[:1], PER_ROW) == 0
 
 
 # --- agreement with the reference ------------------------------------------------------------------------------------
@@ -347,5 +347,5 @@ def test_frequencies_without_meaning_are_refused(frequency):
 
 
 def test_no_channels_are_refused():
-    with pytest.raises(ValueError, match="channels: got 0 channels"):
-        oc.pick_channel([], PER_ROW)
+    with pytest.raises(ValueError, match="colours: got 0 colours"):
+        oc.pick_colour([], PER_ROW)

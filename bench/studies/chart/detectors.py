@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.chips.channel import chip_likelihoods, expose_chips
+from ocisac_fast.chips.channel import chip_llr, expose_chips
 from studies.chart.measuring import Point, in_turn
 from studies.chart.panels import Effort, Progress, panel
 
@@ -25,14 +25,14 @@ _COLUMNS_A_FRAME = 64  # of the effort for the gains
 class Setting:
     """Exposure in chips, rows per chip, noise of a row over the swing."""
 
-    exposure: float
+    exposure_chips: float
     rows_per_chip: float
     noise: float
 
     @property
     def name(self) -> str:
         """As the chart says it."""
-        return f"exposure {self.exposure:g} chips, noise {100 * self.noise:g} %"
+        return f"exposure {self.exposure_chips:g} chips, noise {100 * self.noise:g} %"
 
 
 SETTINGS = (Setting(1.0, 4.0, 0.3), Setting(3.0, 4.0, 0.13), Setting(7.0, 4.0, 0.05), Setting(14.0, 4.0, 0.02))
@@ -50,14 +50,14 @@ class ChipFrame:
 
     def detect(self, method: str) -> Float64s:
         """Log-likelihood ratios."""
-        return chip_likelihoods(
+        return chip_llr(
             self.rows, **self.clock, noise=self.noise, first=self.first, count=self.chips.size, method=method
         )
 
     @property
     def whole(self) -> npt.NDArray[np.bool_]:
         """Chips of which the frame shows all: those cut by its ends are left out."""
-        period, reach = self.clock["rows_per_chip"], self.clock["exposure"] / 2
+        period, reach = self.clock["rows_per_chip"], self.clock["exposure_rows"] / 2
         begin = self.clock["phase"] + (self.first + np.arange(self.chips.size)) * period
         return np.asarray((begin - reach > 0) & (begin + period + reach < self.rows.size - 1))
 
@@ -71,12 +71,12 @@ class ChipFrame:
 def make_frame(setting: Setting, random: np.random.Generator, rows: int = _ROWS) -> ChipFrame:
     """Random chips, a rate within 1 % of the nominal one and a random phase."""
     period = setting.rows_per_chip * (1 + random.uniform(-0.01, 0.01))
-    first = -math.ceil(setting.exposure / 2) - 1
+    first = -math.ceil(setting.exposure_chips / 2) - 1
     chips = random.integers(0, 2, math.ceil(rows / period) - 2 * first).astype(float)
     clock = {
         "rows_per_chip": period,
         "phase": random.uniform(0, period),
-        "exposure": setting.exposure * period,
+        "exposure_rows": setting.exposure_chips * period,
     }
     light = expose_chips(chips, rows, first=first, **clock)
     light += setting.noise * random.standard_normal(rows)
@@ -108,7 +108,7 @@ def measure_detectors(effort: Effort, progress: Progress) -> list[Point]:
                     name,
                     method,
                     method,
-                    f"{setting.exposure:g}",
+                    f"{setting.exposure_chips:g}",
                     "float64",
                     seconds * 1e6,
                     share,

@@ -26,11 +26,11 @@ ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double sh
   const double reach = std::max({std::abs(step[0]) / (0.4 * clock.rows_per_chip),
                                  std::abs(step[1]) * half_chips / (0.4 * clock.rows_per_chip), 1.0});
   const double part = share / reach;
-  ChipClock next{clock.rows_per_chip + part * step[1], clock.phase + part * step[0], clock.exposure};
+  ChipClock next{clock.rows_per_chip + part * step[1], clock.phase + part * step[0], clock.exposure_rows};
   if (step.size() == 3) {
-    const double limit = 0.3 * clock.exposure + 0.3 * clock.rows_per_chip;
-    next.exposure = std::clamp(clock.exposure + std::clamp(part * step[2], -limit, limit), kShortestExposure,
-                               kLongestExposure * next.rows_per_chip);
+    const double limit = 0.3 * clock.exposure_rows + 0.3 * clock.rows_per_chip;
+    next.exposure_rows = std::clamp(clock.exposure_rows + std::clamp(part * step[2], -limit, limit), kShortestExposure,
+                                    kLongestExposure * next.rows_per_chip);
   }
   return next;
 }
@@ -68,7 +68,7 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
           is_small(here->step, here->inverse, variance) || here->squares - there->squares < kSmallFall * variance;
       const double moved =
           std::max({std::abs(next.phase - clock.phase), half_chips * std::abs(next.rows_per_chip - clock.rows_per_chip),
-                    std::abs(next.exposure - clock.exposure)});
+                    std::abs(next.exposure_rows - clock.exposure_rows)});
       clock = next;
       here = std::move(there);
       better = true;
@@ -97,7 +97,7 @@ double ClockErrors::phase_std(std::ptrdiff_t at) const {
 
 double ClockErrors::rows_per_chip_std() const { return std::sqrt(covariance[4]); }
 
-double ClockErrors::exposure_std() const { return std::sqrt(covariance[8]); }
+double ClockErrors::exposure_rows_std() const { return std::sqrt(covariance[8]); }
 
 double ChannelEstimate::dark_at(double row, std::size_t frame_rows) const {
   return polynomial(dark, along_frame(row, frame_rows));

@@ -92,8 +92,8 @@ std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelE
   if (!(least > 0)) return std::nullopt;
   ChipClock clock = channel.clock;
   clock.phase -= static_cast<double>(range.begin);
-  const double half = 0.5 * clock.exposure, last_row = static_cast<double>(range.size()) - 1;
-  if (!(clock.exposure + last_row < kMaxChips * clock.rows_per_chip)) return std::nullopt;
+  const double half = 0.5 * clock.exposure_rows, last_row = static_cast<double>(range.size()) - 1;
+  if (!(clock.exposure_rows + last_row < kMaxChips * clock.rows_per_chip)) return std::nullopt;
   const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
   const double middle = levels.swing((range.begin + range.end) / 2);
   FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kMinNoise), first,
@@ -111,7 +111,7 @@ FoundChips without_edges(const FoundChips& chips) {
 bool TurnContext::may_try(RowRange range, const ChipClock& clock, double fits) const {
   if (options.effort == nullptr) return true;
   const double rows = static_cast<double>(range.size());
-  const double states = std::exp2(std::min(kMaxStateChips, std::ceil(clock.exposure / clock.rows_per_chip)));
+  const double states = std::exp2(std::min(kMaxStateChips, std::ceil(clock.exposure_rows / clock.rows_per_chip)));
   return options.effort->take(rows * (fits + 1) + rows / clock.rows_per_chip * states / kStatesPerRow);
 }
 
@@ -145,7 +145,8 @@ ChannelEstimate with_rate_moved(ChannelEstimate channel, RowRange range, double 
 }
 
 ChannelEstimate with_exposure_moved(ChannelEstimate channel, double chips) {
-  channel.clock.exposure = std::max(channel.clock.exposure + chips * channel.clock.rows_per_chip, kShortestExposure);
+  channel.clock.exposure_rows =
+      std::max(channel.clock.exposure_rows + chips * channel.clock.rows_per_chip, kShortestExposure);
   return channel;
 }
 
@@ -153,7 +154,7 @@ std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEsti
   auto best = take_turn(context, channel, range);
   const double error = end_error(channel, range);
   if (!(error > kCertainPhase)) return best;
-  const double exposure_error = channel.errors.exposure_std() / channel.clock.rows_per_chip;
+  const double exposure_error = channel.errors.exposure_rows_std() / channel.clock.rows_per_chip;
   const double rate_move = std::min(kMovedErrors * error, kMaxMove);
   const double exposure_move = exposure_error > kCertainExposure ? std::min(4 * exposure_error, kMaxExposureMove) : 0.0;
   for (const double longer : {0.0, 1.0, -1.0}) {

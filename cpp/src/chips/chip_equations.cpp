@@ -11,15 +11,17 @@ namespace {
 
 constexpr double kPrior = 4;  // inverse of the variance of a chip
 
-double length_of(const ChipClock& clock) { return std::max(clock.exposure, kShortestExposure) / clock.rows_per_chip; }
+double length_of(const ChipClock& clock) {
+  return std::max(clock.exposure_rows, kShortestExposure) / clock.rows_per_chip;
+}
 
 }  // namespace
 
 void check(const ChipQuestion& question, double longest) {
   require_positive("rows_per_chip", question.clock.rows_per_chip);
   require_finite("phase", question.clock.phase);
-  require(question.clock.exposure >= 0 && question.clock.exposure <= longest * question.clock.rows_per_chip, "exposure",
-          question.clock.exposure, "0 to " + shortest_text(longest) + " chips, in rows");
+  require(question.clock.exposure_rows >= 0 && question.clock.exposure_rows <= longest * question.clock.rows_per_chip,
+          "exposure_rows", question.clock.exposure_rows, "0 to " + shortest_text(longest) + " chips, in rows");
   require_positive("noise", question.noise);
   for (const double row : question.rows) require_finite("rows", row);
 }
@@ -51,7 +53,7 @@ void ChipEquations::add_rows(const ChipQuestion& question) {
   const double last = static_cast<double>(count_ - 1);
   std::vector<double> seen(band_ + 1);  // [j]: share of the newest chip − j
   for (std::size_t row = 0; row < question.rows.size(); ++row) {
-    const double end = (static_cast<double>(row) + 0.5 * clock.exposure - clock.phase) / clock.rows_per_chip -
+    const double end = (static_cast<double>(row) + 0.5 * clock.exposure_rows - clock.phase) / clock.rows_per_chip -
                        static_cast<double>(question.first);
     // The first and the last chip are taken to go on: a row hardly beyond them by rounding is theirs.
     const double newest = std::clamp(std::floor(end), 0.0, last), begin = end - length;

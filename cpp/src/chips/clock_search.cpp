@@ -56,7 +56,7 @@ double chips_apart(const ChipClock& a, const ChipClock& b, double row) {
 
 bool are_alike(const ChipClock& a, const ChipClock& b, RowRange rows) {
   return std::max({chips_apart(a, b, static_cast<double>(rows.begin)), chips_apart(a, b, static_cast<double>(rows.end)),
-                   std::abs(a.exposure - b.exposure) / a.rows_per_chip}) < kAlike;
+                   std::abs(a.exposure_rows - b.exposure_rows) / a.rows_per_chip}) < kAlike;
 }
 
 // The likeliest of those that differ, the best first.
@@ -105,7 +105,7 @@ std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, std::
 double closeness(const ChannelEstimate& channel, std::size_t frame_rows) {
   const ChipClock& clock = channel.clock;
   const double swing = channel.swing_at(0.5 * static_cast<double>(frame_rows), frame_rows);
-  const double distance = closest_pair_distance(clock.rows_per_chip, std::max(clock.exposure, kShortestExposure));
+  const double distance = closest_pair_distance(clock.rows_per_chip, std::max(clock.exposure_rows, kShortestExposure));
   return 0.5 * distance * swing / std::max(channel.noise, 1e-300);
 }
 

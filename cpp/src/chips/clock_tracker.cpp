@@ -81,14 +81,14 @@ void ClockTracker::begin(std::int64_t frame, const ChipClock& clock, const Clock
   covariance.setZero();
   covariance.topLeftCorner<2, 2>() = measured;
   covariance(2, 2) = frame_rows_variance;  // the camera's own
-  exposure_ = clock.exposure;
+  exposure_ = clock.exposure_rows;
   exposure_variance_ = errors.covariance[8];
 }
 
 bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const ClockErrors& errors) {
   require_positive("rows_per_chip", clock.rows_per_chip);
   require_finite("phase", clock.phase);
-  require_not_negative("exposure", clock.exposure);
+  require_not_negative("exposure_rows", clock.exposure_rows);
   for (std::size_t k : {0U, 1U, 3U, 4U}) require_finite("covariance", errors.covariance[k]);
   if (!started_) {
     begin(frame, clock, errors);
@@ -120,10 +120,10 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
   const double wander = std::pow(options_.exposure_wander * exposure_, 2) * static_cast<double>(frame - frame_);
   const double before = exposure_variance_ + wander, now = errors.covariance[8];
   if (!std::isfinite(before)) {
-    exposure_ = clock.exposure;
+    exposure_ = clock.exposure_rows;
     exposure_variance_ = now;
   } else if (std::isfinite(now) && before + now > 0) {
-    exposure_ += before / (before + now) * (clock.exposure - exposure_);
+    exposure_ += before / (before + now) * (clock.exposure_rows - exposure_);
     exposure_variance_ = before * now / (before + now);
   }
   frame_ = frame;
@@ -143,15 +143,6 @@ std::optional<TrackedClock> ClockTracker::predict(std::int64_t frame) const {
                       there.chip,
                       {0, {c(0, 0), c(0, 1), 0, c(1, 0), c(1, 1), 0, 0, 0, exposure_variance_ + wander}},
                       std::sqrt(c(0, 0)) / there.mean[1]};
-}
-
-ChannelEstimate predicted_channel(const ChannelEstimate& earlier, const TrackedClock& clock, std::size_t rows) {
-  ChannelEstimate start = earlier;
-  start.clock = clock.clock;
-  start.errors = clock.errors;
-  start.rows = {0, rows};
-  start.converged = false;
-  return start;
 }
 
 }  // namespace ocisac

@@ -51,7 +51,7 @@ std::vector<double> feedback_ratios(const ChipEquations& equations) {
 // The slicer where it is right: with exposures that leave a chip's middle to the chip. Wiener and decision feedback
 // cost what the reduced search costs where these are right, and make more errors elsewhere.
 DetectedChips detect_automatically(const ChipQuestion& question) {
-  const bool sliceable = question.clock.exposure < kSlicedExposure * question.clock.rows_per_chip;
+  const bool sliceable = question.clock.exposure_rows < kSlicedExposure * question.clock.rows_per_chip;
   const double slicer = sliceable ? slicer_error_rate(question.clock, question.noise) : 0.5;
   if (slicer < kHardlyAny) return {slice_chips(question), DetectorMethod::slicer};
   const ChipEquations equations(question, kLongestReducedExposure);
@@ -70,7 +70,7 @@ DetectorMethod detector_method(std::string_view name) {
 }
 
 DetectedChips detect_chips(const ChipQuestion& question, DetectorMethod method) {
-  if (method == DetectorMethod::mlse) return {detect_sequence(question).log_likelihood_ratios, method};
+  if (method == DetectorMethod::mlse) return {detect_sequence(question).llr, method};
   check(question, kLongestReducedExposure);
   if (method == DetectorMethod::automatic) return detect_automatically(question);
   if (method == DetectorMethod::slicer) return {slice_chips(question), method};
@@ -86,9 +86,9 @@ DetectedChips detect_chips(const ChipQuestion& question, DetectorMethod method) 
 DetectChips level_detector(DetectorMethod method) {
   const double longest = method == DetectorMethod::mlse ? kLongestDetectedExposure : kLongestReducedExposure;
   return [=](const ChipQuestion& question) {
-    if (!(question.clock.exposure <= longest * question.clock.rows_per_chip))
+    if (!(question.clock.exposure_rows <= longest * question.clock.rows_per_chip))
       return std::vector<double>(question.count);
-    auto levels = detect_chips(question, method).log_likelihood_ratios;
+    auto levels = detect_chips(question, method).llr;
     for (double& level : levels) level = level > 0 ? 1 : 0;
     return levels;
   };
@@ -96,7 +96,7 @@ DetectChips level_detector(DetectorMethod method) {
 
 ChipRows::ChipRows(std::span<const double> signal, const ChannelEstimate& channel)
     : rows_(signal.size()), clock_(channel.clock) {
-  clock_.exposure = std::max(clock_.exposure, kShortestExposure);
+  clock_.exposure_rows = std::max(clock_.exposure_rows, kShortestExposure);
   for (std::size_t n = 0; n < rows_.size(); ++n) {
     const auto row = static_cast<double>(n);
     const double swing = channel.swing_at(row, rows_.size());
@@ -106,7 +106,7 @@ ChipRows::ChipRows(std::span<const double> signal, const ChannelEstimate& channe
   const auto chip_at = [&](double row) {
     return static_cast<std::ptrdiff_t>(std::floor((row - clock_.phase) / clock_.rows_per_chip));
   };
-  const double last_row = static_cast<double>(rows_.size()) - 1, half = 0.5 * clock_.exposure;
+  const double last_row = static_cast<double>(rows_.size()) - 1, half = 0.5 * clock_.exposure_rows;
   noise_ = std::max(channel.noise / channel.swing_at(0.5 * last_row, rows_.size()), kMinNoise);
   first_ = chip_at(-half);
   count_ = static_cast<std::size_t>(chip_at(last_row + half) - first_ + 1);
@@ -118,7 +118,7 @@ ColumnChips detect_chips(const AnyFramesView& frames, const Camera& camera, cons
   check(frames);
   require_positive("rows_per_chip", channel.clock.rows_per_chip);
   require_finite("phase", channel.clock.phase);
-  require_not_negative("exposure", channel.clock.exposure);
+  require_not_negative("exposure_rows", channel.clock.exposure_rows);
   require(!channel.dark.empty() && !channel.swing.empty(), "channel", "no levels", "coefficients of dark and swing");
   const Shape shape = shape_of(frames);
   ColumnChips result;
@@ -130,10 +130,9 @@ ColumnChips detect_chips(const AnyFramesView& frames, const Camera& camera, cons
       result.first = question.first;
       result.count = question.count;
       result.method = found.method;
-      result.log_likelihood_ratios.resize(shape.frames * question.count * shape.columns);
+      result.llr.resize(shape.frames * question.count * shape.columns);
       for (std::size_t k = 0; k < question.count; ++k)
-        result.log_likelihood_ratios[(frame * question.count + k) * shape.columns + column] =
-            found.log_likelihood_ratios[k];
+        result.llr[(frame * question.count + k) * shape.columns + column] = found.llr[k];
     }
   return result;
 }

@@ -134,9 +134,9 @@ double sequence_error_rate(const ChipEquations& equations, std::size_t chip) {
 
 // Of rows that see all of eight exposures of chips and more.
 ChipEquations inner_equations(const ChipClock& clock, double noise) {
-  const auto band = static_cast<std::size_t>(std::ceil(clock.exposure / clock.rows_per_chip));
+  const auto band = static_cast<std::size_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip));
   const std::size_t count = 8 * band + 24;
-  const double rows = static_cast<double>(count - 1) * clock.rows_per_chip - clock.exposure - 1;
+  const double rows = static_cast<double>(count - 1) * clock.rows_per_chip - clock.exposure_rows - 1;
   const std::vector<double> values(static_cast<std::size_t>(std::max(rows, 1.0)), 0.5);
   return {{values, clock, noise, 0, count}, kLongestReducedExposure};
 }
@@ -169,14 +169,14 @@ double sequence_error_rate(const ChipEquations& equations) {
   return sum / static_cast<double>(chips.size());
 }
 
-DetectorErrorRates detector_error_rates(double rows_per_chip, double exposure, double noise) {
+DetectorErrorRates detector_error_rates(double rows_per_chip, double exposure_rows, double noise) {
   require_positive("rows_per_chip", rows_per_chip);
-  require(exposure >= 0 && exposure <= kLongestReducedExposure * rows_per_chip, "exposure", exposure,
-          "0 to 24 chips, in rows");
+  require(exposure_rows >= 0 && exposure_rows <= kLongestReducedExposure * rows_per_chip, "exposure_rows",
+          exposure_rows, "0 to 24 chips, in rows");
   require_positive("noise", noise);
   DetectorErrorRates rates{};
   for (int place = 0; place < kPlaces; ++place) {
-    const ChipClock clock{rows_per_chip, -0.5 * exposure - rows_per_chip * (place + 0.5) / kPlaces, exposure};
+    const ChipClock clock{rows_per_chip, -0.5 * exposure_rows - rows_per_chip * (place + 0.5) / kPlaces, exposure_rows};
     const auto equations = inner_equations(clock, noise);
     rates.slicer += slicer_error_rate(clock, noise) / kPlaces;
     rates.inverse += inverse_error_rate(clock, noise) / kPlaces;

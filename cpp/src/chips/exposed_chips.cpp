@@ -7,7 +7,7 @@ namespace ocisac {
 void check_clock(const ChipClock& clock) {
   require_positive("rows_per_chip", clock.rows_per_chip);
   require_finite("phase", clock.phase);
-  require_not_negative("exposure", clock.exposure);
+  require_not_negative("exposure_rows", clock.exposure_rows);
 }
 
 void check_chips(const KnownChips& chips) {
@@ -16,7 +16,7 @@ void check_chips(const KnownChips& chips) {
 }
 
 ChipClock with_least_exposure(ChipClock clock) {
-  clock.exposure = std::max(clock.exposure, kShortestExposure);
+  clock.exposure_rows = std::max(clock.exposure_rows, kShortestExposure);
   return clock;
 }
 
@@ -35,8 +35,8 @@ void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<dou
 
 RowRange rows_of(const KnownChips& chips, const ChipClock& clock, std::size_t rows) {
   const auto first = static_cast<double>(chips.first), count = static_cast<double>(chips.levels.size());
-  const double begin = clock.phase + first * clock.rows_per_chip + 0.5 * clock.exposure;
-  const double end = clock.phase + (first + count) * clock.rows_per_chip - 0.5 * clock.exposure;
+  const double begin = clock.phase + first * clock.rows_per_chip + 0.5 * clock.exposure_rows;
+  const double end = clock.phase + (first + count) * clock.rows_per_chip - 0.5 * clock.exposure_rows;
   const double limit = static_cast<double>(rows);
   const double low = std::clamp(std::ceil(begin), 0.0, limit), high = std::clamp(std::floor(end) + 1, low, limit);
   return {static_cast<std::size_t>(low), static_cast<std::size_t>(high)};

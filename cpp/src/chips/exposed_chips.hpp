@@ -27,13 +27,13 @@ class ChipBox {
 
   // With clock.phase that of chip `origin`.
   [[nodiscard]] Exposed at(double row, const ChipClock& clock, double origin) const {
-    const double half = 0.5 * clock.exposure, per_row = 1 / clock.exposure;
+    const double half = 0.5 * clock.exposure_rows, per_row = 1 / clock.exposure_rows;
     const double chips_begin = (row - half - clock.phase) / clock.rows_per_chip;
     const double chips_end = (row + half - clock.phase) / clock.rows_per_chip;
     const Place begin = place(chips_begin + origin - first_), end = place(chips_end + origin - first_);
     // ∫ chips, in chips: whole ones as a difference of sums of few digits.
     const double area = begin.chip == end.chip
-                            ? end.level * clock.exposure / clock.rows_per_chip
+                            ? end.level * clock.exposure_rows / clock.rows_per_chip
                             : (sums_[end.chip] - sums_[begin.chip]) + end.level * end.part - begin.level * begin.part;
     const double value = clock.rows_per_chip * per_row * area;
     return {value, per_row * (begin.level - end.level),

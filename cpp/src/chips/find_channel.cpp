@@ -62,7 +62,7 @@ std::vector<RowRange> search_parts(std::span<const double> signal, double length
 // A channel to begin with; absent where the part is steady.
 std::optional<ChannelEstimate> first_channel(std::span<const double> signal, RowRange part, const ChipClock& clock) {
   const auto [dark, swing] =
-      first_levels(signal.subspan(part.begin, part.size()), clock.exposure / clock.rows_per_chip);
+      first_levels(signal.subspan(part.begin, part.size()), clock.exposure_rows / clock.rows_per_chip);
   if (!(swing > 0)) return std::nullopt;
   return ChannelEstimate{clock, {}, {dark}, {swing}, kFirstNoise * swing, part, false};
 }
@@ -101,8 +101,8 @@ std::optional<Guess> guess(const TurnContext& context, RowRange part, const Chip
 }
 
 // Over parts of the frame, rates and phases, the best first.
-std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& search, double exposure) {
-  const double chips = kSearchChips + exposure / search.rows_per_chip;
+std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& search, double exposure_rows) {
+  const double chips = kSearchChips + exposure_rows / search.rows_per_chip;
   const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
   const double phases = std::ceil(0.5 / kSearchSlack);
   std::vector<Guess> found;
@@ -112,7 +112,7 @@ std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& sear
         const double period = search.rows_per_chip * (1 + search.tolerance * ((2 * i + 1) / rates - 1));
         const double middle = 0.5 * static_cast<double>(part.begin + part.end);
         const ChipClock clock{period, middle + (j / phases - std::floor(0.5 * chips)) * period,
-                              std::max(exposure, kShortestExposure)};
+                              std::max(exposure_rows, kShortestExposure)};
         if (const auto made = guess(context, part, clock)) found.push_back(*made);
       }
   std::ranges::stable_sort(found, {}, &Guess::score);
@@ -128,9 +128,9 @@ bool is_other_rate(const ChannelEstimate& channel, const ChannelSearch& search) 
 }
 
 std::vector<double> exposures(const ChannelSearch& search) {
-  if (search.exposure) return {*search.exposure};
+  if (search.exposure_rows) return {*search.exposure_rows};
   std::vector<double> result;
-  for (double length = 0.5; length <= search.longest_exposure; length += length < 2 ? 0.5 : 1)
+  for (double length = 0.5; length <= search.max_exposure_chips; length += length < 2 ? 0.5 : 1)
     result.push_back(length * search.rows_per_chip);
   return result;
 }
@@ -138,9 +138,9 @@ std::vector<double> exposures(const ChannelSearch& search) {
 // The best first.
 std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
-  const std::size_t most = search.exposure ? kGuessesTried : kGuessesOfUnknown;
-  for (const double exposure : exposures(search)) {
-    const auto guessed = guesses(context, search, exposure);
+  const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
+  for (const double exposure_rows : exposures(search)) {
+    const auto guessed = guesses(context, search, exposure_rows);
     for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), most)))
       if (auto start = try_start(context, made.part, made.clock)) starts.push_back(std::move(*start));
   }
@@ -203,10 +203,10 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
                                            const DetectChips& detect, const RefineOptions& options) {
   require_positive("rows_per_chip", search.rows_per_chip);
   require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
-  if (search.exposure) require_not_negative("exposure", *search.exposure);
+  if (search.exposure_rows) require_not_negative("exposure_rows", *search.exposure_rows);
   for (double value : signal) require_finite("signal", value);
   RefineOptions fixed = options;
-  fixed.exposure_known = options.exposure_known || search.exposure.has_value();
+  fixed.exposure_known = options.exposure_known || search.exposure_rows.has_value();
   const TurnContext context{signal, detect, fixed};
   const auto starts = find_starts(context, search);
   auto found = try_starts(context, std::span(starts).first(std::min(starts.size(), kStartsRefined)), search);

@@ -15,7 +15,7 @@ constexpr double kWindowChips = 30;  // length of such a part, beside the exposu
 
 std::vector<ResidualWindow> residual_windows(std::span<const double> signal, const RefinedChannel& found) {
   const ChannelEstimate& channel = found.channel;
-  const double length = kWindowChips * channel.clock.rows_per_chip + channel.clock.exposure;
+  const double length = kWindowChips * channel.clock.rows_per_chip + channel.clock.exposure_rows;
   std::vector<double> left(signal.size());
   expose_chips({found.chips, found.first}, channel.clock, left);
   for (std::size_t n = 0; n < left.size(); ++n) {
@@ -41,7 +41,7 @@ std::vector<ResidualWindow> residual_windows(std::span<const double> signal, con
 bool is_even(std::span<const ResidualWindow> windows, const ChipClock& clock) {
   if (windows.empty()) return true;
   const double least = std::ranges::min_element(windows, {}, &ResidualWindow::left)->left;
-  const bool tells_noise = std::max(clock.exposure, clock.rows_per_chip) >= kSmoothRows;
+  const bool tells_noise = std::max(clock.exposure_rows, clock.rows_per_chip) >= kSmoothRows;
   return std::ranges::all_of(windows, [&](const ResidualWindow& window) {
     const double by_chance = kEvenErrors / std::sqrt(2 * static_cast<double>(window.rows.size()));
     return window.left <= (kEven + by_chance) * std::max(least, tells_noise ? window.as_noise : 0.0);
@@ -52,7 +52,7 @@ std::optional<ChannelEstimate> channel_of_best_part(const TurnContext& context, 
                                                     std::span<const ResidualWindow> windows) {
   const ChipClock& clock = found.channel.clock;
   const RowRange rows = std::ranges::min_element(windows, {}, &ResidualWindow::left)->rows;
-  const double half = 0.5 * clock.exposure;
+  const double half = 0.5 * clock.exposure_rows;
   const std::ptrdiff_t first = std::max(chip_at(static_cast<double>(rows.begin) - half, clock), found.first);
   const std::ptrdiff_t last = std::min(chip_at(static_cast<double>(rows.end) + half, clock),
                                        found.first + static_cast<std::ptrdiff_t>(found.chips.size()) - 1);

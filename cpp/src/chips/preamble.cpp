@@ -72,9 +72,9 @@ struct Template {
   std::vector<double> shape;
 };
 
-Template make_template(std::span<const double> preamble, double rows_per_chip, double exposure, double past) {
-  const ChipClock clock{rows_per_chip, -past - 0.5 * exposure, exposure};
-  const double length = static_cast<double>(preamble.size()) * rows_per_chip - exposure - past;
+Template make_template(std::span<const double> preamble, double rows_per_chip, double exposure_rows, double past) {
+  const ChipClock clock{rows_per_chip, -past - 0.5 * exposure_rows, exposure_rows};
+  const double length = static_cast<double>(preamble.size()) * rows_per_chip - exposure_rows - past;
   std::vector<double> shape(static_cast<std::size_t>(std::floor(length)) + 1);
   expose_chips({preamble, 0}, clock, shape);
   return {clock, as_direction(std::move(shape))};
@@ -106,15 +106,15 @@ void correlate(std::span<const double> signal, const WindowSums& sums, const Tem
     const double gain = gain_of(products[n] * products[n] / squares, static_cast<double>(length));
     ChipClock clock = known.clock;
     clock.phase += static_cast<double>(n);
-    const double chip = std::floor(std::max(clock.phase + 0.5 * clock.exposure, 0.0) / clock.rows_per_chip);
+    const double chip = std::floor(std::max(clock.phase + 0.5 * clock.exposure_rows, 0.0) / clock.rows_per_chip);
     Candidate& place = places[std::min(static_cast<std::size_t>(chip), places.size() - 1)];
     if (gain > place.gain) place = {clock, gain};
   }
 }
 
 std::vector<double> exposures(const PreambleSearch& search, std::size_t chips) {
-  if (search.exposure) return {*search.exposure};
-  const double longest = std::min(search.longest_exposure, static_cast<double>(chips) - kFewestChipsSeen);
+  if (search.exposure_rows) return {*search.exposure_rows};
+  const double longest = std::min(search.max_exposure_chips, static_cast<double>(chips) - kFewestChipsSeen);
   std::vector<double> result;
   for (double length = 0.5; length <= longest + 0.25; length += length < 2 ? 0.5 : 1)
     result.push_back(length * search.rows_per_chip);
@@ -139,12 +139,12 @@ std::vector<Candidate> best_places(std::span<const double> signal, std::span<con
   std::vector<Candidate> places(
       static_cast<std::size_t>(static_cast<double>(signal.size()) / ((1 - search.tolerance) * search.rows_per_chip)) +
       1);
-  for (double exposure : exposures(search, preamble.size())) {
-    const double seen = chips - exposure / search.rows_per_chip;
+  for (double exposure_rows : exposures(search, preamble.size())) {
+    const double seen = chips - exposure_rows / search.rows_per_chip;
     if (seen < std::min(kFewestChipsSeen, 0.9 * chips)) continue;
     for (double rows_per_chip : rates(search, seen))
       for (double k = 0, steps = std::ceil(1 / (kPlaceStep * rows_per_chip)); k < steps; ++k)
-        correlate(centred, sums, make_template(preamble, rows_per_chip, exposure, k / steps), places);
+        correlate(centred, sums, make_template(preamble, rows_per_chip, exposure_rows, k / steps), places);
   }
   std::erase_if(places, [](const Candidate& place) { return !(place.gain > 0); });
   std::ranges::stable_sort(places, std::ranges::greater{}, &Candidate::gain);
@@ -156,7 +156,7 @@ std::optional<PreambleMatch> match_at(std::span<const double> signal, const Wind
                                       std::span<const double> preamble, const PreambleSearch& search,
                                       const ChipClock& clock) {
   // The grid's rate is a start; the nominal one with its tolerance is what is known.
-  const ChannelModel free{1, 0, search.exposure.has_value()};
+  const ChannelModel free{1, 0, search.exposure_rows.has_value()};
   ChannelModel bound = free;
   bound.rate_std = kToleranceError * search.tolerance * search.rows_per_chip;
   auto channel = fit_channel(signal, {preamble, 0}, clock, free);
@@ -187,8 +187,8 @@ std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::sp
                                          const PreambleSearch& search) {
   require_positive("rows_per_chip", search.rows_per_chip);
   require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
-  if (search.exposure) require_not_negative("exposure", *search.exposure);
-  require_positive("longest_exposure", search.longest_exposure);
+  if (search.exposure_rows) require_not_negative("exposure_rows", *search.exposure_rows);
+  require_positive("max_exposure_chips", search.max_exposure_chips);
   require(preamble.size() >= 2, "preamble", preamble.size(), "at least two chips");
   for (double level : preamble) require_finite("preamble", level);
   for (double value : signal) require_finite("signal", value);

@@ -231,7 +231,7 @@ class Search {
 }  // namespace
 
 std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search) {
-  require(equations.band() <= static_cast<std::size_t>(kLongestReducedExposure), "exposure", equations.band(),
+  require(equations.band() <= static_cast<std::size_t>(kLongestReducedExposure), "exposure_chips", equations.band(),
           "at most 24 chips");
   require(search.max_sequences > 0, "max_sequences", search.max_sequences, "at least one sequence");
   require(search.max_first_sequences > 0, "max_first_sequences", search.max_first_sequences, "at least one sequence");

@@ -38,7 +38,7 @@ class Trellis {
  public:
   explicit Trellis(const ChipQuestion& question)
       : question_(question),
-        length_(std::max(question.clock.exposure, kShortestExposure) / question.clock.rows_per_chip),
+        length_(std::max(question.clock.exposure_rows, kShortestExposure) / question.clock.rows_per_chip),
         memory_(static_cast<std::size_t>(std::ceil(length_))),
         states_(std::size_t{1} << memory_),
         scale_(0.5 / (question.noise * question.noise)),
@@ -57,7 +57,7 @@ class Trellis {
     std::size_t chip = 0;
     begin_of_chip_.assign(question_.count + 1, 0);
     for (std::size_t row = 0; row < question_.rows.size(); ++row) {
-      const double end = (static_cast<double>(row) + 0.5 * clock.exposure - clock.phase) / clock.rows_per_chip -
+      const double end = (static_cast<double>(row) + 0.5 * clock.exposure_rows - clock.phase) / clock.rows_per_chip -
                          static_cast<double>(question_.first);
       const double newest = std::clamp(std::floor(end), 0.0, static_cast<double>(question_.count - 1));
       for (; chip < static_cast<std::size_t>(newest); ++chip) begin_of_chip_[chip + 1] = rows_.size();
@@ -147,7 +147,7 @@ class Trellis {
         best[0] = std::min(best[0], from[state] + dark);
         best[1] = std::min(best[1], from[state] + bright);
       }
-      detection.log_likelihood_ratios[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
+      detection.llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
       const float least = *std::ranges::min_element(before);
       for (std::size_t state = 0; state < states_; ++state) after[state] = before[state] - least;
     }
@@ -172,11 +172,11 @@ SequenceDetection detect_sequence(const ChipQuestion& question) {
   return Trellis(question).detect();
 }
 
-double closest_pair_distance(double rows_per_chip, double exposure) {
+double closest_pair_distance(double rows_per_chip, double exposure_rows) {
   require_positive("rows_per_chip", rows_per_chip);
-  require_positive("exposure", exposure);
+  require_positive("exposure_rows", exposure_rows);
   constexpr int kPlaces = 16;  // of a chip to the rows
-  const double length = exposure / rows_per_chip;
+  const double length = exposure_rows / rows_per_chip;
   // Bright from 0 to 1, dark from 1 to 2, as an integral up to a place.
   const auto area = [](double place) { return std::clamp(place, 0.0, 1.0) - std::clamp(place - 1, 0.0, 1.0); };
   double least = std::numeric_limits<double>::infinity();

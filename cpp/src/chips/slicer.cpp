@@ -79,10 +79,11 @@ ChipGrid whole_chips(const ChipLattice& lattice, std::size_t rows) {
   return {lattice, first, last > first ? static_cast<std::size_t>(last - first) : 0};
 }
 
-std::vector<double> chip_values(std::span<const double> signal, const ChipGrid& grid, std::optional<double> exposure) {
+std::vector<double> chip_values(std::span<const double> signal, const ChipGrid& grid,
+                                std::optional<double> exposure_rows) {
   if (signal.size() < 2) return {signal.begin(), signal.begin() + (grid.count > 0 ? 1 : 0)};
   const double period = grid.lattice.rows_per_chip;
-  const double reach = std::max(exposure ? 0.4 * std::max(period - *exposure, 0.0) : 0.25 * period, 0.5);
+  const double reach = std::max(exposure_rows ? 0.4 * std::max(period - *exposure_rows, 0.0) : 0.25 * period, 0.5);
   const auto last = static_cast<double>(signal.size() - 1);
   const Area area(signal);
   std::vector<double> values(grid.count);
@@ -112,8 +113,9 @@ std::vector<double> chip_level(std::span<const double> values, std::span<const s
 }
 
 std::optional<Detection> Slicer::detect(std::span<const double> signal, const ChipGrid& grid,
-                                        std::optional<double> exposure, std::span<const std::uint8_t> guess) const {
-  const auto values = chip_values(signal, grid, exposure);
+                                        std::optional<double> exposure_rows,
+                                        std::span<const std::uint8_t> guess) const {
+  const auto values = chip_values(signal, grid, exposure_rows);
   std::vector<std::uint8_t> bits(guess.begin(), guess.end());
   Detection decided;
   for (int round = 0; round < kRounds; ++round) {

@@ -59,15 +59,15 @@ Weights weights_around(double centre, double reach, std::size_t rows) {
 double middle_of(const ChipClock& clock, double chip) { return clock.phase + (chip + 0.5) * clock.rows_per_chip; }
 
 ChipClock with_least_exposure(ChipClock clock) {
-  clock.exposure = std::max(clock.exposure, kShortestExposure);
+  clock.exposure_rows = std::max(clock.exposure_rows, kShortestExposure);
   return clock;
 }
 
 // Share of a chip in what a row sees.
 double share(double row, double chip, const ChipClock& clock) {
-  const double begin = clock.phase + chip * clock.rows_per_chip, half = 0.5 * clock.exposure;
+  const double begin = clock.phase + chip * clock.rows_per_chip, half = 0.5 * clock.exposure_rows;
   return std::max(std::min(row + half, begin + clock.rows_per_chip) - std::max(row - half, begin), 0.0) /
-         clock.exposure;
+         clock.exposure_rows;
 }
 
 // A decision's value is ½ + gain·x + Σ others·x + noise, x = ±½.
@@ -76,7 +76,7 @@ struct Response {
   std::vector<double> others;
   double noise = 0;  // variance
 
-  [[nodiscard]] double log_likelihood_ratio(double value) const {
+  [[nodiscard]] double llr(double value) const {
     double variance = noise;
     for (const double other : others) variance += 0.25 * other * other;
     return variance > 0 ? (value - 0.5) * gain / variance : 0.0;
@@ -87,12 +87,12 @@ struct Response {
 // ---- Slicer
 
 double slicer_reach(const ChipClock& clock) {
-  return std::max(kMiddle * (clock.rows_per_chip - clock.exposure), kMinReach);
+  return std::max(kMiddle * (clock.rows_per_chip - clock.exposure_rows), kMinReach);
 }
 
 // Chips to either side that the rows around a chip's middle may see.
 double chips_seen(const ChipClock& clock) {
-  return std::ceil((0.5 * clock.exposure + slicer_reach(clock) + 0.5) / clock.rows_per_chip - 0.5);
+  return std::ceil((0.5 * clock.exposure_rows + slicer_reach(clock) + 0.5) / clock.rows_per_chip - 0.5);
 }
 
 // Calls use(other, weight): the part of each chip in what a chip is decided by.
@@ -112,11 +112,13 @@ void for_each_chip_seen(const Weights& weights, double chip, const ChipClock& cl
 double inverse_reach(const ChipClock& clock) { return std::max(kMiddle * clock.rows_per_chip, kMinReach); }
 
 // Row n of what equalize() gives is the light at the end of row n's exposure, half an exposure after its middle.
-double inverse_middle(const ChipClock& clock, double chip) { return middle_of(clock, chip) - 0.5 * clock.exposure; }
+double inverse_middle(const ChipClock& clock, double chip) {
+  return middle_of(clock, chip) - 0.5 * clock.exposure_rows;
+}
 
-std::vector<double> equalized(std::span<const double> rows, double exposure) {
+std::vector<double> equalized(std::span<const double> rows, double exposure_rows) {
   std::vector<double> light(rows.size());
-  const Camera camera{1, exposure, {}, {}};
+  const Camera camera{1, exposure_rows, {}, {}};
   equalize(dense_view(rows.data(), 1, rows.size(), 1), camera, {}, dense_view(light.data(), 1, light.size(), 1));
   return light;
 }
@@ -124,15 +126,15 @@ std::vector<double> equalized(std::span<const double> rows, double exposure) {
 // As one bright chip, and one row of noise, in the middle of many rows show it: far from the ends the equaliser does
 // the same everywhere.
 Response inverse_response(ChipClock clock, double noise) {
-  const double reach = inverse_reach(clock), length = 24 * clock.exposure + 32 * clock.rows_per_chip + 128;
+  const double reach = inverse_reach(clock), length = 24 * clock.exposure_rows + 32 * clock.rows_per_chip + 128;
   const auto rows = static_cast<std::size_t>(length), middle = rows / 2;
   clock.phase += std::floor(0.5 * length - clock.phase - 0.5 * clock.rows_per_chip);  // chip 0 into the middle
   std::vector<double> values(rows);
   for (std::size_t n = 0; n < rows; ++n) values[n] = share(static_cast<double>(n), 0, clock);
-  const auto chip = equalized(values, clock.exposure);
+  const auto chip = equalized(values, clock.exposure_rows);
   std::ranges::fill(values, 0.0);
   values[middle] = 1;
-  const auto row = equalized(values, clock.exposure);
+  const auto row = equalized(values, clock.exposure_rows);
 
   Response response;
   const double away = std::floor(0.4 * length / clock.rows_per_chip);
@@ -175,12 +177,12 @@ std::vector<double> invert_and_slice_chips(const ChipQuestion& question) {
   const ChipClock clock = with_least_exposure(question.clock);
   std::vector<double> ratios(question.count);
   if (question.rows.empty()) return ratios;
-  const auto light = equalized(question.rows, clock.exposure);
+  const auto light = equalized(question.rows, clock.exposure_rows);
   const Response response = inverse_response(clock, question.noise);
   for (std::size_t k = 0; k < question.count; ++k) {
     const auto chip = static_cast<double>(question.first + static_cast<std::ptrdiff_t>(k));
     const auto weights = weights_around(inverse_middle(clock, chip), inverse_reach(clock), light.size());
-    if (!weights.of_row.empty()) ratios[k] = response.log_likelihood_ratio(weights.sum_of(light));
+    if (!weights.of_row.empty()) ratios[k] = response.llr(weights.sum_of(light));
   }
   return ratios;
 }
@@ -188,11 +190,11 @@ std::vector<double> invert_and_slice_chips(const ChipQuestion& question) {
 double slicer_error_rate(const ChipClock& clock, double noise) {
   ChipClock used = with_least_exposure(clock);
   used.phase -= used.rows_per_chip * std::floor(used.phase / used.rows_per_chip);
-  const double first = std::ceil((used.exposure + 4) / used.rows_per_chip) + 2;
+  const double first = std::ceil((used.exposure_rows + 4) / used.rows_per_chip) + 2;
   double sum = 0;
   for (int k = 0; k < kChips; ++k) {
     const double chip = first + k * kApart;
-    const double rows = middle_of(used, 2 * chip) + used.exposure + 4;
+    const double rows = middle_of(used, 2 * chip) + used.exposure_rows + 4;
     Weights weights;
     weights.set_around(middle_of(used, chip), slicer_reach(used), static_cast<std::size_t>(rows));
     double gain = 0;

@@ -79,13 +79,13 @@ RowWeights weights_of(const Camera& camera, std::span<const double> tones, std::
 }
 
 // The best of the symbols with a bit at 1 against those with it at 0.
-std::vector<double> soft_bits(std::span<const double> likelihoods, std::size_t bits) {
+std::vector<double> soft_bits(std::span<const double> log_likelihoods, std::size_t bits) {
   std::vector<double> llr(bits);
   for (std::size_t bit = 0; bit < bits; ++bit) {
     double best[2] = {-1e300, -1e300};
-    for (std::size_t symbol = 0; symbol < likelihoods.size(); ++symbol) {
+    for (std::size_t symbol = 0; symbol < log_likelihoods.size(); ++symbol) {
       double& of_value = best[symbol >> (bits - 1 - bit) & 1U];
-      of_value = std::max(of_value, likelihoods[symbol]);
+      of_value = std::max(of_value, log_likelihoods[symbol]);
     }
     llr[bit] = best[1] - best[0];
   }
@@ -136,14 +136,14 @@ FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::option
   FskSymbol result;
   for (std::size_t m = 0; m < tones; ++m) {
     const double expected = light * responses_[m] * scale;
-    result.likelihoods.push_back(log_bessel_i0(expected * lengths[m] / variance) -
-                                 expected * expected / (2 * variance));
+    result.log_likelihoods.push_back(log_bessel_i0(expected * lengths[m] / variance) -
+                                     expected * expected / (2 * variance));
   }
-  const auto best = std::ranges::max_element(result.likelihoods);
-  result.symbol = static_cast<std::size_t>(best - result.likelihoods.begin());
+  const auto best = std::ranges::max_element(result.log_likelihoods);
+  result.symbol = static_cast<std::size_t>(best - result.log_likelihoods.begin());
   const double highest = *best;
-  for (double& value : result.likelihoods) value -= highest;
-  result.llr = soft_bits(result.likelihoods, bits_);
+  for (double& value : result.log_likelihoods) value -= highest;
+  result.llr = soft_bits(result.log_likelihoods, bits_);
   result.snr = energy(result.symbol);
   result.error_rate = fsk_symbol_error_rate(tones, result.snr);
   result.amplitude = std::sqrt(2 * variance * result.snr) / scale;

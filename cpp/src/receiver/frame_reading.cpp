@@ -34,8 +34,8 @@ bool detectable(std::span<const double> signal, const ChannelEstimate& channel) 
   const auto swing = [&](std::size_t row) { return channel.swing_at(static_cast<double>(row), signal.size()); };
   bool bright = std::isfinite(channel.noise);
   for (std::size_t row = 0; row < signal.size(); ++row) bright = bright && std::isfinite(signal[row]) && swing(row) > 0;
-  return bright && std::isfinite(clock.phase) && clock.rows_per_chip > 0 && clock.exposure >= 0 &&
-         clock.exposure <= kLongestReducedExposure * clock.rows_per_chip;
+  return bright && std::isfinite(clock.phase) && clock.rows_per_chip > 0 && clock.exposure_rows >= 0 &&
+         clock.exposure_rows <= kLongestReducedExposure * clock.rows_per_chip;
 }
 
 // Up to so many chips of exposure all sequences cost less than to choose among them: where few are likely, and in a
@@ -43,7 +43,7 @@ bool detectable(std::span<const double> signal, const ChannelEstimate& channel) 
 constexpr double kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
 
 DetectorMethod method_for(const ChipClock& clock, double longest_trellis) {
-  return clock.exposure <= longest_trellis * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
+  return clock.exposure_rows <= longest_trellis * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
 }
 
 // No chips, so no channel, where the exposure is estimated too long.
@@ -53,7 +53,7 @@ std::vector<double> detect_levels(const ChipQuestion& question) {
 
 double error_rate_within(const FrameReading& reading) {
   const ChipClock& clock = reading.channel.clock;
-  const auto edge = static_cast<std::size_t>(std::ceil(clock.exposure / clock.rows_per_chip)) + 1;
+  const auto edge = static_cast<std::size_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip)) + 1;
   if (reading.llr.size() <= 3 * edge) return 1;
   double sum = 0;
   for (std::size_t k = edge; k < reading.llr.size() - edge; ++k) sum += 1 / (1 + std::exp(std::abs(reading.llr[k])));
@@ -69,7 +69,7 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
   };
   // What chips of either kind in equal numbers read, and how far the rows stray from that.
   const double swing = middle_swing(b, rows);
-  const double spread = 0.5 / std::sqrt(std::max(b.clock.exposure / b.clock.rows_per_chip, 1.0));
+  const double spread = 0.5 / std::sqrt(std::max(b.clock.exposure_rows / b.clock.rows_per_chip, 1.0));
   const auto levels_off = [&](double row) {
     const double dark = a.dark_at(row, rows) - b.dark_at(row, rows);
     const double taller = a.swing_at(row, rows) - b.swing_at(row, rows);
@@ -77,7 +77,7 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
   };
   const double middle = 0.5 * last;
   return chips_off(0) < kClockStays && chips_off(last) < kClockStays &&
-         std::abs(a.clock.exposure - b.clock.exposure) <= kExposureStays * b.clock.exposure &&
+         std::abs(a.clock.exposure_rows - b.clock.exposure_rows) <= kExposureStays * b.clock.exposure_rows &&
          std::max({levels_off(0), levels_off(middle), levels_off(last)}) < kLevelsStay;
 }
 
@@ -92,7 +92,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     if (!detectable(signal, channel)) return std::nullopt;
     const ChipRows rows(signal, channel);
     const ChipQuestion question = rows.question();
-    reading.llr = detect_chips(question, method_for(question.clock, kLongestTrellis)).log_likelihood_ratios;
+    reading.llr = detect_chips(question, method_for(question.clock, kLongestTrellis)).llr;
     reading.first = question.first;
     std::vector<double> chips(reading.llr.size());
     std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
@@ -137,17 +137,17 @@ std::optional<FrameReading> extend_reading(std::span<const double> signal, const
 
 std::optional<FrameReading> search_frame(std::span<const double> signal, const FrameSearch& search) {
   const double longest_allowed = kLongestReducedExposure * (1 - search.tolerance) * search.rows_per_chip;
-  if (search.exposure && *search.exposure > longest_allowed) return std::nullopt;
-  const bool exposure_known = search.exposure.has_value();
+  if (search.exposure_rows && *search.exposure_rows > longest_allowed) return std::nullopt;
+  const bool exposure_known = search.exposure_rows.has_value();
   const double chips = static_cast<double>(search.preamble.size());
-  const double seen = chips - search.exposure.value_or(0.0) / search.rows_per_chip;
+  const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;
   if (seen >= kFewestChipsSeen) {
     const auto matches =
         find_preamble(signal, search.preamble,
                       {.rows_per_chip = search.rows_per_chip,
                        .tolerance = search.tolerance,
-                       .exposure = search.exposure,
-                       .longest_exposure = std::min(kLongestPreambleExposure, chips - kFewestChipsSeen),
+                       .exposure_rows = search.exposure_rows,
+                       .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kFewestChipsSeen),
                        .max_matches = kPreamblesTried});
     for (const auto& match : matches) {
       auto reading = extend_reading(signal, match.channel, exposure_known, search.effort, {search.preamble, 0});
@@ -155,7 +155,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
     }
   }
   const ChannelSearch blind{
-      .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure = search.exposure};
+      .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure_rows = search.exposure_rows};
   const RefineOptions options{.exposure_known = exposure_known, .effort = search.effort};
   auto reading = reading_of(signal, find_channel(signal, blind, detect_levels, options), exposure_known, search.effort);
   if (reading && is_sound(*reading)) return reading;

@@ -35,8 +35,8 @@ struct Decoded {
 // What is known before a frame is looked at.
 struct Search {
   FrequencyRange range;
-  std::optional<double> exposure;  // rows
-  std::size_t sure_edges;          // with fewer edges the rate cannot be sure
+  std::optional<double> exposure_rows;  // rows
+  std::size_t sure_edges;               // with fewer edges the rate cannot be sure
 };
 
 FrequencyRange search_range(const ReceiveOptions& options, const Camera& camera, std::size_t rows) {
@@ -98,16 +98,17 @@ std::vector<std::uint8_t> carried_over(std::span<const std::uint8_t> bits, const
 
 // Detects, fits the lattice to the edges as the detected levels show them, and detects again.
 std::optional<Decoded> detect_and_refine(std::span<const double> signal, const ChipTiming& timing,
-                                         const Detector& detector, std::optional<double> exposure) {
+                                         const Detector& detector, std::optional<double> exposure_rows) {
   Decoded decoded{whole_chips(timing.lattice, signal.size()), {}};
-  auto detected = detector.detect(signal, decoded.grid, exposure, bits_between(timing.edges, decoded.grid));
+  auto detected = detector.detect(signal, decoded.grid, exposure_rows, bits_between(timing.edges, decoded.grid));
   if (!detected) return std::nullopt;
   decoded.detection = std::move(*detected);
   const auto [edges, chips] = edges_of(signal, decoded.grid, decoded.detection);
   const auto lattice = fit_lattice(edges, chips);
   if (!lattice || std::abs(lattice->rows_per_chip / timing.lattice.rows_per_chip - 1) >= kLargestChange) return decoded;
   const ChipGrid refined = whole_chips(*lattice, signal.size());
-  detected = detector.detect(signal, refined, exposure, carried_over(decoded.detection.bits, decoded.grid, refined));
+  detected =
+      detector.detect(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));
   if (detected) decoded = {refined, std::move(*detected)};
   return decoded;
 }
@@ -145,7 +146,7 @@ double snr_of(std::span<const double> soft) {
   return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
 }
 
-void fill(Received& received, Decoded decoded, std::optional<double> exposure) {
+void fill(Received& received, Decoded decoded, std::optional<double> exposure_rows) {
   const ChipLattice& lattice = decoded.grid.lattice;
   for (auto bit : decoded.detection.bits) received.bits += bit ? '1' : '0';
   received.rows_per_chip = lattice.rows_per_chip;
@@ -154,7 +155,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure) {
   received.snr = snr_of(decoded.detection.soft);
   received.detection = std::move(decoded.detection);
   if (received.snr < kWeakSnr) received.flags |= flag::weak;
-  if (exposure && *exposure > kLongExposure * lattice.rows_per_chip) received.flags |= flag::long_exposure;
+  if (exposure_rows && *exposure_rows > kLongExposure * lattice.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
 // Tries one combination of columns; true where it was decoded. Otherwise `received` says what was found.
@@ -164,12 +165,13 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   received.weights = column.weights;
   received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
   if (search.timing) {
-    auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, what.exposure);
+    auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, what.exposure_rows);
     const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
     if (slower)
-      if (auto again = detect_and_refine(column.signal, *slower, Slicer{}, what.exposure)) decoded = std::move(again);
+      if (auto again = detect_and_refine(column.signal, *slower, Slicer{}, what.exposure_rows))
+        decoded = std::move(again);
     if (decoded && snr_of(decoded->detection.soft) >= kMinSnr) {
-      fill(received, std::move(*decoded), what.exposure);
+      fill(received, std::move(*decoded), what.exposure_rows);
       return true;
     }
   }
@@ -242,7 +244,7 @@ std::vector<Received> receive(std::span<const AnyFramesView> colours, const Came
   }
   if (options.chip_rate) require_positive("chip_rate", *options.chip_rate);
   Search what{search_range(options, camera, shape.rows), {}, options.chip_rate ? kSureWithRate : kSureBlind};
-  if (camera.exposure) what.exposure = *camera.exposure / camera.row_time;
+  if (camera.exposure) what.exposure_rows = *camera.exposure / camera.row_time;
   std::vector<Received> received;
   for (std::size_t frame = 0; frame < shape.frames; ++frame)
     std::ranges::move(receive_frame(colours, frame, camera, what), std::back_inserter(received));

@@ -108,7 +108,7 @@ std::optional<FrameReading> Receiver::search(std::span<const AnyFramesView> colo
   const auto rows_per_chip = nominal_rows_per_chip(colours);
   if (!rows_per_chip || static_cast<double>(signal.size()) < kFewestChips * *rows_per_chip) return std::nullopt;
   FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, {}, preamble_, &effort};
-  if (camera_.exposure) what.exposure = *camera_.exposure / camera_.row_time;
+  if (camera_.exposure) what.exposure_rows = *camera_.exposure / camera_.row_time;
   return search_frame(signal, what);
 }
 
@@ -142,8 +142,8 @@ void Receiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
   result.rows_per_chip_std = channel.errors.rows_per_chip_std();
-  result.exposure = channel.clock.exposure;
-  result.exposure_std = channel.errors.exposure_std();
+  result.exposure = channel.clock.exposure_rows;
+  result.exposure_std = channel.errors.exposure_rows_std();
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), 1e12);
   result.error_rate = mean_error_rate(result.llr);
   if (result.snr < kWeakSnr) result.flags |= flag::weak;

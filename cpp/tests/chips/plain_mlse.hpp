@@ -10,7 +10,7 @@
 #include "ocisac/chips/refine_channel.hpp"
 
 inline std::vector<double> plain_mlse(const ocisac::ChipQuestion& question) {
-  const double length = question.clock.exposure / question.clock.rows_per_chip;
+  const double length = question.clock.exposure_rows / question.clock.rows_per_chip;
   const auto memory = static_cast<int>(std::ceil(length));
   const std::uint32_t states = 1U << memory, mask = states - 1;
   std::vector<double> cost(states, 0.0), next(states);
@@ -23,7 +23,7 @@ inline std::vector<double> plain_mlse(const ocisac::ChipQuestion& question) {
     };
     std::vector<Seen> rows;
     for (; row < question.rows.size(); ++row) {
-      const double end = (static_cast<double>(row) + 0.5 * question.clock.exposure - question.clock.phase) /
+      const double end = (static_cast<double>(row) + 0.5 * question.clock.exposure_rows - question.clock.phase) /
                              question.clock.rows_per_chip -
                          static_cast<double>(question.first) - static_cast<double>(chip);
       if (end >= 1) break;

@@ -53,7 +53,7 @@ TEST_CASE("clock, exposure and levels are found within their standard errors") {
     REQUIRE(fitted);
     CHECK(fitted->converged);
     CHECK(std::abs(fitted->clock.rows_per_chip - 3.7) < 4 * fitted->errors.rows_per_chip_std());
-    CHECK(std::abs(fitted->clock.exposure - exposure) < 4 * fitted->errors.exposure_std());
+    CHECK(std::abs(fitted->clock.exposure_rows - exposure) < 4 * fitted->errors.exposure_rows_std());
     CHECK(std::abs(fitted->clock.phase - 1.2) < 4 * fitted->errors.phase_std(0));
     CHECK(fitted->errors.phase_std(0) > fitted->errors.phase_std(fitted->errors.chip));
     CHECK(fitted->noise == doctest::Approx(0.4).epsilon(0.15));
@@ -69,11 +69,12 @@ TEST_CASE("a preamble is found, and only where it is") {
   for (double exposure : {0.5, 4.0, 20.0}) {
     CAPTURE(exposure);
     const auto rows = make_rows({chips, -10}, {3.7, 1.2, exposure}, 11);
-    const auto found = ocisac::find_preamble(rows, preamble, {.rows_per_chip = 3.72, .exposure = {}});
+    const auto found = ocisac::find_preamble(rows, preamble, {.rows_per_chip = 3.72, .exposure_rows = {}});
     REQUIRE(found.size() == 1);
     CHECK(found[0].channel.clock.phase == doctest::Approx(1.2 + 80 * 3.7).epsilon(0.002));
     CHECK(found[0].explained > 0.99);
-    CHECK(ocisac::find_preamble(rows, random_chips(12, 64), {.rows_per_chip = 3.72, .exposure = exposure}).empty());
+    CHECK(
+        ocisac::find_preamble(rows, random_chips(12, 64), {.rows_per_chip = 3.72, .exposure_rows = exposure}).empty());
   }
 }
 
@@ -81,7 +82,7 @@ TEST_CASE("what determines nothing gives no channel") {
   const std::vector<double> rows(100, 1.0), bright(20, 1.0);
   CHECK_FALSE(ocisac::fit_channel(rows, {bright, 0}, {4, 0, 2}));
   CHECK_FALSE(ocisac::clock_bounds({bright, 0}, {4, 0, 2}, rows, 0.1));
-  CHECK(ocisac::find_preamble({}, bright, {.rows_per_chip = 4, .exposure = {}}).empty());
+  CHECK(ocisac::find_preamble({}, bright, {.rows_per_chip = 4, .exposure_rows = {}}).empty());
   CHECK_THROWS_AS(ocisac::fit_channel(rows, {bright, 0}, {0, 0, 2}), std::invalid_argument);
   CHECK_THROWS_AS(ocisac::fit_channel(rows, {{}, 0}, {1, 0, 2}), std::invalid_argument);
 }

@@ -52,7 +52,7 @@ TEST_CASE("the next frame's phase is predicted within its standard error, missin
     ++count;
     CHECK(predicted->chips_lost < 0.03);
     CHECK(predicted->clock.rows_per_chip == doctest::Approx(3.7).epsilon(6e-5));
-    CHECK(predicted->clock.exposure == doctest::Approx(20).epsilon(0.01));
+    CHECK(predicted->clock.exposure_rows == doctest::Approx(20).epsilon(0.01));
   }
   const double spread = std::sqrt(squares / count);
   CHECK(spread > 0.7);
@@ -92,23 +92,4 @@ TEST_CASE("a jump of the clock begins anew, and time does not go back") {
   tracker.reset();
   CHECK_FALSE(tracker.predict(9));
   CHECK_THROWS_AS(ocisac::ClockTracker({.frame_rows = 0}), std::invalid_argument);
-}
-
-TEST_CASE("a frame begins with the clock predicted and the levels seen before") {
-  Light light;
-  ocisac::ClockTracker tracker({.frame_rows = 1501.3});
-  ocisac::ClockErrors errors;
-  tracker.update(0, light.measure(0, 0.02, 1e-4, errors), errors);
-  ocisac::ChannelEstimate earlier;
-  earlier.dark = {10, 1};
-  earlier.swing = {40};
-  earlier.noise = 0.3;
-  const auto clock = tracker.predict(1);
-  REQUIRE(clock);
-  const auto start = ocisac::predicted_channel(earlier, *clock, 1080);
-  CHECK(start.clock.phase == clock->clock.phase);
-  CHECK(start.errors.phase_std(0) == clock->errors.phase_std(0));
-  CHECK(start.rows.size() == 1080);
-  CHECK(start.dark == earlier.dark);
-  CHECK(start.noise == 0.3);
 }

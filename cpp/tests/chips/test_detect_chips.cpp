@@ -39,8 +39,8 @@ struct Frame {
     std::size_t wrong = 0, chips = 0;
   };
   [[nodiscard]] Count errors(DetectorMethod method, double exposures) const {
-    const auto found = ocisac::detect_chips(question, method).log_likelihood_ratios;
-    const double away = exposures * question.clock.exposure + question.clock.rows_per_chip;
+    const auto found = ocisac::detect_chips(question, method).llr;
+    const double away = exposures * question.clock.exposure_rows + question.clock.rows_per_chip;
     Count result;
     for (std::size_t k = 0; k < chips.size(); ++k) {
       const double begin = question.clock.phase + (static_cast<double>(question.first) + static_cast<double>(k)) *
@@ -76,7 +76,7 @@ TEST_CASE("a search that gives nothing up is that of all sequences") {
       const Frame frame(2.3, length, 0.2, 60, seed);
       const ocisac::ChipEquations equations(frame.question, ocisac::kLongestReducedExposure);
       const auto found = ocisac::search_reduced(equations, {1U << 20U, 1U << 20U, 1e9});
-      const auto all = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+      const auto all = ocisac::detect_sequence(frame.question).llr;
       CAPTURE(length);
       for (std::size_t k = 0; k < all.size(); ++k) CHECK(std::abs(found[k] - all[k]) <= 1e-3 * (1 + std::abs(all[k])));
     }
@@ -86,8 +86,8 @@ TEST_CASE("the reduced search finds the likeliest sequence, with the same certai
   std::size_t doubtful = 0;
   for (unsigned seed = 0; seed < 6; ++seed) {
     const Frame frame(2.1, 7.3, 0.04, 540, seed);
-    const auto found = ocisac::detect_chips(frame.question, DetectorMethod::reduced).log_likelihood_ratios;
-    const auto all = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+    const auto found = ocisac::detect_chips(frame.question, DetectorMethod::reduced).llr;
+    const auto all = ocisac::detect_sequence(frame.question).llr;
     for (std::size_t k = 20; k + 20 < all.size(); ++k) {
       CHECK((found[k] > 0) == (all[k] > 0));
       if (std::abs(all[k]) > 5) continue;
@@ -103,8 +103,8 @@ TEST_CASE("chips of which only one kind was kept have the certainty of the neare
   for (const double length : {0.6, 1.9, 4.4, 7.3})
     for (unsigned seed = 0; seed < 3; ++seed) {
       const Frame frame(3.1, length, 0.02, 540, seed);
-      const auto found = ocisac::detect_chips(frame.question, DetectorMethod::reduced).log_likelihood_ratios;
-      const auto all = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+      const auto found = ocisac::detect_chips(frame.question, DetectorMethod::reduced).llr;
+      const auto all = ocisac::detect_sequence(frame.question).llr;
       CAPTURE(length);
       for (std::size_t k = 20; k + 20 < all.size(); ++k) {
         if (std::abs(all[k]) < 12) continue;
@@ -134,8 +134,8 @@ TEST_CASE("every detector reads an exposure of half a chip, and says how sure it
     CAPTURE(static_cast<int>(method));
     const auto found = ocisac::detect_chips(frame.question, method);
     for (std::size_t k = 2; k + 4 < frame.chips.size(); ++k) {
-      CHECK((found.log_likelihood_ratios[k] > 0) == (frame.chips[k] > 0.5));
-      CHECK(std::abs(found.log_likelihood_ratios[k]) > 5);
+      CHECK((found.llr[k] > 0) == (frame.chips[k] > 0.5));
+      CHECK(std::abs(found.llr[k]) > 5);
     }
     CHECK(found.method == (method == DetectorMethod::automatic ? DetectorMethod::slicer : method));
   }
@@ -206,18 +206,18 @@ TEST_CASE("questions without meaning are refused by every detector") {
     CHECK_THROWS_WITH_AS(ocisac::detect_chips(frame.question, method), doctest::Contains("noise: got 0"),
                          std::invalid_argument);
     frame.question.noise = 0.1;
-    frame.question.clock.exposure = 100;
+    frame.question.clock.exposure_rows = 100;
     CHECK_THROWS_WITH_AS(ocisac::detect_chips(frame.question, method), doctest::Contains("exposure: got 100"),
                          std::invalid_argument);
-    frame.question.clock.exposure = 8;
+    frame.question.clock.exposure_rows = 8;
     frame.question.count = 0;
-    CHECK(ocisac::detect_chips(frame.question, method).log_likelihood_ratios.empty());
+    CHECK(ocisac::detect_chips(frame.question, method).llr.empty());
     frame.question.count = 30;
     frame.question.rows = {};
-    for (const double ratio : ocisac::detect_chips(frame.question, method).log_likelihood_ratios) CHECK(ratio == 0);
+    for (const double ratio : ocisac::detect_chips(frame.question, method).llr) CHECK(ratio == 0);
     if (method == DetectorMethod::mlse) continue;
-    frame.question.clock.exposure = 4 * 23.9;  // no more sequences are kept than there is room for
-    CHECK(ocisac::detect_chips(frame.question, method).log_likelihood_ratios.size() == 30);
+    frame.question.clock.exposure_rows = 4 * 23.9;  // no more sequences are kept than there is room for
+    CHECK(ocisac::detect_chips(frame.question, method).llr.size() == 30);
   }
   CHECK_THROWS_WITH_AS(ocisac::detector_method("best"), doctest::Contains("method: got best"), std::invalid_argument);
 }

@@ -24,7 +24,7 @@ struct Column {
     const double off = static_cast<double>(random() % 2001) / 1000 - 1;
     clock.rows_per_chip = rows_per_chip * (1 + 0.01 * off);
     clock.phase = clock.rows_per_chip * static_cast<double>(random() % 1000) / 1000;
-    clock.exposure = exposure_chips * clock.rows_per_chip;
+    clock.exposure_rows = exposure_chips * clock.rows_per_chip;
     const auto count = static_cast<std::size_t>(static_cast<double>(kRows) / clock.rows_per_chip) + 20;
     for (std::size_t k = 0; k < count; ++k) chips.push_back(random() % 2);
     const std::size_t at = 20 + random() % (count - 80);
@@ -41,7 +41,7 @@ struct Column {
 
   // Errors among the chips that the frame shows whole, with their number: `shift` added to numbers of found chips.
   [[nodiscard]] std::size_t errors(const ocisac::RefinedChannel& found, std::ptrdiff_t shift) const {
-    const auto edge = static_cast<std::ptrdiff_t>(std::ceil(clock.exposure / clock.rows_per_chip));
+    const auto edge = static_cast<std::ptrdiff_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip));
     const auto last = static_cast<std::ptrdiff_t>(static_cast<double>(kRows) / clock.rows_per_chip) - edge - 1;
     std::size_t wrong = 0;
     for (std::ptrdiff_t chip = edge; chip < last; ++chip) {
@@ -67,7 +67,7 @@ TEST_CASE("from a preamble to the whole frame, clock and exposure at their bound
         CAPTURE(seed);
         const Column column(seed, rows_per_chip, exposure, 0.03);
         const auto match =
-            ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = rows_per_chip, .exposure = {}});
+            ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = rows_per_chip, .exposure_rows = {}});
         REQUIRE(match.size() == 1);
         ocisac::RefineOptions options;
         options.known = {column.preamble, 0};
@@ -79,7 +79,8 @@ TEST_CASE("from a preamble to the whole frame, clock and exposure at their bound
         const auto bounds = ocisac::clock_bounds({column.chips, column.first}, column.clock, swing, 3.0);
         REQUIRE(bounds);
         CHECK(std::abs(found->channel.clock.rows_per_chip / column.clock.rows_per_chip - 1) < 1e-3);
-        squares += std::pow((found->channel.clock.exposure - column.clock.exposure) / bounds->exposure_std(), 2);
+        squares += std::pow(
+            (found->channel.clock.exposure_rows - column.clock.exposure_rows) / bounds->exposure_rows_std(), 2);
       }
       CHECK(std::sqrt(squares / kFrames) < 2);  // 25 % spread about 1
     }
@@ -88,7 +89,7 @@ TEST_CASE("from a preamble to the whole frame, clock and exposure at their bound
 TEST_CASE("a light that falls to a third along the frame is followed") {
   for (double exposure : {0.7, 4.0}) {
     const Column column(3, 4.0, exposure, 0.02, 0.66);
-    const auto match = ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = 4.0, .exposure = {}});
+    const auto match = ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = 4.0, .exposure_rows = {}});
     REQUIRE(match.size() == 1);
     const auto found = ocisac::refine_channel(column.rows, match[0].channel, plain_mlse);
     REQUIRE(found);
@@ -103,7 +104,7 @@ TEST_CASE("without a preamble, from a nominal rate") {
     for (double rows_per_chip : {2.3, 5.1}) {
       const Column column(7, rows_per_chip, exposure, 0.03);
       const auto found = ocisac::find_channel(
-          column.rows, {.rows_per_chip = rows_per_chip, .exposure = column.clock.exposure}, plain_mlse);
+          column.rows, {.rows_per_chip = rows_per_chip, .exposure_rows = column.clock.exposure_rows}, plain_mlse);
       CAPTURE(exposure);
       CAPTURE(rows_per_chip);
       REQUIRE(found);
@@ -113,7 +114,7 @@ TEST_CASE("without a preamble, from a nominal rate") {
                                      (middle - clock.phase) / clock.rows_per_chip);
       CHECK(column.errors(*found, shift) == 0);
       CHECK(clock.rows_per_chip == doctest::Approx(column.clock.rows_per_chip).epsilon(1e-3));
-      CHECK(clock.exposure == doctest::Approx(column.clock.exposure).epsilon(0.03));
+      CHECK(clock.exposure_rows == doctest::Approx(column.clock.exposure_rows).epsilon(0.03));
     }
 }
 
@@ -121,8 +122,9 @@ TEST_CASE("one chip per row, exposure one row, unknown phase") {
   for (unsigned seed = 0; seed < 6; ++seed) {
     CAPTURE(seed);
     const Column column(seed, 1.0, 1.0, 0.02);
-    const auto found = ocisac::find_channel(column.rows, {.rows_per_chip = 1.0, .exposure = column.clock.exposure},
-                                            plain_mlse, {.exposure_known = true});
+    const auto found =
+        ocisac::find_channel(column.rows, {.rows_per_chip = 1.0, .exposure_rows = column.clock.exposure_rows},
+                             plain_mlse, {.exposure_known = true});
     REQUIRE(found);
     const auto& clock = found->channel.clock;
     const auto shift = std::lround((540 - column.clock.phase) / column.clock.rows_per_chip -
@@ -133,8 +135,9 @@ TEST_CASE("one chip per row, exposure one row, unknown phase") {
 
 TEST_CASE("steady light has no channel") {
   const std::vector<double> steady(kRows, 7.0);
-  CHECK_FALSE(ocisac::find_channel(steady, {.rows_per_chip = 4.0, .exposure = 8.0}, plain_mlse));
-  CHECK_FALSE(ocisac::find_channel(std::span(steady).first(1), {.rows_per_chip = 4.0, .exposure = 8.0}, plain_mlse));
+  CHECK_FALSE(ocisac::find_channel(steady, {.rows_per_chip = 4.0, .exposure_rows = 8.0}, plain_mlse));
+  CHECK_FALSE(
+      ocisac::find_channel(std::span(steady).first(1), {.rows_per_chip = 4.0, .exposure_rows = 8.0}, plain_mlse));
 }
 
 TEST_CASE("noise that follows the light leaves the frame even, a clock lost in a part does not") {
@@ -144,7 +147,8 @@ TEST_CASE("noise that follows the light leaves the frame even, a clock lost in a
     std::normal_distribution<double> noise(0, 1);
     for (std::size_t n = 0; n < kRows; ++n)
       column.rows[n] += (0.5 + 2.5 * static_cast<double>(n) / static_cast<double>(kRows)) * noise(random);
-    const auto matches = ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = 4.0, .exposure = {}});
+    const auto matches =
+        ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = 4.0, .exposure_rows = {}});
     REQUIRE(!matches.empty());
     const auto found = ocisac::refine_channel(column.rows, matches.front().channel, plain_mlse);
     REQUIRE(found);

@@ -35,7 +35,7 @@ struct Frame {
   // Without the chips that only a few rows at the ends see.
   [[nodiscard]] std::size_t errors() const {
     const auto found = detect_levels(question);
-    const auto edge = static_cast<std::size_t>(question.clock.exposure / question.clock.rows_per_chip) + 2;
+    const auto edge = static_cast<std::size_t>(question.clock.exposure_rows / question.clock.rows_per_chip) + 2;
     std::size_t wrong = 0;
     for (std::size_t k = edge; k + edge < chips.size(); ++k) wrong += found[k] != chips[k];
     return wrong;
@@ -76,7 +76,7 @@ TEST_CASE("the likelihood ratios are those of all sequences, known chips counted
             least = std::min(least, nats);
           }
         }
-        const auto found = ocisac::detect_sequence(frame.question).log_likelihood_ratios;
+        const auto found = ocisac::detect_sequence(frame.question).llr;
         const auto everything =
             ocisac::search_reduced(ocisac::ChipEquations(frame.question, 24), {1U << 20U, 1U << 20U, 1e9});
         for (std::size_t k = 0; k < kChips; ++k) {
@@ -116,10 +116,10 @@ TEST_CASE("questions without meaning are refused") {
   CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("noise: got 0"),
                        std::invalid_argument);
   frame.question.noise = 0.1;
-  frame.question.clock.exposure = 64;
+  frame.question.clock.exposure_rows = 64;
   CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("exposure: got 64"),
                        std::invalid_argument);
   frame.question.count = 0;
-  frame.question.clock.exposure = 8;
-  CHECK(ocisac::detect_sequence(frame.question).log_likelihood_ratios.empty());
+  frame.question.clock.exposure_rows = 8;
+  CHECK(ocisac::detect_sequence(frame.question).llr.empty());
 }

@@ -8,7 +8,7 @@ from ocisac_fast.chips.channel import (
     PreambleMatch as PreambleMatch,
     RefinedChannel as RefinedChannel,
     TrackedClock as TrackedClock,
-    chip_likelihoods as chip_likelihoods,
+    chip_llr as chip_llr,
     clock_bounds as clock_bounds,
     closest_pair_distance as closest_pair_distance,
     expose_chips as expose_chips,

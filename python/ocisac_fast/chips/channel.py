@@ -42,7 +42,7 @@ class ClockErrors:
         return float(np.sqrt(self.covariance[1, 1]))
 
     @property
-    def exposure_std(self) -> float:
+    def exposure_rows_std(self) -> float:
         """Of the exposure, rows."""
         return float(np.sqrt(self.covariance[2, 2]))
 
@@ -54,7 +54,7 @@ class ChannelEstimate:
     Attributes:
         rows_per_chip: length of a chip, rows.
         phase: row at which chip 0 begins, fractional: the middle of its edge's ramp.
-        exposure: rows.
+        exposure_rows: rows.
         errors: standard errors, from the rows' residual.
         dark: Legendre coefficients of the light of steady 0 along the frame, from -1 (first row) to 1 (last row).
         swing: Legendre coefficients of the step from steady 0 to steady 1.
@@ -65,7 +65,7 @@ class ChannelEstimate:
 
     rows_per_chip: float
     phase: float
-    exposure: float
+    exposure_rows: float
     errors: ClockErrors
     dark: FloatArray
     swing: FloatArray
@@ -130,7 +130,7 @@ class TrackedClock:
     Attributes:
         rows_per_chip: rows.
         phase: row at which chip ``chip`` begins; of all chips it begins nearest row 0.
-        exposure: rows.
+        exposure_rows: rows.
         chip: its number, counted from the first frame.
         covariance: (3, 3) of that phase, rows per chip and exposure.
         chips_lost: standard error of the count of chips since the last update; below 0.2 it can be relied on.
@@ -138,7 +138,7 @@ class TrackedClock:
 
     rows_per_chip: float
     phase: float
-    exposure: float
+    exposure_rows: float
     chip: int
     covariance: FloatArray
     chips_lost: float
@@ -157,15 +157,15 @@ class TrackedClock:
             earlier,
             rows_per_chip=self.rows_per_chip,
             phase=self.phase,
-            exposure=self.exposure,
+            exposure_rows=self.exposure_rows,
             errors=ClockErrors(0, self.covariance),
             rows=(0, rows),
             converged=False,
         )
 
 
-# detect(rows, rows_per_chip, phase, exposure, noise, first, count): levels of chips first ... first + count - 1, all
-# that `rows` (0 steady dark, 1 steady bright) see; the phase is that of chip 0 relative to the first of the rows.
+# detect(rows, rows_per_chip, phase, exposure_rows, noise, first, count): levels of chips first ... first + count - 1,
+# all that `rows` (0 steady dark, 1 steady bright) see; the phase is that of chip 0 relative to the first of the rows.
 Detect = Callable[[FloatArray, float, float, float, float, int, int], npt.ArrayLike]
 
 
@@ -202,7 +202,7 @@ class ClockTracker:
             ValueError: a frame that is not after the last one.
         """
         covariance = [float(value) for value in channel.errors.covariance.ravel()]
-        clock = (channel.rows_per_chip, channel.phase, channel.exposure)
+        clock = (channel.rows_per_chip, channel.phase, channel.exposure_rows)
         return self._handle.update(int(frame), *clock, channel.errors.chip, covariance)
 
     def predict(self, frame: int) -> TrackedClock | None:
@@ -214,8 +214,8 @@ class ClockTracker:
         values = self._handle.predict(int(frame))
         if values is None:
             return None
-        rows_per_chip, phase, exposure, chip, covariance, lost = values
-        return TrackedClock(rows_per_chip, phase, exposure, chip, np.array(covariance).reshape(3, 3), lost)
+        rows_per_chip, phase, exposure_rows, chip, covariance, lost = values
+        return TrackedClock(rows_per_chip, phase, exposure_rows, chip, np.array(covariance).reshape(3, 3), lost)
 
     def reset(self) -> None:
         """Forgets everything."""
@@ -223,7 +223,7 @@ class ClockTracker:
 
 
 def expose_chips(
-    chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure: float, first: int = 0
+    chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure_rows: float, first: int = 0
 ) -> FloatArray:
     """What the rows of a frame see of chips: s_n = (1/exposure) times the integral of the chips over the exposure.
 
@@ -232,7 +232,7 @@ def expose_chips(
         rows: rows of the frame.
         rows_per_chip: rows, above 0.
         phase: row at which chip 0 begins, in the middle of the exposure.
-        exposure: rows, 0 or above; below 0.001 rows taken as that.
+        exposure_rows: rows, 0 or above; below 0.001 rows taken as that.
         first: number of the first of ``chips``.
 
     Returns:
@@ -244,7 +244,7 @@ def expose_chips(
     levels = _vector(chips, "chips")
     if rows < 1:
         raise ValueError(f"rows: got {rows}, allowed: at least 1")
-    return _core.expose_chips(levels, int(first), int(rows), float(rows_per_chip), float(phase), float(exposure))
+    return _core.expose_chips(levels, int(first), int(rows), float(rows_per_chip), float(phase), float(exposure_rows))
 
 
 def fit_channel(
@@ -253,7 +253,7 @@ def fit_channel(
     *,
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     first: int = 0,
     exposure_known: bool = False,
     dark_degree: int = 1,
@@ -266,7 +266,7 @@ def fit_channel(
         chips: (chips,) levels, 0 dark to 1 bright. Rows that see other chips than these are left out.
         rows_per_chip: where to start, rows; with ``phase`` good to half a chip anywhere in the chips.
         phase: where to start.
-        exposure: where to start, or the exposure itself, rows.
+        exposure_rows: where to start, or the exposure itself, rows.
         first: number of the first of ``chips``.
         exposure_known: keep the exposure as it is.
         dark_degree: degree of the polynomial of the dark level along the frame, 0 to 6.
@@ -284,7 +284,7 @@ def fit_channel(
         int(first),
         float(rows_per_chip),
         float(phase),
-        float(exposure),
+        float(exposure_rows),
         *_degrees(dark_degree, swing_degree),
         bool(exposure_known),
     )
@@ -297,7 +297,7 @@ def clock_bounds(
     *,
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     noise: float,
     first: int = 0,
     exposure_known: bool = False,
@@ -311,7 +311,7 @@ def clock_bounds(
         swing: (rows,) the step from dark to bright in each row.
         rows_per_chip: rows.
         phase: row at which chip 0 begins.
-        exposure: rows.
+        exposure_rows: rows.
         noise: standard deviation of a row, in the unit of ``swing``.
         first: number of the first of ``chips``.
         exposure_known: the exposure is no unknown.
@@ -329,7 +329,7 @@ def clock_bounds(
         int(first),
         float(rows_per_chip),
         float(phase),
-        float(exposure),
+        float(exposure_rows),
         _vector(swing, "swing"),
         float(noise),
         *_degrees(dark_degree, swing_degree),
@@ -344,8 +344,8 @@ def find_preamble(
     *,
     rows_per_chip: float,
     tolerance: float = 0.02,
-    exposure: float | None = None,
-    longest_exposure: float = 14.0,
+    exposure_rows: float | None = None,
+    max_exposure_chips: float = 14.0,
     max_matches: int = 1,
 ) -> list[PreambleMatch]:
     """Places of a known sequence of chips in a column, at any exposure, with the channel there.
@@ -358,8 +358,8 @@ def find_preamble(
         preamble: (chips,) levels, 0 dark to 1 bright, at least two.
         rows_per_chip: nominal, rows.
         tolerance: the true one lies within this share of it, 0 to 0.5.
-        exposure: rows, where it is known; None: estimated.
-        longest_exposure: chips, where it is estimated. The sequence must be 6 chips longer than the exposure.
+        exposure_rows: rows, where it is known; None: estimated.
+        max_exposure_chips: chips, where it is estimated. The sequence must be 6 chips longer than the exposure.
         max_matches: matches to give.
 
     Returns:
@@ -375,8 +375,8 @@ def find_preamble(
         _vector(preamble, "preamble"),
         float(rows_per_chip),
         float(tolerance),
-        None if exposure is None else float(exposure),
-        float(longest_exposure),
+        None if exposure_rows is None else float(exposure_rows),
+        float(max_exposure_chips),
         int(max_matches),
     )
     return [PreambleMatch(_channel(values), explained, certainty) for values, explained, certainty in found]
@@ -431,8 +431,8 @@ def find_channel(
     *,
     rows_per_chip: float,
     tolerance: float = 0.02,
-    exposure: float | None = None,
-    longest_exposure: float = 7.0,
+    exposure_rows: float | None = None,
+    max_exposure_chips: float = 7.0,
     exposure_known: bool = False,
     highest_degree: int = 4,
 ) -> RefinedChannel | None:
@@ -446,9 +446,9 @@ def find_channel(
         detect: a detector for exposed chips, as :data:`Detect` says; None: ``"auto"`` of :func:`detect_chips`.
         rows_per_chip: nominal, rows.
         tolerance: the true one lies within this share of it, 0 to 0.5.
-        exposure: rows, where it is known; None: estimated.
-        longest_exposure: chips, where it is estimated.
-        exposure_known: keep ``exposure`` to the end; otherwise it is a start.
+        exposure_rows: rows, where it is known; None: estimated.
+        max_exposure_chips: chips, where it is estimated.
+        exposure_known: keep ``exposure_rows`` to the end; otherwise it is a start.
         highest_degree: as in :func:`refine_channel`.
 
     Returns:
@@ -462,8 +462,8 @@ def find_channel(
         _vector(signal, "signal"),
         float(rows_per_chip),
         float(tolerance),
-        None if exposure is None else float(exposure),
-        float(longest_exposure),
+        None if exposure_rows is None else float(exposure_rows),
+        float(max_exposure_chips),
         detect,
         bool(exposure_known),
         degree,
@@ -471,12 +471,12 @@ def find_channel(
     return None if values is None else _refined(values)
 
 
-def chip_likelihoods(
+def chip_llr(
     rows: npt.ArrayLike,
     *,
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     noise: float,
     first: int,
     count: int,
@@ -492,7 +492,7 @@ def chip_likelihoods(
         rows: (rows,) light of consecutive rows, 0 for steady dark and 1 for steady bright.
         rows_per_chip: above 0, need not be whole.
         phase: row at which chip 0 begins, in the middle of its edge's ramp.
-        exposure: rows, at most 15 chips; time grows with 2^(exposure in chips). Other methods: 24 chips.
+        exposure_rows: rows, at most 15 chips; time grows with 2^(exposure in chips). Other methods: 24 chips.
         noise: standard deviation of ``rows``, above 0.
         first: number of the first chip that the rows see.
         count: of the chips that they see, all of them.
@@ -506,11 +506,11 @@ def chip_likelihoods(
     """
     if count < 0:
         raise ValueError(f"count: got {count}, allowed: 0 or more")
-    return _core.chip_likelihoods(
+    return _core.chip_llr(
         _vector(rows, "rows"),
         float(rows_per_chip),
         float(phase),
-        float(exposure),
+        float(exposure_rows),
         float(noise),
         int(first),
         int(count),
@@ -518,7 +518,7 @@ def chip_likelihoods(
     )
 
 
-def closest_pair_distance(rows_per_chip: float, exposure: float) -> float:
+def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     """How far apart, in swings, the rows of the two sequences are that are hardest to tell: 01 against 10.
 
     The least over where chips lie to the rows; the closest pair there is for exposures from about two chips on. Noise
@@ -526,12 +526,12 @@ def closest_pair_distance(rows_per_chip: float, exposure: float) -> float:
 
     Args:
         rows_per_chip: above 0.
-        exposure: rows, above 0.
+        exposure_rows: rows, above 0.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
-    return _core.closest_pair_distance(float(rows_per_chip), float(exposure))
+    return _core.closest_pair_distance(float(rows_per_chip), float(exposure_rows))
 
 
 def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
@@ -573,11 +573,11 @@ def _errors(values: tuple[int, list[float]]) -> ClockErrors:
 
 
 def _channel(values: tuple[Any, ...]) -> ChannelEstimate:
-    rows_per_chip, phase, exposure, errors, dark, swing, noise, begin, end, converged = values
+    rows_per_chip, phase, exposure_rows, errors, dark, swing, noise, begin, end, converged = values
     return ChannelEstimate(
         rows_per_chip,
         phase,
-        exposure,
+        exposure_rows,
         _errors(errors),
         np.array(dark),
         np.array(swing),
@@ -590,7 +590,7 @@ def _channel(values: tuple[Any, ...]) -> ChannelEstimate:
 def as_tuple(channel: ChannelEstimate) -> tuple[Any, ...]:
     """As the core gives and takes a channel."""
     errors = (channel.errors.chip, [float(value) for value in channel.errors.covariance.ravel()])
-    clock = (channel.rows_per_chip, channel.phase, channel.exposure)
+    clock = (channel.rows_per_chip, channel.phase, channel.exposure_rows)
     return (*clock, errors, list(channel.dark), list(channel.swing), channel.noise, *channel.rows, channel.converged)
 
 

@@ -65,7 +65,7 @@ def detect_chips(
     wiener   the best linear estimate of each chip from all rows (least mean square error), and a threshold
     dfe      the same with the chips before it decided and their part in the exposure's box taken away
     reduced  the likeliest sequences of chips, as far as they are not hopeless (M-algorithm): nearly mlse
-    mlse     all sequences (:func:`chip_likelihoods`), up to 15 chips; time doubles with every chip
+    mlse     all sequences (:func:`chip_llr`), up to 15 chips; time doubles with every chip
     auto     slicer where it makes at most 1.5 times the errors of mlse, or hardly any (1e-9); else reduced
     ======== ============================================================================================
 
@@ -90,7 +90,7 @@ def detect_chips(
     return DetectedChips(llr, first, used)
 
 
-def detector_error_rates(rows_per_chip: float, exposure: float, noise: float) -> DetectorErrorRates:
+def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: float) -> DetectorErrorRates:
     """What each detector gets wrong where the channel is known: formulae in docs/receiver.md.
 
     Exact for slicer, inverse and wiener (the mean of Q((g_0/2 + sum of +-g_j/2)/noise) over the signs, for the weights
@@ -99,10 +99,10 @@ def detector_error_rates(rows_per_chip: float, exposure: float, noise: float) ->
 
     Args:
         rows_per_chip: above 0.
-        exposure: rows, 0 to 24 chips.
+        exposure_rows: rows, 0 to 24 chips.
         noise: standard deviation of a row over the swing from steady dark to steady bright, above 0.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
-    return DetectorErrorRates(*_core.detector_error_rates(float(rows_per_chip), float(exposure), float(noise)))
+    return DetectorErrorRates(*_core.detector_error_rates(float(rows_per_chip), float(exposure_rows), float(noise)))

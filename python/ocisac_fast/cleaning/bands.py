@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.cleaning.columns import Kernels, lit_channels
+from ocisac_fast.cleaning.columns import Kernels, lit_colours
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
 from ocisac_fast.cleaning.stored import light_per_step, to_stored, white_level
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
@@ -93,7 +93,7 @@ def remove_bands(
     v (1 + q (L_full - 1)) / (1 + q (L_n - 1)): fully lit rows stay as they are.
 
     Args:
-        frames: (rows, columns) or (frames, rows, columns), or (frames, rows, columns, channels) for colour; rows in
+        frames: (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour; rows in
             time order, at least 8.
         camera: row time; tone curve, dark and white level where known: light adds up in linear light alone.
         light: of each row, 0 or above: (rows,) or (frames, rows), any scale; or a waveform, which is put through the
@@ -167,10 +167,10 @@ def subtract_still(
     frame; where the clock is the same in all, it is subtracted as well.
 
     Args:
-        frames: (frames, rows, columns) or (frames, rows, columns, channels), or (rows, columns) where ``still`` is
+        frames: (frames, rows, columns) or (frames, rows, columns, colours), or (rows, columns) where ``still`` is
             given; of a scene that does not move.
         camera: tone curve, dark and white level.
-        still: (rows, columns[, channels]) the picture without the light, or with it steady, of the type of ``frames``.
+        still: (rows, columns[, colours]) the picture without the light, or with it steady, of the type of ``frames``.
             None: of each frame the mean of its ``neighbours``, itself left out.
         neighbours: frames to take, the nearest in time; 1 or more.
 
@@ -202,12 +202,12 @@ def _mean_of_others(light: FloatArray, index: int, neighbours: int) -> FloatArra
 
 
 def _stacked(frames: npt.ArrayLike) -> npt.NDArray[Any]:
-    """(frames, rows, columns, channels) of a type that the core knows."""
+    """(frames, rows, columns, colours) of a type that the core knows."""
     array = np.asarray(frames)
     if array.ndim not in (2, 3, 4) or (array.size > 0 and array.shape[-3 if array.ndim == 4 else -2] < 8):
         raise ValueError(
             f"frames: got shape {array.shape}, allowed: (rows, columns), (frames, rows, columns) or "
-            "(frames, rows, columns, channels) of at least 8 rows"
+            "(frames, rows, columns, colours) of at least 8 rows"
         )
     flat = as_columns(array.reshape(array.shape[0], -1, array.shape[-1]) if array.ndim == 4 else array, "frames")
     if flat.dtype.kind == "f" and not np.isfinite(flat).all():
@@ -254,7 +254,7 @@ _Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], 
 
 
 def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None, options: Options) -> _Done:
-    """Frames (frames, rows, columns, channels) of one scene."""
+    """Frames (frames, rows, columns, colours) of one scene."""
     stored_light = linear_light(stack, camera)
     saturated = _saturated(stack, camera)
     noise = _noise_variance(stack, camera, options.noise)
@@ -271,16 +271,16 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
             found = [_found(light[k], variance[k], camera, always) for k in range(len(stack))]
     rows = np.stack([row_light.light for row_light in found])
     pictures, marks, shares = [np.empty(stack.shape, kind) for kind in (stack.dtype, np.uint8, np.float32)]
-    for channel in range(stack.shape[3]):
-        one, spread = (np.ascontiguousarray(values[..., channel]) for values in (light, variance))
+    for colour in range(stack.shape[3]):
+        one, spread = (np.ascontiguousarray(values[..., colour]) for values in (light, variance))
         share = options.kernels.light_share(one, spread, rows, True)
         for k, row_light in enumerate(found):
-            values, mark = _restored(one[k], saturated[k, ..., channel], share, row_light, options)
+            values, mark = _restored(one[k], saturated[k, ..., colour], share, row_light, options)
             stored = to_stored(lowered(values, toe, white), camera, stack.dtype)
             untouched = (mark == Mark.SATURATED) & (options.keep == "picture")
-            pictures[k, ..., channel] = np.where(untouched, stack[k, ..., channel], stored)
-            marks[k, ..., channel] = mark
-            shares[k, ..., channel] = share
+            pictures[k, ..., colour] = np.where(untouched, stack[k, ..., colour], stored)
+            marks[k, ..., colour] = mark
+            shares[k, ..., colour] = share
     return pictures, marks, shares, found, toe
 
 
@@ -305,8 +305,8 @@ def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None
 
 
 def _found(light: FloatArray, variance: FloatArray, camera: Camera, options: Options) -> RowLight:
-    """The row light of one frame (rows, columns, channels), from the channels that show it."""
-    lit = lit_channels(light, variance)
+    """The row light of one frame (rows, columns, colours), from the colours that show it."""
+    lit = lit_colours(light, variance)
     return find_row_light(
         light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, options.model, options.kernels
     )
@@ -315,7 +315,7 @@ def _found(light: FloatArray, variance: FloatArray, camera: Camera, options: Opt
 def _restored(
     light: FloatArray, saturated: npt.NDArray[np.bool_], share: FloatArray, row_light: RowLight, options: Options
 ) -> tuple[FloatArray, npt.NDArray[np.uint8]]:
-    """One channel of one frame: linear light and marks."""
+    """One colour of one frame: linear light and marks."""
     level = row_light.full if options.level == "full" else 1.0
     rows = np.minimum(row_light.light, row_light.full)[:, None]  # rows above are lit fully, and noisy
     left = np.maximum(1 + share * (rows - 1), 1e-9)

@@ -85,8 +85,8 @@ class Columns:
         return rows, certainty / max(float(certainty.max()), 1e-300)
 
 
-def lit_channels(light: FloatArray, variance: FloatArray) -> list[int]:
-    """Of (rows, columns, channels) those to add up: the one that swings most, and those that swing with it as deep."""
+def lit_colours(light: FloatArray, variance: FloatArray) -> list[int]:
+    """Of (rows, columns, colours) those to add up: the one that swings most, and those that swing with it as deep."""
     rows = np.stack([_row_means(light[..., k], variance[..., k]) for k in range(light.shape[2])])
     basis = slow_terms(rows.shape[1])
     swings = rows - (basis @ np.linalg.lstsq(basis, rows.T, rcond=None)[0]).T

@@ -27,7 +27,7 @@ class RowLight:
 
 
 def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str, kernels: Kernels) -> RowLight:
-    """From one channel of linear light (rows, columns) and its noise variance (infinite: tells nothing)."""
+    """From one colour of linear light (rows, columns) and its noise variance (infinite: tells nothing)."""
     picture = Columns(light, variance, kernels)
     rows, weight = picture.free()
     tries = {

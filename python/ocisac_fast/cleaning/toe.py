@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ocisac_fast.cleaning.chip_light import unexplained
-from ocisac_fast.cleaning.columns import Columns, FloatArray, Kernels, lit_channels
+from ocisac_fast.cleaning.columns import Columns, FloatArray, Kernels, lit_colours
 
 _LADDER = (1 / 32, 1 / 8)  # tried in turn; what is cleaned hardly differs in between
 _LESS_LEFT = 0.6  # of what chips leave unexplained without a toe: noise of the rows alone may leave 0.64
@@ -44,10 +44,10 @@ def with_toe(light: FloatArray, variance: FloatArray, toe: float, white: float) 
 
 
 def find_toe(light: FloatArray, variance: FloatArray, white: float, kernels: Kernels) -> float:
-    """Toe of one frame (rows, columns, channels) under chips: the one with which they explain most, or 0."""
+    """Toe of one frame (rows, columns, colours) under chips: the one with which they explain most, or 0."""
 
-    channels = lit_channels(light, variance)
-    light, variance = light[..., channels], variance[..., channels]
+    colours = lit_colours(light, variance)
+    light, variance = light[..., colours], variance[..., colours]
 
     def left(toe: float) -> float:
         lit, certain = with_toe(light, variance, toe, white)

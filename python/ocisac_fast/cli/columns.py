@@ -15,14 +15,14 @@ def frequency_waveform(picture: PictureOptions) -> str:
     return "square" if picture.waveform == "square" else "auto"
 
 
-def one_channel(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int | None]:
-    """Frames (frames, rows, columns) of the channel that shows a tone best, and its index; None: there is only one."""
-    from ocisac_fast.tones import pick_channel
+def one_colour(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int | None]:
+    """Frames (frames, rows, columns) of the colour that shows a tone best, and its index; None: there is only one."""
+    from ocisac_fast.tones import pick_colour
 
     if frames.ndim == 3:
         return frames, None
-    channel = int(pick_channel(list(np.moveaxis(frames, -1, 0)), camera, waveform=waveform))
-    return frames[..., channel], channel
+    colour = int(pick_colour(list(np.moveaxis(frames, -1, 0)), camera, waveform=waveform))
+    return frames[..., colour], colour
 
 
 def lit_columns(frames: Frame, camera: Camera, frequency: float) -> npt.NDArray[np.bool_]:

@@ -69,14 +69,14 @@ def _detected(
 
 
 def grey_of(frame: Frame) -> Frame:
-    """The mean of the channels, of red, green and blue with green twice, as whole stored values."""
+    """The mean of the colours, of red, green and blue with green twice, as whole stored values."""
     if frame.ndim == 2:
         return frame
     wide = np.uint32 if frame.dtype.kind == "u" else np.float64
     weights = (1, 2, 1) if frame.shape[2] == 3 else (1,) * frame.shape[2]
     total = np.zeros(frame.shape[:2], wide)
-    for channel, weight in enumerate(weights):
-        total += frame[..., channel] * wide(weight)
+    for colour, weight in enumerate(weights):
+        total += frame[..., colour] * wide(weight)
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_channel, some_columns
+from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
@@ -84,7 +84,7 @@ class _Measured:
     flags: list[str]
     frames: int
     columns: Frame  # (rows, columns) of the first frame, those used
-    channel: int | None
+    colour: int | None
 
     def facts(self, background_given: bool) -> dict[str, Any]:
         """The JSON object."""
@@ -103,7 +103,7 @@ class _Measured:
             "phase_rad": self.phase,
             "mean": self.mean,
             "background_given": background_given,
-            "channel": self.channel,
+            "colour": self.colour,
         }
 
 
@@ -114,12 +114,12 @@ class _Light:
     frequency: float
     frequency_std: float | None
     flags: list[str]
-    channel: int | None
+    colour: int | None
     used: npt.NDArray[np.bool_]  # (columns,)
 
     def columns(self, frames: Frame) -> Frame:
-        """The columns used of the channel used; a view where that is all of them."""
-        one = frames if self.channel is None else frames[..., self.channel]
+        """The columns used of the colour used; a view where that is all of them."""
+        one = frames if self.colour is None else frames[..., self.colour]
         return one if self.used.all() else one[..., self.used]
 
 
@@ -127,14 +127,14 @@ def _find_light(frames: Frame, camera: Camera, picture: PictureOptions, frequenc
     from ocisac_fast.tones import find_frequency
 
     waveform = frequency_waveform(picture)
-    columns, channel = one_channel(frames, camera, waveform)
+    columns, colour = one_colour(frames, camera, waveform)
     if frequency is None:
         found = find_frequency(columns, camera, waveform=waveform, select=picture.region is None)
         flags = flag_names(found.flags)
-        return _Light(found.frequency, found.frequency_std, flags, channel, some_columns(found.columns.used))
+        return _Light(found.frequency, found.frequency_std, flags, colour, some_columns(found.columns.used))
     everywhere = np.ones(columns.shape[-1], bool)
     used = lit_columns(columns, camera, frequency) if picture.region is None else everywhere
-    return _Light(frequency, None, [], channel, used)
+    return _Light(frequency, None, [], colour, used)
 
 
 def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> _Measured:
@@ -171,7 +171,7 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
         flags=light.flags + [name for name in flags if name not in light.flags],
         frames=len(values["gain"]),
         columns=light.columns(first)[0],
-        channel=light.channel,
+        colour=light.colour,
     )
 
 
@@ -191,9 +191,7 @@ def _unanswered(light: _Light, camera: Camera, frames: Frame) -> _Measured:
     """No tone was found: no gain, and the flags that say so."""
     columns = light.columns(frames)
     unknown = dict.fromkeys(("frequency", "frequency_std", "gain", "gain_std", "phase", "mean", "snr"), math.nan)
-    return _Measured(
-        camera, **unknown, flags=light.flags, frames=len(columns), columns=columns[0], channel=light.channel
-    )
+    return _Measured(camera, **unknown, flags=light.flags, frames=len(columns), columns=columns[0], colour=light.colour)
 
 
 _FRAME_VALUES = ("gain", "gain_std", "phase", "mean", "snr", "flags")

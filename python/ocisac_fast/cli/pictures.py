@@ -111,7 +111,7 @@ class OpenPictures:
 
     Attributes:
         camera: timing and response.
-        frames: iterator of (rows, columns) or (rows, columns, channels), rows in time order, views of what was read.
+        frames: iterator of (rows, columns) or (rows, columns, colours), rows in time order, views of what was read.
         frame_count: how many are announced.
     """
 
@@ -121,7 +121,7 @@ class OpenPictures:
     frame_rate: float | None
 
     def batches(self) -> Iterator[Frame]:
-        """The frames in arrays (frames, rows, columns[, channels]) of a bounded size."""
+        """The frames in arrays (frames, rows, columns[, colours]) of a bounded size."""
         batch: list[Frame] = []
         for frame in self.frames:
             if batch and (frame.shape != batch[0].shape or (len(batch) + 1) * frame.nbytes > _BATCH_BYTES):
@@ -193,7 +193,7 @@ def open_pictures(path: str, options: PictureOptions) -> _Reader:
 
 
 def arrange(frame: Frame, options: PictureOptions) -> Frame:
-    """The region and channel asked for as (rows, columns[, channels]), rows in time order: a view but for channel y."""
+    """The region and channel asked for as (rows, columns[, colours]), rows in time order: a view but for channel y."""
     view = _in_time_order(_cropped(frame, options.region), options.scan_axis)
     return _channel(view, options.channel)
 
@@ -216,15 +216,15 @@ def _in_time_order(frame: Frame, scan_axis: str) -> Frame:
 
 def _channel(frame: Frame, channel: str | int) -> Frame:
     """A picture of one channel has only itself: y, 0 and auto."""
-    channels = frame.shape[2] if frame.ndim == 3 else 1
+    colours = frame.shape[2] if frame.ndim == 3 else 1
     index = _RED_GREEN_BLUE.get(channel, 0) if isinstance(channel, str) else channel
-    if channel in ("r", "g", "b") and channels < 3:
+    if channel in ("r", "g", "b") and colours < 3:
         raise ValueError(f"--channel: got {channel}, the picture is grey")
-    if index >= channels:
-        raise ValueError(f"--channel: got {index}, the picture has {channels}")
+    if index >= colours:
+        raise ValueError(f"--channel: got {index}, the picture has {colours}")
     if frame.ndim == 2:
         return frame
-    if channels == 1:
+    if colours == 1:
         return frame[..., 0]
     if channel == "y":
         return np.asarray(frame[..., :3] @ np.array(_LUMA_WEIGHTS))

@@ -24,7 +24,7 @@ def open_array(path: Path) -> RecordingStream:
     """The frames of a .npy file, read as they are asked for.
 
     (rows,) is one column, (rows, columns) one frame, (frames, rows, columns) several and
-    (frames, rows, columns, channels) several in colour. Pickled objects are refused. The file is read, not mapped: a
+    (frames, rows, columns, colours) several in colour. Pickled objects are refused. The file is read, not mapped: a
     mapped file that another process cuts short ends this one (SIGBUS).
     """
     with contextlib.ExitStack() as opened:
@@ -66,7 +66,7 @@ def _read_header(stream: BinaryIO) -> _Header:
     if header.dtype.kind not in "buif":
         raise FileError(f"array of {header.dtype}, allowed: real numbers")
     if not 1 <= len(header.shape) <= 4 or min(header.shape) < 1:
-        raise FileError(f"array of shape {header.shape}, allowed: [frames,] rows, columns [, channels], none of them 0")
+        raise FileError(f"array of shape {header.shape}, allowed: [frames,] rows, columns [, colours], none of them 0")
     return header
 
 

@@ -59,15 +59,15 @@ def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
     if header is None:
         raise FileError("damaged PNM header")
     width, height, largest = (int(header[k]) for k in (2, 3, 4))
-    channels = 1 if header[1] == b"5" else 3
+    colours = 1 if header[1] == b"5" else 3
     dtype = np.dtype(np.uint8 if largest < 256 else ">u2")
-    count = width * height * channels
+    count = width * height * colours
     if count == 0 or not 1 <= largest <= 65535:
         raise FileError(f"PNM picture of {width} x {height}, largest value {largest}")
     if len(data) - header.end() < count * dtype.itemsize:
         raise FileError(f"truncated: PNM picture of {width} x {height} with {len(data) - header.end()} bytes of pixels")
     pixels = np.frombuffer(data, dtype, count, header.end())
-    shape = (1, height, width) if channels == 1 else (1, height, width, 3)
+    shape = (1, height, width) if colours == 1 else (1, height, width, 3)
     native = pixels.astype(dtype.newbyteorder("="), copy=False).reshape(shape)
     return native, LightResponse(white_level=float(largest), told_by="PNM header")
 
@@ -142,7 +142,7 @@ def _values(image: Image, kind: str | None) -> Frame:
 
 
 def _is_deep_colour(image: Image, data: bytes) -> bool:
-    """Whether the file holds several channels of 16 bits, of which Pillow keeps 8."""
+    """Whether the file holds several colours of 16 bits, of which Pillow keeps 8."""
     if image.format == "PNG":
         return data[24] == 16 and data[25] in (2, 4, 6)  # bit depth, colour type of IHDR
     if image.format == "TIFF":

@@ -28,7 +28,7 @@ def read_frames(
 
     Args:
         path: PNG, JPEG, TIFF (its pages are frames), PNM, BMP, WebP; any video that FFmpeg decodes; .npy with
-            (rows,), (rows, columns), (frames, rows, columns) or (frames, rows, columns, channels); ``"-"``: standard
+            (rows,), (rows, columns), (frames, rows, columns) or (frames, rows, columns, colours); ``"-"``: standard
             input. Pictures need Pillow (and PyAV for 16-bit colour), videos PyAV: ``ocisac-fast[files]``.
         colour: red, green and blue of a video instead of its luma plane.
         raw: frames without a header, ``"WIDTHxHEIGHT"`` (of bytes), ``"...:gray8"`` or ``"...:gray16le"``.

@@ -46,8 +46,8 @@ class Recording:
     """All frames of a file.
 
     Attributes:
-        frames: (frames, rows, columns) or (frames, rows, columns, channels), as stored: EXIF orientation is ignored,
-            alpha dropped, channels in the order red, green, blue.
+        frames: (frames, rows, columns) or (frames, rows, columns, colours), as stored: EXIF orientation is ignored,
+            alpha dropped, colours in the order red, green, blue.
         kind: ``"picture"``, ``"video"`` or ``"array"``.
         response: what the file says of range and tone curve.
         frame_rate: frames a second where the file says so.
@@ -90,7 +90,7 @@ class RecordingStream:
 
     @classmethod
     def of_array(cls, frames: Frame, kind: str, response: LightResponse) -> RecordingStream:
-        """Frames (frames, rows, columns[, channels]) that are in memory already."""
+        """Frames (frames, rows, columns[, colours]) that are in memory already."""
         return cls(iter(frames), kind, response, frame_count=len(frames))
 
     def map_frames(self, function: Callable[[Iterator[Frame]], Iterator[Frame]]) -> RecordingStream:

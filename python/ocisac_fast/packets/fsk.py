@@ -57,7 +57,7 @@ class FskSymbol:
 
     Attributes:
         symbol: index of the likeliest tone.
-        likelihoods: (tones,) ln p(rows | tone), the likeliest at 0.
+        log_likelihoods: (tones,) ln p(rows | tone), the likeliest at 0.
         llr: (bits,) ln P(1)/P(0) of the symbol's bits, nats, the most significant first.
         snr: symbol energy over noise density, a plain ratio.
         error_rate: of symbols, by theory at that ratio.
@@ -66,7 +66,7 @@ class FskSymbol:
     """
 
     symbol: int
-    likelihoods: FloatArray
+    log_likelihoods: FloatArray
     llr: FloatArray
     snr: float
     error_rate: float

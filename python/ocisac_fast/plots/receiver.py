@@ -22,7 +22,7 @@ def plot_received(path: str | os.PathLike[str], frame: npt.NDArray[Any], camera:
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        frame: (rows, columns) or (rows, columns, channels), stored values.
+        frame: (rows, columns) or (rows, columns, colours), stored values.
         camera: as for ``receive``.
         received: what ``receive`` made of the frame.
     """
@@ -42,7 +42,7 @@ def draw_chips(
     axes: Axes, frame: npt.NDArray[Any], camera: Camera, received: Received, first: float, last: float
 ) -> None:
     """Rows first to last of the combined column, the threshold, and a 0 or 1 over every chip."""
-    picture = frame[..., received.channel] if frame.ndim == 3 else frame
+    picture = frame[..., received.colour] if frame.ndim == 3 else frame
     light = linear_light(picture, camera)
     used = received.weights if received.weights.sum() > 0.0 else np.full(light.shape[1], 1.0 / light.shape[1])
     signal = light @ used

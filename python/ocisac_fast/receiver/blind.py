@@ -25,7 +25,7 @@ class Received:
     Attributes:
         frame: index of the frame.
         source: index of the source in the frame, the strongest first.
-        channel: index of the colour channel that was read; 0 for grey frames.
+        colour: index of the colour that was read; 0 for grey frames.
         bits: "0" and "1" in time order, 1 = bright; chips that the frame's edges cut are left out.
         rows_per_chip: length of a chip in rows.
         rows_per_chip_std: its standard error.
@@ -43,7 +43,7 @@ class Received:
 
     frame: int
     source: int
-    channel: int
+    colour: int
     bits: str
     rows_per_chip: float
     rows_per_chip_std: float
@@ -64,23 +64,23 @@ def receive(
     *,
     chip_rate: float | None = None,
     line_code: str = "none",
-    channel: int | None = None,
+    colour: int | None = None,
 ) -> list[Received]:
-    """Raw bits of a light in every frame, blind: no columns, channel, rate or phase need be given.
+    """Raw bits of a light in every frame, blind: no columns, colour, rate or phase need be given.
 
     Columns are combined with the weights that maximise the signal-to-noise ratio, saturated ones left out; the chip
     lattice is the one that describes the places of the signal's edges in the fewest words; each chip is compared with
     a threshold half way between the levels of its dark and bright neighbours. See docs/receiver.md.
 
     Args:
-        frames: (rows,), (rows, columns) or (frames, rows, columns), or (frames, rows, columns, channels) for colour;
+        frames: (rows,), (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour;
             rows in time order. Any strides, no copy for uint8, uint16, float32 and float64.
         camera: row time (1.0 where it is not known: rates are then per row) and where known the exposure, tone curve,
             dark and white level. Exposures longer than a chip are flagged (LONG_EXPOSURE).
         chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: found, from 2 to 64 rows a chip
             and at least 4 chips a frame.
         line_code: ``"none"``: the chips themselves.
-        channel: index of the colour channel to read. None: the one in which the light stands out most.
+        colour: index of the colour to read. None: the one in which the light stands out most.
 
     Returns:
         At least one :class:`Received` for each frame, in the order of the frames, the strongest source first. Several
@@ -92,30 +92,30 @@ def receive(
     if line_code != "none":
         raise ValueError(f"line_code: got {line_code!r}, allowed: 'none'")
     rate = None if chip_rate is None else float(chip_rate)
-    results = _core.receive(channels=_channels(frames, channel), camera=camera._handle, chip_rate=rate)
-    return [_received(values, camera, 0 if channel is None else channel) for values in results]
+    results = _core.receive(colours=_colours(frames, colour), camera=camera._handle, chip_rate=rate)
+    return [_received(values, camera, 0 if colour is None else colour) for values in results]
 
 
-def _channels(frames: npt.ArrayLike, channel: int | None) -> list[npt.NDArray[Any]]:
-    """The colour channels to look at, each as the core takes it."""
+def _colours(frames: npt.ArrayLike, colour: int | None) -> list[npt.NDArray[Any]]:
+    """The colours to look at, each as the core takes it."""
     array = np.asarray(frames)
     stack = [array[..., index] for index in range(array.shape[3])] if array.ndim == 4 else [array]
     if array.ndim == 4 and not stack:
-        raise ValueError(f"frames: got shape {array.shape}, allowed: at least one channel")
-    if channel is not None:
-        if not 0 <= channel < len(stack):
-            raise ValueError(f"channel: got {channel}, allowed: 0 to {len(stack) - 1}")
-        stack = [stack[channel]]
+        raise ValueError(f"frames: got shape {array.shape}, allowed: at least one colour")
+    if colour is not None:
+        if not 0 <= colour < len(stack):
+            raise ValueError(f"colour: got {colour}, allowed: 0 to {len(stack) - 1}")
+        stack = [stack[colour]]
     return [as_columns(values, "frames") for values in stack]
 
 
-def _received(values: tuple[Any, ...], camera: Camera, first_channel: int) -> Received:
-    frame, source, channel, bits, rows, rows_std, phase, snr, dark, bright, soft, weights, flags = values
+def _received(values: tuple[Any, ...], camera: Camera, first_colour: int) -> Received:
+    frame, source, colour, bits, rows, rows_std, phase, snr, dark, bright, soft, weights, flags = values
     rate = 1 / (rows * camera.row_time)
     return Received(
         frame=frame,
         source=source,
-        channel=channel + first_channel,
+        colour=colour + first_colour,
         bits=bits,
         rows_per_chip=rows,
         rows_per_chip_std=rows_std,

@@ -12,7 +12,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.packets.fsk import FskSymbol, fsk_tones
 from ocisac_fast.packets.transmission import Payload, Stretch, _count
-from ocisac_fast.receiver.stream import _frame_channels, _frame_number
+from ocisac_fast.receiver.stream import _frame_colours, _frame_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class FskFrame:
         frame: its number.
         outcome: "received"; or "no_signal", "not_finite", "repeated", "other_shape", as of ``ReceivedFrame``.
         missing: frames between the last one and this, by their numbers.
-        channel: index of the colour channel that was read.
+        colour: index of the colour that was read.
         symbol: what was seen; None where nothing was looked at.
         stretch: what the packet took of it; None where nothing was received.
         flags: :class:`ocisac_fast.Flag`.
@@ -32,7 +32,7 @@ class FskFrame:
     frame: int
     outcome: str
     missing: int
-    channel: int
+    colour: int
     symbol: FskSymbol | None
     stretch: Stretch | None
     flags: Flag
@@ -53,13 +53,13 @@ class FskReceiver:
         tones: as the sender's, like ``block_bytes`` and ``preamble``.
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
-        channel: index of the colour channel to read. None: the one in which the light stands out most.
+        colour: index of the colour to read. None: the one in which the light stands out most.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
 
-    __slots__ = ("_channel", "_handle")
+    __slots__ = ("_colour", "_handle")
 
     def __init__(
         self,
@@ -68,21 +68,21 @@ class FskReceiver:
         *,
         block_bytes: int = 4,
         preamble: str = "standard",
-        channel: int | None = None,
+        colour: int | None = None,
     ) -> None:
-        self._channel = channel
+        self._colour = colour
         size = _count("block_bytes", block_bytes, 1)
         self._handle = _core.FskReceiver(camera._handle, list(fsk_tones(tones)), size, preamble)
 
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> FskFrame:
         """The next frame; arguments and errors as of :meth:`ocisac_fast.Receiver.push`."""
-        values = self._handle.push(_frame_channels(frame, self._channel), _frame_number(number))
-        index, outcome, missing, channel, symbol, stretch, flags = values
+        values = self._handle.push(_frame_colours(frame, self._colour), _frame_number(number))
+        index, outcome, missing, colour, symbol, stretch, flags = values
         return FskFrame(
             frame=index,
             outcome=outcome,
             missing=missing,
-            channel=channel if self._channel is None else self._channel,
+            colour=colour if self._colour is None else self._colour,
             symbol=None if symbol is None else FskSymbol(*symbol),
             stretch=None if stretch is None else Stretch._of(stretch),
             flags=Flag(flags),

@@ -13,7 +13,7 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.packets.transmission import Payload, Stretch, _count, _line_code
-from ocisac_fast.receiver.blind import _channels
+from ocisac_fast.receiver.blind import _colours
 
 FloatArray = npt.NDArray[np.float64]
 Region = tuple[int, int, int, int]
@@ -30,7 +30,7 @@ class ReceivedFrame:
             left out; "unsearched": the clock is lost and frames just before were searched in vain (searches take
             long), at most seven in a row are left out.
         missing: frames between the last one and this, by their numbers.
-        channel: index of the colour channel that was read.
+        colour: index of the colour that was read.
         bits: "0" and "1" in time order, 1 = bright; chips that the frame's edges cut are left out.
         phase: row at which the first of them begins, half an exposure after the light's own edge.
         rows_per_chip: length of a chip in rows.
@@ -48,7 +48,7 @@ class ReceivedFrame:
     frame: int
     outcome: str
     missing: int
-    channel: int
+    colour: int
     bits: str
     phase: float
     rows_per_chip: float
@@ -82,7 +82,7 @@ class Receiver:
         line_code: as the sender's, like ``block_bytes`` and ``preamble``; see :func:`ocisac_fast.transmit`.
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
-        channel: index of the colour channel to read. None: the one in which the light stands out most.
+        colour: index of the colour to read. None: the one in which the light stands out most.
         search_passes: times that the search for the light in one frame may go through its rows, which bounds its time
             (the default's: about half a second for 1080 rows). Most that find it take far less. None: no bound.
 
@@ -90,7 +90,7 @@ class Receiver:
         ValueError: an argument outside its range; the message names it.
     """
 
-    __slots__ = ("_camera", "_channel", "_handle")
+    __slots__ = ("_camera", "_colour", "_handle")
 
     def __init__(
         self,
@@ -100,11 +100,11 @@ class Receiver:
         line_code: str | Sequence[str] = "manchester",
         block_bytes: int = 16,
         preamble: str = "standard",
-        channel: int | None = None,
+        colour: int | None = None,
         search_passes: float | None = 5000.0,
     ) -> None:
         self._camera = camera
-        self._channel = channel
+        self._colour = colour
         self._handle = _core.Receiver(
             camera=camera._handle,
             chip_rate=None if chip_rate is None else float(chip_rate),
@@ -118,15 +118,15 @@ class Receiver:
         """The next frame.
 
         Args:
-            frame: (rows,), (rows, columns) or (rows, columns, channels), rows in time order; any strides, no copy for
+            frame: (rows,), (rows, columns) or (rows, columns, colours), rows in time order; any strides, no copy for
                 uint8, uint16, float32 and float64.
             number: of the frame, counting those that are missing; ascending. None: one after the last.
 
         Raises:
             ValueError: a wrong shape or type; a number that is no whole one.
         """
-        channels, index = _frame_channels(frame, self._channel), _frame_number(number)
-        return _received_frame(self._handle.push(channels, index), self._camera.row_time, self._channel)
+        colours, index = _frame_colours(frame, self._colour), _frame_number(number)
+        return _received_frame(self._handle.push(colours, index), self._camera.row_time, self._colour)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class MultiReceiver:
     time: lights may come and go.
 
     Args:
-        camera, chip_rate, line_code, block_bytes, preamble, channel, search_passes: as of :class:`Receiver`; all lights
+        camera, chip_rate, line_code, block_bytes, preamble, colour, search_passes: as of :class:`Receiver`; all lights
             use the same.
         regions: boxes (x, y, width, height) of the lights, columns and rows in time order; empty: found.
         max_sources: lights that are found, at most.
@@ -161,7 +161,7 @@ class MultiReceiver:
         ValueError: an argument outside its range; the message names it.
     """
 
-    __slots__ = ("_camera", "_channel", "_handle")
+    __slots__ = ("_camera", "_colour", "_handle")
 
     def __init__(
         self,
@@ -171,13 +171,13 @@ class MultiReceiver:
         line_code: str | Sequence[str] = "manchester",
         block_bytes: int = 16,
         preamble: str = "standard",
-        channel: int | None = None,
+        colour: int | None = None,
         search_passes: float | None = 5000.0,
         regions: Sequence[Region] = (),
         max_sources: int = 8,
     ) -> None:
         self._camera = camera
-        self._channel = channel
+        self._colour = colour
         self._handle = _core.MultiReceiver(
             camera=camera._handle,
             chip_rate=None if chip_rate is None else float(chip_rate),
@@ -193,16 +193,16 @@ class MultiReceiver:
         """The next frame: what each light gave, the strongest first; at least one result.
 
         Args:
-            frame: (rows, columns) or (rows, columns, channels), as of :meth:`Receiver.push`.
+            frame: (rows, columns) or (rows, columns, colours), as of :meth:`Receiver.push`.
             number: of the frame, counting those that are missing; ascending. None: one after the last.
 
         Raises:
             ValueError: a wrong shape or type; a number that is no whole one; a region outside the first frame.
         """
-        values = self._handle.push(_frame_channels(frame, self._channel), _frame_number(number))
+        values = self._handle.push(_frame_colours(frame, self._colour), _frame_number(number))
         row_time = self._camera.row_time
         return [
-            SourceFrame(source, region, _received_frame(received, row_time, self._channel))
+            SourceFrame(source, region, _received_frame(received, row_time, self._colour))
             for source, region, received in values
         ]
 
@@ -220,25 +220,25 @@ def _frame_number(number: int | None) -> int | None:
     return None if number is None else int(number)
 
 
-def _frame_channels(frame: npt.ArrayLike, channel: int | None) -> list[npt.NDArray[Any]]:
+def _frame_colours(frame: npt.ArrayLike, colour: int | None) -> list[npt.NDArray[Any]]:
     array = np.asarray(frame)
     if array.ndim == 3:
         array = array[np.newaxis]
     elif array.ndim not in (1, 2):
         raise ValueError(
-            f"frame: got shape {array.shape}, allowed: (rows,), (rows, columns) or (rows, columns, channels)"
+            f"frame: got shape {array.shape}, allowed: (rows,), (rows, columns) or (rows, columns, colours)"
         )
-    return _channels(array, channel)
+    return _colours(array, colour)
 
 
-def _received_frame(values: tuple[Any, ...], row_time: float, channel_asked: int | None) -> ReceivedFrame:
-    index, outcome, missing, channel, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
+def _received_frame(values: tuple[Any, ...], row_time: float, colour_asked: int | None) -> ReceivedFrame:
+    index, outcome, missing, colour, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
     snr, error_rate, llr, stretch, flags = rest
     return ReceivedFrame(
         frame=index,
         outcome=outcome,
         missing=missing,
-        channel=channel if channel_asked is None else channel_asked,
+        colour=colour if colour_asked is None else colour_asked,
         bits=bits,
         phase=phase,
         rows_per_chip=rows,

@@ -44,13 +44,13 @@ from ocisac_fast.reference.exposure_choice import best_exposure, exposure_object
 from ocisac_fast.reference.exposure_controller import ExposureController, best_noisy_exposure
 from ocisac_fast.reference.exposure_flicker import exposure_modulation, flicker_free_exposure
 from ocisac_fast.reference.exposure_response import exposure_response
-from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_channel, tone_columns
+from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_colour, tone_columns
 from ocisac_fast.reference.fsk import fsk_demodulate, fsk_symbol_error_rate
 from ocisac_fast.reference.gain import tone_gain
 from ocisac_fast.reference.receiver import receive
 from ocisac_fast.reference.scene import exact_scene, render_scene
 from ocisac_fast.reference.sensing import background_light, restore_contrast, sense_region
-from ocisac_fast.reference.sequence_detection import chip_likelihoods, closest_pair_distance
+from ocisac_fast.reference.sequence_detection import chip_llr, closest_pair_distance
 from ocisac_fast.reference.sources import detect_sources
 from ocisac_fast.reference.transmission import decode_line_code, encode_line_code, longest_payload, transmit
 from ocisac_fast.reference.varying_tone import varying_tone_gain
@@ -124,7 +124,7 @@ __all__ = [
     "best_exposure",
     "best_noisy_exposure",
     "calibrate",
-    "chip_likelihoods",
+    "chip_llr",
     "clock_bounds",
     "closest_pair_distance",
     "decode_line_code",
@@ -152,7 +152,7 @@ __all__ = [
     "longest_payload",
     "lost_frequencies",
     "merge_receptions",
-    "pick_channel",
+    "pick_colour",
     "pool_estimates",
     "possible_goodput",
     "receive",

@@ -20,11 +20,11 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def expose_chips(
-    chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure: float, first: int = 0
+    chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure_rows: float, first: int = 0
 ) -> FloatArray:
     """Sum of chips times the overlap of each with the row's exposure; the chips at the ends go on for ever."""
     levels = np.asarray(chips, dtype=float)
-    length = max(exposure, 1e-3)
+    length = max(exposure_rows, 1e-3)
     edges = phase + (first + np.arange(len(levels) + 1)) * rows_per_chip
     edges[0], edges[-1] = -np.inf, np.inf
     begin = np.arange(rows)[:, None] - length / 2
@@ -34,9 +34,9 @@ def expose_chips(
 
 def rows_of(chips: int, rows: int, clock: FloatArray, first: int) -> tuple[int, int]:
     """First row that sees known chips only, and the one after the last."""
-    rows_per_chip, phase, exposure = clock
-    begin = phase + first * rows_per_chip + exposure / 2
-    end = phase + (first + chips) * rows_per_chip - exposure / 2
+    rows_per_chip, phase, exposure_rows = clock
+    begin = phase + first * rows_per_chip + exposure_rows / 2
+    end = phase + (first + chips) * rows_per_chip - exposure_rows / 2
     low = int(np.clip(np.ceil(begin), 0, rows))
     return low, int(np.clip(np.floor(end) + 1, low, rows))
 
@@ -54,13 +54,15 @@ def derivatives(chips: FloatArray, rows: int, clock: FloatArray, first: int) -> 
     """
     middle = first + len(chips) // 2
 
-    def exposed(phase: float, rows_per_chip: float, exposure: float) -> FloatArray:
+    def exposed(phase: float, rows_per_chip: float, exposure_rows: float) -> FloatArray:
         start = phase - middle * rows_per_chip
-        return expose_chips(chips, rows, rows_per_chip=rows_per_chip, phase=start, exposure=exposure, first=first)
+        return expose_chips(
+            chips, rows, rows_per_chip=rows_per_chip, phase=start, exposure_rows=exposure_rows, first=first
+        )
 
-    period, phase, exposure = clock
+    period, phase, exposure_rows = clock
     steps = 1e-6, 1e-6 / len(chips), 1e-6
-    at = phase + middle * period, period, exposure
+    at = phase + middle * period, period, exposure_rows
     columns = []
     for k, step in enumerate(steps):
         offset = np.eye(3)[k] * step
@@ -88,7 +90,7 @@ def fit_channel(
     *,
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     first: int = 0,
     exposure_known: bool = False,
     dark_degree: int = 1,
@@ -98,12 +100,12 @@ def fit_channel(
     values, levels = np.asarray(signal, dtype=float), np.asarray(chips, dtype=float)
     rows, middle = len(values), first + len(levels) // 2
     dark, swing = legendre(rows, dark_degree), legendre(rows, swing_degree)
-    clock = np.array([rows_per_chip, phase, max(exposure, 1e-3)])
+    clock = np.array([rows_per_chip, phase, max(exposure_rows, 1e-3)])
     used: tuple[int, int] | None = None
 
     def linear(clock: FloatArray, kept: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
         period, start, length = clock
-        s = expose_chips(levels, rows, rows_per_chip=period, phase=start, exposure=length, first=first)
+        s = expose_chips(levels, rows, rows_per_chip=period, phase=start, exposure_rows=length, first=first)
         design = np.hstack([dark, swing * s[:, None]])[kept]
         solution = np.linalg.lstsq(design, values[kept], rcond=None)[0]
         return design, solution, values[kept] - design @ solution
@@ -169,7 +171,7 @@ def clock_bounds(
     *,
     rows_per_chip: float,
     phase: float,
-    exposure: float,
+    exposure_rows: float,
     noise: float,
     first: int = 0,
     exposure_known: bool = False,
@@ -179,9 +181,9 @@ def clock_bounds(
     """Inverse of the Fisher information JT J / noise^2, J the derivatives of the rows by all unknowns."""
     levels, height = np.asarray(chips, dtype=float), np.asarray(swing, dtype=float)
     rows = len(height)
-    clock = np.array([rows_per_chip, phase, max(exposure, 1e-3)])
+    clock = np.array([rows_per_chip, phase, max(exposure_rows, 1e-3)])
     kept = slice(*rows_of(len(levels), rows, clock, first))
-    s = expose_chips(levels, rows, rows_per_chip=rows_per_chip, phase=phase, exposure=exposure, first=first)
+    s = expose_chips(levels, rows, rows_per_chip=rows_per_chip, phase=phase, exposure_rows=exposure_rows, first=first)
     by_clock = height[:, None] * derivatives(levels, rows, clock, first)
     jacobian = np.hstack([by_clock, legendre(rows, dark_degree), legendre(rows, swing_degree) * s[:, None]])[kept]
     if len(jacobian) < jacobian.shape[1] - exposure_known:
@@ -196,8 +198,8 @@ def find_preamble(
     *,
     rows_per_chip: float,
     tolerance: float = 0.02,
-    exposure: float | None = None,
-    longest_exposure: float = 14.0,
+    exposure_rows: float | None = None,
+    max_exposure_chips: float = 14.0,
     max_matches: int = 1,
 ) -> list[PreambleMatch]:
     """The channel fitted from every chip of the frame and a grid of exposures; the surest matches that do not overlap.
@@ -206,9 +208,9 @@ def find_preamble(
     """
     values, known = np.asarray(signal, dtype=float), np.asarray(preamble, dtype=float)
     rows, found = len(values), []
-    lengths = [exposure] if exposure is not None else rows_per_chip * np.arange(0.5, longest_exposure + 0.5)
+    lengths = [exposure_rows] if exposure_rows is not None else rows_per_chip * np.arange(0.5, max_exposure_chips + 0.5)
     for length in lengths:
-        if exposure is None and len(known) - length / rows_per_chip < 6:
+        if exposure_rows is None and len(known) - length / rows_per_chip < 6:
             continue
         for start in np.arange(-length / 2, rows - len(known) * rows_per_chip + length / 2, 0.5 * rows_per_chip):
             channel = fit_channel(
@@ -216,8 +218,8 @@ def find_preamble(
                 known,
                 rows_per_chip=rows_per_chip,
                 phase=start,
-                exposure=length,
-                exposure_known=exposure is not None,
+                exposure_rows=length,
+                exposure_known=exposure_rows is not None,
             )
             if channel is None or channel.swing[0] <= 0 or abs(channel.rows_per_chip / rows_per_chip - 1) > 0.1:
                 continue
@@ -272,9 +274,9 @@ def refine_channel(
         begin, end = max(begin - growth, 0), min(end + growth, rows)
         at = np.clip(np.arange(begin, end), *channel.rows)  # levels are held beyond the rows that told them
         dark, bright = channel.levels(rows)[:, np.minimum(at, rows - 1)]
-        clock = channel.rows_per_chip, channel.phase - begin, channel.exposure
-        first = int(np.floor((-channel.exposure / 2 - clock[1]) / clock[0]))
-        stop = int(np.floor((end - begin - 1 + channel.exposure / 2 - clock[1]) / clock[0])) + 1
+        clock = channel.rows_per_chip, channel.phase - begin, channel.exposure_rows
+        first = int(np.floor((-channel.exposure_rows / 2 - clock[1]) / clock[0]))
+        stop = int(np.floor((end - begin - 1 + channel.exposure_rows / 2 - clock[1]) / clock[0])) + 1
         normal = (values[begin:end] - dark) / (bright - dark)
         chips = np.asarray(
             (detect or detect_sequence)(normal, *clock, channel.noise / np.mean(bright - dark), first, stop - first)
@@ -290,7 +292,7 @@ def refine_channel(
                 chips[1:-1],
                 rows_per_chip=channel.rows_per_chip,
                 phase=channel.phase,
-                exposure=channel.exposure,
+                exposure_rows=channel.exposure_rows,
                 first=first + 1,
                 exposure_known=exposure_known,
                 dark_degree=max(degree, 1),
@@ -316,15 +318,17 @@ def find_channel(
     *,
     rows_per_chip: float,
     tolerance: float = 0.02,
-    exposure: float | None = None,
-    longest_exposure: float = 7.0,
+    exposure_rows: float | None = None,
+    max_exposure_chips: float = 7.0,
     exposure_known: bool = False,
     highest_degree: int = 4,
 ) -> RefinedChannel | None:
     """Every start of a grid of exposures, rates and phases on the first part of the frame refined; the best stays."""
     values = np.asarray(signal, dtype=float)
     best: RefinedChannel | None = None
-    lengths = [exposure] if exposure is not None else list(rows_per_chip * np.arange(0.5, longest_exposure, 0.5))
+    lengths = (
+        [exposure_rows] if exposure_rows is not None else list(rows_per_chip * np.arange(0.5, max_exposure_chips, 0.5))
+    )
     for length in lengths:
         chips = 36 + length / rows_per_chip
         part = values[: int(chips * rows_per_chip)]
@@ -376,7 +380,7 @@ class ClockTracker:
             weights.append(np.linalg.inv(channel.errors.covariance[:2, :2]))
             x, covariance = self.least_squares(design, right, weights)
             origin, period, step = x
-        lengths = np.array([channel.exposure for _, channel in self.seen])
+        lengths = np.array([channel.exposure_rows for _, channel in self.seen])
         weight = np.array([channel.errors.covariance[2, 2] for _, channel in self.seen]) ** -1.0
         whole = np.zeros((4, 4))
         whole[:3, :3], whole[3, 3] = covariance, 1 / weight.sum()
@@ -404,10 +408,10 @@ class ClockTracker:
         """The clock of all updates, in a frame."""
         if not self.seen:
             return None
-        (phase, period, frame_rows, exposure), covariance = self.solve()
+        (phase, period, frame_rows, exposure_rows), covariance = self.solve()
         frames = frame - self.seen[0][0]
         chip = int(np.rint((frames * frame_rows - phase) / period))
         move = np.array([[1, chip, -frames, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
         there = move @ covariance @ move.T
         begin = phase + chip * period - frames * frame_rows
-        return TrackedClock(period, begin, exposure, chip, there, float(np.sqrt(there[0, 0])) / period)
+        return TrackedClock(period, begin, exposure_rows, chip, there, float(np.sqrt(there[0, 0])) / period)

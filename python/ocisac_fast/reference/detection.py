@@ -36,8 +36,8 @@ def detect_chips(
     signals = (light - dark[:, None]) / (bright - dark)[:, None]
     middle = float(np.polynomial.legendre.legval(0.0, channel.swing))
     noise = max(channel.noise / middle, 1e-4)
-    channel = replace(channel, exposure=max(channel.exposure, 1e-3))
-    half = channel.exposure / 2
+    channel = replace(channel, exposure_rows=max(channel.exposure_rows, 1e-3))
+    half = channel.exposure_rows / 2
     first, last = (int(np.floor((row - channel.phase) / channel.rows_per_chip)) for row in (-half, rows - 1 + half))
     chips = np.arange(first, last + 1)
     llr = np.empty((frames.shape[0], chips.size, frames.shape[2]))
@@ -50,9 +50,9 @@ def detect_chips(
 def _detect(
     rows: FloatArray, channel: ChannelEstimate, noise: float, chips: npt.NDArray[Any], method: str
 ) -> FloatArray:
-    box = _shares(np.arange(rows.size), chips, channel.rows_per_chip, channel.phase, channel.exposure)
+    box = _shares(np.arange(rows.size), chips, channel.rows_per_chip, channel.phase, channel.exposure_rows)
     if method in ("mlse", "reduced"):
-        clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure")}
+        clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure_rows")}
         return 2 * detect_sequence(rows, **clock, noise=noise, first=int(chips[0]), count=chips.size) - 1
     if method in ("slicer", "inverse"):
         return _by_threshold(rows, channel, noise, chips, box, method)
@@ -76,14 +76,14 @@ def _by_threshold(
 ) -> FloatArray:
     period, middles = channel.rows_per_chip, channel.phase + (chips + 0.5) * channel.rows_per_chip
     if method == "slicer":
-        weights = _windows(middles, max(0.4 * (period - channel.exposure), 0.5), rows.size)
+        weights = _windows(middles, max(0.4 * (period - channel.exposure_rows), 0.5), rows.size)
         gains = weights @ box
         own = np.diag(gains)
         variance = (np.sum(gains**2, axis=1) - own**2) / 4 + noise**2 * np.sum(weights**2, axis=1)
         seen = weights.sum(axis=1) > 0
         return np.where(seen, (weights @ rows - 0.5) * own / np.where(variance > 0, variance, 1), 0.0)
-    light = _equalized(rows, channel.exposure)
-    weights = _windows(middles - channel.exposure / 2, max(0.4 * period, 0.5), rows.size)
+    light = _equalized(rows, channel.exposure_rows)
+    weights = _windows(middles - channel.exposure_rows / 2, max(0.4 * period, 0.5), rows.size)
     own_gain, others, variance = _inverse_response(channel, noise)
     seen = weights.sum(axis=1) > 0
     return np.where(seen, (weights @ light - 0.5) * own_gain / (variance + np.sum(others**2) / 4), 0.0)
@@ -91,26 +91,28 @@ def _by_threshold(
 
 def _inverse_response(channel: ChannelEstimate, noise: float) -> tuple[float, FloatArray, float]:
     """Gain of a chip, of those around it, variance of the noise: one chip, and one row, in the middle of many rows."""
-    period, exposure = channel.rows_per_chip, channel.exposure
-    length = 24 * exposure + 32 * period + 128
+    period, exposure_rows = channel.rows_per_chip, channel.exposure_rows
+    length = 24 * exposure_rows + 32 * period + 128
     count = int(length)
     phase = channel.phase + np.floor(0.5 * length - channel.phase - 0.5 * period)
-    chip = _equalized(_shares(np.arange(count), np.zeros(1), period, phase, exposure)[:, 0], exposure)
-    row = _equalized((np.arange(count) == count // 2).astype(float), exposure)
+    chip = _equalized(_shares(np.arange(count), np.zeros(1), period, phase, exposure_rows)[:, 0], exposure_rows)
+    row = _equalized((np.arange(count) == count // 2).astype(float), exposure_rows)
     away = np.arange(-np.floor(0.4 * length / period), np.floor(0.4 * length / period) + 1)
-    gains = _windows(phase + (away + 0.5) * period - exposure / 2, max(0.4 * period, 0.5), count) @ chip
-    window = _windows(np.array([phase + 0.5 * period - exposure / 2]), max(0.4 * period, 0.5), count)[0]
+    gains = _windows(phase + (away + 0.5) * period - exposure_rows / 2, max(0.4 * period, 0.5), count) @ chip
+    window = _windows(np.array([phase + 0.5 * period - exposure_rows / 2]), max(0.4 * period, 0.5), count)[0]
     kernel = np.convolve(row, window[window > 0][::-1], mode="valid")
     return float(gains[away == 0][0]), gains[away != 0], float(noise**2 * np.sum(kernel**2))
 
 
-def _equalized(rows: FloatArray, exposure: float) -> FloatArray:
-    return equalize(rows, Camera(row_time=1.0, exposure=exposure), "inverse")
+def _equalized(rows: FloatArray, exposure_rows: float) -> FloatArray:
+    return equalize(rows, Camera(row_time=1.0, exposure=exposure_rows), "inverse")
 
 
-def _shares(rows: npt.ArrayLike, chips: npt.NDArray[Any], period: float, phase: float, exposure: float) -> FloatArray:
+def _shares(
+    rows: npt.ArrayLike, chips: npt.NDArray[Any], period: float, phase: float, exposure_rows: float
+) -> FloatArray:
     """(rows, chips); they sum to 1 where the chips cover the row's exposure."""
-    length = max(exposure, 1e-3)
+    length = max(exposure_rows, 1e-3)
     begin, low = phase + chips * period, np.asarray(rows)[:, None] - length / 2
     overlap = np.minimum(low + length, begin + period) - np.maximum(low, begin)
     return np.asarray(np.maximum(overlap, 0) / length)
@@ -125,38 +127,40 @@ def _windows(middles: FloatArray, reach: float, rows: int) -> FloatArray:
     return np.asarray(overlap / np.where(total > 0, total, 1))
 
 
-def detector_error_rates(rows_per_chip: float, exposure: float, noise: float) -> DetectorErrorRates:
+def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: float) -> DetectorErrorRates:
     """Mean over four places of the chips to the rows, for one chip in the middle of a long frame.
 
     Weights of the rows times H are the gains g of the chips; the share of wrong chips is the probability that
     g_0/2 + sum of +-g_j/2 + noise is below 0, by its characteristic function (Gil-Pelaez 1951).
     """
-    exposure, rates = max(exposure, 1e-3), np.zeros(5)
-    chips = np.arange(8 * int(np.ceil(exposure / rows_per_chip)) + 25)
+    exposure_rows, rates = max(exposure_rows, 1e-3), np.zeros(5)
+    chips = np.arange(8 * int(np.ceil(exposure_rows / rows_per_chip)) + 25)
     middle = chips.size // 2
     for place in range(4):
-        phase = -exposure / 2 - rows_per_chip * (place + 0.5) / 4
-        count = int((chips.size - 1) * rows_per_chip - exposure - 1)
-        box = _shares(np.arange(count), chips, rows_per_chip, phase, exposure)
+        phase = -exposure_rows / 2 - rows_per_chip * (place + 0.5) / 4
+        count = int((chips.size - 1) * rows_per_chip - exposure_rows - 1)
+        box = _shares(np.arange(count), chips, rows_per_chip, phase, exposure_rows)
         normal = box.T @ box / noise**2 + 4 * np.eye(chips.size)
         window = _windows(
             np.array([phase + (middle + 0.5) * rows_per_chip]),
-            max(0.4 * (rows_per_chip - exposure), 0.5),
+            max(0.4 * (rows_per_chip - exposure_rows), 0.5),
             count,
         )[0]
         rates[0] += _error_rate(np.roll(window @ box, -middle), noise**2 * np.sum(window**2)) / 4
-        rates[1] += _inverse_error_rate(rows_per_chip, exposure, phase, noise) / 4
+        rates[1] += _inverse_error_rate(rows_per_chip, exposure_rows, phase, noise) / 4
         for number, start in ((2, 0), (3, middle)):
             column = np.linalg.inv(normal[start:, start:])[middle - start]
             gains = np.roll((np.arange(column.size) == middle - start) - 4 * column, -(middle - start))
             rates[number] += _error_rate(gains, column[middle - start] - 4 * np.sum(column**2)) / 4
-        rates[4] += _union_bound(normal - 4 * np.eye(chips.size), middle, int(np.ceil(exposure / rows_per_chip))) / 4
+        rates[4] += (
+            _union_bound(normal - 4 * np.eye(chips.size), middle, int(np.ceil(exposure_rows / rows_per_chip))) / 4
+        )
     return DetectorErrorRates(*rates)
 
 
-def _inverse_error_rate(rows_per_chip: float, exposure: float, phase: float, noise: float) -> float:
+def _inverse_error_rate(rows_per_chip: float, exposure_rows: float, phase: float, noise: float) -> float:
     errors = ClockErrors(0, np.zeros((3, 3)))
-    clock = (rows_per_chip, phase, exposure, errors)
+    clock = (rows_per_chip, phase, exposure_rows, errors)
     own, others, variance = _inverse_response(
         ChannelEstimate(*clock, np.zeros(1), np.ones(1), noise, (0, 1), True), noise
     )

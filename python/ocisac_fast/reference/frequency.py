@@ -357,16 +357,16 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
     return _tone_columns(_fit(blocks.reshape(-1, rows).T, model, alias), blocks, block_of, saturated, True)[1]
 
 
-def pick_channel(
-    channels: Sequence[npt.ArrayLike],
+def pick_colour(
+    colours: Sequence[npt.ArrayLike],
     camera: Camera,
     *,
     bounds: tuple[float, float] | None = None,
     waveform: str = "auto",
 ) -> int:
-    """The channel whose frequency has the smallest standard error; see :func:`ocisac_fast.pick_channel`."""
-    if not channels:
-        raise ValueError("channels: got 0 channels, allowed: at least one")
-    found = [find_frequency(c, camera, bounds=bounds, waveform=waveform) for c in channels]
+    """The colour whose frequency has the smallest standard error; see :func:`ocisac_fast.pick_colour`."""
+    if not colours:
+        raise ValueError("colours: got 0 colours, allowed: at least one")
+    found = [find_frequency(c, camera, bounds=bounds, waveform=waveform) for c in colours]
     stds = [np.inf if f.flags & Flag.NO_TONE else f.frequency_std for f in found]
     return int(np.argmin(stds))

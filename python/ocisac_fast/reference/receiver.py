@@ -424,7 +424,7 @@ def receive(
     *,
     chip_rate: float | None = None,
     line_code: str = "none",
-    channel: int | None = None,
+    colour: int | None = None,
 ) -> list[Received]:
     """Raw bits of a light in every frame: columns combined, chips timed blind, sliced at a threshold that follows them.
 
@@ -440,9 +440,9 @@ def receive(
         bounds = max(1 / 64, 4 / stack.shape[1]), 0.5
     else:
         bounds = 0.97 * chip_rate * camera.row_time, min(1.03 * chip_rate * camera.row_time, 0.5)
-    channels = list(range(stack.shape[3])) if channel is None else [channel]
+    colours = list(range(stack.shape[3])) if colour is None else [colour]
     sure = 12 if chip_rate is None else 4  # with fewer edges the rate cannot be sure
-    results = [receive_frame(frame, number, channels, camera, bounds, sure) for number, frame in enumerate(stack)]
+    results = [receive_frame(frame, number, colours, camera, bounds, sure) for number, frame in enumerate(stack)]
     return [received for sources in results for received in sources]
 
 
@@ -482,20 +482,20 @@ def light_groups(light: FloatArray, usable: BoolArray) -> list[tuple[BoolArray, 
 
 
 def receive_frame(
-    frame: npt.NDArray[Any], number: int, channels: list[int], camera: Camera, bounds: tuple[float, float], sure: int
+    frame: npt.NDArray[Any], number: int, colours: list[int], camera: Camera, bounds: tuple[float, float], sure: int
 ) -> list[Received]:
-    """All lights of one frame (rows, columns, channels), each from columns of its own where there are several."""
+    """All lights of one frame (rows, columns, colours), each from columns of its own where there are several."""
     everything = np.ones(frame.shape[1], dtype=bool)
-    whole, signal = receive_source(frame, number, channels, camera, bounds, sure, everything)
-    clipped = (frame[..., whole.channel] >= 0.98 * saturation_level(frame, camera)).mean(axis=0)
+    whole, signal = receive_source(frame, number, colours, camera, bounds, sure, everything)
+    clipped = (frame[..., whole.colour] >= 0.98 * saturation_level(frame, camera)).mean(axis=0)
     usable = usable_columns(clipped, everything, use_saturated=False)
     sources: list[Received] = []
-    for columns, swings in light_groups(linear_light(frame[..., whole.channel], camera), usable):
+    for columns, swings in light_groups(linear_light(frame[..., whole.colour], camera), usable):
         seen = False
         if signal is not None and not whole.flags & ~Flag.SATURATED:
             own = signal - moving_mean(signal, len(signal) // 16 + 1)
             seen = bool(own @ swings >= 0.9 * np.linalg.norm(own) * np.linalg.norm(swings))
-        source, decoded = receive_source(frame, number, channels, camera, bounds, sure, columns)
+        source, decoded = receive_source(frame, number, colours, camera, bounds, sure, columns)
         if decoded is not None and not source.flags & ~Flag.SATURATED:
             sources.insert(0 if seen else len(sources), source)
         elif seen:
@@ -506,24 +506,24 @@ def receive_frame(
 def receive_source(
     frame: npt.NDArray[Any],
     number: int,
-    channels: list[int],
+    colours: list[int],
     camera: Camera,
     bounds: tuple[float, float],
     sure: int,
     columns: BoolArray,
 ) -> tuple[Received, FloatArray | None]:
-    """The light that stands out most in the columns, from the best channel that can be decoded; and its signal."""
+    """The light that stands out most in the columns, from the best colour that can be decoded; and its signal."""
     exposure = None if camera.exposure is None else camera.exposure / camera.row_time
     failed = []
     for use_saturated in (False, True):
         tries = []
-        for channel in channels:
-            clipped = (frame[..., channel] >= 0.98 * saturation_level(frame, camera)).mean(axis=0)
+        for colour in colours:
+            clipped = (frame[..., colour] >= 0.98 * saturation_level(frame, camera)).mean(axis=0)
             usable = usable_columns(clipped, columns, use_saturated)
-            signal, weights, noise, quality = combine(linear_light(frame[..., channel], camera), usable)
+            signal, weights, noise, quality = combine(linear_light(frame[..., colour], camera), usable)
             saturated = bool(np.any((weights > 0) & (clipped > CLIPPED_SHARE)))
-            tries.append((quality, channel, signal, weights, noise, saturated))
-        for _, channel, signal, weights, noise, saturated in sorted(tries, key=lambda a: -a[0]):
+            tries.append((quality, colour, signal, weights, noise, saturated))
+        for _, colour, signal, weights, noise, saturated in sorted(tries, key=lambda a: -a[0]):
             if use_saturated and not saturated:
                 continue
             flags = Flag.SATURATED if saturated else Flag(0)
@@ -534,9 +534,9 @@ def receive_source(
             if slower is not None:
                 decoded = decode(signal, slower, exposure) or decoded
             if decoded is not None and signal_to_noise(decoded[2].soft) >= 2:
-                return result(number, channel, decoded, weights, flags, camera, exposure), signal
+                return result(number, colour, decoded, weights, flags, camera, exposure), signal
             flags |= Flag(0) if 0 < edges < sure else Flag.NO_SIGNAL
-            failed.append(received(number, channel, weights=weights, flags=flags))
+            failed.append(received(number, colour, weights=weights, flags=flags))
     return failed[0], None
 
 
@@ -547,7 +547,7 @@ def signal_to_noise(soft: FloatArray) -> float:
 
 def result(
     number: int,
-    channel: int,
+    colour: int,
     decoded: tuple[Lattice, int, Sliced],
     weights: FloatArray,
     flags: Flag,
@@ -563,7 +563,7 @@ def result(
         flags |= Flag.LONG_EXPOSURE
     return received(
         number,
-        channel,
+        colour,
         bits="".join("1" if bit else "0" for bit in bits),
         rows_per_chip=period,
         rows_per_chip_std=error,
@@ -578,10 +578,10 @@ def result(
     )
 
 
-def received(frame: int, channel: int, *, weights: FloatArray, **found: Any) -> Received:
+def received(frame: int, colour: int, *, weights: FloatArray, **found: Any) -> Received:
     """The public result object; what was not found is empty or NaN."""
     numbers = ("rows_per_chip", "rows_per_chip_std", "chip_rate", "chip_rate_std", "phase", "snr")
     nothing: dict[str, Any] = {"bits": "", "levels": np.zeros((2, 0)), "soft": np.zeros(0)}
     nothing |= dict.fromkeys(numbers, np.nan)
     used = np.flatnonzero(weights)
-    return Received(frame=frame, source=0, channel=channel, weights=weights, columns=used, **(nothing | found))
+    return Received(frame=frame, source=0, colour=colour, weights=weights, columns=used, **(nothing | found))

@@ -9,7 +9,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def detect_sequence(
-    rows: FloatArray, rows_per_chip: float, phase: float, exposure: float, noise: float, first: int, count: int
+    rows: FloatArray, rows_per_chip: float, phase: float, exposure_rows: float, noise: float, first: int, count: int
 ) -> FloatArray:
     """The chips first ... first + count - 1 whose exposed light is nearest to the rows (least squares, Viterbi).
 
@@ -17,11 +17,11 @@ def detect_sequence(
     ``phase``. A state is the chips before the newest that its rows still see: 2^ceil(exposure / rows_per_chip) of
     them. White noise: its size does not matter.
     """
-    length = max(exposure, 1e-3) / rows_per_chip
+    length = max(exposure_rows, 1e-3) / rows_per_chip
     memory = max(int(np.ceil(length)), 1)
     history = np.arange(2 << memory)  # bit j: chip - j
     bits = (history[:, None] >> np.arange(memory + 1)) & 1
-    ends = (np.arange(len(rows)) + exposure / 2 - phase) / rows_per_chip - first
+    ends = (np.arange(len(rows)) + exposure_rows / 2 - phase) / rows_per_chip - first
     newest = np.floor(ends).astype(int)
     cost = np.zeros(1 << memory)
     origin = np.zeros((count, 1 << memory), dtype=np.int64)
@@ -43,8 +43,15 @@ def detect_sequence(
     return chips
 
 
-def chip_likelihoods(
-    rows: npt.ArrayLike, *, rows_per_chip: float, phase: float, exposure: float, noise: float, first: int, count: int
+def chip_llr(
+    rows: npt.ArrayLike,
+    *,
+    rows_per_chip: float,
+    phase: float,
+    exposure_rows: float,
+    noise: float,
+    first: int,
+    count: int,
 ) -> FloatArray:
     """By trying: the least squares of all sequences with a chip bright, and with it dark. For at most 16 chips."""
     if count > 16:
@@ -53,8 +60,8 @@ def chip_likelihoods(
         return np.zeros(0)
     values = np.asarray(rows, dtype=float)
     sequences = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
-    length = max(exposure, 1e-3) / rows_per_chip
-    ends = (np.arange(len(values)) + exposure / 2 - phase) / rows_per_chip - first
+    length = max(exposure_rows, 1e-3) / rows_per_chip
+    ends = (np.arange(len(values)) + exposure_rows / 2 - phase) / rows_per_chip - first
     chip = np.arange(count)
     overlap = np.minimum(ends[:, None], chip + 1) - np.maximum(ends[:, None] - length, chip)
     expected = sequences @ np.maximum(overlap, 0).T / length
@@ -63,9 +70,9 @@ def chip_likelihoods(
     return np.asarray(least[0] - least[1])
 
 
-def closest_pair_distance(rows_per_chip: float, exposure: float) -> float:
+def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     """Square root of the least sum, over 16 places of the chips to the rows, of the squared differences of the rows."""
-    length = exposure / rows_per_chip
+    length = exposure_rows / rows_per_chip
 
     def area(ends: FloatArray) -> FloatArray:
         return np.asarray(np.clip(ends, 0, 1) - np.clip(ends - 1, 0, 1))

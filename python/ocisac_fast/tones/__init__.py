@@ -11,7 +11,7 @@ from ocisac_fast.tones.frequency import (
     ToneColumns as ToneColumns,
     calibrate as calibrate,
     find_frequency as find_frequency,
-    pick_channel as pick_channel,
+    pick_colour as pick_colour,
     tone_columns as tone_columns,
 )
 from ocisac_fast.tones.gain import ToneGain as ToneGain, tone_gain as tone_gain

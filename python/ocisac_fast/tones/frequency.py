@@ -185,8 +185,8 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
     return ToneColumns(*_core.tone_columns(as_columns(columns), camera._handle, frequency))
 
 
-def pick_channel(
-    channels: Sequence[npt.ArrayLike],
+def pick_colour(
+    colours: Sequence[npt.ArrayLike],
     camera: Camera,
     *,
     bounds: tuple[float, float] | None = None,
@@ -195,17 +195,17 @@ def pick_channel(
     """Of several pictures of one scene, such as the colours of one picture, the index of the best for a frequency.
 
     Args:
-        channels: one or more arrays as for :func:`find_frequency`. For a picture of shape (rows, columns, colours):
+        colours: one or more arrays as for :func:`find_frequency`. For a picture of shape (rows, columns, colours):
             ``np.moveaxis(picture, -1, 0)``.
         camera: as for :func:`find_frequency`.
         bounds: as for :func:`find_frequency`.
         waveform: as for :func:`find_frequency`.
 
     Returns:
-        The index of the channel whose frequency has the smallest standard error; 0 where none shows a tone.
+        The index of the colour whose frequency has the smallest standard error; 0 where none shows a tone.
 
     Raises:
-        ValueError: no channels, or as for :func:`find_frequency`.
+        ValueError: no colours, or as for :func:`find_frequency`.
     """
-    arrays = [as_columns(channel, "channels") for channel in channels]
-    return _core.pick_channel(arrays, camera._handle, bounds, waveform)
+    arrays = [as_columns(colour, "colours") for colour in colours]
+    return _core.pick_colour(arrays, camera._handle, bounds, waveform)

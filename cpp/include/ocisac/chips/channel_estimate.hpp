@@ -24,8 +24,8 @@ struct KnownChips {
 //   s_n = (1/exposure)·∫ chips        0 ≤ s_n ≤ 1
 struct ChipClock {
   double rows_per_chip;
-  double phase;     // rows, of chip 0, in the middle of the exposure: half an exposure after the light's own edge
-  double exposure;  // rows; below kShortestExposure rows taken as that
+  double phase;          // rows, of chip 0, in the middle of the exposure: half an exposure after the light's own edge
+  double exposure_rows;  // rows; below kShortestExposure rows taken as that
 };
 
 inline constexpr double kShortestExposure = 1e-3;
@@ -62,7 +62,7 @@ struct ClockErrors {
 
   [[nodiscard]] double phase_std(std::ptrdiff_t at) const;  // of the beginning of chip `at`
   [[nodiscard]] double rows_per_chip_std() const;
-  [[nodiscard]] double exposure_std() const;
+  [[nodiscard]] double exposure_rows_std() const;
 };
 
 struct ChannelEstimate {

@@ -53,10 +53,6 @@ class ClockTracker {
   double exposure_ = 0, exposure_variance_ = 0;
 };
 
-// What to begin a frame of `rows` rows with: the clock predicted (chips numbered from clock.chip on), levels and noise
-// of an earlier frame. refine_channel takes it from there, in one go where the clock is sure.
-ChannelEstimate predicted_channel(const ChannelEstimate& earlier, const TrackedClock& clock, std::size_t rows);
-
 inline constexpr double kLostErrors = 6;
 inline constexpr double kCountLost = 0.2;
 

@@ -31,7 +31,7 @@ DetectorMethod detector_method(std::string_view name);  // throws std::invalid_a
 struct DetectedChips {
   // (chips) ln p(rows | bright) − ln p(rows | dark); 0 for a chip that no row tells. Of slicer, inverse, wiener and
   // dfe with the other chips taken as Gaussian noise.
-  std::vector<double> log_likelihood_ratios;
+  std::vector<double> llr;
   DetectorMethod method;  // that was used
 };
 
@@ -58,8 +58,8 @@ class ChipRows {
 
 // Chips of columns that share a channel.
 struct ColumnChips {
-  std::vector<double> log_likelihood_ratios;  // frames × chips × columns
-  std::ptrdiff_t first = 0;                   // number of the first chip that a row sees
+  std::vector<double> llr;   // frames × chips × columns
+  std::ptrdiff_t first = 0;  // number of the first chip that a row sees
   std::size_t count = 0;
   DetectorMethod method{};
 };

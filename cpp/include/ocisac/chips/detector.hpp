@@ -36,10 +36,10 @@ class Detector {
  public:
   virtual ~Detector() = default;
 
-  // `exposure`: rows, absent where unknown. `guess`: bits to start from, one a chip of the grid. Absent where the
+  // `exposure_rows`: rows, absent where unknown. `guess`: bits to start from, one a chip of the grid. Absent where the
   // signal does not hold both kinds of chips.
   [[nodiscard]] virtual std::optional<Detection> detect(std::span<const double> signal, const ChipGrid& grid,
-                                                        std::optional<double> exposure,
+                                                        std::optional<double> exposure_rows,
                                                         std::span<const std::uint8_t> guess) const = 0;
 };
 

@@ -22,8 +22,8 @@ struct DetectorErrorRates {
   double slicer, inverse, wiener, dfe, mlse;
 };
 
-// `exposure` in rows, `noise` of a row over the swing. Throws std::invalid_argument as detect_chips.
-DetectorErrorRates detector_error_rates(double rows_per_chip, double exposure, double noise);
+// `exposure_rows` in rows, `noise` of a row over the swing. Throws std::invalid_argument as detect_chips.
+DetectorErrorRates detector_error_rates(double rows_per_chip, double exposure_rows, double noise);
 
 // The same from the equations of a frame.
 double wiener_error_rate(const ChipEquations& equations);

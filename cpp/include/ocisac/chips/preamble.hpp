@@ -11,11 +11,11 @@
 namespace ocisac {
 
 struct PreambleSearch {
-  double rows_per_chip;            // nominal
-  double tolerance = 0.02;         // the true one lies within this share of it
-  std::optional<double> exposure;  // rows; absent: estimated
-  double longest_exposure = 14;    // chips, where it is estimated
-  std::size_t max_matches = 1;     // matches to give
+  double rows_per_chip;                 // nominal
+  double tolerance = 0.02;              // the true one lies within this share of it
+  std::optional<double> exposure_rows;  // rows; absent: estimated
+  double max_exposure_chips = 14;       // chips, where it is estimated
+  std::size_t max_matches = 1;          // matches to give
 };
 
 struct PreambleMatch {

@@ -46,10 +46,10 @@ std::optional<RefinedChannel> refine_channel(std::span<const double> signal, con
                                              const DetectChips& detect, const RefineOptions& options = {});
 
 struct ChannelSearch {
-  double rows_per_chip;            // nominal
-  double tolerance = 0.02;         // the true one lies within this share of it
-  std::optional<double> exposure;  // rows; absent: estimated
-  double longest_exposure = 7;     // chips, where it is estimated
+  double rows_per_chip;                 // nominal
+  double tolerance = 0.02;              // the true one lies within this share of it
+  std::optional<double> exposure_rows;  // rows; absent: estimated
+  double max_exposure_chips = 7;        // chips, where it is estimated
 };
 
 // The channel without a preamble: several phases, rates and exposures as starts on a short part of the frame; the one

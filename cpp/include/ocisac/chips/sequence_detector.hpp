@@ -21,7 +21,7 @@ inline constexpr double kLongestDetectedExposure = 15;
 struct SequenceDetection {
   // (chips) ln p(rows | bright) − ln p(rows | dark), by the likeliest sequences of either kind. Above 0: bright. A chip
   // that no row sees has 0.
-  std::vector<double> log_likelihood_ratios;
+  std::vector<double> llr;
 };
 
 // Throws std::invalid_argument for an exposure beyond kLongestDetectedExposure chips, and for values that are not
@@ -31,6 +31,6 @@ SequenceDetection detect_sequence(const ChipQuestion& question);
 // Swings between what the rows read for two sequences that differ by 01 against 10 somewhere: the closest pair there is
 // for exposures from about two chips on. The least over where the chips may lie to the rows. Noise σ of a row then
 // makes about Q(distance/(2σ)) errors a chip.
-double closest_pair_distance(double rows_per_chip, double exposure);
+double closest_pair_distance(double rows_per_chip, double exposure_rows);
 
 }  // namespace ocisac

@@ -15,13 +15,13 @@ inline constexpr std::size_t kMaxTones = 256;
 
 // Which of the tones a frame shows.
 struct FskSymbol {
-  std::size_t symbol = 0;           // index of the likeliest tone
-  std::vector<double> likelihoods;  // (tones) ln p(rows | tone), the likeliest at 0
-  std::vector<double> llr;          // (bits) ln P(1)/P(0), nats, of the symbol's bits, the most significant first
-  double snr = 0;                   // symbol energy over noise density, E_s/N_0
-  double error_rate = 0;            // of symbols: noncoherent orthogonal tones at that ratio
-  double amplitude = 0;             // of the tone in the rows, in their unit
-  double noise = 0;                 // standard deviation of a row
+  std::size_t symbol = 0;               // index of the likeliest tone
+  std::vector<double> log_likelihoods;  // (tones) ln p(rows | tone), the likeliest at 0
+  std::vector<double> llr;              // (bits) ln P(1)/P(0), nats, of the symbol's bits, the most significant first
+  double snr = 0;                       // symbol energy over noise density, E_s/N_0
+  double error_rate = 0;                // of symbols: noncoherent orthogonal tones at that ratio
+  double amplitude = 0;                 // of the tone in the rows, in their unit
+  double noise = 0;                     // standard deviation of a row
 };
 
 // Throws std::invalid_argument for tones that are not 2, 4, … 256 different ones above 0 and below half the row rate.

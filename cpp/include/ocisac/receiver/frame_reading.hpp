@@ -26,11 +26,11 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
                                        bool exposure_known, SearchEffort* effort = nullptr);
 
 struct FrameSearch {
-  double rows_per_chip;              // nominal
-  double tolerance = 0.02;           // the true one lies within this share of it
-  std::optional<double> exposure;    // rows; absent: estimated
-  std::span<const double> preamble;  // chips that may be in the frame
-  SearchEffort* effort = nullptr;    // nullptr: no limit
+  double rows_per_chip;                 // nominal
+  double tolerance = 0.02;              // the true one lies within this share of it
+  std::optional<double> exposure_rows;  // rows; absent: estimated
+  std::span<const double> preamble;     // chips that may be in the frame
+  SearchEffort* effort = nullptr;       // nullptr: no limit
 };
 
 // From a preamble, else from the rate alone. Absent where nothing is found that can be relied on.
