@@ -27,7 +27,7 @@ from ocisac_fast.receiver.stream import Receiver
 
 ROW_TIME, FRAME_TIME, ROWS, CHIP_RATE = 22.2e-6, 1 / 30, 1080, 8e3
 EXPOSURE = 622e-6
-MOST_FRAMES, PIXEL_SPEED, COLUMN_SPEED = 130, 120.0, 1000.0
+MAX_FRAMES, PIXEL_SPEED, COLUMN_SPEED = 130, 120.0, 1000.0
 BATCH = 10  # frames timed as one
 
 
@@ -66,7 +66,7 @@ def run(payload: bytes, seed: int, drift: float, rate_error: float, exposure_giv
     known = camera if exposure_given else Camera(ROW_TIME, None, frame_time=FRAME_TIME)
     receiver = Receiver(known, chip_rate=CHIP_RATE * (1.0 + rate_error))
     times, frames = [], None
-    for index in range(2 * MOST_FRAMES):
+    for index in range(2 * MAX_FRAMES):
         rows = light.frame(index)
         begin = time.process_time()
         result = receiver.push(rows)
@@ -150,7 +150,7 @@ def main() -> int:
         print_links(results)
         for name, (value, count) in speeds.items():
             print(f"from {name}: {value:.0f} frame/s ({count} payloads)")
-    good = all(r.frames is not None and r.frames <= MOST_FRAMES for r in results)
+    good = all(r.frames is not None and r.frames <= MAX_FRAMES for r in results)
     for name, aim in (("pixels", PIXEL_SPEED), ("columns", COLUMN_SPEED)):
         good = good and (name not in speeds or (speeds[name][0] >= aim and speeds[name][1] > 0))
     return 0 if good or not options.check else 1

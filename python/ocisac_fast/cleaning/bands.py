@@ -20,7 +20,7 @@ from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
 
-_LEAST_LIGHT = 0.05  # as in the core
+_MIN_LIGHT = 0.05  # as in the core
 _NEAR_WHITE = 0.98
 
 

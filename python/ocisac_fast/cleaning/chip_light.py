@@ -12,7 +12,7 @@ from ocisac_fast.core.flags import Flag
 
 _ENOUGH = 0.92  # share of the rows' swing, tops levelled, that chips explain before they are taken for the light
 _TOP_REACH, _LONGEST_RUN = 3, 48  # rows: within which a top is the largest; beyond which tops are not compared
-_LEAST_TOP = 0.3  # of the largest row within the longest run
+_MIN_TOP = 0.3  # of the largest row within the longest run
 _KNOT_ROWS = 0.8  # from one knot of the response to the next, at most; and a quarter of a chip at most
 _OWN_SWING = 0.015  # deviation of a row from what the chips say: sharpening and the like follow no response
 
@@ -65,7 +65,7 @@ def unexplained(rows: FloatArray, weight: FloatArray) -> float:
 def levelled(rows: FloatArray) -> FloatArray:
     """Divided by the line through the tops of bright runs, all of which a light that is on or off reaches."""
     low = np.minimum(rows, 1.5 * np.quantile(rows, 0.95))
-    tops = np.flatnonzero((low >= _largest(low, _TOP_REACH)) & (low > _LEAST_TOP * _largest(low, _LONGEST_RUN)))
+    tops = np.flatnonzero((low >= _largest(low, _TOP_REACH)) & (low > _MIN_TOP * _largest(low, _LONGEST_RUN)))
     if len(tops) == 0:
         return rows
     return np.asarray(low / np.exp(np.interp(np.arange(len(rows)), tops, np.log(low[tops]))))

@@ -12,10 +12,10 @@ from ocisac_fast import _core
 
 FloatArray = npt.NDArray[np.float64]
 
-_MOST_COLUMNS = 192
+_MAX_COLUMNS = 192
 _SLOWEST_ROWS = 128  # a light that changes slower than this cannot be told from the picture
 _TEXTURE = 0.05  # relative difference of neighbours below which nothing is told
-_LEAST_LEFT = 0.02  # of a light, where it is divided by
+_MIN_LEFT = 0.02  # of a light, where it is divided by
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Columns:
     def misfit(self, rows: FloatArray, lag: int) -> float:
         """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart, divided by a light of mean 1: lower is
         likelier. Edges of the picture are few and count little."""
-        left = np.maximum(1 + self._share_of_columns(rows) * (rows[:, None] - 1), _LEAST_LEFT)
+        left = np.maximum(1 + self._share_of_columns(rows) * (rows[:, None] - 1), _MIN_LEFT)
         light, variance = self.light / left, self.variance / left**2
         difference, mean = light[lag:] - light[:-lag], 0.5 * (light[lag:] + light[:-lag])
         spread = difference**2 + variance[lag:] + variance[:-lag]
@@ -122,7 +122,7 @@ def slow_terms(rows: int) -> FloatArray:
 
 def _bundled(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Neighbouring columns added: the light of a row is the same in all."""
-    width = -(-light.shape[1] // _MOST_COLUMNS)
+    width = -(-light.shape[1] // _MAX_COLUMNS)
     if width == 1:
         return np.ascontiguousarray(light), np.ascontiguousarray(variance)
     starts = np.arange(0, light.shape[1], width)

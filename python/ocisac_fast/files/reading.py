@@ -18,11 +18,11 @@ from ocisac_fast.files.videos import Prefixed, open_video
 
 STANDARD_INPUT = "-"
 _HEAD = 16
-_MOST_BYTES = 4 << 30
+_MAX_BYTES = 4 << 30
 
 
 def read_frames(
-    path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, max_bytes: int = _MOST_BYTES
+    path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, max_bytes: int = _MAX_BYTES
 ) -> Recording:
     """Read all frames of a picture, a video or a .npy array.
 

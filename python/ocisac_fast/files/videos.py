@@ -27,7 +27,7 @@ _INTERLACED = (
     "field a frame of twice the row time; -vf setfield=prog: where the mark is wrong)"
 )
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
-_MOST_PIXELS = 1 << 28
+_MAX_PIXELS = 1 << 28
 
 
 def open_video(source: Path | BinaryIO, name: str, colour: bool = False) -> RecordingStream:
@@ -99,7 +99,7 @@ def _stream(av: Any, container: Any, file: Any, name: str, colour: bool) -> Reco
         close()
         raise FileError(_UNKNOWN)
     pixels = context.width * context.height
-    if not 0 < pixels <= _MOST_PIXELS:
+    if not 0 < pixels <= _MAX_PIXELS:
         close()
         raise FileError(f"absurd size: frames of {context.width} x {context.height}" if pixels else _UNKNOWN)
     stream.thread_type = "AUTO"

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 
-_MOST_VALUES = 2**28
+_MAX_VALUES = 2**28
 
 
 def _as_levels(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
@@ -275,10 +275,8 @@ def _as_numbers(numbers: int | npt.ArrayLike, name: str) -> npt.NDArray[np.int64
     if array.dtype.kind not in "ui":
         raise ValueError(f"{name}: got {numbers!r}, allowed: a whole number or an array of whole numbers")
     if array.ndim == 0:
-        if not 1 <= array <= _MOST_VALUES:
-            raise ValueError(
-                f"{name}: got {numbers!r}, allowed: from 1 to {_MOST_VALUES}, or an array of whole numbers"
-            )
+        if not 1 <= array <= _MAX_VALUES:
+            raise ValueError(f"{name}: got {numbers!r}, allowed: from 1 to {_MAX_VALUES}, or an array of whole numbers")
         return np.arange(int(array), dtype=np.int64)
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: one dimension and at least one number")
@@ -333,8 +331,8 @@ def integrate_exposure(
     frame_numbers = np.zeros(1, np.int64) if frames is None else _as_numbers(frames, "frames")
     if frames is not None and camera.frame_time is None:
         raise ValueError("frame_time: got None, allowed: the frame time of the camera in seconds, needed for frames")
-    if row_numbers.size * frame_numbers.size > _MOST_VALUES:
-        raise ValueError(f"frames: got {frame_numbers.size} of {row_numbers.size} rows, allowed: {_MOST_VALUES} values")
+    if row_numbers.size * frame_numbers.size > _MAX_VALUES:
+        raise ValueError(f"frames: got {frame_numbers.size} of {row_numbers.size} rows, allowed: {_MAX_VALUES} values")
     shape = (frame_numbers.size, row_numbers.size)
     result = _as_out(out, shape if frames is not None else shape[1:])
     target = result if frames is not None else result[np.newaxis]

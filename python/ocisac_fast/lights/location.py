@@ -15,8 +15,8 @@ Float64s = npt.NDArray[np.float64]
 
 _COLLINEAR = 1e-3  # second over first singular value of the lights' places
 _LIKELIHOOD = 9.2  # difference of the sums of squares up to which another place is believed: 1 % for two degrees
-_MOST_TRIPLES = 20
-_MOST_STARTS = 12  # of the best fit, that are refined
+_MAX_TRIPLES = 20
+_MAX_STARTS = 12  # of the best fit, that are refined
 _WORST_STD = 0.3  # of the distance to the lights; beyond it nothing is located
 
 
@@ -145,7 +145,7 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
     cv2 = _opencv()
     starts: list[tuple[Any, Any]] = []
     triples = list(itertools.combinations(range(len(world)), 3))
-    for triple in triples[:: max(1, len(triples) // _MOST_TRIPLES)]:
+    for triple in triples[:: max(1, len(triples) // _MAX_TRIPLES)]:
         chosen = list(triple)
         found = cv2.solveP3P(world[chosen], image[chosen], lens.matrix, lens.distortion, cv2.SOLVEPNP_AP3P)
         starts += list(zip(found[1], found[2], strict=True))
@@ -158,7 +158,7 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
     usable = [start for start in starts if np.all(np.isfinite(np.concatenate(start)))]
     usable.sort(key=lambda start: _squares(world, image, lens, *start))
     poses: list[_Pose] = []
-    for start in usable[:_MOST_STARTS]:
+    for start in usable[:_MAX_STARTS]:
         pose = _refined(world, image, lens, noise, *start)
         if pose is not None and not any(_same(pose, other, world) for other in poses):
             poses.append(pose)

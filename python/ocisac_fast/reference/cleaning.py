@@ -21,7 +21,7 @@ from ocisac_fast.reference.share_smoothing import smoothing_step
 
 FloatArray = npt.NDArray[np.float64]
 
-LEAST_LIGHT = 0.05
+MIN_LIGHT = 0.05
 ROW_TEXTURES = (0.5, 0.3, 0.2, 0.1, 0.05)
 PLAN = [(0.5, 48)] * 3 + [(0.3, 32)] * 2 + [(0.2, 32)] + [(0.1, 24)] * 2
 PLAN += [(0.05, 16)] * 2 + [(0.05, 12)] + [(0.05, 8)] * 2
@@ -82,7 +82,7 @@ class _Picture:
         pull, weight, certain, sums = (np.zeros(q.shape) for _ in range(4))
         before: tuple[FloatArray, ...] | None = None
         for v, var, p in zip(self.light, self.variance, self.change[..., None], strict=True):
-            left = np.maximum(1 + q * p, LEAST_LIGHT)
+            left = np.maximum(1 + q * p, MIN_LIGHT)
             now = (v / left, p / left, var / left**2)
             upper, lower = tuple(part[: -self.lag] for part in now), tuple(part[self.lag :] for part in now)
             for into, values in zip((pull, weight), _compare(upper, lower, texture), strict=True):
@@ -185,7 +185,7 @@ def _gain(
     """Log likelihood of pairs of rows with the other shares less that with these, half of it at each pixel."""
 
     def misfit(q: FloatArray) -> FloatArray:
-        left = np.maximum(1 + q * change, LEAST_LIGHT)
+        left = np.maximum(1 + q * change, MIN_LIGHT)
         c, var = light / left, variance / left**2
         mean, difference, noise = (c[:-lag] + c[lag:]) / 2, c[lag:] - c[:-lag], var[:-lag] + var[lag:]
         return np.where(mean > 0, 0.05**2 + (difference**2 + noise) / np.where(mean > 0, mean, 1.0) ** 2, np.inf)
@@ -215,7 +215,7 @@ def refine_row_light(
     rows = light.shape[1]
     result, information = row_light.copy(), np.zeros(rows)
     for step in range(steps):
-        left = np.maximum(1 + share * (result - 1)[:, None], LEAST_LIGHT)
+        left = np.maximum(1 + share * (result - 1)[:, None], MIN_LIGHT)
         c, var = light[0] / left, variance[0] / left**2
         slope = share / left
         matrix, right = np.zeros((rows, rows)), np.zeros(rows)

@@ -13,9 +13,9 @@ Array = npt.NDArray[Any]
 Box = tuple[int, int, int, int]  # column, row, width, height
 
 ROUNDS, COHERENCE, POWER, LIKENESS, SWING, HYSTERESIS = 2, 0.6, 0.02, 0.5, 0.15, 0.5
-LEAST_EDGES, MOST_TIMED, EDGE_EVIDENCE, FREQUENCY_REACH = 6, 64, 0.5, 0.25
+MIN_EDGES, MAX_TIMED, EDGE_EVIDENCE, FREQUENCY_REACH = 6, 64, 0.5, 0.25
 FASTEST_CHIP, SLOWEST_CHIP, LARGEST_CLOCK = 2.2, 0.7, 0.4  # chips in a short interval; a row
-MOST_GROUPS, MOST_COLUMNS = 64, 32
+MAX_GROUPS, MAX_COLUMNS = 64, 32
 
 
 class DataLight(NamedTuple):
@@ -57,7 +57,7 @@ def find_data_light(light: Array, floor: float, suspect: Box, frequency: float) 
     waveform = np.where(squares > 0, (weights * fast).sum(axis=1) / np.sqrt(np.where(squares > 0, squares, 1)), 0)
     energy, common = float((fast**2).sum()), float(waveform @ waveform)
     edges = _edges(waveform)
-    if len(edges) < LEAST_EDGES or energy <= 0:
+    if len(edges) < MIN_EDGES or energy <= 0:
         return None
     share = min(common / energy, 1.0)
     mixed = np.sort(np.abs(np.diff(np.diff(logs, axis=0), axis=1)), axis=None)
@@ -83,7 +83,7 @@ def _local_means(x: Array, length: int) -> Array:
 
 
 def _group(all_columns: int, width: int) -> int:
-    return min(max(-(-all_columns // MOST_GROUPS), min(max(width // 16, 1), 8)), all_columns)
+    return min(max(-(-all_columns // MAX_GROUPS), min(max(width // 16, 1), 8)), all_columns)
 
 
 def _groups(light: Array, group: int) -> Array:
@@ -92,7 +92,7 @@ def _groups(light: Array, group: int) -> Array:
 
 
 def _mean_light(light: Array, left: int, right: int, top: int, bottom: int) -> Array:
-    return np.asarray(light[top:bottom, left : right : -(-(right - left) // MOST_COLUMNS)].mean(axis=1))
+    return np.asarray(light[top:bottom, left : right : -(-(right - left) // MAX_COLUMNS)].mean(axis=1))
 
 
 def _halves(light: Array, floor: float, box: Box, top: int, bottom: int, length: int) -> Array:
@@ -151,7 +151,7 @@ def _edges(waveform: Array) -> list[int]:
 
 def _clock_evidence(edges: list[int]) -> float:
     """Rayleigh's statistic of the best clock of the edges, less the ln of the number of clocks tried."""
-    at = np.array(edges[:MOST_TIMED], float)
+    at = np.array(edges[:MAX_TIMED], float)
     interval = max(float(np.sort(np.diff(at))[1]), 2.0)
     slowest, fastest = SLOWEST_CHIP / interval, min(FASTEST_CHIP / interval, LARGEST_CLOCK)
     span = at[-1] - at[0]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 Pair = tuple[FloatArray, FloatArray]  # along the columns, along the rows
 
-VARIATION, LEAST_SLOPE, BLOCK, REACH = 40.0, 1e-3, 8, 40.0
+VARIATION, MIN_SLOPE, BLOCK, REACH = 40.0, 1e-3, 8, 40.0
 ITERATIONS = (4, 12, 20, 40)
 
 
@@ -26,7 +26,7 @@ def smoothing_step(
         square = (slopes[axis] - _without_last(trend[axis], axis)) ** 2 / 2
         steep += _before(square, axis) + _after(square, axis)
     coupling = tuple(
-        VARIATION / np.sqrt(LEAST_SLOPE**2 + (_without_last(steep, axis) + _without_first(steep, axis)) / 2)
+        VARIATION / np.sqrt(MIN_SLOPE**2 + (_without_last(steep, axis) + _without_first(steep, axis)) / 2)
         for axis in (0, 1)
     )
     down, across = (_trend(slopes[axis], coupling[axis], share.shape, axis) for axis in (0, 1))

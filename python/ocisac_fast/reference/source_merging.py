@@ -12,11 +12,11 @@ import numpy.typing as npt
 Array = npt.NDArray[Any]
 Box = tuple[int, int, int, int]  # column, row, width, height
 
-MOST_COLUMNS = 32
-LEAST_BESIDE, LEAST_ABOVE = 0.8, 0.9  # correlation of swings
-LEAST_BETWEEN, LEAST_ROWS_BETWEEN = 0.4, 0.7  # swing between parts, of the fainter part's
+MAX_COLUMNS = 32
+MIN_BESIDE, MIN_ABOVE = 0.8, 0.9  # correlation of swings
+MIN_BETWEEN, MIN_ROWS_BETWEEN = 0.4, 0.7  # swing between parts, of the fainter part's
 TOUCHING = 8  # columns apart
-LEAST_ALIKE, LEAST_STRIP, MOST_STRIPS = 0.5, 8, 24  # of lamps that touch
+MIN_ALIKE, MIN_STRIP, MAX_STRIPS = 0.5, 8, 24  # of lamps that touch
 
 
 Part = tuple[Box, float]  # with its cycles per row
@@ -41,18 +41,18 @@ def runs_beside(light: Array, floor: float, box: Box, frequency: float) -> list[
         return _swing(light, floor, left, right, row, row + height, _length(frequency, frequency))
 
     quarter = width // 4
-    if width < 2 * LEAST_STRIP:
+    if width < 2 * MIN_STRIP:
         return []
     outer = swing(column, column + quarter), swing(column + width - quarter, column + width)
-    if _likeness(*outer) >= LEAST_ALIKE:
+    if _likeness(*outer) >= MIN_ALIKE:
         return []
-    strips = min(width // LEAST_STRIP, MOST_STRIPS)
+    strips = min(width // MIN_STRIP, MAX_STRIPS)
     edges = [column + k * width // strips for k in range(strips + 1)]
     runs = [(edges[0], edges[1], swing(edges[0], edges[1]))]
     for left, right in itertools.pairwise(edges[1:]):
         first, _, run = runs[-1]
         wave = swing(left, right)
-        if _likeness(run, wave) >= LEAST_ALIKE:
+        if _likeness(run, wave) >= MIN_ALIKE:
             runs[-1] = first, right, run + wave
         else:
             runs.append((left, right, wave))
@@ -71,13 +71,13 @@ def _beside(light: Array, floor: float, before: Part, behind: Part) -> bool:
         return False
     length = _length(f, g)
     first, second = (_swing(light, floor, box[0], box[0] + box[2], top, bottom, length) for box in (one, other))
-    if _likeness(first, second) < LEAST_BESIDE:
+    if _likeness(first, second) < MIN_BESIDE:
         return False
     if right - left < TOUCHING:
         return True
     between = _swing(light, floor, left, right, top, bottom, length)
-    least = LEAST_BETWEEN * min(_size(first), _size(second))
-    return _likeness(first, between) >= LEAST_BESIDE and _size(between) >= least
+    least = MIN_BETWEEN * min(_size(first), _size(second))
+    return _likeness(first, between) >= MIN_BESIDE and _size(between) >= least
 
 
 def _above(light: Array, floor: float, upper: Part, lower: Part) -> bool:
@@ -95,8 +95,8 @@ def _above(light: Array, floor: float, upper: Part, lower: Part) -> bool:
     ]
     gap = slice(first - one[1], last - one[1])
     both = halves[0] + halves[1]
-    least = LEAST_ROWS_BETWEEN * min(_size(both[: gap.start]), _size(both[gap.stop :]))
-    return _likeness(halves[0][gap], halves[1][gap]) >= LEAST_ABOVE and _size(both[gap]) >= least
+    least = MIN_ROWS_BETWEEN * min(_size(both[: gap.start]), _size(both[gap.stop :]))
+    return _likeness(halves[0][gap], halves[1][gap]) >= MIN_ABOVE and _size(both[gap]) >= least
 
 
 def _length(f: float, g: float) -> int:
@@ -106,7 +106,7 @@ def _length(f: float, g: float) -> int:
 
 def _swing(light: Array, floor: float, left: int, right: int, top: int, bottom: int, length: int) -> Array:
     """Logarithm of the light of some rows, mean over at most 32 columns evenly spaced, less its running mean."""
-    step = -(-(right - left) // MOST_COLUMNS)
+    step = -(-(right - left) // MAX_COLUMNS)
     rows = np.log(np.maximum(light[top:bottom, left:right:step].mean(axis=1), 0.0) + floor)
     padded = np.pad(rows, length // 2, "edge")
     return np.asarray(rows - np.convolve(padded, np.ones(length) / length, "valid"))

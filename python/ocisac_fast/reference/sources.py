@@ -22,9 +22,9 @@ Box = tuple[int, int, int, int]  # column, row, width, height
 
 WINDOW, HOP, GROUPS, WIDEST, WIDE = 32, 16, 3, 8, 8
 CYCLES = np.concatenate([np.arange(2.5, 8.0, 0.5), np.arange(8.0, 15.0)])
-LEAST_SHARE, LEAST_POWER = 0.4, 1e-6
-MOST_GROUPS, BOX_EDGE, ALIGNMENT, REACH, ROUNDS, HARMONICS, JACKKNIFE = 64, 0.15, 0.5, 0.12, 2, 3, 16
-MOST_SUSPECTS, LEAST_ROWS, LEAST_PERIODIC, MOST_TEXTURE, MOST_UNEVEN, DATA_PERIODIC, LARGEST_SPREAD = (
+MIN_SHARE, MIN_POWER = 0.4, 1e-6
+MAX_GROUPS, BOX_EDGE, ALIGNMENT, REACH, ROUNDS, HARMONICS, JACKKNIFE = 64, 0.15, 0.5, 0.12, 2, 3, 16
+MAX_SUSPECTS, MIN_ROWS, MIN_PERIODIC, MAX_TEXTURE, MAX_UNEVEN, DATA_PERIODIC, LARGEST_SPREAD = (
     256,
     24,
     0.4,
@@ -85,7 +85,7 @@ def _lights(frame: Array, camera: Camera, false_alarms: float, min_cycles: float
     light = frame.astype(float) - camera.dark_level
     whole = frame.dtype.kind == "u"
     floor = _floor(frame, light, camera)
-    suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MOST_SUSPECTS]
+    suspects = screen(light, floor, 0.5 if whole else 0.0, false_alarms)[:MAX_SUSPECTS]
     rare = -1.6 * math.log(false_alarms) - min(math.log(false_alarms / 0.02), 0.0)
     min_evidence = math.log(max(len(suspects), 1)) + rare - 1.1
     min_amplitude = 1.0 if whole else 0.0
@@ -142,13 +142,13 @@ def _with_data(
 def _accepted(found: Light, min_evidence: float, min_cycles: float, min_amplitude: float) -> bool:
     cycles = found.box[3] * found.frequency
     return (
-        found.box[3] >= LEAST_ROWS
+        found.box[3] >= MIN_ROWS
         and cycles >= min_cycles
         and found.amplitude >= min_amplitude
         and math.log1p(found.snr) * cycles >= min_evidence
-        and found.texture <= MOST_TEXTURE * min(1.0, found.box[2] / 24)
-        and not (found.texture > 0.25 and found.uneven > MOST_UNEVEN)
-        and found.periodic >= LEAST_PERIODIC
+        and found.texture <= MAX_TEXTURE * min(1.0, found.box[2] / 24)
+        and not (found.texture > 0.25 and found.uneven > MAX_UNEVEN)
+        and found.periodic >= MIN_PERIODIC
         and found.std <= LARGEST_SPREAD * found.frequency
     )
 
@@ -168,12 +168,12 @@ def _lamps(light: Array, floor: float, found: Light, least: tuple[float, float, 
 
 def _accepted_data(data: DataLight, min_evidence: float, min_cycles: float, min_amplitude: float) -> bool:
     return (
-        data.box[3] >= LEAST_ROWS
+        data.box[3] >= MIN_ROWS
         and data.edges / 2 >= min_cycles
         and data.amplitude >= min_amplitude
         and data.evidence >= min_evidence
         and data.snr >= 1
-        and data.texture <= DATA_TEXTURE * MOST_TEXTURE * min(1.0, data.box[2] / 24)
+        and data.texture <= DATA_TEXTURE * MAX_TEXTURE * min(1.0, data.box[2] / 24)
     )
 
 
@@ -279,7 +279,7 @@ def screen(light: Array, floor: float, min_swing: float, false_alarms: float) ->
         groups = min(GROUPS, scale.shape[1])
         half_freedom = (groups * (WINDOW - 2) - 2) / 2
         chance = min(false_alarms / (max(tiles, 1) * CYCLES.size), 1.0)
-        threshold = max(LEAST_SHARE, 1 - chance ** (1 / half_freedom))
+        threshold = max(MIN_SHARE, 1 - chance ** (1 / half_freedom))
         shares, waves = _tiles(np.log(np.maximum(scale, 0) + floor), groups, threshold, min_swing)
         found += _suspects(shares, waves, groups, row_step, column_step)
     return sorted(found, key=lambda s: -s.evidence)
@@ -308,7 +308,7 @@ def _tiles(logs: Array, groups: int, threshold: float, min_swing: float) -> tupl
         x = x - trend.T @ (trend @ x)
         energy = sum((x**2).sum(axis=0)[k : k + across] for k in range(groups))
         tones = 2 / WINDOW * np.abs(carriers @ sum(x[:, k : k + across] for k in range(groups))) ** 2
-        lit = energy > np.maximum(LEAST_POWER, 0.5 * (min_swing * np.exp(-mean)) ** 2) * WINDOW * groups
+        lit = energy > np.maximum(MIN_POWER, 0.5 * (min_swing * np.exp(-mean)) ** 2) * WINDOW * groups
         best = np.where(lit, tones.max(axis=0) / np.where(lit, groups * energy, 1.0), 0.0)
         shares[w] = np.where(best >= threshold, np.minimum(best, 0.9999), 0.0)
         waves[w] = tones.argmax(axis=0)
@@ -354,12 +354,12 @@ def refine(light: Array, suspect: Suspect, floor: float, min_cycles: float, min_
         rows, columns = light.shape
         left, right = max(box[0] - margin, 0), min(box[0] + box[2] + margin, columns)
         top, bottom = max(box[1] - margin, 0), min(box[1] + box[3] + margin, rows)
-        group = max(-(-(right - left) // MOST_GROUPS), min(max(box[2] // 16, 1), 8))
+        group = max(-(-(right - left) // MAX_GROUPS), min(max(box[2] // 16, 1), 8))
         patch = _means(light[top:bottom, left:right], 1, min(group, right - left))
         lit = _lit_box(patch, frequency, box, (left, top, group))
         if lit is None or 2 * lit[1] < 0.7 * min_amplitude:
             return None
-        if lit[0][3] < 0.7 * max(LEAST_ROWS, min_cycles / frequency):
+        if lit[0][3] < 0.7 * max(MIN_ROWS, min_cycles / frequency):
             return None
         box, amplitude = lit
         matched, weight, common, energy, noise, uneven = _profile(

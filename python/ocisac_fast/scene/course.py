@@ -21,7 +21,7 @@ from ocisac_fast.light.waveforms import (
 )
 from ocisac_fast.scene.checks import instance
 
-_MOST_LINES = 64
+_MAX_LINES = 64
 
 Lines = list[tuple[float, complex]]  # waveform = sum of Re(a * exp(2j pi f t))
 
@@ -113,7 +113,7 @@ def _lines(waveform: Waveform) -> Lines | None:
                 return None
             together = isinstance(waveform, Sum) or index == 0
             found = found + part if together else _product_lines(found, part)
-            if len(found) > _MOST_LINES:
+            if len(found) > _MAX_LINES:
                 return None
         return found
     return None

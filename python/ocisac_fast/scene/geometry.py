@@ -17,7 +17,7 @@ from ocisac_fast.scene.checks import hold, number, numbers, whole
 Array = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
 
-_MOST_PIXELS = 2**28
+_MAX_PIXELS = 2**28
 
 
 @dataclass(frozen=True)
@@ -79,14 +79,14 @@ class Pinhole:
     def __post_init__(self) -> None:
         hold(
             self,
-            columns=whole("columns", self.columns, 1, _MOST_PIXELS),
-            rows=whole("rows", self.rows, 1, _MOST_PIXELS),
+            columns=whole("columns", self.columns, 1, _MAX_PIXELS),
+            rows=whole("rows", self.rows, 1, _MAX_PIXELS),
             focal_length=number("focal_length", self.focal_length, 0, open_low=True),
             pixel_pitch=number("pixel_pitch", self.pixel_pitch, 0, open_low=True),
             velocity=numbers("velocity", self.velocity, 3),
         )
-        if self.rows * self.columns > _MOST_PIXELS:
-            raise ValueError(f"rows: got {self.rows} x {self.columns} pixels, allowed: up to {_MOST_PIXELS}")
+        if self.rows * self.columns > _MAX_PIXELS:
+            raise ValueError(f"rows: got {self.rows} x {self.columns} pixels, allowed: up to {_MAX_PIXELS}")
         if self.principal_point is not None:
             hold(self, principal_point=numbers("principal_point", self.principal_point, 2))
 

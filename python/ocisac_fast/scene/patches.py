@@ -13,7 +13,7 @@ from ocisac_fast.scene.description import Scene, crossing
 from ocisac_fast.scene.geometry import Array, Pinhole, Pose
 from ocisac_fast.scene.objects import Mask, Source, Surface
 
-_MOST_MASKS = 31
+_MAX_MASKS = 31
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ def patches(scene: Scene, lens: Pinhole) -> Iterator[Patch]:
         depth[window] = np.where(nearer, distance, depth[window])
         owner[window] = np.where(nearer, index, owner[window])
     before = np.zeros(shape, np.int64)
-    if len(scene.masks) > _MOST_MASKS:
-        raise ValueError(f"masks: got {len(scene.masks)}, allowed: up to {_MOST_MASKS}")
+    if len(scene.masks) > _MAX_MASKS:
+        raise ValueError(f"masks: got {len(scene.masks)}, allowed: up to {_MAX_MASKS}")
     for index, mask in enumerate(scene.masks):
         window = _window(lens, mask)
         distance, x, y = crossing(mask, origin, _rays(lens, window))

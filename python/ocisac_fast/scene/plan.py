@@ -28,8 +28,8 @@ from ocisac_fast.scene.terms import Moving, Term, levels_at, terms
 
 _DROPPING_SHARE = 0.7  # of the tolerance, for what is left out; the rest is for tables
 _ROUNDING = 1e-6  # of the light: float32 gains, tables and sums
-_MOST_PHASES = 65535
-_MOST_STEPS = 1 << 17
+_MAX_PHASES = 65535
+_MAX_STEPS = 1 << 17
 
 
 @dataclass(frozen=True)
@@ -352,7 +352,7 @@ def _steps(light: Course, exposure: float, weight: float, error: float) -> tuple
     s takes it s * step^2 / 8 off.
     """
     rough, smooth = weight * (light.high - light.low) / 4, weight * light.slope * exposure / 8
-    steps = max(1, min(math.ceil(rough / error), math.ceil(math.sqrt(min(smooth, 1e200) / error)), _MOST_STEPS))
+    steps = max(1, min(math.ceil(rough / error), math.ceil(math.sqrt(min(smooth, 1e200) / error)), _MAX_STEPS))
     return steps, min(rough / steps, smooth / steps**2)
 
 
@@ -368,9 +368,9 @@ def _add_profile(
     passed = abs(moving.rate) * exposure
     steps, error = _steps(light, exposure, 2 * most * _steps_seen(moving, exposure), share / 4)
     shifted = most * light.most * profile.rise * math.ceil(passed + 0.5) / passed  # per period of phase
-    phases = math.ceil(shifted / 2 / max(share - error, 1e-300)) + 1 if shifted < 1e9 * share else _MOST_PHASES + 1
+    phases = math.ceil(shifted / 2 / max(share - error, 1e-300)) + 1 if shifted < 1e9 * share else _MAX_PHASES + 1
     columns = phases * len(profile.levels)
-    if columns <= _MOST_PHASES and columns * height <= patch.inside.sum():
+    if columns <= _MAX_PHASES and columns * height <= patch.inside.sum():
         table = ProfileTable(waveform, profile, moving.rate, phases, steps, patch.top, height)
         _add_part(drawing, patch, gains, table, columns, table.index(moving))
         return f"a table of {columns} phases a row", error + shifted / (2 * phases)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
-_MOST_PIXELS = 1 << 28
+_MAX_PIXELS = 1 << 28
 
 
 def simulate_frames(
@@ -49,10 +49,10 @@ def simulate_frames(
         ValueError: a value outside its range, at the call.
     """
     for name, count in (("rows", rows), ("columns", columns), ("frames", frames)):
-        if not 1 <= count <= _MOST_PIXELS:
-            raise ValueError(f"{name}: got {count}, allowed: from 1 to {_MOST_PIXELS}")
-    if rows * columns > _MOST_PIXELS:
-        raise ValueError(f"rows x columns: got {rows} x {columns}, allowed: up to {_MOST_PIXELS} pixels")
+        if not 1 <= count <= _MAX_PIXELS:
+            raise ValueError(f"{name}: got {count}, allowed: from 1 to {_MAX_PIXELS}")
+    if rows * columns > _MAX_PIXELS:
+        raise ValueError(f"rows x columns: got {rows} x {columns}, allowed: up to {_MAX_PIXELS} pixels")
     for name, value in (("swing", swing), ("dark_level", dark_level), ("noise", noise)):
         if not math.isfinite(value) or (name == "noise" and value < 0):
             raise ValueError(f"{name}: got {value}, allowed: finite{', 0 or above' if name == 'noise' else ''}")

@@ -15,7 +15,7 @@ from ocisac_fast.sensing.fit import Fitted, fit, make_model
 Float64s = npt.NDArray[np.float64]
 
 _CHUNK = 1 << 22  # samples
-_MOST_DRAWN = 64  # columns
+_MAX_DRAWN = 64  # columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def _ambient_variance(by_mean: Float64s, ambient: Ambient) -> float:
 def contrast_range(fitted: Fitted) -> float:
     """(max - min)/(max + min) of the fitted rows without noise, median of up to 64 columns of the first frame."""
     parameters = fitted.parameters[0]
-    columns = np.linspace(0, parameters.shape[1] - 1, min(parameters.shape[1], _MOST_DRAWN)).round().astype(int)
+    columns = np.linspace(0, parameters.shape[1] - 1, min(parameters.shape[1], _MAX_DRAWN)).round().astype(int)
     model = fitted.model
     chosen = parameters[:, columns]
     waves = slice(model.first, model.first + 2 * len(model.harmonics))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from ocisac_fast.core.flags import Flag
 
-_MOST_CANDIDATES = 16
-_MOST_TURNS = 2000  # between two frames
+_MAX_CANDIDATES = 16
+_MAX_TURNS = 2000  # between two frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def along_rows(seen: Seen, told: Told) -> Motion:
     flags = Flag(0) if fits else Flag.MODEL_MISFIT
     if len(kept) > 1:
         flags |= Flag.AMBIGUOUS_MOTION
-    magnitudes = tuple(abs(one[0]) for one in kept[:_MOST_CANDIDATES])
+    magnitudes = tuple(abs(one[0]) for one in kept[:_MAX_CANDIDATES])
     return Motion(frequency, std, seen.per_row - frequency * seen.row_time, magnitudes, flags)
 
 
@@ -140,7 +140,7 @@ def _checked_by_frames(
         snapped = (seen.per_frame + turns) / seen.frame_time
         allowance = 4.0 * math.hypot(std, fine) + told.tolerance * abs(frequency)
         nearest.append((abs(snapped - frequency) / allowance if allowance else 0.0, snapped))
-        reach = min(int(allowance * seen.frame_time), _MOST_CANDIDATES)
+        reach = min(int(allowance * seen.frame_time), _MAX_CANDIDATES)
         near = ((seen.per_frame + turns + k) / seen.frame_time for k in range(-reach - 1, reach + 2))
         kept += [(one, fine) for one in near if abs(one - frequency) <= allowance]
     if kept:
@@ -151,7 +151,7 @@ def _checked_by_frames(
 def _from_frames_alone(seen: Seen, told: Told) -> list[tuple[float, float]]:
     """Every frequency that advances the phase as seen, slow ones first."""
     std = seen.per_frame_std / seen.frame_time
-    turns = sorted(range(-_MOST_TURNS, _MOST_TURNS + 1), key=abs)
+    turns = sorted(range(-_MAX_TURNS, _MAX_TURNS + 1), key=abs)
     frequencies = ((seen.per_frame + k) / seen.frame_time for k in turns)
     low, high = told.bounds
     return [(f, std) for f in frequencies if low <= abs(f) <= high]

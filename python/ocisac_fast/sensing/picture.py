@@ -17,7 +17,7 @@ from ocisac_fast.lights.sources import LightSource, detect_sources
 from ocisac_fast.sensing.region import BackgroundLight, SensedRegion, background_light, sense_region
 from ocisac_fast.sensing.search import Box, periodic_boxes, without_repeats
 
-_LEAST_BESIDE = 4  # columns
+_MIN_BESIDE = 4  # columns
 _COMPARED = 8  # frames
 
 
@@ -138,7 +138,7 @@ def _measured(
 def _beside(pictures: npt.NDArray[Any], camera: Camera, box: Box, every: list[Box]) -> BackgroundLight | None:
     """Light left and right of a box, a few columns off, where no other box is; None without four such columns."""
     gap = max(2, box.width // 4)
-    reach = gap + max(box.width // 2, _LEAST_BESIDE)
+    reach = gap + max(box.width // 2, _MIN_BESIDE)
     left = range(box.x - reach, box.x - gap)
     right = range(box.x + box.width + gap, box.x + box.width + reach)
     free = [
@@ -146,6 +146,6 @@ def _beside(pictures: npt.NDArray[Any], camera: Camera, box: Box, every: list[Bo
         for column in [*left, *right]
         if 0 <= column < pictures.shape[2] and not any(o.overlap(column, box.y, 1, box.height) > 0.0 for o in every)
     ]
-    if len(free) < _LEAST_BESIDE:
+    if len(free) < _MIN_BESIDE:
         return None
     return background_light(pictures[:, box.y : box.y + box.height][..., free], camera, pooled=True)

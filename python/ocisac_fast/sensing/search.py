@@ -12,11 +12,11 @@ import numpy.typing as npt
 Float64s = npt.NDArray[np.float64]
 
 _STRIP = 16  # columns
-_MOST_SKIPPED = 4
+_MAX_SKIPPED = 4
 _ENOUGH = 1 << 21  # pixels to look at in a picture
-_LEAST_ROWS = 64
-_LEAST_CYCLES = {False: 2.5, True: 5.0}  # in a tile; where still things are in the picture
-_LEAST_SHARE = {False: 0.6, True: 0.8}  # of a tile's energy, slow light taken off
+_MIN_ROWS = 64
+_MIN_CYCLES = {False: 2.5, True: 5.0}  # in a tile; where still things are in the picture
+_MIN_SHARE = {False: 0.6, True: 0.8}  # of a tile's energy, slow light taken off
 _LOBE = 4  # half the width of a Hann window's main lobe, in half bins
 
 
@@ -48,11 +48,11 @@ def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
     trimmed to where the line is above half of its height. What shows the same again is dropped.
     """
     rows = light.shape[0]
-    step = min(_MOST_SKIPPED, max(1, light.size // _ENOUGH))
+    step = min(_MAX_SKIPPED, max(1, light.size // _ENOUGH))
     found: list[Box] = []
     for part in (1, 2, 4):
         height = rows // part
-        if height < _LEAST_ROWS:
+        if height < _MIN_ROWS:
             break
         tiles = []
         for top in range(0, rows - height + 1, max(height // 2, 1)):
@@ -92,12 +92,12 @@ def _tiles(light: Float64s, top: int, still: bool, step: int) -> list[Box]:
     strips = np.add.reduceat(power, starts, axis=1)  # (bins, strips), bins of half a cycle
     total = strips.sum(axis=0)
     lines = strips.copy()
-    lines[: int(2 * _LEAST_CYCLES[still])] = 0.0
+    lines[: int(2 * _MIN_CYCLES[still])] = 0.0
     peaks = lines.argmax(axis=0)
     found = []
     for strip, (peak, start) in enumerate(zip(peaks, starts, strict=True)):
         near = slice(max(peak - _LOBE, 0), peak + _LOBE + 1)
-        if total[strip] > 0.0 and strips[near, strip].sum() > _LEAST_SHARE[still] * total[strip]:
+        if total[strip] > 0.0 and strips[near, strip].sum() > _MIN_SHARE[still] * total[strip]:
             weights = strips[near, strip]
             centre = float((np.arange(near.start, near.start + len(weights)) * weights).sum() / weights.sum())
             width = min(strip_columns, columns - int(start))
