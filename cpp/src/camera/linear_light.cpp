@@ -10,7 +10,7 @@ namespace ocisac {
 
 namespace {
 
-// Light of every value an integer sample can have.
+// Linear light of each value of an integer sample.
 template <class T>
 std::vector<double> light_table(const ToneCurve& curve) {
   std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
@@ -19,7 +19,7 @@ std::vector<double> light_table(const ToneCurve& curve) {
   return table;
 }
 
-// Reads along rows, as the frame lies in memory, and writes the transposed block.
+// Reads along rows, the order in memory, and writes the transposed block.
 template <class T, class Light>
 std::vector<double> gather(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
                            Light light) {

@@ -24,7 +24,7 @@ namespace ocisac {
 
 namespace {
 
-// A thread less is no error: the caller does the work that no helper takes. The program's signals are not theirs.
+// Fewer threads than asked for are no error: the caller does the remaining work. Helpers block all signals.
 struct Environment : Eigen::StlThreadEnvironment {
   struct EnvThread {
     void OnCancel() {}
@@ -47,8 +47,8 @@ using Helpers = Eigen::ThreadPoolTempl<Environment>;
 std::mutex of_helpers;
 Helpers* kept_helpers = nullptr;
 
-// Made when first asked for and never taken down: threads may be at work while the process ends. A fork's child has
-// none of its parent's threads, and makes its own. Null where there is one processor only.
+// Created at first use and never destroyed: threads may be at work while the process ends. A forked child has none of
+// its parent's threads and creates its own. Null on a single processor.
 Helpers* helpers() {
   static const int processors = static_cast<int>(std::thread::hardware_concurrency());
   static const bool ready_for_fork = pthread_atfork([] { of_helpers.lock(); }, [] { of_helpers.unlock(); },
@@ -62,12 +62,12 @@ Helpers* helpers() {
   return kept_helpers;
 }
 
-// One call's blocks, which helpers may hear of after it has returned: then they find none and do not touch `work`.
+// The blocks of one call. A helper that wakes after the call has returned finds no block and does not touch `work`.
 class Job {
  public:
   Job(std::size_t blocks, const std::function<void(std::size_t)>& work) : blocks_(blocks), work_(work) {}
 
-  // Takes blocks until none is left.
+  // Runs blocks until none is left.
   void run() {
     try {
       for (std::size_t block; (block = next_.fetch_add(1)) < blocks_;) work_(block);
@@ -87,10 +87,10 @@ class Job {
     if (at_work_.fetch_sub(1) == kClosed + 1) at_work_.notify_all();
   }
 
-  // Lets no helper in from now on, and waits for those at work.
+  // Admits no further helper and waits for those at work.
   void finish() {
     int now = at_work_.fetch_add(kClosed) + kClosed;
-    // The last blocks end within a few of these; being woken takes longer (50 µs).
+    // The last blocks end within a few iterations; a wake-up takes longer (50 µs).
     for (int tries = 0; now != kClosed && tries < 1000; now = at_work_, ++tries) std::this_thread::yield();
     for (; now != kClosed; now = at_work_) at_work_.wait(now);
     if (problem_) std::rethrow_exception(std::exchange(problem_, nullptr));
@@ -107,7 +107,7 @@ class Job {
   std::exception_ptr problem_;
 };
 
-// At most `count`; as many as memory allows.
+// At most `count` threads; fewer where memory does not suffice.
 void call_helpers(const std::shared_ptr<Job>& job, std::size_t count) {
   Helpers* const pool = helpers();
   if (!pool) return;

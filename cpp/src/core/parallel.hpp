@@ -6,11 +6,11 @@
 
 namespace ocisac {
 
-// Calls work(block) once for each block in [0, blocks) on up to `threads` threads: the caller's own, and helpers that
-// are kept from call to call, at most one for each further processor, which run where the thread that first asked for
-// them might. A helper that comes when all blocks are taken is not waited for. Which thread takes which block is left
-// open, so a block must write only what is its own; then the result does not depend on `threads`. The first exception
-// is thrown again in the caller, after all blocks that were begun.
+// Calls work(block) once for each block in [0, blocks) on up to `threads` threads: the caller's own and helpers.
+// Helpers are kept from call to call, at most one for each further processor, with the processor affinity of the thread
+// that first needed them. The call does not wait for a helper that starts when no block is left. The assignment of
+// blocks to threads is arbitrary: a block writes only its own results, so the result does not depend on `threads`. The
+// first exception is rethrown in the caller after all blocks that had started.
 void for_each_block(std::size_t blocks, int threads, const std::function<void(std::size_t)>& work);
 
 }  // namespace ocisac

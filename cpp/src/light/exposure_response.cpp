@@ -10,7 +10,7 @@ namespace ocisac {
 double sinc(double x) {
   const double magnitude = std::abs(x);
   if (magnitude < 1e-9) return 1;  // 1 − (πx)²/6 rounds to 1
-  // sin(πx) by the distance to the nearest whole number, so that nulls are exact and large x loses nothing.
+  // sin(πx) from the distance to the nearest whole number: nulls are exact, and large x keeps its precision.
   const double nearest = std::nearbyint(magnitude);
   const double sine = std::sin(std::numbers::pi * (magnitude - nearest));
   const bool odd = std::fmod(nearest, 2.0) != 0;

@@ -17,7 +17,7 @@ namespace {
 constexpr std::int64_t kLargestRow = std::int64_t{1} << 52;
 constexpr std::size_t kBlock = 512;
 
-// A waveform made ready: steady light and what changes.
+// A waveform prepared for integration: its steady light and its varying elements.
 class Light {
  public:
   Light(const Waveform& waveform, const Exposures& exposures) {

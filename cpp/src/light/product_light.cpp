@@ -1,5 +1,5 @@
-// Products of elements: between the edges of their steps a product is a straight line times a sum of cosines, the
-// integral of which has a closed form; what lies between the two ends of an exposure is a difference of prefix sums.
+// Products of elements. Between the edges of their steps a product is a straight line times a sum of cosines, whose
+// integral has a closed form; the whole pieces inside an exposure are a difference of prefix sums.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -51,7 +51,7 @@ std::vector<Cosine> cosines_of(const WaveformFactors& factors) {
   return all;
 }
 
-// The straight lines that a product of steps is made of, in order of time.
+// The straight lines of a product of steps, in time order.
 std::vector<Step> merged_steps(const WaveformFactors& factors, const Stretch& stretch) {
   std::vector<std::vector<Step>> lists;
   for (const auto& factor : factors)
@@ -163,7 +163,7 @@ class PiecesLight final : public MeanLight {
   std::vector<Piece> pieces_;
 };
 
-// Points: the factors' own, multiplied.
+// Exposure 0: the product of the factors' values.
 class PointsLight final : public MeanLight {
  public:
   PointsLight(const WaveformFactors& factors, const Exposures& exposures) {
@@ -197,7 +197,7 @@ double max_pieces(const WaveformFactors& factors, double length) {
   return steps;
 }
 
-// Rows so far apart that the pieces of each are counted by themselves.
+// Rows far apart: the pieces of each row are counted separately.
 class SparseLight final : public MeanLight {
  public:
   SparseLight(WaveformFactors factors, const Exposures& exposures)

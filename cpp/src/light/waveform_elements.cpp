@@ -27,8 +27,8 @@ CycleCounter counter_of(double rate, const Exposures& exposures, DoubleDouble of
   return counter;
 }
 
-// cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|). In line, so
-// that loops of it become vectors.
+// cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|). Inline, so
+// that loops over it are vectorised.
 double cosine_of(double turns) {
   const double x = 2 * std::numbers::pi * (0.25 - std::abs(turns));
   const double z = x * x;
@@ -96,7 +96,7 @@ class ToneElement final : public WaveformElement {
   Tone tone_;
 };
 
-// --- Square wave: whole periods hold duty each; what is left of the exposure overlaps two pulses at most ---
+// --- Square wave: each whole period adds the duty; the remainder of the exposure overlaps at most two pulses ---
 
 class SquareLight final : public MeanLight {
  public:
@@ -123,7 +123,7 @@ class SquareLight final : public MeanLight {
   }
 
  private:
-  // Of the last part_ cycles before `end` and the pulse centred on `centre`.
+  // Overlap of the last part_ cycles before `end` with the pulse centred on `centre`.
   double overlap(const Position& end, double centre) const {
     const double since_rise = (end.fraction - (centre - half_duty_)) + end.rest;
     const double since_fall = (end.fraction - (centre + half_duty_)) + end.rest;
@@ -217,7 +217,7 @@ struct Cells {
 
   DoubleDouble before(std::int64_t k) const { return k < count() ? cells[static_cast<std::size_t>(k)].before : total; }
 
-  // The cell of the first round that repeating cell k repeats.
+  // The cell of the first period that equals repeating cell k.
   std::int64_t inside_round(std::int64_t k) const {
     if (!repeat || (k >= 0 && k < count())) return k;
     const auto round = static_cast<std::int64_t>(static_cast<double>(k) / static_cast<double>(count()));  // or the next
@@ -226,7 +226,7 @@ struct Cells {
     return remainder < count() ? remainder : remainder - count();
   }
 
-  // The line of light in cell k; of repeating cells -count <= k < count.
+  // The line of light in cell k; for repeating cells -count <= k < count.
   std::pair<double, double> line(std::int64_t k) const {
     if (repeat && k < 0) k += count();
     if (k < 0) return {left, 0};
@@ -235,7 +235,7 @@ struct Cells {
     return {cell.value, cell.slope};
   }
 
-  // Light of the cells first, …, last − 1.
+  // Integral of the light over the cells first, …, last − 1.
   double light(std::int64_t first, std::int64_t last) const {
     if (first >= last) return 0;
     if (repeat) {
@@ -283,7 +283,7 @@ class CellsLight final : public MeanLight {
     return counter_of(rate, exposures, {}, rate_name);
   }
 
-  // Mean light of the exposure that ends in `cell`, `offset` cells after its beginning.
+  // Mean light of the exposure that ends `offset` cells after the start of `cell`.
   double mean_before(std::int64_t cell, double offset) const {
     const auto [value, slope] = cells_.line(cell);
     if (point_) return value + slope * offset;

@@ -1,4 +1,4 @@
-// What a waveform is made of, and how each part answers for the mean light of an exposure.
+// The elements of a waveform; each computes its mean light over an exposure.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace ocisac {
 
-// The exposures that are asked for: of length `exposure`, ending at line.at(x) for x within [x_first, x_last].
+// A set of exposures: of length `exposure`, ending at line.at(x) for x within [x_first, x_last].
 struct Exposures {
   TimeLine line;
   double exposure = 0;  // s; 0 samples a point
@@ -19,7 +19,7 @@ struct Exposures {
   double x_last = 0;
 };
 
-// A waveform, or a part of one, made ready for certain exposures.
+// A waveform, or a part of one, prepared for a set of exposures.
 class MeanLight {
  public:
   virtual ~MeanLight() = default;
@@ -35,7 +35,7 @@ struct Cosine {
   DoubleDouble turns;
 };
 
-// A stretch of time for the pieces of a product, which count time from its origin.
+// A time interval for the pieces of a product; their times count from its origin.
 struct Stretch {
   DoubleDouble origin;
   double length = 0;
@@ -43,7 +43,7 @@ struct Stretch {
   TimeLine line() const { return {origin, 1}; }
 };
 
-// Light value + slope·(t − begin) from `begin` to the next step; begin counts from the stretch's origin.
+// Light value + slope·(t − begin) from `begin` to the next step; begin counts from the interval's origin.
 struct Step {
   DoubleDouble begin;
   double value = 0;
@@ -56,10 +56,10 @@ class WaveformElement {
 
   virtual std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const = 0;
 
-  // Nothing larger in magnitude comes out.
+  // Upper bound of the magnitude.
   virtual double peak() const = 0;
 
-  // What a product needs to know: an element is either cosines (steady light is one of frequency 0) or steps.
+  // An element of a product is either cosines (steady light: frequency 0) or steps.
   virtual std::vector<Cosine> cosines() const { return {}; }
   virtual std::vector<Step> steps(const Stretch&) const { return {}; }  // the first at or before the origin
   virtual double max_steps(double /*length*/) const { return 0; }
@@ -83,7 +83,7 @@ void require_level(const char* argument, double level);
 // many.
 DoubleDouble cycles_of(double rate, double exposure, const char* argument);
 
-// Where an exposure has no length in cycles that a division could stand, it is a point.
+// An exposure whose length in cycles is too short to divide by counts as a point.
 inline bool is_point(DoubleDouble cycles) { return cycles.high < 1e-290; }
 
 }  // namespace ocisac

@@ -35,7 +35,7 @@ double log_bessel_i0(double x) {
   return x - 0.5 * std::log(x) + std::log(tail);
 }
 
-// Takes what the directions before it hold out of a vector and gives it unit length (twice: for the last digits).
+// Gram–Schmidt step: removes the projections on the previous directions and normalises; twice, for full precision.
 void orthonormalise(std::span<double> vector, std::span<const double> directions) {
   for (int round = 0; round < 2; ++round)
     for (std::size_t at = 0; at < directions.size(); at += vector.size()) {
@@ -78,7 +78,7 @@ RowWeights weights_of(const Camera& camera, std::span<const double> tones, std::
   return {directions_of(camera, tones, rows), kNuisances + 2 * tones.size(), rows, 1, 3};
 }
 
-// The best of the symbols with a bit at 1 against those with it at 0.
+// Max-log ratio: the best symbol with the bit at 1 against the best with the bit at 0.
 std::vector<double> soft_bits(std::span<const double> log_likelihoods, std::size_t bits) {
   std::vector<double> llr(bits);
   for (std::size_t bit = 0; bit < bits; ++bit) {
@@ -151,8 +151,8 @@ FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::option
   return result;
 }
 
-// The integral over what the tone sent shows (a Rice distribution) of the odds that another shows more; u² is its
-// energy over the noise's density.
+// Integral over the amplitude of the sent tone (Rice distribution) of the probability that another tone is larger; u²:
+// energy over noise density.
 double fsk_symbol_error_rate(std::size_t tones, double snr) {
   require(tones >= 2, "tones", tones, "2 or more");
   require_not_negative("snr", snr);

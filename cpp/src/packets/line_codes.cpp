@@ -56,8 +56,8 @@ std::uint32_t parse_word(const std::string& word, std::size_t chips) {
   return value;
 }
 
-// Σ of the chips' ratios where the word is bright: its log-likelihood but for a constant of the stretch.
-// Sums of the log-likelihood ratios of a word's bright chips, from tables of its two halves.
+// Σ llr over the bright chips of a word: its log-likelihood up to a constant of the stretch.
+// Σ llr over the bright chips of each word, from tables of its two halves.
 class WordScores {
  public:
   explicit WordScores(std::size_t chips)

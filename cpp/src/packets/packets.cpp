@@ -39,7 +39,7 @@ unsigned crc4(unsigned header) {
   return rest;
 }
 
-// Bytes of the sequence s_n = s_(n−5) ⊕ s_(n−9), nine ones first: PN9, which keeps "none" from long runs.
+// Bytes of the sequence s_n = s_(n−5) ⊕ s_(n−9), nine ones first: PN9; it prevents long runs in line code "none".
 std::vector<std::uint8_t> whitening(std::size_t bytes) {
   std::vector<std::uint8_t> s(std::max<std::size_t>(8 * bytes, 9), 1), result(bytes);
   for (std::size_t n = 9; n < s.size(); ++n) s[n] = s[n - 5] ^ s[n - 9];
@@ -51,8 +51,8 @@ struct Place {
   std::size_t codeword, symbol;
 };
 
-// Where byte `position` of a cycle lies: neighbours in different codewords, and each codeword's bytes at changing
-// places of the blocks.
+// Interleaver: the place of byte `position` of a cycle. Neighbours belong to different codewords, and the bytes of each
+// codeword lie at varying places of the blocks.
 Place place_of(std::size_t position, const PacketLayout& layout) {
   const std::size_t coded = position % layout.coded_bytes(), symbol = coded / layout.codewords;
   return {(coded + symbol) % layout.codewords, symbol};
@@ -125,13 +125,13 @@ std::optional<BlockSighting> read_block(std::size_t chip, std::span<const double
 
 std::ptrdiff_t modulo(std::ptrdiff_t value, std::ptrdiff_t period) { return (value % period + period) % period; }
 
-// Nearest distance round a cycle.
+// Shortest distance around a cycle.
 std::ptrdiff_t distance(std::ptrdiff_t a, std::ptrdiff_t b, std::ptrdiff_t period) {
   const std::ptrdiff_t ahead = modulo(a - b, period);
   return std::min(ahead, period - ahead);
 }
 
-// One codeword by the most certain of its symbols; absent where that cannot be.
+// Decodes one codeword from its most reliable symbols; absent where decoding fails.
 struct SoftWord {
   ReedSolomon::Word symbols;
   std::array<double, ReedSolomon::kLength> reliability;  // nats
@@ -246,7 +246,7 @@ void PacketAssembler::lose_clock() {
   end_.reset();
 }
 
-// What was collected belongs to another packet.
+// Drops the collected symbols: they belong to another packet.
 void PacketAssembler::start_packet() {
   layout_.reset();
   origin_.reset();
@@ -273,7 +273,7 @@ void PacketAssembler::find_layout() {
   soft_bits_.assign(8 * layout_->coded_bytes(), 0);
 }
 
-// The blocks that end their header in a stretch.
+// The blocks whose headers end in a stretch.
 PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr) {
   if (end_ != first) tail_.clear();
   end_ = first + static_cast<std::ptrdiff_t>(llr.size());
@@ -299,7 +299,7 @@ std::ptrdiff_t PacketAssembler::origin_by(const Stretch& stretch, const BlockSig
          static_cast<std::ptrdiff_t>(sighting.block * block_chips_);
 }
 
-// Brings the origin up to date with the headers of a stretch; false where they disagree with it, once.
+// Updates the origin from the headers of a stretch; false at their first disagreement with it.
 bool PacketAssembler::follow(const Stretch& stretch) {
   const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
   for (const auto& sighting : stretch.blocks) {
@@ -438,7 +438,7 @@ StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double
   report.share = static_cast<double>(scarcest) / static_cast<double>(layout_->codeword_data);
   if (report.bytes + report.cut + report.doubtful == 0 || scarcest < layout_->codeword_data) return report;
   report.payload = decode(reliability);
-  // Where more than twice what is needed does not decode, it is of more than one packet.
+  // More than twice the needed symbols that do not decode come from more than one packet.
   if (report.payload || scarcest >= std::min(2 * layout_->codeword_data + 40, ReedSolomon::kLength))
     std::ranges::fill(soft_bits_, 0.0F);
   return report;

@@ -1,5 +1,5 @@
-// After R. E. Blahut, Algebraic Codes for Data Transmission (2003), chapter 7: Berlekamp and Massey's algorithm begun
-// with the locator of the erasures, Chien's search, Forney's magnitudes.
+// After R. E. Blahut, Algebraic Codes for Data Transmission (2003), chapter 7: Berlekamp–Massey algorithm initialised
+// with the erasure locator, Chien search, Forney magnitudes.
 #include "packets/reed_solomon.hpp"
 
 #include <algorithm>
@@ -62,7 +62,7 @@ void times_x(Polynomial& polynomial) {
   polynomial[0] = 0;
 }
 
-// The word's value at the code's roots; true where it is 0 at all of them. A symbol α^e at x^p adds α^(e + p·root).
+// Syndromes: the word's values at the code's roots; true where all are 0. A symbol α^e at x^p adds α^(e + p·root).
 bool syndromes(const ReedSolomon::Word& word, std::size_t roots, Polynomial& values) {
   std::array<std::size_t, kOrder> exponents, powers;
   std::size_t count = 0;

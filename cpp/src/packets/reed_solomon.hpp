@@ -22,8 +22,8 @@ class ReedSolomon {
 
   [[nodiscard]] Word encode(std::span<const std::uint8_t> data) const;
 
-  // Corrects the word in place; `erased`: places from 0 to 254 without a known symbol, each once. False, the word as it
-  // was, where there are too many. More than the code can correct may also pass as another word: check the payload.
+  // Corrects the word in place; `erased`: places from 0 to 254 without a known symbol, each once. Returns false and
+  // leaves the word unchanged where there are too many. A word with more may decode to another word: check the payload.
   [[nodiscard]] bool decode(Word& word, std::span<const int> erased) const;
 
  private:

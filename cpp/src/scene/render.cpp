@@ -64,8 +64,8 @@ void add_row(const ScenePart& part, const Run& run, std::size_t row, float* valu
   }
 }
 
-// What one row needs: the parts that reach it and their pixels; for runs of equal value the edges of the runs, and the
-// parts of each. `found` are the parts and pixels that the runs were found for.
+// State of one row: the parts that reach it and their pixels; the edges of runs of equal value, and the parts of each
+// run. `found`: the parts and pixels of the row for which the runs were computed.
 struct Row {
   struct Reach {
     const ScenePart* part;
@@ -91,7 +91,7 @@ void find_runs(Row& row, std::size_t columns) {
   row.found = row.parts;
 }
 
-// Runs of equal value between the edges of the parts; most rows have those of the row before.
+// Runs of equal value between the edges of the parts; most rows reuse those of the previous row.
 template <class T>
 void fill_runs(Row& row, float level, float white, const FramesView<T>& frame) {
   if (row.edges.empty() || row.parts != row.found) find_runs(row, frame.columns);

@@ -16,10 +16,10 @@ struct Camera {
   ToneCurve tone_curve;
 };
 
-// Throws std::invalid_argument for values without meaning.
+// Throws std::invalid_argument for values that are not finite or out of range.
 void check(const Camera& camera);
 
-// `camera.exposure`, or std::invalid_argument that says that `purpose` needs it.
+// `camera.exposure`; throws std::invalid_argument that names `purpose` where it is absent.
 double known_exposure(const Camera& camera, const char* purpose);
 
 }  // namespace ocisac

@@ -6,7 +6,7 @@
 
 namespace ocisac {
 
-// light = (white − dark)·curve((v − dark)/(white − dark)), so that light keeps the scale of DN and dark reads 0.
+// light = (white − dark)·curve((v − dark)/(white − dark)): light has the scale of DN and is 0 at the dark level.
 // Limited-range luma has dark = 16 and white = 235.
 struct ToneCurve {
   enum class Kind { linear, gamma, srgb };
@@ -21,7 +21,7 @@ void check(const ToneCurve& curve);
 // White level in DN for samples of the type whose largest value is `type_maximum`.
 double white_level(const ToneCurve& curve, double type_maximum);
 
-// Linear light of one pixel value, in DN above dark. Below dark the curve goes on with odd symmetry.
+// Linear light of one pixel value, in DN above dark. The curve has odd symmetry about the dark level.
 double linear_light(const ToneCurve& curve, double value, double type_maximum);
 
 // The largest value a sample of type T can hold; pixels there are saturated. 1 for floating point.

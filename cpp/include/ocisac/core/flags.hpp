@@ -1,4 +1,4 @@
-// What a caller must know of an estimate beside its standard error; bits of one mask.
+// Conditions that limit the validity of an estimate; bits of one mask.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ inline constexpr Flags ambiguous_motion = 1U << 26;  // sense: several motions s
 inline constexpr Flags ambiguous_kind = 1U << 27;    // sense: a light, a moving or a still texture would look alike
 }  // namespace flag
 
-// The bits that are set, by name.
+// Names of the bits that are set.
 std::vector<std::string> flag_names(Flags flags);
 
 }  // namespace ocisac

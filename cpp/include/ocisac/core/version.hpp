@@ -1,4 +1,4 @@
-// What was built: version, commit, compiler, and the OpenCV it runs with.
+// Version, commit and compiler of this build, and the OpenCV at run time.
 #pragma once
 
 #include <string>

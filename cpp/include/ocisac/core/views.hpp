@@ -55,18 +55,18 @@ struct Region {
   friend bool operator==(const Region&, const Region&) = default;
 };
 
-// Places that [a, a + a_size) and [b, b + b_size) share.
+// Length of the intersection of [a, a + a_size) and [b, b + b_size).
 inline std::size_t shared_length(std::size_t a, std::size_t a_size, std::size_t b, std::size_t b_size) {
   const std::size_t begin = std::max(a, b), end = std::min(a + a_size, b + b_size);
   return end > begin ? end - begin : 0;
 }
 
-// Pixels that two regions share.
+// Number of pixels in the intersection of two regions.
 inline std::size_t shared_pixels(const Region& a, const Region& b) {
   return shared_length(a.x, a.width, b.x, b.width) * shared_length(a.y, a.height, b.y, b.height);
 }
 
-// The smallest region that holds both.
+// The smallest region that contains both.
 inline Region region_around(const Region& a, const Region& b) {
   const std::size_t x = std::min(a.x, b.x), y = std::min(a.y, b.y);
   return {x, y, std::max(a.x + a.width, b.x + b.width) - x, std::max(a.y + a.height, b.y + b.height) - y};

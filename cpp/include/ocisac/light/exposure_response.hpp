@@ -1,4 +1,4 @@
-// What the exposure does to a tone.
+// Frequency response of the exposure.
 #pragma once
 
 #include <complex>

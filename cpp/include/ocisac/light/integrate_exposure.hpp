@@ -19,7 +19,7 @@ namespace ocisac {
 // the indices in double-double, so the error stays near 1e-13 of the waveform's amplitude however late the frame.
 //
 // rows: row numbers in any order, negative ones too. out: as many values. start in seconds. The camera's exposure must
-// be known, and its frame time where frame is not 0. Takes time in proportion to the rows, and for products to the
+// be known, and its frame time where frame is not 0. Run time is proportional to the rows, for products also to the
 // pieces.
 void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
                         double start, std::int64_t frame, std::span<double> out);

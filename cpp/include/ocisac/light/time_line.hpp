@@ -1,4 +1,4 @@
-// Times and counts of cycles that keep their fraction however many cycles have passed.
+// Times and cycle counts whose fraction keeps its precision after any number of cycles.
 #pragma once
 
 #include <cmath>
@@ -49,7 +49,7 @@ inline DoubleDouble operator/(DoubleDouble a, double b) {
 
 inline bool operator<(DoubleDouble a, DoubleDouble b) { return a.high < b.high || (a.high == b.high && a.low < b.low); }
 
-// The nearest whole number, |value| < 2^51; in line where the processor's own instruction may not be assumed.
+// The nearest whole number, |value| < 2^51; inline arithmetic where the processor's rounding instruction may be absent.
 inline double nearest_whole(double value) {
   constexpr double shift = 0x1.8p52;
   return (value + shift) - shift;
@@ -70,8 +70,7 @@ struct Position {
   double rest = 0;
 };
 
-// Cycles rate·t(x) + offset along a time line: the products are exact and whole cycles leave before anything is
-// rounded.
+// Cycles rate·t(x) + offset along a time line: products are exact, and whole cycles are removed before rounding.
 class CycleCounter {
  public:
   CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset = {});

@@ -23,8 +23,8 @@ struct SquareWave {
   double phase = 0;  // rad
 };
 
-// amplitude·levels[k] during [start + k/chip_rate, start + (k + 1)/chip_rate); dark before and after, or repeated for
-// ever.
+// amplitude·levels[k] during [start + k/chip_rate, start + (k + 1)/chip_rate); dark before and after, or repeated
+// without end.
 struct Chips {
   std::vector<double> levels;  // at least one
   double chip_rate;            // Hz, > 0
@@ -44,8 +44,8 @@ struct Samples {
 
 class WaveformElement;
 
-// A waveform: an immutable value, cheap to copy, made of a sum of products of the elements above. Levels and amplitudes
-// are finite and within ±1e100. Values without meaning throw std::invalid_argument.
+// A waveform: an immutable value, cheap to copy; a sum of products of the elements above. Levels and amplitudes are
+// finite and within ±1e100. Invalid values throw std::invalid_argument.
 class Waveform {
  public:
   struct Term {
@@ -63,7 +63,7 @@ class Waveform {
 
   friend Waveform operator+(const Waveform& a, const Waveform& b);
 
-  // Light through or off something that moves. At most one factor of a product may be Samples.
+  // Light transmitted or reflected by a moving object. At most one factor of a product may be Samples.
   friend Waveform operator*(const Waveform& a, const Waveform& b);
 
  private:

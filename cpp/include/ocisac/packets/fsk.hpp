@@ -13,7 +13,7 @@ namespace ocisac {
 
 inline constexpr std::size_t kMaxTones = 256;
 
-// Which of the tones a frame shows.
+// The tone detected in a frame.
 struct FskSymbol {
   std::size_t symbol = 0;               // index of the likeliest tone
   std::vector<double> log_likelihoods;  // (tones) ln p(rows | tone), the likeliest at 0
@@ -40,7 +40,7 @@ class FskDemodulator {
 
   [[nodiscard]] std::size_t bits() const { return bits_; }
 
-  // `signal`: (rows) linear light. `amplitude`: of the light's tone before the exposure, where frames before told it.
+  // `signal`: (rows) linear light. `amplitude`: of the light's tone before the exposure, from earlier frames.
   [[nodiscard]] FskSymbol demodulate(std::span<const double> signal, std::optional<double> amplitude = {}) const;
 
  private:

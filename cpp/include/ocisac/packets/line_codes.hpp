@@ -10,7 +10,7 @@
 
 namespace ocisac {
 
-// Soft bits of a decoded stretch. Log-likelihood ratios are ln P(1)/P(0) in nats, 0 where nothing is known.
+// Soft bits of a decoded stretch. llr: ln P(1)/P(0) in nats, 0 where unknown.
 struct LineDecoding {
   std::vector<double> llr;               // (bits) of the best words for 1 and for 0 (max-log)
   std::vector<std::uint8_t> violations;  // (words) 1 where the hard decisions of a whole word are none of the code

@@ -1,4 +1,4 @@
-// Packets: a payload as a cycle of blocks of chips, and their way back from soft chips. The format: docs/packets.md.
+// Packets: a payload as a cycle of blocks of chips, and its recovery from soft chips. Format: docs/packets.md.
 #pragma once
 
 #include <array>
@@ -15,20 +15,20 @@ namespace ocisac {
 
 inline constexpr std::size_t kHeaderBytes = 2, kLongestPayload = 4095;
 
-// What every block begins with. `lengthened` is for exposures above 8 chips: three times as long.
+// The preamble of every block. `lengthened`, for exposures above 8 chips, is three times as long.
 enum class Preamble { standard, lengthened };
 
-// Its chips. Six equal chips in a row occur in no line code but "none".
+// Chips of the preamble. Only line code "none" can contain six equal chips in a row.
 std::span<const std::uint8_t> preamble_chips(Preamble preamble);
 
-// What sender and receiver agree on.
+// The parameters that sender and receiver share.
 struct PacketFormat {
   LineCode line_code = LineCode::named("manchester");
   std::size_t block_bytes = 16;  // coded bytes of a block, 1 to 255
   Preamble preamble = Preamble::standard;
 };
 
-// What follows from the format and the length of a payload.
+// Sizes that follow from the format and the length of a payload.
 struct PacketLayout {
   std::size_t payload_bytes = 0;
   std::size_t codewords = 0;      // Reed–Solomon words of 255 bytes
@@ -48,8 +48,8 @@ std::size_t longest_payload(const PacketFormat& format);
 // `payload_bytes`: 1 to longest_payload(format).
 PacketLayout packet_layout(std::size_t payload_bytes, const PacketFormat& format);
 
-// One cycle of the packet, 1 = bright: blocks one after the other, to be sent over and over. `number`: 0 to 255, one
-// more (modulo 256) for each packet that follows.
+// One cycle of the packet, 1 = bright: blocks one after the other, sent repeatedly. `number`: 0 to 255, counts
+// the packets modulo 256.
 std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, const PacketFormat& format,
                                        unsigned number = 0);
 
@@ -64,7 +64,7 @@ struct BlockSighting {
 // Blocks whose preamble and header lie whole in a stretch of soft chips (ln P(bright)/P(dark)).
 std::vector<BlockSighting> find_blocks(std::span<const double> llr, const PacketFormat& format);
 
-// What became of a stretch of chips.
+// The use that the assembler made of a stretch of chips.
 enum class StretchOutcome {
   placed,      // its bytes are in the packet
   waiting,     // kept until its place and the packet's length are known
@@ -89,18 +89,18 @@ struct StretchReport {
   std::optional<Payload> payload;  // whole, its CRC-32 right
 };
 
-// Payloads out of stretches of soft chips, each at its place on a clock of chips. Memory is bounded: the soft bits of
-// one cycle, and 2^17 chips that wait for their place.
+// Assembles payloads from stretches of soft chips, each placed on a chip clock. Memory is bounded: the soft bits of one
+// cycle and 2^17 chips whose place is not yet known.
 class PacketAssembler {
  public:
   explicit PacketAssembler(PacketFormat format);
 
   // `first`: index of the stretch's first chip on a clock that counts the chips sent, from any origin; stretches in
-  // time order. A slip of the clock by a chip or two is healed by the next header. `llr`: (chips) ln P(bright)/P(dark)
-  // in nats, 0: not seen. Where a stretch goes on from the last chip of the one before, headers are found across both.
+  // time order. The next header corrects a clock slip of one or two chips. `llr`: (chips) ln P(bright)/P(dark)
+  // in nats, 0: not seen. Headers are found across the border of contiguous stretches.
   StretchReport push(std::ptrdiff_t first, std::span<const double> llr);
 
-  // The clock has jumped: what is in the packet stays, the next header gives the place anew.
+  // The clock has jumped: the packet's symbols stay; the next header restores the place.
   void lose_clock();
 
  private:

@@ -24,7 +24,7 @@ struct ScenePart {
   const float* table = nullptr;          // height × phases: the mean light over each row's exposure
 };
 
-// Refuses a part that leaves the frame, phases at or above `phases`, spans outside the rectangle.
+// Throws for a part that leaves the frame, a phase at or above `phases`, a span outside the rectangle.
 void check(const ScenePart& part, std::size_t rows, std::size_t columns);
 
 // Light (DN) under the parts: an image of rows × columns where `image` is given, else `level` everywhere.
@@ -33,9 +33,9 @@ struct SceneBase {
   const float* image = nullptr;
 };
 
-// Sum of the parts over the base. Integers are rounded to the nearest and clipped at [0, `white`] (DN); floats keep
-// all. Rows over a level that only parts of one gain reach are filled in runs, at the speed of memory. The parts must
-// have passed `check` for this frame.
+// Sum of the parts over the base. Integers are rounded to nearest and clipped to [0, `white`] (DN); floats are not.
+// Rows that only parts of uniform gain reach are filled in runs, at memory speed. The parts must have passed `check`
+// for this frame.
 template <class T>
 void render_parts(std::span<const ScenePart> parts, const SceneBase& base, float white, int threads,
                   const FramesView<T>& frame);
