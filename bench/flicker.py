@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import pathlib
 
-from ocisac_fast.exposure import flicker_free_exposure, mains_lights
-from ocisac_fast.plots.flicker import plot_flicker_front, plot_modulation
+from ocisac_fast.exposure import FlickeringLight, flicker_free_exposure, mains_lights
+from ocisac_fast.plots.flicker import plot_flicker_front, plot_flicker_indices, plot_modulation
 
 _DATA_LIGHT = 35.0  # Hz; slow enough for exposures of 50 ms
 
@@ -19,6 +19,15 @@ def main() -> None:
     plot_modulation(directory / "exposure-bands.png", mains, 0.02, flicker_free_exposure(mains, 0.02))
     kept = flicker_free_exposure(mains, 0.02, f_comm=_DATA_LIGHT, min_gain=0.1)
     plot_flicker_front(directory / "exposure-bands-front.png", _DATA_LIGHT, mains, 0.02, kept)
+    lamps = [FlickeringLight(90.0, duty=0.1), FlickeringLight(90.0, duty=0.5), FlickeringLight(500.0, duty=0.5)]
+    plot_flicker_indices(
+        directory / "flicker-indices.png",
+        [*lamps, FlickeringLight(100.0)],
+        [1e-3, 11e-3],
+        background=0.05,
+        contrast=0.1,
+        tolerance=0.1,
+    )
 
 
 if __name__ == "__main__":

@@ -75,6 +75,11 @@ def test_what_cannot_be_had_is_the_best_there_is(facts):
         ("exposure --avoid 100Hz --keep 50%", "--comm: needed"),
         ("exposure --avoid 100Hz --method search", "--method: got search"),
         ("exposure --comm 100 --sense 50 --near 1ms", "--near: needs --avoid"),
+        ("flicker --lights 90Hz --exposures 0", "exposure: got"),
+        ("flicker --lights 90Hz --exposures 1ms --background -1", "background: got -1.0"),
+        ("lamp --exposures 0ms", "exposures: got"),
+        ("lamp --exposures 1ms --range 50Hz", "--range: got 1 frequencies"),
+        ("lamp --exposures 1ms --duty 1", "duty: got 1.0"),
     ],
 )
 def test_bad_input_is_one_line(capsys, arguments, message):
@@ -96,7 +101,7 @@ def test_pictures(tmp_path, facts):
     assert front.stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("command", ["exposure"])
+@pytest.mark.parametrize("command", ["exposure", "flicker", "lamp"])
 def test_help_fits_on_a_screen(command):
     shown = subprocess.run(
         [sys.executable, "-m", "ocisac_fast.cli", command, "--help"], capture_output=True, text=True, check=True
@@ -104,3 +109,31 @@ def test_help_fits_on_a_screen(command):
     lines = shown.stdout.splitlines()
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
+
+
+def test_indices_of_lamps_under_exposures(facts, tmp_path):
+    pytest.importorskip("matplotlib")
+    picture = tmp_path / "indices.png"
+    found = facts("flicker", "--lights", "90Hz:0.1,500Hz:square", "--exposures", "1ms,11ms", "--plot", str(picture))
+    assert [(one["frequency_hz"], one["exposure_s"]) for one in found] == [
+        (90, 1e-3),
+        (90, 0.011),
+        (500, 1e-3),
+        (500, 0.011),
+    ]
+    assert found[0]["missed"] == pytest.approx(1 - 0.09 - 0.1)
+    assert found[0]["detection_index"] == pytest.approx(0.19)
+    assert found[3]["modulation_index"] == pytest.approx(1 / 11)
+    assert picture.stat().st_size > 10_000
+
+
+def test_lamps_for_shutters(facts):
+    (found,) = facts("lamp", "--exposures", "1/60s,1/100s", "--duty", "0.1", "--below", "2%", "--range", "50Hz,1kHz")
+    assert found["holds"]
+    assert found["frequencies_hz"][0] == pytest.approx([298.82, 301.22], abs=0.01)
+    assert found["no_missed_pulse_from_hz"] == pytest.approx(90)
+    assert found["chip_rates_from_hz"]["manchester"] == pytest.approx(10_000)
+    (none,) = facts("lamp", "--exposures", "1/60s,1/100s", "--range", "50Hz,90Hz")
+    assert none["holds"] is False
+    (duties,) = facts("lamp", "--exposures", "1ms", "--frequency", "90Hz")
+    assert duties["no_missed_pulse_from_duty"] == pytest.approx(0.91)

@@ -18,6 +18,8 @@ _COMMANDS = {
     "calibrate": "Row time of a camera, from a light of known frequency.",
     "gain": "Gain of a tone in a recording, against theory.",
     "exposure": "Best exposure time for communication and sensing, or without bands of lights.",
+    "flicker": "What flickering lamps do to frames: the indices of IEEE P2020.",
+    "lamp": "Frequencies, duties and chip rates of a lamp that suit given shutters.",
     "locate": "Where the camera is, from lights whose places are known.",
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",

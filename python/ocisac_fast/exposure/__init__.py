@@ -22,4 +22,13 @@ from ocisac_fast.exposure.flicker import (
     flicker_front as flicker_front,
     mains_lights as mains_lights,
 )
+from ocisac_fast.exposure.flicker_indices import FlickerIndices as FlickerIndices, flicker_indices as flicker_indices
 from ocisac_fast.exposure.fronts import ExposureFront as ExposureFront, exposure_front as exposure_front
+from ocisac_fast.exposure.lamp import (
+    DIGITAL_SUM_SPANS as DIGITAL_SUM_SPANS,
+    LampFrequencies as LampFrequencies,
+    flicker_free_chip_rate as flicker_free_chip_rate,
+    flicker_free_frequencies as flicker_free_frequencies,
+    smallest_flicker_free_duty as smallest_flicker_free_duty,
+    unmissed_frequency as unmissed_frequency,
+)

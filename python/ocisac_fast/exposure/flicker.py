@@ -149,7 +149,7 @@ def flicker_free_exposure(
     if step is not None:
         allowed, holds = _multiples_allowed(lights, below, every, step)
     else:
-        allowed, holds = _intervals_allowed(lights, below, every)
+        holds, allowed = smallest_level(below, lambda level: _all_below(lights, level, every))
     tones = None
     if near is None and f_comm is not None and (min_gain is None or f_sense is not None):
         tones = [f for f in (f_comm, f_sense) if f is not None]
@@ -216,7 +216,7 @@ def flicker_front(
 def exposures_below(light: FlickeringLight, below: float, low: float, high: float) -> Float64s:
     """(intervals, 2) in s within ``low`` .. ``high``, ascending, in which the modulation is at most ``below``."""
     slow, fast = light.frequency - light.uncertainty, light.frequency + light.uncertainty
-    return _clipped(cycles_below(light, below, fast * high) / [slow, fast], low, high)
+    return clipped(cycles_below(light, below, fast * high) / [slow, fast], low, high)
 
 
 def cycles_below(light: FlickeringLight, below: float, most: float) -> Float64s:
@@ -283,7 +283,8 @@ def _boundary(inside: Float64s, outside: Float64s, holds: Callable[[Float64s], n
     return inside
 
 
-def _clipped(intervals: Float64s, low: float, high: float) -> Float64s:
+def clipped(intervals: Float64s, low: float, high: float) -> Float64s:
+    """The parts of the intervals within ``low`` .. ``high``."""
     kept = np.column_stack([np.maximum(intervals[:, 0], low), np.minimum(intervals[:, 1], high)])
     return kept[kept[:, 0] <= kept[:, 1]]
 
@@ -296,17 +297,17 @@ def _all_below(lights: Sequence[FlickeringLight], below: float, every: Float64s)
     return every
 
 
-def _intervals_allowed(lights: Sequence[FlickeringLight], below: float, every: Float64s) -> tuple[Float64s, bool]:
-    """The exposures that hold; where there are none, those of the smallest modulation, to 1e-12 of it."""
-    allowed = _all_below(lights, below, every)
-    if allowed.size:
-        return allowed, True
-    fails, holds = below, 1.0
+def smallest_level(below: float, found_at: Callable[[float], Float64s]) -> tuple[bool, Float64s]:
+    """Whether something is found at the level, and what is found there or else at the smallest level that has any."""
+    found = found_at(below)
+    if found.size:
+        return True, found
+    fails, holds, found = below, 1.0, found_at(1.0)
     while holds - fails > 1e-12 * holds:
         middle = 0.5 * (fails + holds)
-        found = _all_below(lights, middle, every)
-        fails, holds, allowed = (fails, middle, found) if found.size else (middle, holds, allowed)
-    return (allowed if allowed.size else every), False
+        some = found_at(middle)
+        fails, holds, found = (fails, middle, some) if some.size else (middle, holds, found)
+    return False, found
 
 
 def _multiples_allowed(
@@ -338,7 +339,7 @@ def _keeping(f_comm: float, min_gain: float, low: float, high: float, step: floa
     valleys = cycles_below(FlickeringLight(f_comm), min_gain, f_comm * high + 1.0) / f_comm
     between = np.column_stack([np.concatenate(([0.0], valleys[:, 1])), np.append(valleys[:, 0], math.inf)])
     widened = between * [1.0 - 4 * _SHRINK, 1.0 + 4 * _SHRINK]  # undoes the shrinking: the ends keep the gain
-    kept = _clipped(widened[between[:, 0] < between[:, 1]], low, high)
+    kept = clipped(widened[between[:, 0] < between[:, 1]], low, high)
     reachable = kept.size > 0 and (step is None or _multiples(kept, step).size > 0)
     return (kept, True) if reachable else (every, False)
 

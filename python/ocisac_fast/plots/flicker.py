@@ -14,6 +14,7 @@ from ocisac_fast.exposure.flicker import (
     exposure_modulation,
     flicker_front,
 )
+from ocisac_fast.exposure.flicker_indices import flicker_indices
 from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, RED, SKY, picture
 
 _COLOURS = (BLUE, ORANGE, GREEN, SKY)
@@ -78,3 +79,37 @@ def plot_flicker_front(
             xlim=(below / 50.0, 1.1),
         )
         axes.legend(loc="upper left", fontsize=8)
+
+
+def plot_flicker_indices(
+    path: str | os.PathLike[str],
+    lights: Sequence[FlickeringLight],
+    exposures: Sequence[float],
+    *,
+    background: float,
+    contrast: float,
+    tolerance: float,
+) -> None:
+    """The three indices over the exposure for each lamp, with the exposures asked for as dots.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        lights, background, contrast, tolerance: as for ``flicker_indices``.
+        exposures: s.
+    """
+    times = np.geomspace(0.3 * min(exposures), 3.0 * max(exposures), 3001)
+    settings = {"background": background, "contrast": contrast, "tolerance": tolerance}
+    titles = ("FMI: modulation", f"FDI: contrast above {contrast:.3g}", f"MMP: within {tolerance:.3g} of the mean")
+    with picture(path, 11.0, 4.0) as figure:
+        panels = figure.subplots(1, 3, sharey=True)
+        for k, light in enumerate(lights):
+            for when, style in ((times, {"lw": 1.1}), (np.asarray(exposures), {"marker": "o", "ls": ""})):
+                found = flicker_indices(light, when, **settings)
+                values = (found.modulation_index, found.detection_index, found.mitigation_probability)
+                label = f"{light.frequency:g} Hz, " + ("tone" if light.duty is None else f"duty {light.duty:g}")
+                for axes, value in zip(panels, values, strict=True):
+                    text = label if when is times else None
+                    axes.plot(when * 1e3, value, color=_COLOURS[k % 4], label=text, **style)
+        for axes, title in zip(panels, titles, strict=True):
+            axes.set(xlabel="exposure time / ms", xscale="log", ylim=(-0.03, 1.03), title=title)
+        panels[0].legend(fontsize=8)

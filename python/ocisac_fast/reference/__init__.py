@@ -15,6 +15,7 @@ from ocisac_fast.core.flags import Flag
 from ocisac_fast.exposure.choice import BestExposure
 from ocisac_fast.exposure.controller import ExposureMeasurement, ExposureReason, ExposureSuggestion, MeasuredTone
 from ocisac_fast.exposure.flicker import FlickerFreeExposure, FlickeringLight
+from ocisac_fast.exposure.flicker_indices import FlickerIndices
 from ocisac_fast.exposure.fronts import ExposureFront, exposure_front
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
 from ocisac_fast.lights.location import Location, locate_camera
@@ -44,6 +45,7 @@ from ocisac_fast.reference.exposure_choice import best_exposure, exposure_object
 from ocisac_fast.reference.exposure_controller import ExposureController, best_noisy_exposure
 from ocisac_fast.reference.exposure_flicker import exposure_modulation, flicker_free_exposure
 from ocisac_fast.reference.exposure_response import exposure_response
+from ocisac_fast.reference.flicker_indices import flicker_indices
 from ocisac_fast.reference.frequency import calibrate, find_frequency, pick_colour, tone_columns
 from ocisac_fast.reference.fsk import fsk_demodulate, fsk_symbol_error_rate
 from ocisac_fast.reference.gain import tone_gain
@@ -85,6 +87,7 @@ __all__ = [
     "ExposureSuggestion",
     "Flag",
     "FlickerFreeExposure",
+    "FlickerIndices",
     "FlickeringLight",
     "FoundFrequency",
     "FskFrame",
@@ -144,6 +147,7 @@ __all__ = [
     "find_preamble",
     "fit_channel",
     "flicker_free_exposure",
+    "flicker_indices",
     "fsk_demodulate",
     "fsk_symbol_error_rate",
     "fsk_transmit",

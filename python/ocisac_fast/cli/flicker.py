@@ -1,0 +1,59 @@
+"""``ocisac flicker``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+
+from ocisac_fast.cli.lights import LIGHTS, SHARE, TIMES, light_name
+from ocisac_fast.cli.output import emit_json, emit_table, quantity
+from ocisac_fast.cli.pictures import json_option, plot_option
+
+if TYPE_CHECKING:
+    from ocisac_fast.exposure import FlickeringLight
+
+_NAMES = ("modulation_index", "detection_index", "mitigation_probability", "missed")
+
+
+@click.command(short_help="What flickering lamps do to frames: the indices of IEEE P2020.")
+@click.option("--lights", type=LIGHTS, required=True, help="90Hz:0.1 (PWM of its duty), 1kHz:square, 100Hz, mains.")
+@click.option("--exposures", type=TIMES, required=True, help="Of the camera.")
+@click.option("--background", type=float, default=0.0, help="Steady light, the lamp's peak being 1; else 0.")
+@click.option("--contrast", type=SHARE, default="10%", help="From which a lamp is detected; else 10%.")
+@click.option("--tolerance", type=SHARE, default="10%", help="Of the mean, that counts as mitigated; else 10%.")
+@plot_option("the indices over the exposure")
+@json_option
+def flicker(
+    lights: tuple[FlickeringLight, ...],
+    exposures: tuple[float, ...],
+    background: float,
+    contrast: float,
+    tolerance: float,
+    plot: str | None,
+    as_json: bool,
+) -> None:
+    """Flicker modulation index, flicker detection index and modulation mitigation probability of every lamp under every
+    exposure, over all phases, in closed form.
+    """
+    from ocisac_fast.exposure import flicker_indices
+
+    settings = {"background": background, "contrast": contrast, "tolerance": tolerance}
+    rows: list[tuple[FlickeringLight, float, list[float]]] = []
+    for light in lights:
+        found = flicker_indices(light, exposures, **settings)
+        values = np.array([getattr(found, name) for name in _NAMES])
+        rows += [(light, time, each) for time, each in zip(exposures, values.T.tolist(), strict=True)]
+    if plot is not None:
+        from ocisac_fast.plots.flicker import plot_flicker_indices
+
+        plot_flicker_indices(plot, lights, exposures, **settings)
+    if not as_json:
+        header = ["lamp", "exposure", "FMI", "FDI", "MMP", "missed"]
+        table = [[light_name(light), quantity(time, "s"), *(f"{v:.4f}" for v in each)] for light, time, each in rows]
+        emit_table("", header, table)
+        return
+    for light, time, each in rows:
+        facts = {"frequency_hz": light.frequency, "duty": light.duty, "exposure_s": time}
+        emit_json(facts | dict(zip(_NAMES, each, strict=True)))

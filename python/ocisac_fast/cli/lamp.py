@@ -1,0 +1,87 @@
+"""``ocisac lamp``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from ocisac_fast.cli.lights import SHARE, TIMES
+from ocisac_fast.cli.output import emit_facts, emit_json, quantity
+from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
+
+
+@click.command(short_help="Frequencies, duties and chip rates of a lamp that suit given shutters.")
+@click.option("--exposures", type=TIMES, required=True, help="Of the shutters.")
+@click.option("--below", type=SHARE, default="2%", help="Most (max-min)/(max+min); else 2%.")
+@click.option("--duty", type=float, help="Of PWM, or longer; else a tone.")
+@click.option("--range", "bounds", type=FREQUENCIES, default="50Hz,10kHz", help="Of frequencies; else 50Hz,10kHz.")
+@click.option("--spread", type=SHARE, default="0", help="Of each exposure, +-; else 0.")
+@click.option("--frequency", type=FREQUENCY, help="Of PWM: its least duty instead of its frequency.")
+@json_option
+def lamp(
+    exposures: tuple[float, ...],
+    below: float,
+    duty: float | None,
+    bounds: tuple[Quantity, ...],
+    spread: float,
+    frequency: Quantity | None,
+    as_json: bool,
+) -> None:
+    """Frequencies at which a lamp shows no bands to any of the shutters and none misses a pulse, and the chip rates
+    from which a line code shows none; with --frequency the duties.
+    """
+    if frequency is not None:
+        facts = _duties(exposures, below, float(frequency))
+    else:
+        if len(bounds) != 2:
+            raise click.UsageError(f"--range: got {len(bounds)} frequencies, allowed: LOWEST,HIGHEST")
+        facts = _frequencies(exposures, below, duty, (float(bounds[0]), float(bounds[1])), spread)
+    if as_json:
+        emit_json(facts)
+        return
+    emit_facts("", {name: _told(name, value) for name, value in facts.items()})
+
+
+def _frequencies(
+    exposures: tuple[float, ...], below: float, duty: float | None, bounds: tuple[float, float], spread: float
+) -> dict[str, Any]:
+    from ocisac_fast.exposure import (
+        DIGITAL_SUM_SPANS,
+        flicker_free_chip_rate,
+        flicker_free_frequencies,
+        unmissed_frequency,
+    )
+
+    found = flicker_free_frequencies(exposures, below, bounds, duty, exposure_spread=spread)
+    shortest = [min(exposures) * (1.0 - spread)]
+    return {
+        "frequencies_hz": found.intervals,
+        "modulation": found.modulation,
+        "holds": found.holds,
+        "always_from_hz": found.always_from,
+        "no_missed_pulse_from_hz": None if duty is None else unmissed_frequency(shortest, duty),
+        "chip_rates_from_hz": {
+            code: flicker_free_chip_rate(shortest, below, span) for code, span in DIGITAL_SUM_SPANS.items()
+        },
+    }
+
+
+def _duties(exposures: tuple[float, ...], below: float, frequency: float) -> dict[str, Any]:
+    from ocisac_fast.exposure import smallest_flicker_free_duty
+
+    return {
+        "no_bands_from_duty": smallest_flicker_free_duty(frequency, exposures, below),
+        "no_missed_pulse_from_duty": max(0.0, 1.0 - frequency * min(exposures)),
+    }
+
+
+def _told(name: str, value: Any) -> str:
+    if name == "frequencies_hz":
+        return ", ".join(f"{quantity(low, 'Hz')} to {quantity(high, 'Hz')}" for low, high in value)
+    if isinstance(value, dict):
+        return ", ".join(f"{code} {quantity(rate, 'Hz')}" for code, rate in value.items())
+    if isinstance(value, bool):
+        return "yes" if value else "no: the best there is"
+    return quantity(value, "Hz" if name.endswith("_hz") else "")

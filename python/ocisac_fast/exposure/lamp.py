@@ -1,0 +1,156 @@
+"""The lamp's side of flicker: frequencies, duties and chip rates that suit given shutters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.exposure.flicker import (
+    FlickeringLight,
+    clipped,
+    cycles_below,
+    exposure_modulation,
+    intersection,
+    smallest_level,
+)
+
+Float64s = npt.NDArray[np.float64]
+
+DIGITAL_SUM_SPANS = {"manchester": 2, "4b6b": 4, "8b10b": 6}  # largest - smallest running sum of chips as +-1
+_HALVINGS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class LampFrequencies:
+    """What :func:`flicker_free_frequencies` found; Hz.
+
+    Attributes:
+        intervals: (intervals, 2) ascending, in which no shutter shows bands; else the best frequency twice.
+        modulation: the largest that is left at the lowest of them.
+        holds: there are some.
+        always_from: from here on every frequency holds, beyond the bounds too.
+    """
+
+    intervals: Float64s
+    modulation: float
+    holds: bool
+    always_from: float
+
+
+def flicker_free_frequencies(
+    exposures: Sequence[float],
+    below: float,
+    bounds: tuple[float, float],
+    duty: float | None = None,
+    *,
+    depth: float = 1.0,
+    exposure_spread: float = 0.0,
+) -> LampFrequencies:
+    """Frequencies of a lamp at which no shutter sees a modulation above a bound, harmonics included.
+
+    Args:
+        exposures: of the shutters, s, above 0, at least one.
+        below: bound of (max - min) / (max + min), above 0 and below 1.
+        bounds: (lowest, highest) frequency in Hz, above 0.
+        duty: of PWM, above 0 and below 1, which holds for longer ones too; None: a raised cosine.
+        depth: (max - min) / (max + min) of the lamp itself.
+        exposure_spread: each shutter is within +- this share of its exposure, 0 to below 1.
+
+    Raises:
+        ValueError: an argument outside its range.
+    """
+    times = _checked_exposures(exposures)
+    light = FlickeringLight(1.0, 0.0, duty, depth)
+    low, high = bounds
+    if not 0.0 < low <= high < math.inf:
+        raise ValueError(f"bounds: got {low} to {high}, allowed: 0 < lowest <= highest (Hz)")
+    if not 0.0 < below < 1.0:
+        raise ValueError(f"below: got {below}, allowed: above 0 and below 1")
+    if not 0.0 <= exposure_spread < 1.0:
+        raise ValueError(f"exposure_spread: got {exposure_spread}, allowed: 0 to below 1")
+    shorter, longer = 1.0 - exposure_spread, 1.0 + exposure_spread
+
+    def frequencies_at(level: float) -> Float64s:
+        found = np.array([[low, high]])
+        for time in times:
+            if found.size:
+                cycles = cycles_below(light, level, longer * time * high)
+                found = intersection(found, clipped(cycles / [shorter * time, longer * time], low, high))
+        return found
+
+    holds, found = smallest_level(below, frequencies_at)
+    found = found if holds else np.repeat(found[:1, :1], 2, axis=1)
+    shutters = [FlickeringLight(time, exposure_spread * time, duty, depth) for time in times]  # f and T_e are alike
+    left = max(float(exposure_modulation(shutter, found[0, 0])) for shutter in shutters)
+    settled = cycles_below(light, below, 1.0 / below + 2.0)[-1, 0]  # the maxima fall as 1/(2n + 1) or faster
+    return LampFrequencies(found, left, holds, float(settled / (shorter * times.min())))
+
+
+def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], below: float) -> float:
+    """Smallest duty of PWM at which no shutter sees a modulation above a bound; longer ones hold too.
+
+    Args:
+        frequency: Hz, above 0.
+        exposures: of the shutters, s, above 0, at least one.
+        below: bound of (max - min) / (max + min), above 0 and below 1.
+
+    Returns:
+        Above 0 and below 1; 0 where every duty holds.
+
+    Raises:
+        ValueError: an argument outside its range.
+    """
+    times = _checked_exposures(exposures)
+    if not 0.0 < below < 1.0:
+        raise ValueError(f"below: got {below}, allowed: above 0 and below 1")
+
+    def holds(duty: float) -> bool:
+        return bool(np.max(exposure_modulation(FlickeringLight(frequency, duty=duty), times)) <= below)
+
+    short, long = 0.0, 1.0
+    if holds(2.0**-_HALVINGS):
+        return 0.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (short + long)
+        short, long = (short, middle) if holds(middle) else (middle, long)
+        if long - short < 1e-15:
+            break
+    return long
+
+
+def unmissed_frequency(exposures: Sequence[float], duty: float) -> float:
+    """Lowest frequency in Hz of PWM of which each exposure sees a pulse whatever its phase: T_e = (1 - duty) / f."""
+    FlickeringLight(1.0, duty=duty)
+    return (1.0 - duty) / float(_checked_exposures(exposures).min())
+
+
+def flicker_free_chip_rate(exposures: Sequence[float], below: float, digital_sum_span: float = 2) -> float:
+    """Chip rate in Hz from which chips show no bands whatever the data, given the span of their running digital sum.
+
+    Over x chips the digital sum changes by the span S at most, so that the share of bright chips is 1/2 +- S/(2x) and
+    the modulation S/x at most.
+
+    Args:
+        exposures: of the shutters, s, above 0, at least one.
+        below: bound of (max - min) / (max + min), above 0 and below 1.
+        digital_sum_span: of the line code, as in ``DIGITAL_SUM_SPANS``; 1 or above.
+
+    Raises:
+        ValueError: an argument outside its range.
+    """
+    if not 0.0 < below < 1.0:
+        raise ValueError(f"below: got {below}, allowed: above 0 and below 1")
+    if not 1.0 <= digital_sum_span < math.inf:
+        raise ValueError(f"digital_sum_span: got {digital_sum_span}, allowed: 1 or above")
+    return digital_sum_span / (below * float(_checked_exposures(exposures).min()))
+
+
+def _checked_exposures(exposures: Sequence[float]) -> Float64s:
+    times = np.asarray(exposures, dtype=np.float64)
+    if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times) & (times > 0.0)):
+        raise ValueError(f"exposures: got {exposures}, allowed: at least one, each finite and above 0 (s)")
+    return times
