@@ -3,6 +3,9 @@
 import dataclasses
 import math
 import pathlib
+import struct
+import time
+import zlib
 
 import cv2
 import numpy as np
@@ -267,6 +270,118 @@ def test_bad_files_are_refused_with_line_and_key(tmp_path, old, new, line, messa
     with pytest.raises(SceneFileError) as caught:
         load_scene(tmp_path / "bad.toml")
     assert f"bad.toml:{line}: {message}" in str(caught.value)
+
+
+PARTS = """
+[[sources]]
+shape = { kind = "disc", diameter = 0.1 }
+position = [0.0, 0.0, 0.3]
+[sources.waveform]
+kind = "sum"
+[[sources.waveform.parts]]
+kind = "tone"
+frequency = 100.0
+[[sources.waveform.parts]]
+kind = "tone"
+frequency = BAD
+"""
+
+
+CHIPS = """
+[[sources]]
+shape = {{ kind = "disc", diameter = 0.1 }}
+position = [0.0, 0.0, 0.3]
+waveform = {{ kind = "chips", chip_rate = 2000.0, {} }}
+"""
+
+
+def refusal(tmp_path, text):
+    """What `load_scene` says of a scene with this instead of its sources and surfaces."""
+    head = TESTBED[: TESTBED.index("[ambient]")]
+    data = text if isinstance(text, bytes) else text.encode()
+    (tmp_path / "bad.toml").write_bytes(head.encode() + data)
+    with pytest.raises(SceneFileError) as caught:
+        load_scene(tmp_path / "bad.toml")
+    return str(caught.value), head.count("\n") + 1
+
+
+def test_the_line_of_the_second_part_of_a_list_in_a_list(tmp_path):
+    message, first = refusal(tmp_path, PARTS.replace("BAD", "-1"))
+    assert f"bad.toml:{first + 11}: sources[0].waveform.parts[1].frequency: got -1" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (CHIPS.format('levels = "01", repeat = "no"'), "waveform.repeat: got 'no', allowed: true or false"),
+        (CHIPS.format("repeat = true"), "waveform.levels: missing"),
+        (b"# \xff\n", "byte 0xff, allowed: UTF-8"),
+        ("a = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
+        ("a = " + "{a = " * 5000 + "1" + "}" * 5000, "nested too deeply"),
+        (".".join("a" * 100_000) + " = 1", "a key of more than 100 parts"),
+        ("'='" + ".','" * 100_000 + " = 1", "a key of more than 100 parts"),
+        ("x = [\n[" + " " * 100_000 + "\n1]]", "x: unknown key"),
+    ],
+    ids=["repeat", "levels", "utf8", "lists", "tables", "dots", "quoted", "blanks"],
+)
+def test_files_that_are_no_scene_are_refused_in_time(tmp_path, text, message):
+    began = time.perf_counter()
+    assert message in refusal(tmp_path, text)[0]
+    assert time.perf_counter() - began < 5
+
+
+def test_dots_in_numbers_strings_and_comments_are_no_keys(tmp_path):
+    text = TESTBED + "# " + "." * 500 + "\n"
+    text = text.replace("[0.0, 0.0, 0.3]", "[0.0, 0.0, 0.3] # " + "x." * 300)
+    (tmp_path / "good.toml").write_text(text)
+    assert str(load_scene(tmp_path / "good.toml")) == str(load_scene(EXAMPLES / "testbed.toml"))
+
+
+SURFACE = """
+[[surfaces]]
+shape = {{ kind = "rectangle", width = 0.2, height = 0.1 }}
+position = [0.0, 0.0, 0.3]
+pattern = {{ kind = "picture", width = 0.2, height = 0.1, file = "{}" }}
+"""
+
+
+def test_pictures_of_a_scene_are_those_of_its_folder(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    folder = tmp_path / "scene"
+    (folder / "below").mkdir(parents=True)
+    levels = np.arange(8, dtype=np.uint8).reshape(2, 4) * 30
+    for path in (folder / "below" / "in.png", tmp_path / "out.png"):
+        image.fromarray(levels).save(path)
+    (folder / "link.png").symlink_to(tmp_path / "out.png")
+    (folder / "script.png").write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\nshowpage\n")
+    absurd = bytearray((tmp_path / "out.png").read_bytes())
+    absurd[16:24] = struct.pack(">II", 50_000, 50_000)
+    absurd[29:33] = struct.pack(">I", zlib.crc32(bytes(absurd[12:29])))
+    (folder / "absurd.png").write_bytes(absurd)
+    head = TESTBED[: TESTBED.index("[ambient]")]
+    scene = folder / "scene.toml"
+
+    def load(name, **options):
+        scene.write_text(head + SURFACE.format(name))
+        return load_scene(scene, **options).surfaces[0].pattern.levels
+
+    np.testing.assert_array_equal(load("below/in.png"), levels / 255)
+    for outside in ("../out.png", str(tmp_path / "out.png"), "link.png"):
+        with pytest.raises(SceneFileError, match=r"file: got .*, allowed: a picture in the scene's folder"):
+            load(outside)
+        np.testing.assert_array_equal(load(outside, any_folder=True), levels / 255)
+    for bad, message in [("script.png", "not a picture"), ("absurd.png", "pixels"), ("none.png", "No such file")]:
+        with pytest.raises(SceneFileError, match=message):
+            load(bad)
+
+
+def test_a_picture_of_the_size_of_its_plate_lies_on_it():
+    levels = np.linspace(0.1, 0.9, 8).reshape(2, 4)
+    plate = Surface(Rectangle(0.4, 0.2), Pose((0, 0, 0.5)), Picture(levels, 0.4, 0.2))
+    lens = Pinhole(columns=4, rows=2, focal_length=5e-3, pixel_pitch=1e-3)
+    scene = scene_of(plate, lens=lens, camera=Camera(1e-5, 1e-4), sensor=Sensor(1e4), ambient=1.0)
+    for frame in (next(render(scene.plan(1e-3))), exact_scene(scene)[0]):
+        np.testing.assert_allclose(frame, levels, rtol=1e-3)
 
 
 def test_files_that_are_not_toml_are_refused(tmp_path):

@@ -38,6 +38,19 @@ def is_picture(head: bytes) -> bool:
     )
 
 
+def grey_levels(path: Path, max_pixels: int) -> Frame:
+    """(rows, columns) of a picture of one of `FORMATS`, 0 to 1, as they are stored; colour as its luma.
+
+    Raises:
+        FileError: no such picture, or one of more than ``max_pixels``.
+    """
+    data = path.read_bytes()
+    with _refusals(), pillow().open(io.BytesIO(data), formats=FORMATS) as image:
+        if image.width * image.height > max_pixels:
+            raise FileError(f"picture of {image.width} x {image.height}, allowed: at most {max_pixels} pixels")
+        return np.asarray(image.convert("L"), np.float64) / 255
+
+
 def open_picture(source: Path | bytes) -> RecordingStream:
     """A picture as one frame; the pages of a TIFF file as frames."""
     data = source.read_bytes() if isinstance(source, Path) else source

@@ -63,7 +63,7 @@ def _pattern(item: Surface | Mask, x: Array, y: Array, time: Array) -> Array:
     assert isinstance(pattern, Picture)
     rows, columns = pattern.levels.shape
     line = np.floor((across / pattern.height + 0.5) * rows).astype(int) % rows
-    column = np.floor((periods % 1) * columns).astype(int) % columns
+    column = np.floor(((periods + 0.5) % 1) * columns).astype(int) % columns
     return np.asarray(pattern.levels[line, column])
 
 
@@ -185,6 +185,7 @@ def _pattern_light(item: Surface | Mask, x: float, y: float) -> Waveform:
         across = np.hypot(x, y) - shape.diameter / 2 if isinstance(shape, Ring) else y
         rows, columns = pattern.levels.shape
         levels = pattern.levels[int(np.floor((across / pattern.height + 0.5) * rows)) % rows]
+        place += 0.5  # from the picture's left edge
         # place - rate * t runs through the columns backwards for a rate above 0
         levels = levels[::-1] if rate > 0 else levels
         begin = (place - np.ceil(place)) / rate if rate > 0 else (np.floor(place) - place) / abs(rate)

@@ -105,7 +105,9 @@ class Grating:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture that repeats along x (round a ring) and y.
+    """A picture that repeats along x (round a ring) and y; one of them has its middle at the object's.
+
+    On a ring, its middle is at the ring's x axis, and on the middle circle.
 
     Args:
         levels: (rows, columns) reflectances, 0 to 1; kept as a read-only float64 copy.
@@ -198,8 +200,13 @@ class _Patterned:
         return np.asarray(np.hypot(x, y) - self.shape.diameter / 2) if isinstance(self.shape, Ring) else y
 
     def periods(self, x: Array, y: Array) -> Array:
-        """Periods of the pattern from its phase 0 to the places (x, y) of the object, at time 0."""
+        """Periods of the pattern from its phase 0 to the places (x, y) of the object, at time 0.
+
+        A picture has its middle at x = 0, as `across` has it at y = 0; its phase 0 is its left edge.
+        """
         along = np.arctan2(y, x) * (self.shape.diameter / 2) if isinstance(self.shape, Ring) else x
+        if isinstance(self.pattern, Picture):
+            return np.asarray(self.spatial_frequency * along + 0.5)
         phase = self.pattern.phase if isinstance(self.pattern, (Cosine, Grating)) else 0.0
         return np.asarray(self.spatial_frequency * along - phase / (2 * math.pi))
 

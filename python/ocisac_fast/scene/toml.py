@@ -24,6 +24,8 @@ from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, 
 Kinds = Mapping[str, Callable[..., Any]]
 Keys = tuple[str | int, ...]
 
+_MAX_PICTURE_PIXELS = 1 << 26  # 512 MiB as float64
+
 _SHAPES: Kinds = {"rectangle": Rectangle, "disc": Disc, "ring": Ring}
 _PATTERNS: Kinds = {"plain": Plain, "cosine": Cosine, "grating": Grating, "picture": Picture}
 _WAVEFORMS: Kinds = {
@@ -45,6 +47,32 @@ class SceneFileError(ValueError):
     """A file that does not describe a scene; says the file, the line and the key."""
 
 
+@dataclasses.dataclass(frozen=True)
+class _Folder:
+    """Where the pictures of a scene lie."""
+
+    path: Path
+    any_folder: bool
+
+
+# The parts of a dotted key, what ends one, and what may hold dots that are none of it: strings and comments.
+_KEY_TOKEN = re.compile(r"""#[^\n]*|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[.,\[\]{}=\n]""")
+_MAX_KEY_PARTS = 100
+
+
+def _check_keys(text: str) -> None:
+    """Refuse dotted keys of absurd length: the parser's time grows with the square of their parts."""
+    parts = 1
+    for token in _KEY_TOKEN.finditer(text):
+        if token[0] == ".":
+            parts += 1
+        elif token[0] in ",[]{}=\n":
+            parts = 1
+        if parts > _MAX_KEY_PARTS:
+            line = text.count("\n", 0, token.start()) + 1
+            raise _BadKey((), f"line {line}: a key of more than {_MAX_KEY_PARTS} parts")
+
+
 class _BadKey(ValueError):
     def __init__(self, keys: Keys, problem: str) -> None:
         super().__init__(problem)
@@ -52,8 +80,13 @@ class _BadKey(ValueError):
         self.problem = problem
 
 
-def load_scene(path: str | os.PathLike[str]) -> Scene:
+def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Scene:
     """A scene from a TOML file.
+
+    Args:
+        path: of the file.
+        any_folder: pictures (``file = "..."``) may lie anywhere; otherwise only in the folder of ``path`` and below, so
+            that a scene from elsewhere reads nothing of this machine's.
 
     Raises:
         SceneFileError: a ValueError: not TOML, unknown or missing keys, bad values; names the file, line and key.
@@ -63,14 +96,21 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
         import tomllib
     else:
         import tomli as tomllib
-    text = Path(path).read_text(encoding="utf-8")
+    data = Path(path).read_bytes()
     try:
-        return _scene(tomllib.loads(text), Path(path).parent)
+        text = data.decode("utf-8")
+        _check_keys(text)
+        return _scene(tomllib.loads(text), _Folder(Path(path).parent, any_folder))
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise SceneFileError(f"{os.fspath(path)}:{line}: byte {data[error.start]:#x}, allowed: UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise SceneFileError(f"{os.fspath(path)}: {error}") from error
+    except RecursionError as error:
+        raise SceneFileError(f"{os.fspath(path)}: tables or lists nested too deeply") from error
     except _BadKey as error:
-        line = _line_of(text, error.keys)
-        raise SceneFileError(f"{os.fspath(path)}:{line}: {_dotted(error.keys)}: {error.problem}") from error
+        where = f"{_line_of(text, error.keys)}: {_dotted(error.keys)}: " if error.keys else " "
+        raise SceneFileError(f"{os.fspath(path)}:{where}{error.problem}") from error
 
 
 def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
@@ -97,19 +137,13 @@ def _dotted(keys: Keys) -> str:
 
 def _line_of(text: str, keys: Keys) -> int:
     """Line of a key, or of the table that lacks it: the first after its table's header that has the name."""
-    lines = text.splitlines()
-    counts: dict[str, int] = {}
+    counts: dict[Keys, int] = {}  # items so far of the list of tables at these keys
     section: Keys = ()
     best, depth = 1, -1
-    for number, line in enumerate(lines, 1):
-        header = re.match(r"\s*\[(\[?)\s*([\w.\-\s]+?)\s*\]", line)
+    for number, line in enumerate(text.splitlines(), 1):
+        header = line.lstrip().startswith("[")
         if header:
-            names: Keys = tuple(name.strip() for name in header[2].split("."))
-            if header[1]:
-                counts[header[2]] = counts.get(header[2], -1) + 1
-            # a list's header, or a table within the list's last item
-            head = str(names[0])
-            section = (head, counts[head], *names[1:]) if head in counts else names
+            section = _section(line.strip(), counts)
         if section != keys[: len(section)]:
             continue
         found = len(section) if header else -1
@@ -124,7 +158,21 @@ def _line_of(text: str, keys: Keys) -> int:
     return best
 
 
-def _scene(document: dict[str, Any], folder: Path) -> Scene:
+def _section(header: str, counts: dict[Keys, int]) -> Keys:
+    """Keys of the table that [header] or [[header]] begins; names of lists stand for their last item."""
+    of_list = header.startswith("[[")
+    names = [name.strip(" \t\"'") for name in header.lstrip("[").partition("]")[0].split(".")]
+    keys: Keys = ()
+    for place, name in enumerate(names):
+        keys = (*keys, name)
+        if of_list and place == len(names) - 1:
+            counts[keys] = counts.get(keys, -1) + 1
+        if keys in counts:
+            keys = (*keys, counts[keys])
+    return keys
+
+
+def _scene(document: dict[str, Any], folder: _Folder) -> Scene:
     values: dict[str, Any] = {}
     for name, value in document.items():
         if name in _TABLES:
@@ -161,7 +209,7 @@ def _fields(maker: Callable[..., Any]) -> dict[str, dataclasses.Field[Any]]:
     return {item.name: item for item in dataclasses.fields(maker) if item.init}  # type: ignore[arg-type]
 
 
-def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: Path) -> Any:
+def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: _Folder) -> Any:
     """An object from its table."""
     if not isinstance(table, dict):
         raise _BadKey(keys, f"got {table!r}, allowed: a table")
@@ -185,8 +233,6 @@ def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: Path) -> An
         values["levels"] = values.pop("file")
     for name, item in fields.items():
         if item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING and name not in values:
-            if maker is Chips or maker is Samples:
-                continue  # their own defaults
             raise _BadKey((*keys, name), "missing")
     try:
         return maker(**values)
@@ -196,7 +242,7 @@ def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: Path) -> An
         raise _BadKey(keys, str(error)) from error
 
 
-def _value(item: dataclasses.Field[Any] | None, name: str, value: Any, keys: Keys, folder: Path) -> Any:
+def _value(item: dataclasses.Field[Any] | None, name: str, value: Any, keys: Keys, folder: _Folder) -> Any:
     if name == "parts" and isinstance(value, list):
         return [_choice(name, part, (*keys, index), folder) for index, part in enumerate(value)]
     if name in _CHOICES:
@@ -209,12 +255,14 @@ def _value(item: dataclasses.Field[Any] | None, name: str, value: Any, keys: Key
     numeric = isinstance(value, (int, float)) and not isinstance(value, bool)
     if kind in ("float", "float | None") and not numeric:
         raise _BadKey(keys, f"got {value!r}, allowed: a number")
+    if kind == "bool" and not isinstance(value, bool):
+        raise _BadKey(keys, f"got {value!r}, allowed: true or false")
     if kind == "str" and not isinstance(value, str):
         raise _BadKey(keys, f"got {value!r}, allowed: a string")
     return value
 
 
-def _choice(name: str, table: Any, keys: Keys, folder: Path) -> Any:
+def _choice(name: str, table: Any, keys: Keys, folder: _Folder) -> Any:
     kinds = _CHOICES[name]
     if not isinstance(table, dict) or table.get("kind") not in kinds:
         got = table.get("kind") if isinstance(table, dict) else table
@@ -223,16 +271,20 @@ def _choice(name: str, table: Any, keys: Keys, folder: Path) -> Any:
     return _made(kinds[table["kind"]], rest, keys, folder)
 
 
-def _picture(name: Any, keys: Keys, folder: Path) -> Any:
-    """Grey levels of a picture file beside the scene, 0 to 1, as they are stored."""
-    from ocisac_fast.files.extras import pillow
+def _picture(name: Any, keys: Keys, folder: _Folder) -> Any:
+    """Grey levels of a picture file of the scene, 0 to 1."""
+    from ocisac_fast.files.pictures import grey_levels
 
     if not isinstance(name, str):
         raise _BadKey(keys, f"got {name!r}, allowed: the name of a picture")
+    path = Path(os.path.realpath(folder.path / name))
+    if not (folder.any_folder or path.is_relative_to(os.path.realpath(folder.path))):
+        raise _BadKey(keys, f"got {name!r}, allowed: a picture in the scene's folder or below it")
+    if path.exists() and not path.is_file():
+        raise _BadKey(keys, f"got {name!r}, allowed: a file")
     try:
-        with pillow().open(folder / name) as picture:
-            return np.asarray(picture.convert("L"), np.float64) / 255
-    except OSError as error:
+        return grey_levels(path, _MAX_PICTURE_PIXELS)
+    except (OSError, ValueError) as error:
         raise _BadKey(keys, f"got {name!r}: {error}") from error
 
 
