@@ -23,20 +23,29 @@ std::size_t find(std::string_view text, std::string_view wanted) {
 
 }  // namespace
 
+void Bytes::grow(std::size_t bytes, std::size_t kept) {
+  if (bytes <= size) return;
+  auto larger = std::make_unique_for_overwrite<std::uint8_t[]>(bytes);
+  if (kept > 0) std::memcpy(larger.get(), data.get(), kept);
+  data = std::move(larger);
+  size = bytes;
+}
+
 FrameReader::FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::function<void(const std::string&)> told)
-    : read_(std::move(read)), told_(std::move(told)), buffer_(2 * kLongestHeader) {
+    : read_(std::move(read)), told_(std::move(told)) {
+  buffer_.grow(2 * kLongestHeader, 0);
   recognise(raw);
 }
 
 // At least `bytes` of what comes next in one piece, fewer only at the end.
 std::string_view FrameReader::ahead(std::size_t bytes) {
   if (end_ - begin_ < bytes) {
-    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    std::memmove(buffer_.data.get(), buffer_.data.get() + begin_, end_ - begin_);
     end_ -= std::exchange(begin_, 0);
-    if (buffer_.size() < bytes) buffer_.resize(bytes);
-    end_ += read_(std::span(buffer_).subspan(end_, bytes - end_));
+    buffer_.grow(bytes, end_);
+    end_ += read_({buffer_.data.get() + end_, bytes - end_});
   }
-  return {reinterpret_cast<const char*>(buffer_.data() + begin_), std::min(bytes, end_ - begin_)};
+  return {reinterpret_cast<const char*>(buffer_.data.get() + begin_), std::min(bytes, end_ - begin_)};
 }
 
 void FrameReader::skip(std::size_t bytes) { begin_ += std::min(bytes, end_ - begin_); }
@@ -64,7 +73,7 @@ void FrameReader::recognise(const std::optional<FrameLayout>& raw) {
     require(raw.has_value(), "--size", "nothing", "WIDTHxHEIGHT in pixels: the input tells no size itself");
     header_ = StreamHeader{*raw, largest_value(raw->format), 0, std::nullopt, 0};
   }
-  buffer_.resize(std::max(buffer_.size(), header_->layout.bytes + kLongestHeader));
+  buffer_.grow(header_->layout.bytes + kLongestHeader, end_);
 }
 
 // Bytes of the header of the frame that comes next; 0 where there is none.
@@ -116,7 +125,8 @@ std::optional<std::size_t> FrameReader::cut_at(std::size_t bytes) {
   const std::string_view marker = kind_ == Kind::y4m ? "FRAME\n" : std::string_view(pgm_header_);
   const auto frame = ahead(bytes);
   if (const auto at = find(frame, marker); at != frame.npos) return at;
-  for (std::size_t seen = std::min(marker.size(), frame.size() + 1) - 1; seen >= kFewestMarkerBytes; --seen) {
+  if (frame.size() < bytes) return std::nullopt;  // the end: nothing follows that could complete a header
+  for (std::size_t seen = std::min(marker.size(), bytes + 1) - 1; seen >= kFewestMarkerBytes; --seen) {
     if (!ahead(bytes).ends_with(marker.substr(0, seen))) continue;
     const std::size_t at = bytes - seen;
     if (ahead(at + marker.size()).substr(at) == marker) return at;

@@ -4,15 +4,24 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "stream_header.hpp"
 
 namespace ocisac::apps {
+
+// Memory whose pages count only once bytes have come into them: a header may announce frames that never come.
+struct Bytes {
+  std::unique_ptr<std::uint8_t[]> data;
+  std::size_t size = 0;
+
+  // Grows it and keeps the first `kept` bytes.
+  void grow(std::size_t bytes, std::size_t kept);
+};
 
 // Where bytes come from: fills as much as there is, less at the end.
 using ReadBytes = std::function<std::size_t(std::span<std::uint8_t>)>;
@@ -52,8 +61,8 @@ class FrameReader {
   std::function<void(const std::string&)> told_;
   Kind kind_ = Kind::raw;
   std::optional<StreamHeader> header_;
-  std::string pgm_header_;            // every picture of a sequence has the same
-  std::vector<std::uint8_t> buffer_;  // [begin_, end_) is ahead
+  std::string pgm_header_;  // every picture of a sequence has the same
+  Bytes buffer_;            // [begin_, end_) is ahead
   std::size_t begin_ = 0, end_ = 0;
   std::size_t count_ = 0, torn_ = 0;
 };

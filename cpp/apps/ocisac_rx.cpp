@@ -1,6 +1,4 @@
 // ocisac-rx: frames of a rolling-shutter camera in; gain, bits and payload of a light out, one JSON object a frame.
-#include <unistd.h>
-
 #include <exception>
 #include <stdexcept>
 #include <string>
@@ -28,8 +26,9 @@ std::size_t pool_bytes() {
 int main(int argc, char** argv) {
   using namespace ocisac::apps;
   const double began = seconds_now();
+  open_standard_descriptors();
   const auto fail = [](const std::exception& problem, ExitCode code) {
-    write_all(STDERR_FILENO, std::string("ocisac-rx: ") + problem.what() + "\n");
+    write_message(problem.what());
     return code;
   };
   try {

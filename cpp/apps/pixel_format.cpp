@@ -104,17 +104,21 @@ FrameLayout raw_layout(PixelFormat format, std::size_t width, std::size_t height
           "at least the " + std::to_string(dense) + " bytes of a row, and whole pixels");
   FrameLayout layout{format, width, height, stride == 0 ? dense : stride, 0};
   layout.bytes = layout.stride * height + chroma_bytes(format, height, layout.stride);
-  require(layout.bytes <= kLargestFrame, "--size", layout.bytes, "frames of at most 2^30 bytes");
+  check_size(layout);
   return layout;
 }
 
-GrayPicture::GrayPicture(const FrameLayout& layout) : layout_(layout) {
-  if (is_unpacked(layout.format)) unpacked_.resize(layout.width * layout.height);
+void check_size(const FrameLayout& layout) {
+  require(layout.bytes <= kLargestFrame, "frame", std::to_string(layout.bytes) + " bytes",
+          "frames of at most 2^30 bytes");
 }
+
+GrayPicture::GrayPicture(const FrameLayout& layout) : layout_(layout) {}
 
 AnyFramesView GrayPicture::view(std::span<const std::uint8_t> frame, const StoredRegion& region) {
   require(frame.size() >= layout_.bytes, "frame", frame.size(), std::to_string(layout_.bytes) + " bytes");
   if (is_unpacked(layout_.format)) {
+    unpacked_.resize(layout_.width * layout_.height);  // with the first frame: a header alone takes no memory
     for (std::size_t y = region.y; y < region.y + region.height; ++y) {
       const std::uint8_t* row = frame.data() + y * layout_.stride;
       std::uint16_t* out = unpacked_.data() + y * layout_.width;

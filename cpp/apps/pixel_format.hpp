@@ -41,6 +41,9 @@ struct FrameLayout {
   std::size_t bytes = 0;   // of a whole frame
 };
 
+// Refused (std::invalid_argument): frames of more than 2^30 bytes.
+void check_size(const FrameLayout& layout);
+
 // A raw frame; `stride`: bytes from row to row, 0 where rows are dense (else of every plane; chroma's is half of it).
 FrameLayout raw_layout(PixelFormat format, std::size_t width, std::size_t height, std::size_t stride = 0);
 

@@ -30,10 +30,7 @@ Camera camera_of(const Settings& settings, const StreamHeader& header) {
 StoredRegion region_of(const Settings& settings, const FrameLayout& layout) {
   const StoredRegion whole{0, 0, layout.width, layout.height};
   const StoredRegion region = settings.region.value_or(whole);
-  require(region.x + region.width <= layout.width && region.y + region.height <= layout.height, "--region",
-          std::to_string(region.x) + "," + std::to_string(region.y) + "," + std::to_string(region.width) + "," +
-              std::to_string(region.height),
-          "inside the picture of " + std::to_string(layout.width) + "x" + std::to_string(layout.height));
+  require_inside("--region", {region.x, region.y, region.width, region.height}, layout.width, layout.height);
   return region;
 }
 
@@ -126,11 +123,10 @@ ExitCode run(const Settings& settings, double began, std::size_t (*pool_bytes)()
   catch_stop_signals();
   ByteInput input(settings.input);
   const double ready = seconds_now() - began;
-  const auto tell = [](const std::string& what) { write_all(STDERR_FILENO, "ocisac-rx: " + what + "\n"); };
-  FrameReader frames([&](std::span<std::uint8_t> bytes) { return input.read(bytes); }, settings.raw, tell);
+  FrameReader frames([&](std::span<std::uint8_t> bytes) { return input.read(bytes); }, settings.raw, write_message);
   if (!frames.header()) {
     if (stop_requested()) return kDone;
-    tell("no frames: the input is empty");
+    write_message("no frames: the input is empty");
     return kRefused;
   }
   Session session(settings, *frames.header());

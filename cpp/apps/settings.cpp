@@ -1,16 +1,17 @@
 #include "settings.hpp"
 
 #include <CLI/CLI.hpp>
-#include <array>
 #include <cstdio>
 #include <iostream>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/version.hpp"
 #include "ocisac/tones/projection.hpp"
+#include "stream_header.hpp"
 
 namespace ocisac::apps {
 
@@ -27,19 +28,29 @@ struct Written {
   bool lengthened = false, no_bits = false, no_gain = false, version = false;
 };
 
+// `count` whole numbers up to kMaxSide with a separator between; empty for any other text.
+std::vector<std::size_t> parse_pixels(std::string_view text, char separator, std::size_t count) {
+  std::vector<std::size_t> numbers;
+  for (bool more = true; more;) {
+    const auto end = text.find(separator);
+    const auto number = whole_number(text.substr(0, end));
+    if (!number || *number > kMaxSide) return {};
+    numbers.push_back(*number);
+    more = end != text.npos;
+    if (more) text.remove_prefix(end + 1);
+  }
+  return numbers.size() == count ? numbers : std::vector<std::size_t>{};
+}
+
 std::pair<std::size_t, std::size_t> parse_size(const std::string& text) {
-  unsigned long width = 0, height = 0;
-  char rest = 0;
-  const bool two_numbers = std::sscanf(text.c_str(), "%5lux%5lu%c", &width, &height, &rest) == 2;
-  require(two_numbers && width > 0 && height > 0, "--size", text, "WIDTHxHEIGHT in pixels, each 1 to 99999");
-  return {width, height};
+  const auto n = parse_pixels(text, 'x', 2);
+  require(!n.empty() && n[0] > 0 && n[1] > 0, "--size", text, "WIDTHxHEIGHT in pixels, each 1 to 99999");
+  return {n[0], n[1]};
 }
 
 StoredRegion parse_region(const std::string& text) {
-  std::array<unsigned long, 4> n{};
-  char rest = 0;
-  const int found = std::sscanf(text.c_str(), "%5lu,%5lu,%5lu,%5lu%c", &n[0], &n[1], &n[2], &n[3], &rest);
-  require(found == 4 && n[2] > 0 && n[3] > 0, "--region", text, "x,y,w,h in pixels, w and h above 0");
+  const auto n = parse_pixels(text, ',', 4);
+  require(!n.empty() && n[2] > 0 && n[3] > 0, "--region", text, "x,y,w,h in pixels, w and h above 0");
   return {n[0], n[1], n[2], n[3]};
 }
 
@@ -59,14 +70,23 @@ auto one_of(const std::map<std::string, Value>& values) {
   return CLI::CheckedTransformer(values);
 }
 
+// CLI11 wraps a minus sign before a count.
+CLI::Validator whole() {
+  return {[](const std::string& text) {
+            return whole_number(text) ? std::string{} : "got " + text + ", allowed: a whole number, 0 or above";
+          },
+          ""};
+}
+
 void add_input_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("input", settings.input, "File or FIFO: raw frames, YUV4MPEG2 or PGM; - is standard input")
       ->capture_default_str();
   app.add_option("--size", written.size, "WIDTHxHEIGHT of raw frames, pixels");
   app.add_option("--format", written.format, "Of raw frames: " + std::string(pixel_format_names()))
       ->capture_default_str();
-  app.add_option("--stride", written.stride, "Bytes from row to row of raw frames; dense when not given");
-  app.add_option("--frames", settings.frames, "Stop after so many");
+  app.add_option("--stride", written.stride, "Bytes from row to row of raw frames; dense when not given")
+      ->check(whole());
+  app.add_option("--frames", settings.frames, "Stop after so many")->check(whole());
   app.add_option("--region", written.region, "x,y,w,h of the light in stored pixels; searched when not given");
   app.add_option("--scan-axis", settings.scan_axis, "How rows go in time: y (down), -y (up), x (right) or -x (left)")
       ->transform(one_of<ScanAxis>(
@@ -97,7 +117,9 @@ void add_light_options(CLI::App& app, LiveOptions& live, Written& written) {
   app.add_option("--chip-rate", live.chip_rate, "Chips a second; searched when not given")->transform(frequency);
   app.add_option("--line-code", written.line_code, "Of packets: none, manchester, 4b6b or 8b10b")
       ->capture_default_str();
-  app.add_option("--block-bytes", live.format.block_bytes, "Coded bytes of a packet's block")->capture_default_str();
+  app.add_option("--block-bytes", live.format.block_bytes, "Coded bytes of a packet's block")
+      ->check(whole())
+      ->capture_default_str();
   app.add_flag("--lengthened", written.lengthened, "Packets with the lengthened preamble");
 }
 

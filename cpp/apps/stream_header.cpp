@@ -10,18 +10,9 @@ namespace ocisac::apps {
 
 namespace {
 
-constexpr std::size_t kLargestSide = 99999;  // pixels
-
-std::optional<std::size_t> whole_number(std::string_view text) {
-  std::size_t value = 0;
-  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (problem != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
 std::size_t side(std::string_view what, std::string_view text) {
   const auto value = whole_number(text);
-  require(value && *value >= 1 && *value <= kLargestSide, what, text, "pixels, 1 to 99999");
+  require(value && *value >= 1 && *value <= kMaxSide, what, text, "pixels, 1 to 99999");
   return *value;
 }
 
@@ -37,15 +28,16 @@ constexpr std::array<ColourSpace, 6> kColourSpaces{
 std::size_t bits_of(std::string_view name, std::string_view prefix) {
   std::string_view rest = name.substr(prefix.size());
   if (!rest.empty() && rest.front() == 'p') rest.remove_prefix(1);
-  return whole_number(rest).value_or(8);
+  if (rest.empty() || rest.find_first_not_of("0123456789") != rest.npos) return 8;
+  const auto bits = whole_number(rest);
+  require(bits && *bits >= 8 && *bits <= 16, "YUV4MPEG2 colour space", name, "samples of 8 to 16 bits");
+  return *bits;
 }
 
-PixelFormat format_of_bits(std::size_t bits, std::string_view colour) {
+PixelFormat format_of_bits(std::size_t bits) {
   if (bits == 8) return PixelFormat::gray8;
   if (bits == 10) return PixelFormat::gray10le;
-  if (bits == 12) return PixelFormat::gray12le;
-  require(bits > 8 && bits <= 16, "YUV4MPEG2 colour space", colour, "samples of 8 to 16 bits");
-  return PixelFormat::gray16le;
+  return bits == 12 ? PixelFormat::gray12le : PixelFormat::gray16le;
 }
 
 std::optional<double> ratio(std::string_view text) {
@@ -61,10 +53,11 @@ void set_colour_space(StreamHeader& header, std::string_view colour, bool full_r
   for (const auto& space : kColourSpaces) {
     if (!colour.starts_with(space.prefix)) continue;
     const std::size_t bits = bits_of(colour, space.prefix);
-    header.layout = raw_layout(format_of_bits(bits, colour), width, height);
+    header.layout = raw_layout(format_of_bits(bits), width, height);
     const std::size_t across = (width + space.across - 1) / space.across;
     const std::size_t down = (height + space.down - 1) / space.down;
     header.layout.bytes += space.planes * across * down * (bits > 8 ? 2 : 1);
+    check_size(header.layout);
     const auto scale = static_cast<double>(std::size_t{1} << (bits - 8));
     header.white_level = full_range ? 256 * scale - 1 : 235 * scale;
     header.dark_level = full_range ? 0 : 16 * scale;
@@ -73,7 +66,21 @@ void set_colour_space(StreamHeader& header, std::string_view colour, bool full_r
   refuse("YUV4MPEG2 colour space", colour, "mono, 420, 422, 444 or 411 with any ending");
 }
 
+// Fields hold every second row, and the rows of a picture are of two times.
+void require_progressive(std::string_view interlacing) {
+  require(interlacing == "p" || interlacing == "?" || interlacing.empty(), "YUV4MPEG2 interlacing", interlacing,
+          "p: progressive pictures (ffmpeg -vf separatefields: each field a picture of twice the row time; "
+          "-vf setfield=prog: where the mark is wrong)");
+}
+
 }  // namespace
+
+std::optional<std::size_t> whole_number(std::string_view text) {
+  std::size_t value = 0;
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (problem != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
 
 std::optional<StreamHeader> y4m_header(std::string_view text) {
   const auto end = text.find('\n');
@@ -93,6 +100,7 @@ std::optional<StreamHeader> y4m_header(std::string_view text) {
     if (token.starts_with('W')) header.layout.width = side("YUV4MPEG2 width", token.substr(1));
     if (token.starts_with('H')) header.layout.height = side("YUV4MPEG2 height", token.substr(1));
     if (token.starts_with('F')) header.frame_rate = ratio(token.substr(1));
+    if (token.starts_with('I')) require_progressive(token.substr(1));
     if (token.starts_with('C')) colour = token.substr(1);
     if (token.starts_with("XCOLORRANGE=")) range = token.substr(12);
   }

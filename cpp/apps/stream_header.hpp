@@ -20,6 +20,10 @@ struct StreamHeader {
 
 inline constexpr std::string_view kY4mMagic = "YUV4MPEG2 ", kY4mFrame = "FRAME";
 inline constexpr std::size_t kLongestHeader = 4096;  // bytes
+inline constexpr std::size_t kMaxSide = 99999;       // pixels
+
+// Decimal digits alone, without sign or space; nothing for any other text, or a number beyond 2^64 - 1.
+std::optional<std::size_t> whole_number(std::string_view text);
 
 // The line that begins a YUV4MPEG2 stream, nothing while it is not whole. Refused (std::invalid_argument): what it says
 // has no meaning, or is a colour space without a plane of luma. Luma that is not said to be full is of limited range,

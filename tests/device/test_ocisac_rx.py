@@ -1,13 +1,17 @@
 """The C++ executable, run as a process: raw frames in, JSON lines out."""
 
 import base64
+import contextlib
+import fcntl
 import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import termios
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +110,16 @@ def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
         (["/nonexistent"], "input: got /nonexistent"),
         (["--region", "0,0,41,720"], "--region: got 0,0,41,720, allowed: inside the picture of 40x720"),
         (["--region", "0,0,0,720"], "--region: got 0,0,0,720, allowed: x,y,w,h"),
+        (["--region=-1,0,2,720"], "--region: got -1,0,2,720, allowed: x,y,w,h"),
+        (["--region=2,2,-1,2"], "--region: got 2,2,-1,2, allowed: x,y,w,h"),
+        (["--region", "0,0,2,720,"], "--region: got 0,0,2,720,, allowed: x,y,w,h"),
+        (["--size=-1x-1"], "--size: got -1x-1, allowed: WIDTHxHEIGHT"),
+        (["--size=40x-720"], "--size: got 40x-720, allowed: WIDTHxHEIGHT"),
+        (["--frames=-1"], "--frames: got -1, allowed: a whole number"),
+        (["--stride=-40"], "--stride: got -40, allowed: a whole number"),
+        (["--block-bytes=-1"], "--block-bytes: got -1, allowed: a whole number"),
+        (["--line-code", "a\x1b[2J\nb"], "a\\x1b[2J\\x0ab"),
+        (["--format", "\u009b2Jgrün"], "--format: got \\x9b2Jgrün"),
         (["--stride", "39"], "--stride: got 39, allowed: at least the 40 bytes"),
         (["--tone-curve", "gamma:0"], "--tone-curve: got gamma:0"),
         (["--line-code", "morse"], "morse"),
@@ -119,6 +133,111 @@ def test_bad_input_is_one_line_and_exit_code_2(receiver, options, message):
     assert done.stdout == b""
     assert done.stderr.decode().count("\n") == 1
     assert message in done.stderr.decode()
+
+
+def test_a_region_of_a_file_of_options_that_wraps_is_refused(receiver, tmp_path):
+    config = tmp_path / "rx.toml"
+    config.write_text('region = "-1,-1,2,2"\n')
+    done = run(receiver, bytes(ROWS * COLUMNS), "--config", config)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"--region: got -1,-1,2,2, allowed: x,y,w,h" in done.stderr
+
+
+@pytest.mark.parametrize("mark", ["It", "Ib", "Im"])
+def test_interlaced_video_is_refused(receiver, mark):
+    done = run(receiver, f"YUV4MPEG2 W{COLUMNS} H{ROWS} F30:1 {mark} Cmono\nFRAME\n".encode() + bytes(ROWS * COLUMNS))
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"YUV4MPEG2 interlacing: got " + mark[1:].encode() in done.stderr
+
+
+def test_control_characters_of_a_header_are_escaped(receiver):
+    done = run(receiver, b"YUV4MPEG2 W5 H\x1b[31m3\n")
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"ocisac-rx: YUV4MPEG2 height: got \\x1b[31m3, allowed")
+
+
+@pytest.mark.parametrize("header", [b"YUV4MPEG2 W32768 H32768 Cmono\n", b"P5 32768 16384 65535\n"])
+def test_a_header_alone_takes_no_memory(receiver, header):
+    command = [receiver, "--row-time", "22.2us"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdin.write(header + b"FRAME\n" + bytes(1 << 20))  # more than a pipe holds: taken when this returns
+        process.stdin.flush()
+        assert resident(process) < 2**26
+        process.kill()
+
+
+def feed(process, frames):
+    with contextlib.suppress(BrokenPipeError):
+        for _ in range(10_000):
+            os.write(process.stdin.fileno(), frames)
+
+
+def wait_until_full(pipe):
+    """Until no more bytes come into a pipe that nobody reads."""
+    waiting = [-1]
+    while len(waiting) < 10 or waiting[-1] == 0 or len(set(waiting[-10:])) > 1:
+        waiting.append(int.from_bytes(fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)), sys.byteorder))
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("attempt", range(3))
+def test_a_signal_is_heard_while_the_reader_of_the_output_stalls(receiver, packets, attempt):
+    options = ["--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--frequency", "500Hz"]
+    read, write = os.pipe()
+    fcntl.fcntl(write, fcntl.F_SETPIPE_SZ, 4096)
+    with subprocess.Popen([receiver, *options], stdin=subprocess.PIPE, stdout=write) as process:
+        writer = threading.Thread(target=feed, args=(process, packets.tobytes()))
+        writer.start()
+        wait_until_full(read)
+        filler = os.open(f"/proc/self/fd/{write}", os.O_WRONLY | os.O_NONBLOCK)
+        with contextlib.suppress(BlockingIOError):  # no room for the totals either
+            while True:
+                os.write(filler, b" ")
+        time.sleep(0.1 * attempt)
+        process.send_signal(signal.SIGTERM)
+        try:
+            assert process.wait(timeout=3) == 0
+        finally:
+            process.kill()
+            writer.join()
+            for end in (read, write, filler):
+                os.close(end)
+
+
+def test_non_blocking_standard_output_is_waited_for(receiver, packets):
+    options = ["--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--frequency", "500Hz", "--chip-rate", "11.7kHz"]
+    read, write = os.pipe()
+    fcntl.fcntl(write, fcntl.F_SETPIPE_SZ, 4096)
+    os.set_blocking(write, False)
+    with subprocess.Popen([receiver, *options], stdin=subprocess.PIPE, stdout=write) as process:
+        os.close(write)
+        writer = threading.Thread(target=lambda: (process.stdin.write(8 * packets.tobytes()), process.stdin.close()))
+        writer.start()
+        with open(read, "rb") as output:
+            wait_until_full(output)
+            lines = [json.loads(line) for line in output]
+        writer.join()
+        assert process.wait(timeout=30) == 0
+    assert [line["frame"] for line in lines[:-1]] == list(range(8 * len(packets)))
+
+
+@pytest.mark.parametrize(
+    ("redirect", "code", "told"),
+    [
+        ("<&-", 1, "ocisac-rx: input: Bad file descriptor"),
+        (">&-", 1, "ocisac-rx: output: Bad file descriptor"),
+        ("2>&-", 0, ""),
+        ("<&- >&- 2>&-", 1, ""),
+    ],
+)
+def test_closed_standard_descriptors_end_it(receiver, packets, tmp_path, redirect, code, told):
+    frames = tmp_path / "frames"
+    frames.write_bytes(packets[:1].tobytes())
+    options = f"--size {COLUMNS}x{ROWS} --row-time 22.2us --frequency 500Hz --no-bits"
+    done = subprocess.run(
+        ["sh", "-c", f'"$0" {options} <"$1" {redirect}', receiver, frames], capture_output=True, text=True, timeout=10
+    )
+    assert (done.returncode, done.stderr.strip()) == (code, told)
 
 
 def test_an_empty_input_is_refused(receiver):

@@ -97,7 +97,9 @@ TEST_CASE("colour spaces of YUV4MPEG2") {
   }
   CHECK(y4m_header("YUV4MPEG2 W5 H3 XCOLORRANGE=FULL\n")->white_level == 255);
   for (const char* bad : {"YUV4MPEG2 W5\n", "YUV4MPEG2 W0 H3\n", "YUV4MPEG2 W5 H3 Crgb\n", "YUV4MPEG2 W5 H3 Cmono20\n",
-                          "YUV4MPEG2 W5x H3\n"})
+                          "YUV4MPEG2 W5x H3\n", "YUV4MPEG2 W5 H3 Cmono9999999999999999999999\n",
+                          "YUV4MPEG2 W5 H3 Cmono9999999999\n", "YUV4MPEG2 W5 H3 C420p7\n", "YUV4MPEG2 W-5 H3\n",
+                          "YUV4MPEG2 W32768 H32768 C444\n", "YUV4MPEG2 W23000 H23000 C444\n"})
     CHECK_THROWS_AS(y4m_header(bad), std::invalid_argument);
   CHECK(!y4m_header("YUV4MPEG2 W5 H3"));
 }
@@ -113,6 +115,29 @@ TEST_CASE("a frame of YUV4MPEG2 that is cut short is left out, and the next is w
   read = read_all(head + frame('a') + filled(100, 'x') + frame('b') + "FRA");
   CHECK(read.frames == std::vector<std::string>{filled(12, 'a'), filled(12, 'b')});
   CHECK(read.torn == 2);
+}
+
+TEST_CASE("a stream that ends within the marker of the next frame keeps what came") {
+  const std::string head = "YUV4MPEG2 W4 H2 Cmono\n";
+  for (const std::size_t pixels : {3U, 4U, 5U}) {
+    for (const char* end : {"FRA", "FRAM", "FRAME"}) {
+      CAPTURE(pixels);
+      CAPTURE(end);
+      const auto read = read_all(head + "FRAME\n" + filled(8, 'a') + "FRAME\n" + filled(pixels, 'b') + end);
+      const bool whole = pixels + std::string(end).size() >= 8;
+      CHECK(read.frames.size() == (whole ? 2 : 1));
+      CHECK(read.torn <= 1);
+    }
+  }
+  const auto cut = read_all(head + "FRAME\n" + filled(5, 'b') + "FRA");  // looks whole, nothing after it
+  CHECK(cut.frames == std::vector<std::string>{"bbbbbFRA"});
+}
+
+TEST_CASE("pictures of fields are refused") {
+  for (const char* marked : {"Ip", "I?"}) CHECK(y4m_header("YUV4MPEG2 W5 H4 " + std::string(marked) + "\n"));
+  for (const char* marked : {"It", "Ib", "Im"})
+    CHECK_THROWS_WITH_AS(y4m_header("YUV4MPEG2 W5 H4 " + std::string(marked) + "\n"),
+                         doctest::Contains("separatefields"), std::invalid_argument);
 }
 
 TEST_CASE("a sequence of PGM pictures") {
