@@ -95,9 +95,9 @@ ocisac::LiveOptions live_options(const ocisac_options& options) {
 template <class T>
 ocisac::AnyFramesView view_of(const ocisac_frame& frame) {
   constexpr auto bytes = static_cast<std::ptrdiff_t>(sizeof(T));
-  ocisac::require(
-      frame.stride % bytes == 0 && std::abs(frame.stride) >= bytes * static_cast<std::ptrdiff_t>(frame.width), "stride",
-      frame.stride, "whole pixels, at least a row of them");
+  const auto row = bytes * static_cast<std::ptrdiff_t>(frame.width);
+  ocisac::require(frame.stride % bytes == 0 && (frame.stride >= row || frame.stride <= -row), "stride", frame.stride,
+                  "whole pixels, at least a row of them");
   return ocisac::FramesView<const T>{
       static_cast<const T*>(frame.pixels), 1, frame.height, frame.width, 0, frame.stride / bytes, 1};
 }

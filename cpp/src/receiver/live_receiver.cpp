@@ -181,14 +181,7 @@ const LiveFrame& LiveReceiver::push(const AnyFramesView& frame, std::int64_t num
           std::to_string(shape.columns) + "x" + std::to_string(shape.rows),
           "one picture as large as the first, of its type");
   kind_ = kind;
-  if (options_.region) {
-    const Region& box = *options_.region;
-    require(box.width >= 1 && box.height >= 1 && box.x + box.width <= shape.columns && box.y + box.height <= shape.rows,
-            "region",
-            std::to_string(box.x) + "," + std::to_string(box.y) + "," + std::to_string(box.width) + "," +
-                std::to_string(box.height),
-            "inside the picture of " + std::to_string(shape.columns) + "x" + std::to_string(shape.rows));
-  }
+  if (options_.region) require_inside("region", *options_.region, shape.columns, shape.rows);
   result_.frame = number;
   result_.searched = false;
   if (region_.width == 0 || unseen_ >= patience_) {

@@ -32,11 +32,6 @@ Region hull(const Region& a, const Region& b) {
   return {x, y, std::max(a.x + a.width, b.x + b.width) - x, std::max(a.y + a.height, b.y + b.height) - y};
 }
 
-bool lies_within(const Region& region, const std::array<std::size_t, 3>& lengths) {
-  return region.width > 0 && region.height > 0 && region.y + region.height <= lengths[1] &&
-         region.x + region.width <= lengths[2];
-}
-
 }  // namespace
 
 MultiReceiver::MultiReceiver(const Camera& camera, MultiReceiverOptions options)
@@ -103,7 +98,7 @@ std::vector<SourceFrame> MultiReceiver::push(std::span<const AnyFramesView> colo
   const auto lengths = lengths_of(colours);
   const Region whole{0, 0, lengths[2], lengths[1]};
   const bool fits =
-      std::ranges::all_of(options_.regions, [&](const Region& region) { return lies_within(region, lengths); });
+      std::ranges::all_of(options_.regions, [&](const Region& region) { return is_inside(region, lengths[2], lengths[1]); });
   require(fits || began_, "regions", "one outside the frame",
           "boxes inside " + std::to_string(lengths[2]) + " x " + std::to_string(lengths[1]) + " pixels");
   began_ = true;

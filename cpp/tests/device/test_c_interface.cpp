@@ -99,6 +99,13 @@ TEST_CASE("C: what has no meaning is a code and a line") {
   CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
   CHECK(ocisac_poll(receiver, nullptr) == OCISAC_BAD_ARGUMENT);
   ocisac_destroy(receiver);
+
+  options.region = {UINT32_MAX, UINT32_MAX, 2, 2};
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  frame.height = kRows;
+  CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("region: got 4294967295,4294967295,2,2") == 0);
+  ocisac_destroy(receiver);
 }
 
 TEST_CASE("C: a program that knows less of the structs gets what it knows") {

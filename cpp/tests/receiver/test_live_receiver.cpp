@@ -117,6 +117,11 @@ TEST_CASE("a region that is told is neither searched nor left") {
   options.region->width = kColumns;
   ocisac::LiveReceiver beyond(camera(), options);
   CHECK_THROWS_AS(beyond.push(view_of(picture), 0), std::invalid_argument);
+  for (const ocisac::Region& wraps : {ocisac::Region{SIZE_MAX, 0, 2, 400}, ocisac::Region{65, SIZE_MAX, 40, 2}}) {
+    options.region = wraps;
+    ocisac::LiveReceiver wrapped(camera(), options);
+    CHECK_THROWS_AS(wrapped.push(view_of(picture), 0), std::invalid_argument);
+  }
   options.frequency = -1;
   CHECK_THROWS_AS(ocisac::LiveReceiver(camera(), options), std::invalid_argument);
 }

@@ -4,7 +4,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <string_view>
 #include <variant>
+
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
@@ -54,6 +58,20 @@ struct Region {
   std::size_t x = 0, y = 0, width = 0, height = 0;
   friend bool operator==(const Region&, const Region&) = default;
 };
+
+// Holds for every value of `region`: no sum wraps.
+inline bool is_inside(const Region& region, std::size_t columns, std::size_t rows) {
+  return region.width >= 1 && region.height >= 1 && region.width <= columns && region.height <= rows &&
+         region.x <= columns - region.width && region.y <= rows - region.height;
+}
+
+inline void require_inside(std::string_view argument, const Region& region, std::size_t columns, std::size_t rows) {
+  if (is_inside(region, columns, rows)) return;
+  refuse(argument,
+         std::to_string(region.x) + "," + std::to_string(region.y) + "," + std::to_string(region.width) + "," +
+             std::to_string(region.height),
+         "inside the picture of " + std::to_string(columns) + "x" + std::to_string(rows));
+}
 
 // Length of the intersection of [a, a + a_size) and [b, b + b_size).
 inline std::size_t shared_length(std::size_t a, std::size_t a_size, std::size_t b, std::size_t b_size) {
