@@ -6,7 +6,7 @@ import dataclasses
 
 import click
 
-from ocisac_fast.cli.columns import frequency_waveform, one_channel
+from ocisac_fast.cli.columns import frequency_waveform, one_colour
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options
 from ocisac_fast.cli.units import FREQUENCY, Quantity
@@ -28,7 +28,7 @@ def calibrate(file: str, frequency: Quantity, picture: PictureOptions, as_json: 
     with open_pictures(file, unknown) as pictures:
         frames = next(pictures.batches())
     waveform = frequency_waveform(picture)
-    columns, _ = one_channel(frames, pictures.camera, waveform)
+    columns, _ = one_colour(frames, pictures.camera, waveform)
     result = measure(columns, float(frequency), waveform=waveform)
     found, flags = result.found, flag_names(result.flags)
     if as_json:
