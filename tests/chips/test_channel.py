@@ -22,7 +22,7 @@ from ocisac_fast.chips import (
     pool_estimates,
     refine_channel,
 )
-from ocisac_fast.reference.sequence_detection import detect_sequence
+from ocisac_fast.reference import detect_sequence
 
 
 class Column:
@@ -236,16 +236,32 @@ def test_one_chip_per_row_with_unknown_phase():
         assert abs(match.channel.phase - column.start) < 0.1
 
 
-def test_preambles_agree_with_the_reference():
+@pytest.mark.parametrize(("seed", "exposure"), [(0, 0.7), (1, 3.0)])
+def test_a_preamble_is_the_best_fit_of_all_places(seed, exposure):
+    """Certainty and share explained by their definitions; no other place of the frame explains as much."""
     preamble = np.random.default_rng(6).integers(0, 2, 24)
-    for seed, exposure in ((0, 0.7), (1, 3.0)):
-        column = Column(seed, 4.1, exposure, 0.02, rows=150, preamble=preamble)
-        arguments = {"rows_per_chip": 4.1, "exposure_rows": column.exposure_rows}
-        got, want = (of.find_preamble(column.rows, preamble, **arguments)[0] for of in (ocisac, reference))
-        spread = want.channel.errors.phase_std
-        assert got.channel.phase == pytest.approx(want.channel.phase, abs=0.05 * spread)
-        assert got.certainty == pytest.approx(want.certainty, rel=1e-3)
-        assert got.explained == pytest.approx(want.explained, rel=1e-4)
+    column = Column(seed, 4.1, exposure, 0.02, rows=150, preamble=preamble)
+    match = find_preamble(column.rows, preamble, rows_per_chip=4.1, exposure_rows=column.exposure_rows)[0]
+
+    def fitted(phase):
+        clock = {"rows_per_chip": 4.1, "phase": phase, "exposure_rows": column.exposure_rows}
+        return reference.fit_channel(column.rows, preamble, **clock, exposure_known=True)
+
+    def explained(channel):
+        rows = np.arange(*channel.rows)
+        line = np.polynomial.polynomial.Polynomial.fit(rows, column.rows[rows], 1)
+        return 1 - channel.noise**2 * rows.size / np.sum((column.rows[rows] - line(rows)) ** 2)
+
+    best = fitted(match.channel.phase)
+    assert match.channel.phase == pytest.approx(best.phase, abs=0.05 * best.errors.phase_std)
+    assert match.explained == pytest.approx(explained(best), rel=1e-4)
+    count, period = np.ptp(best.rows), best.rows_per_chip
+    certainty = -0.5 * count / period * np.log(1 - explained(best)) - np.log(150 / period)
+    assert match.certainty == pytest.approx(certainty, rel=1e-3)
+    places = np.arange(-column.exposure_rows / 2, 150 - 24 * 4.1 + column.exposure_rows / 2, 0.5 * 4.1)
+    others = [channel for channel in map(fitted, places) if channel is not None and channel.swing[0] > 0]
+    near = [channel for channel in others if abs(channel.rows_per_chip / 4.1 - 1) < 0.1]
+    assert max(map(explained, near)) <= match.explained + 1e-4
 
 
 def test_all_preambles_of_a_frame_are_found():
@@ -309,16 +325,22 @@ def test_a_clock_followed_alone_slips_here_and_those_compared_do_not(rows_per_ch
     assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
 
 
-def test_the_whole_frame_agrees_with_the_reference():
+def test_the_channel_of_the_whole_frame_is_the_fit_of_its_chips():
     preamble = np.random.default_rng(9).integers(0, 2, 32)
     column = Column(1, 4.1, 3.0, 0.02, rows=400, preamble=preamble)
     start = find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
-    got, want = (of.refine_channel(column.rows, start, detect_sequence, known=preamble) for of in (ocisac, reference))
-    np.testing.assert_array_equal(got.chips, want.chips)
-    assert (got.first, got.settled) == (want.first, want.settled)
-    spread = want.channel.errors
-    assert got.channel.rows_per_chip == pytest.approx(want.channel.rows_per_chip, abs=0.02 * spread.rows_per_chip_std)
-    assert got.channel.exposure_rows == pytest.approx(want.channel.exposure_rows, abs=0.02 * spread.exposure_rows_std)
+    got = refine_channel(column.rows, start, detect_sequence, known=preamble)
+    assert got.settled
+    assert errors_of(column, got, round((column.start - column.phase) / column.rows_per_chip)) == 0
+    channel = got.channel
+    clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure_rows")}
+    degrees = {"dark_degree": len(channel.dark) - 1, "swing_degree": len(channel.swing) - 1}
+    want = reference.fit_channel(column.rows, got.chips[1:-1], **clock, first=got.first + 1, **degrees)
+    spread = want.errors
+    assert channel.rows_per_chip == pytest.approx(want.rows_per_chip, abs=0.02 * spread.rows_per_chip_std)
+    assert channel.exposure_rows == pytest.approx(want.exposure_rows, abs=0.02 * spread.exposure_rows_std)
+    assert channel.noise == pytest.approx(want.noise, rel=1e-3)
+    assert channel.exposure_rows == pytest.approx(column.exposure_rows, abs=4 * spread.exposure_rows_std)
 
 
 @pytest.mark.parametrize(("rows_per_chip", "exposure"), [(4.1, 0.5), (2.3, 1.0), (3.3, 3.0), (1.0, 1.0)])

@@ -1,4 +1,4 @@
-"""Detection of modulated lights: what is found, what stays out, and that core and reference say the same."""
+"""Detection of modulated lights: what is found, with which numbers, and what stays out."""
 
 import dataclasses
 import json
@@ -80,25 +80,52 @@ def test_lights_are_found_with_box_frequency_and_gain(dtype):
         assert source.reflection_of is None
 
 
-@settings(max_examples=12)
+@settings(max_examples=16)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dtype=st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
     transposed=st.booleans(),
     reverse=st.booleans(),
-    rows=st.sampled_from([97, 193, 250]),
+    rows=st.sampled_from([193, 250, 331]),
 )
-def test_core_and_reference_agree(seed, dtype, transposed, reverse, rows):
-    picture, random = scene(rows, 230, seed)
-    for _ in range(2):
-        row, column = random.uniform(30, rows - 30), random.uniform(30, 200)
-        add_lamp(picture, row, column, random.uniform(18, 30), SquareWave(random.uniform(7e3, 2e4)))
+def test_numbers_are_those_of_the_lamps_in_any_array(seed, dtype, transposed, reverse, rows):
+    """Two lamps apart; frequency, gain, phase and mean by truth; the layout in memory changes nothing."""
+    picture, random = scene(rows, 330, seed)
+    lamps = []
+    for left in (20, 190):
+        row, column = random.uniform(60, rows - 60), left + random.uniform(40, 80)
+        waves = SquareWave(random.uniform(8e3, 16e3), phase=random.uniform(-3, 3))
+        lamps.append((row, column, random.uniform(24, 32), waves))
+        add_lamp(picture, *lamps[-1])
     frame = stored(picture, dtype)
-    if transposed:  # columns lie in memory one after the other
-        frame = np.asfortranarray(frame)
-    if reverse:
-        frame = frame[::-1, ::-1]
-    assert_same(detect_sources(frame, CAMERA), reference.detect_sources(frame, CAMERA))
+    camera = CAMERA if np.dtype(dtype).kind == "u" else Camera(ROW_TIME, exposure=3e-5, white_level=255.0)
+    view = np.asfortranarray(frame) if transposed else frame
+    if reverse:  # a view of samples that lie in memory from the last to the first
+        view = np.ascontiguousarray(view[::-1, ::-1])[::-1, ::-1]
+    sources = detect_sources(view, camera)
+    assert_same(sources, detect_sources(frame.copy(), camera))
+    assert len(sources) == 2
+    full = 256.0 if dtype == np.uint16 else 1.0
+    for row, column, radius, wave in lamps:
+        source = nearest(sources, row, column)
+        assert abs(source.y + source.height / 2 - row) < 10
+        assert abs(source.x + source.width / 2 - column) < 10
+        assert 1.4 * radius < source.width < 2.6 * radius
+        assert abs(source.frequency - wave.frequency) < max(4 * source.frequency_std, 0.005 * wave.frequency)
+        assert 0 < source.frequency_std < 0.02 * wave.frequency
+        # By the exposure's response: 2/pi of the swing, of the fundamental of a square wave.
+        fundamental = 120.0 * 2 / np.pi * abs(np.sinc(wave.frequency * 3e-5)) * full
+        assert source.amplitude == pytest.approx(fundamental, rel=0.15)
+        box = frame[source.y : source.y + source.height, source.x : source.x + source.width]
+        if source.merged == 0:  # else the numbers are those of the strongest part
+            expected = reference.tone_gain(box, camera, source.frequency, pooled=True)
+            for name in ("mean", "gain", "gain_std"):
+                assert getattr(source, name) == pytest.approx(float(getattr(expected, name)), rel=1e-5), name
+            turn = float(expected.phase) - 2 * np.pi * source.frequency * ROW_TIME * source.y
+            assert abs(np.angle(np.exp(1j * (source.phase - turn)))) < 1e-4
+        assert source.periodic > 0.7
+        assert source.snr > 1
+        assert (source.carries_data, source.reflection_of) == (False, None)
 
 
 def data_light(seed, rows_per_chip=8.0, radius=160):
@@ -119,7 +146,6 @@ def test_parts_of_a_light_that_sends_data_become_one(seed):
     assert light.carries_data
     assert light.merged >= 1
     assert light.height > 170
-    assert_same(sources, reference.detect_sources(frame, CAMERA))
 
 
 def lamp_of_chips(seed, code, rows_per_chip=6.0, size=220):
@@ -145,8 +171,6 @@ def test_lights_that_send_data_are_found_whole(code, seed):
     assert abs(light.y - 200) <= 45  # rows are told by a window of four of its cycles
     assert abs(light.y + light.height - 420) <= 45
     assert light.amplitude == pytest.approx(45, rel=0.35)
-    if seed == 1 and code != "manchester":
-        assert_same(sources, reference.detect_sources(frame, CAMERA))
 
 
 def test_edges_without_a_clock_are_no_data():
@@ -194,13 +218,12 @@ def test_lamps_that_touch_side_by_side_are_told_apart(first, second):
         assert abs(source.x - left) <= 16
         assert abs(source.x + source.width - left - 110) <= 16
         assert source.frequency == pytest.approx(frequency, rel=0.02)
-    assert_same(sources, reference.detect_sources(frame, CAMERA))
 
 
 @pytest.mark.parametrize("shape", [(1,), (7,), (31, 5), (32, 1), (33, 2), (40, 3), (64, 17), (97, 16)])
 def test_small_frames_of_noise_hold_nothing(shape):
     frame = np.random.default_rng(1).integers(90, 110, shape).astype(np.uint8)
-    assert detect_sources(frame, CAMERA) == [] == reference.detect_sources(frame, CAMERA)
+    assert detect_sources(frame, CAMERA) == []
 
 
 def test_a_light_that_fills_the_frame_is_found():

@@ -16,7 +16,7 @@ from ocisac_fast import reference
 from ocisac_fast.cli import main
 from ocisac_fast.packets import decode_line_code, encode_line_code
 from ocisac_fast.packets.transmission import PacketAssembler
-from ocisac_fast.reference.transmission import _codeword
+from ocisac_fast.reference.packets import _codeword
 
 DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "packets.md"
 TABLE = ("00110", "01010", "01100", "10010")

@@ -1,4 +1,4 @@
-"""Raw bits from frames: recordings, simulated frames, agreement with the reference, refusals."""
+"""Raw bits from frames: recordings, simulated frames, what the numbers are by definition, refusals."""
 
 import json
 
@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Flag, reference
+from ocisac_fast import Camera, Flag
+from ocisac_fast.reference import linear_light
 
 CAMERA = Camera(row_time=1.0)
 
@@ -134,6 +135,36 @@ def assert_agree(got, want):
         np.testing.assert_allclose(a, b, rtol=0, atol=tolerance, err_msg=name)
 
 
+def assert_consistent(got, light, camera):
+    """Levels, soft values and their ratios are what the combined rows show, chip by chip."""
+    assert got.weights.shape == (light.shape[-1],)
+    np.testing.assert_array_equal(got.columns, np.flatnonzero(got.weights))
+    assert got.weights.min() >= 0
+    assert got.weights.sum() == pytest.approx(1)
+    if not got.bits:
+        assert np.isnan([got.rows_per_chip, got.chip_rate, got.phase, got.snr]).all()
+        assert got.flags
+        return
+    assert got.chip_rate == pytest.approx(1 / (got.rows_per_chip * camera.row_time))
+    assert got.chip_rate_std == pytest.approx(got.rows_per_chip_std / got.rows_per_chip * got.chip_rate)
+    np.testing.assert_array_equal(got.soft > 0, [bit == "1" for bit in got.bits])
+    assert got.snr == pytest.approx(min(1 / np.mean((np.abs(got.soft) - 1) ** 2), 1e12))
+    assert bool(got.flags & Flag.WEAK) == (got.snr < 9)
+    assert -0.5 - 1e-6 <= got.phase < got.rows_per_chip - 0.5 + 1e-6
+    assert got.phase + len(got.bits) * got.rows_per_chip <= len(light) - 0.5 + 1e-6
+    # A chip's value: the mean of the rows, straight between them, over its middle away from the ramps of the exposure.
+    signal = light @ got.weights
+    reach = max(0.4 * (got.rows_per_chip - camera.exposure / camera.row_time), 0.5)
+    middles = got.phase + (np.arange(len(got.bits)) + 0.5) * got.rows_per_chip
+    fine = np.clip(middles[:, None] + reach * (2 * np.arange(0.5, 2000) / 2000 - 1), 0, len(signal) - 1)
+    values = np.interp(fine, np.arange(len(signal)), signal).mean(axis=1)
+    dark, bright = got.levels
+    swing = np.maximum(bright - dark, 1e-3 * (bright - dark).max())
+    inside = (middles > reach) & (middles < len(signal) - 1 - reach)
+    soft = (values - (dark + bright) / 2) / (swing / 2)
+    np.testing.assert_allclose(soft[inside], got.soft[inside], rtol=1e-3, atol=1e-3 * (1 + np.abs(got.soft).max()))
+
+
 @settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32),
@@ -146,7 +177,9 @@ def assert_agree(got, want):
     colours=st.integers(0, 3),
     steps=st.tuples(st.sampled_from([-2, -1, 1]), st.sampled_from([-1, 1, 2])),
 )
-def test_agrees_with_the_reference(seed, rows_per_chip, exposure, rows, columns, dtype, curve, colours, steps):
+def test_any_array_gives_the_bits_and_the_numbers_of_their_definitions(
+    seed, rows_per_chip, exposure, rows, columns, dtype, curve, colours, steps
+):
     row_step, column_step = steps
     planes = []
     for colour in range(max(colours, 1)):
@@ -157,7 +190,12 @@ def test_agrees_with_the_reference(seed, rows_per_chip, exposure, rows, columns,
     view[...] = np.stack(planes, axis=-1)
     frames = view[None] if colours else view[..., 0]
     camera = Camera(2e-5, exposure * rows_per_chip * 2e-5, tone_curve=curve, dark_level=10.0, white_level=255.0)
-    assert_agree(ocisac.receive(frames, camera)[0], reference.receive(frames, camera)[0])
+    got = ocisac.receive(frames, camera)[0]
+    assert_agree(got, ocisac.receive(frames.astype(float).copy(), camera)[0])
+    assert got.flags or got.colour == 0 or columns < 7  # that of the lowest noise, which takes columns to measure
+    assert_consistent(got, linear_light(frames[0, ..., got.colour] if colours else frames, camera), camera)
+    if got.bits and not got.flags and curve == "linear":
+        assert_received(got, Frame(seed, rows_per_chip, exposure, noise=0.01, rows=rows, columns=columns))
 
 
 def test_reports_what_it_found():
@@ -250,11 +288,6 @@ def test_lights_side_by_side_are_sources_of_their_own(strength):
             assert not g.flags
             assert first - 8 <= g.columns.min()
             assert g.columns.max() < first + 68
-        if seed == 0:
-            want = reference.receive(frame, CAMERA)
-            assert len(got) == len(want)
-            for g, w in zip(got, want, strict=True):
-                assert_agree(g, w)
 
 
 def test_one_light_and_texture_are_one_source():
@@ -282,7 +315,7 @@ def test_a_rough_chip_rate_is_enough_where_edges_are_few():
         got = ocisac.receive(frame.as_bytes(), CAMERA, chip_rate=off / 40)[0]
         assert_received(got, frame)
         assert not got.flags
-        assert_agree(got, reference.receive(frame.as_bytes(), CAMERA, chip_rate=off / 40)[0])
+        assert got.rows_per_chip == pytest.approx(40, abs=4 * got.rows_per_chip_std)
     assert Flag.TOO_FEW_EDGES in ocisac.receive(frame.as_bytes(), CAMERA)[0].flags
 
 
@@ -304,7 +337,8 @@ def test_nothing_is_invented_where_there_is_no_light(frame, flag):
     assert got.bits == ""
     assert np.isnan([got.rows_per_chip, got.chip_rate, got.phase, got.snr]).all()
     assert got.flags == flag
-    assert_agree(got, reference.receive(frame, CAMERA)[0])
+    assert got.levels.shape == (2, 0)
+    assert got.soft.shape == (0,)
 
 
 @pytest.mark.parametrize("columns", [1, 40])
@@ -350,4 +384,3 @@ def test_chips_are_as_long_as_the_runs_say():
         pixels = frame.as_bytes(scale=40.0)
         got = ocisac.receive(pixels, CAMERA)[0]
         assert_received(got, frame)
-        assert_agree(got, reference.receive(pixels, CAMERA)[0])

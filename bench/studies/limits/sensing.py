@@ -8,7 +8,7 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
-from ocisac_fast.reference.gain import tone_gain
+from ocisac_fast.reference import tone_gain
 from ocisac_fast.sensing.contrast import restore_contrast
 from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.tones.frequency import find_frequency

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.cleaning.columns import Kernels, lit_colours
+from ocisac_fast.cleaning.columns import lit_colours
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
 from ocisac_fast.cleaning.stored import light_per_step, to_stored, white_level
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
@@ -67,7 +68,6 @@ class Options:
     max_gain: float
     fill: bool
     toe: float | None = None
-    kernels: Kernels = field(default_factory=Kernels)
 
 
 def remove_bands(
@@ -121,21 +121,8 @@ def remove_bands(
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
-    options = Options(model, keep, level, noise, float(max_gain), fill, toe)
-    return clean_frames(frames, camera, light, start, still, options)
-
-
-def clean_frames(
-    frames: npt.ArrayLike,
-    camera: Camera,
-    light: npt.ArrayLike | Waveform | None,
-    start: float,
-    still: bool,
-    options: Options,
-) -> CleanedFrames:
-    """:func:`remove_bands` with any kernels."""
+    options = _checked(Options(model, keep, level, noise, float(max_gain), fill, toe))
     stack = _stacked(frames)
-    options = _checked(options)
     given = None if light is None else _given_light(light, camera, start, stack.shape[:2])
     parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
     lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
@@ -264,7 +251,7 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
     light, variance = with_toe(stored_light, noise, toe, white)
     found = given or [_found(light[k], variance[k], camera, options) for k in range(len(stack))]
     if options.toe is None and camera.tone_curve != "linear" and found[0].model == "chips":
-        toe = find_toe(stored_light[0], noise[0], white, options.kernels)
+        toe = find_toe(stored_light[0], noise[0], white)
         if toe > 0.0:
             light, variance = with_toe(stored_light, noise, toe, white)
             always = replace(options, model="chips")
@@ -273,7 +260,7 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
     pictures, marks, shares = [np.empty(stack.shape, kind) for kind in (stack.dtype, np.uint8, np.float32)]
     for colour in range(stack.shape[3]):
         one, spread = (np.ascontiguousarray(values[..., colour]) for values in (light, variance))
-        share = options.kernels.light_share(one, spread, rows, True)
+        share = _core.light_share(one, spread, rows, True)
         for k, row_light in enumerate(found):
             values, mark = _restored(one[k], saturated[k, ..., colour], share, row_light, options)
             stored = to_stored(lowered(values, toe, white), camera, stack.dtype)
@@ -307,9 +294,7 @@ def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None
 def _found(light: FloatArray, variance: FloatArray, camera: Camera, options: Options) -> RowLight:
     """The row light of one frame (rows, columns, colours), from the colours that show it."""
     lit = lit_colours(light, variance)
-    return find_row_light(
-        light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, options.model, options.kernels
-    )
+    return find_row_light(light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, options.model)
 
 
 def _restored(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -18,22 +15,11 @@ _TEXTURE = 0.05  # relative difference of neighbours below which nothing is told
 _MIN_LEFT = 0.02  # of a light, where it is divided by
 
 
-@dataclass(frozen=True, slots=True)
-class Kernels:
-    """The core's, or the reference's."""
-
-    light_share: Callable[[FloatArray, FloatArray, FloatArray, bool], FloatArray] = _core.light_share
-    refine_row_light: Callable[
-        [FloatArray, FloatArray, FloatArray, FloatArray, int, FloatArray | None, float], tuple[FloatArray, FloatArray]
-    ] = _core.refine_row_light
-
-
 class Columns:
     """A picture in at most 192 bundles of columns, and the light of its rows that fits them best."""
 
-    def __init__(self, light: FloatArray, variance: FloatArray, kernels: Kernels) -> None:
+    def __init__(self, light: FloatArray, variance: FloatArray) -> None:
         self.light, self.variance = _bundled(light, variance)
-        self._kernels = kernels
 
     def refined(
         self, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf, steps: int = 6
@@ -60,7 +46,7 @@ class Columns:
 
     def _share_of_columns(self, rows: FloatArray) -> FloatArray:
         lit = np.maximum(rows, 0.0)[None]
-        return np.asarray(self._kernels.light_share(self.light[None], self.variance[None], lit, False).mean(axis=0))
+        return np.asarray(_core.light_share(self.light[None], self.variance[None], lit, False).mean(axis=0))
 
     def free(self) -> tuple[FloatArray, FloatArray]:
         """The same with nothing known of the rows."""
@@ -79,7 +65,7 @@ class Columns:
         deviation: float = np.inf,
         steps: int = 6,
     ) -> tuple[FloatArray, FloatArray]:
-        rows, certainty = self._kernels.refine_row_light(
+        rows, certainty = _core.refine_row_light(
             self.light[None], self.variance[None], share, rows, steps, basis, deviation
         )
         return rows, certainty / max(float(certainty.max()), 1e-300)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.chip_light import chip_light
-from ocisac_fast.cleaning.columns import Columns, FloatArray, Kernels
+from ocisac_fast.cleaning.columns import Columns, FloatArray
 from ocisac_fast.cleaning.tone_light import tone_light
 
 MODELS = ("auto", "tone", "chips", "rows")
@@ -26,9 +26,9 @@ class RowLight:
     frequency: float
 
 
-def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str, kernels: Kernels) -> RowLight:
+def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str) -> RowLight:
     """From one colour of linear light (rows, columns) and its noise variance (infinite: tells nothing)."""
-    picture = Columns(light, variance, kernels)
+    picture = Columns(light, variance)
     rows, weight = picture.free()
     tries = {
         "tone": (("tone", None),),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ocisac_fast.cleaning.chip_light import unexplained
-from ocisac_fast.cleaning.columns import Columns, FloatArray, Kernels, lit_colours
+from ocisac_fast.cleaning.columns import Columns, FloatArray, lit_colours
 
 _LADDER = (1 / 32, 1 / 8)  # tried in turn; what is cleaned hardly differs in between
 _LESS_LEFT = 0.6  # of what chips leave unexplained without a toe: noise of the rows alone may leave 0.64
@@ -43,7 +43,7 @@ def with_toe(light: FloatArray, variance: FloatArray, toe: float, white: float) 
     return lifted(light, toe, white), variance * slope(light, toe, white) ** 2 if toe > 0.0 else variance
 
 
-def find_toe(light: FloatArray, variance: FloatArray, white: float, kernels: Kernels) -> float:
+def find_toe(light: FloatArray, variance: FloatArray, white: float) -> float:
     """Toe of one frame (rows, columns, colours) under chips: the one with which they explain most, or 0."""
 
     colours = lit_colours(light, variance)
@@ -51,7 +51,7 @@ def find_toe(light: FloatArray, variance: FloatArray, white: float, kernels: Ker
 
     def left(toe: float) -> float:
         lit, certain = with_toe(light, variance, toe, white)
-        return unexplained(*Columns(lit.sum(axis=2), certain.sum(axis=2), kernels).free())
+        return unexplained(*Columns(lit.sum(axis=2), certain.sum(axis=2)).free())
 
     without = least = left(0.0)
     best = 0.0

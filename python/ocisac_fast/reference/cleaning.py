@@ -2,24 +2,25 @@
 
 Pairs of pixels are compared by array slices and the row light is solved for as one dense system, where the core keeps
 sums and a band; results agree to rounding.
+
+In the smoothing of shares, couplings are kept for each axis as arrays of the differences along it, trends as full
+pictures, and the equations are solved level by level through recursion, where the core keeps padded rows and blocks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cleaning.bands import CleanedFrames, Options, clean_frames
-from ocisac_fast.cleaning.columns import Kernels
-from ocisac_fast.light.waveforms import Waveform
-from ocisac_fast.reference.light import linear_light
-from ocisac_fast.reference.share_smoothing import smoothing_step
+from ocisac_fast.reference.camera import linear_light
 
 FloatArray = npt.NDArray[np.float64]
+Parts = tuple[FloatArray, ...]
+Pair = tuple[FloatArray, FloatArray]  # along the columns, along the rows
+
 
 MIN_LIGHT = 0.05
 ROW_TEXTURES = (0.5, 0.3, 0.2, 0.1, 0.05)
@@ -35,9 +36,6 @@ def comparison_lag(row_light: FloatArray) -> int:
         if np.mean((row_light[:, lag:] - row_light[:, :-lag]) ** 2) >= 0.7 * np.var(row_light):
             return int(lag)
     return int(most)
-
-
-Parts = tuple[FloatArray, ...]
 
 
 def _compare(one: Parts, two: Parts, texture: float) -> tuple[FloatArray, FloatArray]:
@@ -250,24 +248,8 @@ def refine_row_light(
     return result, information
 
 
-def remove_bands(
-    frames: npt.ArrayLike,
-    camera: Camera,
-    *,
-    light: npt.ArrayLike | Waveform | None = None,
-    start: float = 0.0,
-    model: Literal["auto", "tone", "chips", "rows"] = "auto",
-    keep: Literal["picture", "bands"] = "picture",
-    level: Literal["full", "mean"] = "full",
-    still: bool = False,
-    noise: float | None = None,
-    max_gain: float = 8.0,
-    fill: bool = False,
-    toe: float | None = None,
-) -> CleanedFrames:
-    """As :func:`ocisac_fast.remove_bands`, with the kernels above."""
-    options = Options(model, keep, level, noise, float(max_gain), fill, toe, Kernels(light_share, refine_row_light))
-    return clean_frames(frames, camera, light, start, still, options)
+VARIATION, MIN_SLOPE, BLOCK, REACH = 40.0, 1e-3, 8, 40.0
+ITERATIONS = (4, 12, 20, 40)
 
 
 def subtract_still(
@@ -281,3 +263,101 @@ def subtract_still(
         others = [light[other] for other in nearest]
         taken.append(np.mean(others, axis=0) if still is None else linear_light(np.asarray(still), camera))
     return np.asarray(np.array(light) - np.array(taken) + np.mean(taken))
+
+
+def smoothing_step(
+    pull: FloatArray, weight: FloatArray, share: FloatArray, trend: tuple[FloatArray, ...]
+) -> tuple[FloatArray, Pair]:
+    """The change of (rows, columns) shares, and the trend of their slopes for the next step."""
+    slopes = np.diff(share, axis=0), np.diff(share, axis=1)
+    steep = np.zeros(share.shape)
+    for axis in (0, 1):
+        square = (slopes[axis] - _without_last(trend[axis], axis)) ** 2 / 2
+        steep += _before(square, axis) + _after(square, axis)
+    coupling = tuple(
+        VARIATION / np.sqrt(MIN_SLOPE**2 + (_without_last(steep, axis) + _without_first(steep, axis)) / 2)
+        for axis in (0, 1)
+    )
+    down, across = (_trend(slopes[axis], coupling[axis], share.shape, axis) for axis in (0, 1))
+    right = pull.copy()
+    for axis, slow in enumerate((down, across)):
+        flow = coupling[axis] * (slopes[axis] - _without_last(slow, axis))
+        right += _before(flow, axis) - _after(flow, axis)
+    return _solve(weight + 1e-3, right, (coupling[0], coupling[1]), 0), (down, across)
+
+
+def _solve(weight: FloatArray, right: FloatArray, coupling: Pair, level: int) -> FloatArray:
+    """Conjugate gradients from the answer for sums of 2 x 2 pixels."""
+    rows, columns = weight.shape
+    start = np.zeros(weight.shape)
+    coarsest = level == len(ITERATIONS) - 1 or min(rows, columns) < 8
+    if not coarsest:
+        fewer = _halved(coupling[0][1::2], 1), _halved(coupling[1][:, 1::2], 0)
+        coarse = _solve(_halved(_halved(weight, 0), 1), _halved(_halved(right, 0), 1), fewer, level + 1)
+        start = coarse.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
+    return _conjugate_gradients(weight, right, coupling, start, ITERATIONS[-1 if coarsest else level])
+
+
+def _conjugate_gradients(
+    weight: FloatArray, right: FloatArray, coupling: Pair, start: FloatArray, count: int
+) -> FloatArray:
+    def apply(x: FloatArray) -> FloatArray:
+        flows = [coupling[axis] * np.diff(x, axis=axis) for axis in (0, 1)]
+        return weight * x + sum(_after(flow, axis) - _before(flow, axis) for axis, flow in enumerate(flows))
+
+    diagonal = weight + sum(_after(one, axis) + _before(one, axis) for axis, one in enumerate(coupling))
+    change, residual = start, right - apply(start)
+    direction, size, before = np.zeros(weight.shape), float(np.sum(residual**2 / diagonal)), np.inf
+    negligible = 1e-24 * size
+    for _ in range(count):
+        if size <= negligible:
+            break
+        direction = residual / diagonal + size / before * direction
+        product = apply(direction)
+        step = size / float(np.sum(direction * product))
+        change = change + step * direction
+        residual = residual - step * product
+        before, size = size, float(np.sum(residual**2 / diagonal))
+    return change
+
+
+def _trend(slope: FloatArray, coupling: FloatArray, shape: tuple[int, ...], axis: int) -> FloatArray:
+    """Mean of the slopes around by their couplings, for each block of 8 x 8 pixels."""
+    sums, counts = (_around(_before(values, axis)) for values in (coupling * slope, coupling))
+    slow = np.where(counts > 0, sums / np.where(counts > 0, counts, 1.0), 0.0)
+    return np.asarray(slow.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[: shape[0], : shape[1]])
+
+
+def _around(values: FloatArray) -> FloatArray:
+    """Sums of blocks, those around counting less by exp(-distance/reach), twice each way."""
+    starts = [np.arange(0, length, BLOCK) for length in values.shape]
+    blocks = np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
+    down, across = (
+        np.exp(-np.abs(np.subtract.outer(np.arange(n), np.arange(n))) * BLOCK / REACH) for n in blocks.shape
+    )
+    return np.asarray(down @ (down @ blocks @ across) @ across)
+
+
+def _halved(values: FloatArray, axis: int) -> FloatArray:
+    """Sums of two each."""
+    if values.size == 0:
+        return np.zeros(tuple((n + 1) // 2 if k == axis else n for k, n in enumerate(values.shape)))
+    return np.asarray(np.add.reduceat(values, np.arange(0, values.shape[axis], 2), axis=axis))
+
+
+def _before(values: FloatArray, axis: int) -> FloatArray:
+    """Differences at the pixel they start from."""
+    return np.pad(values, [(0, 1 if k == axis else 0) for k in (0, 1)])
+
+
+def _after(values: FloatArray, axis: int) -> FloatArray:
+    """Differences at the pixel they go to."""
+    return np.pad(values, [(1 if k == axis else 0, 0) for k in (0, 1)])
+
+
+def _without_last(values: FloatArray, axis: int) -> FloatArray:
+    return np.take(values, range(values.shape[axis] - 1), axis=axis)
+
+
+def _without_first(values: FloatArray, axis: int) -> FloatArray:
+    return np.take(values, range(1, values.shape[axis]), axis=axis)

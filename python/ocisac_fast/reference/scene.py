@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.light.waveforms import Chips, Constant, Product, SquareWave, Tone, Waveform, integrate_exposure
-from ocisac_fast.reference.waveforms import sample_waveform
+from ocisac_fast.light.waveforms import Chips, Constant, Product, SquareWave, Tone, Waveform
+from ocisac_fast.reference.light import integrate_exposure, sample_waveform
 from ocisac_fast.scene import Cosine, Disc, Grating, Mask, Picture, Plain, Rectangle, Ring, Scene, Source, Surface
 
 Array = npt.NDArray[np.float64]

@@ -1,0 +1,35 @@
+"""Stored pixel values to linear light."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast.camera.camera import Camera
+
+
+def type_maximum(dtype: npt.DTypeLike) -> float:
+    """Largest value of a sample: 255, 65535, or 1 for floats."""
+    dtype = np.dtype(dtype)
+    return float(np.iinfo(dtype).max) if dtype.kind in "ui" else 1.0
+
+
+def linear_light(stored: npt.NDArray[np.generic], camera: Camera) -> npt.NDArray[np.float64]:
+    """Light in DN above dark: (white - dark) curve((v - dark)/(white - dark))."""
+    above_dark = np.asarray(stored, dtype=np.float64) - camera.dark_level
+    if camera.tone_curve == "linear":
+        return above_dark
+    white = type_maximum(stored.dtype) if camera.white_level is None else camera.white_level
+    v = np.abs(above_dark) / (white - camera.dark_level)
+    if camera.tone_curve == "gamma":
+        curve = v**camera.gamma
+    else:
+        curve = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.copysign(curve, above_dark) * (white - camera.dark_level))
+
+
+def saturation_level(stored: npt.NDArray[np.generic], camera: Camera) -> float:
+    """Stored value from which on a pixel counts as saturated; NaN (never) for floats without a white level."""
+    if camera.white_level is not None:
+        return camera.white_level
+    return type_maximum(stored.dtype) if stored.dtype.kind in "ui" else float("nan")
