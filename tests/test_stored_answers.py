@@ -19,7 +19,7 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
 from ocisac_fast.files import read_frames
-from ocisac_fast.tones import pick_channel
+from ocisac_fast.tones import pick_colour
 
 STORED = pathlib.Path(__file__).parent / "stored_answers.json"
 Picture = npt.NDArray[Any]
@@ -31,7 +31,7 @@ BANDS = ["mains_flicker.png", "poster_nlos.jpg"]
 
 
 def picture(folder: pathlib.Path, name: str) -> Picture:
-    """(rows, columns, channels)."""
+    """(rows, columns, colours)."""
     if not (folder / name).exists():
         pytest.skip(f"no {name} at {folder}")
     frame: Picture = read_frames(folder / name).frames[0]
@@ -44,12 +44,12 @@ def rounded(value: float) -> float | None:
 
 
 def tone(frame: Picture) -> dict[str, Any]:
-    channels = list(np.moveaxis(frame, -1, 0))
-    best = pick_channel(channels, Camera(1.0))
-    found = ocisac.find_frequency(channels[best], Camera(1.0))
-    gains = ocisac.tone_gain(channels[best], Camera(1.0), found.frequency, pooled=True)
+    colours = list(np.moveaxis(frame, -1, 0))
+    best = pick_colour(colours, Camera(1.0))
+    found = ocisac.find_frequency(colours[best], Camera(1.0))
+    gains = ocisac.tone_gain(colours[best], Camera(1.0), found.frequency, pooled=True)
     return {
-        "channel": best,
+        "colour": best,
         "frequency": rounded(found.frequency),
         "frequency_std": rounded(found.frequency_std),
         "snr": rounded(found.snr),
@@ -64,7 +64,7 @@ def chips(frame: Picture) -> list[dict[str, Any]]:
     return [
         {
             "bits": one.bits,
-            "channel": one.channel,
+            "colour": one.colour,
             "rows_per_chip": rounded(one.rows_per_chip),
             "rows_per_chip_std": rounded(one.rows_per_chip_std),
             "phase": rounded(one.phase),
@@ -77,7 +77,7 @@ def chips(frame: Picture) -> list[dict[str, Any]]:
 
 
 def lights(frame: Picture) -> list[dict[str, Any]]:
-    """Of the green channel, read out along either axis."""
+    """Of the green, read out along either axis."""
     names = ("x", "y", "width", "height", "carries_data", "reflection_of", "merged")
     numbers = ("frequency", "frequency_std", "gain", "amplitude", "snr", "periodic")
     return [

@@ -212,7 +212,7 @@ def test_saturated_pixels_are_left_alone_and_dark_ones_marked() -> None:
 def test_the_picture_is_the_equation_of_the_share_and_light_found(level: Literal["full", "mean"]) -> None:
     """v (1 + q (L_full - 1)) / (1 + q (L_n - 1)); the share is that of the reference's kernel."""
     read = scene(row_light("tone"))[0][:64, :24].astype(np.float32)
-    done = remove_bands(read, CAMERA, level=level, noise=1.5, most_gain=1e6)
+    done = remove_bands(read, CAMERA, level=level, noise=1.5, max_gain=1e6)
     rows = done.light
     spread = np.full((1, *read.shape), 1.5**2)
     share = reference.light_share(read[None].astype(float), spread, rows[None])
