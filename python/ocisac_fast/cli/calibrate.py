@@ -3,29 +3,48 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import click
+import numpy as np
+import numpy.typing as npt
 
+from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour
-from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, with_spread
+from ocisac_fast.cli.lights import SHARES
+from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options
 from ocisac_fast.cli.units import FREQUENCY, Quantity
 
 
 @click.command(short_help="Row time of a camera, from a light of known frequency.")
-@click.argument("file")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @click.option("--frequency", type=FREQUENCY, required=True, help="Of the light, below half the row rate.")
+@click.option("--pulses", type=SHARES, help="Duty of a lamp lit once a frame, one for each FILE: 5%,10%.")
 @picture_options
 @json_option
-def calibrate(file: str, frequency: Quantity, picture: PictureOptions, as_json: bool) -> None:
+def calibrate(
+    files: tuple[str, ...],
+    frequency: Quantity,
+    pulses: tuple[float, ...] | None,
+    picture: PictureOptions,
+    as_json: bool,
+) -> None:
     """Measure the row time T_r with a light of known frequency in FILE (a picture, a video, a .npy array, or -).
 
-    All frames that fit into 64 MiB are used together.
+    All frames that fit into 64 MiB are used together. With --pulses the light is lit once in a frame or more seldom:
+    each FILE is a video at a duty, all of one camera and exposure, used whole; two duties or more give T_r whatever the
+    exposure.
     """
+    unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the one is sought, the other not needed
+    if pulses is not None:
+        _calibrate_pulses(files, float(frequency), pulses, unknown, as_json)
+        return
+    if len(files) > 1:
+        raise click.UsageError(f"FILE: got {len(files)}, allowed: one without --pulses")
     from ocisac_fast.tones import calibrate as measure
 
-    unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # what it is to find, and what it needs not
-    with open_pictures(file, unknown) as pictures:
+    with open_pictures(files[0], unknown) as pictures:
         frames = next(pictures.batches())
     waveform = frequency_waveform(picture)
     columns, _ = one_colour(frames, pictures.camera, waveform)
@@ -45,3 +64,53 @@ def calibrate(file: str, frequency: Quantity, picture: PictureOptions, as_json: 
             "flags": ", ".join(flags) or "none",
         },
     )
+
+
+def _calibrate_pulses(
+    files: tuple[str, ...], frequency: float, duties: tuple[float, ...], picture: PictureOptions, as_json: bool
+) -> None:
+    from ocisac_fast.exposure import calibrate_pulses, pulse_bands
+
+    if len(files) != len(duties):
+        raise click.UsageError(f"--pulses: got {len(duties)} duties, allowed: one for each of {len(files)} files")
+    result = calibrate_pulses([pulse_bands(_row_light(file, picture)) for file in files], frequency, duties)
+    flags = [] if len(set(duties)) > 1 else ["one_duty"]
+    if as_json:
+        emit_json(
+            {
+                "row_time_s": result.row_time,
+                "row_time_std_s": result.row_time_std,
+                "exposure_s": result.exposure,
+                "exposure_std_s": result.exposure_std,
+                "offset_s": result.offset,
+                "offset_std_s": result.offset_std,
+                "ramp_misfit": result.misfit,
+                "pulses": [
+                    {"file": file, "duty": duty, "lit_rows": rows, "pulse_width_s": width, "bands": bands.whole.size}
+                    | {"split_bands": bands.split.size}
+                    for file, duty, rows, width, bands in zip(
+                        files, duties, result.rows, result.pulse_widths, result.bands, strict=True
+                    )
+                ],
+                "flags": flags,
+            }
+        )
+        return
+    facts: dict[str, Any] = {
+        "row time": with_spread(result.row_time, result.row_time_std, "s"),
+        "exposure": with_spread(result.exposure, result.exposure_std, "s", 4),
+        "offset of pulses": with_spread(result.offset, result.offset_std, "s", 4),
+        "flags": ", ".join(flags) or "none",
+    }
+    for file, rows, width in zip(files, result.rows, result.pulse_widths, strict=True):
+        facts[file] = f"{quantity(rows, '', 5)} rows lit, pulses of {quantity(width, 's', 5)}"
+    emit_facts("", facts)
+
+
+def _row_light(file: str, picture: PictureOptions) -> npt.NDArray[np.float64]:
+    """(frames, rows) mean linear light."""
+    with open_pictures(file, picture) as pictures:
+        means = [
+            linear_light(batch, pictures.camera).mean(axis=tuple(range(2, batch.ndim))) for batch in pictures.batches()
+        ]
+    return np.concatenate(means)

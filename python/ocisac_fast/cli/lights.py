@@ -72,8 +72,18 @@ class _Times(ParameterType):
         return tuple(float(TIME.convert(part.strip(), param, ctx)) for part in str(value).split(","))
 
 
+class _Shares(ParameterType):
+    name = "SHARE,..."
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        return tuple(SHARE.convert(part.strip(), param, ctx) for part in str(value).split(","))
+
+
 LIGHTS = _Lights()
 SHARE = _Share()
+SHARES = _Shares()
 TIMES = _Times()
 
 

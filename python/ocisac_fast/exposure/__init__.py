@@ -32,3 +32,9 @@ from ocisac_fast.exposure.lamp import (
     smallest_flicker_free_duty as smallest_flicker_free_duty,
     unmissed_frequency as unmissed_frequency,
 )
+from ocisac_fast.exposure.pulses import (
+    PulseBands as PulseBands,
+    PulseCalibration as PulseCalibration,
+    calibrate_pulses as calibrate_pulses,
+    pulse_bands as pulse_bands,
+)

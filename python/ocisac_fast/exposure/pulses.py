@@ -1,0 +1,245 @@
+"""Row time, exposure and pulse width from a lamp that is lit about once a frame.
+
+Such a lamp shows a band of lit rows. At half height the band is (t_on + offset) / T_r rows long, t_on = duty / f; the
+offset holds what exposure, tone curve and the lamp's own rise and fall add, and is the same for all duties. So duties
+tell the row time from the offset, and one recording alone does not. Where a pulse begins in one frame and ends in
+the next, the lit rows at both ends of a frame add up to (t_on + another offset) / T_r.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float64s = npt.NDArray[np.float64]
+
+_DARK_SHARE = 5.0  # percentile over the frames that counts as dark
+_MIN_LIGHT = 0.05  # of the brightest row: darker rows are left out
+_MIN_PULSES = 5
+_REACH = 12  # rows of a ramp looked at on either side of its middle
+_BOX_ROWS = np.arange(0.0, 16.01, 0.25)
+_BLUR_ROWS = np.concatenate([[1e-3], np.arange(0.1, 4.01, 0.1)])
+_erf = np.vectorize(math.erf, otypes=[float])
+
+
+@dataclass(frozen=True, slots=True)
+class PulseBands:
+    """The bands of one recording.
+
+    Attributes:
+        whole: (bands,) lit rows at half height of bands within a frame.
+        split: (frames,) lit rows of frames that begin and end lit, with one dark stretch in between.
+        ramps: (ramps, points) light on the way into a band at -12 .. 12 rows from half height, steps of 1/2; 0 to 1.
+    """
+
+    whole: Float64s
+    split: Float64s
+    ramps: Float64s
+
+
+@dataclass(frozen=True, slots=True)
+class PulseCalibration:
+    """What :func:`calibrate_pulses` found.
+
+    Attributes:
+        row_time, row_time_std: s. From one duty: with an error that covers the unknown offset.
+        offset, offset_std: of bands within a frame, T_e + c in s; NaN from one duty or without such bands.
+        exposure, exposure_std: length of the ramps as a box blurred by a Gaussian, s.
+        blur: its standard deviation in rows: lens, scaling and compression.
+        misfit: largest difference of a mean ramp and the fit, the swing being 1.
+        rows: (recordings,) lit rows at half height; NaN where no pulse was within a frame.
+        pulse_widths: (recordings,) rows * row_time - offset in s: t_on as measured.
+        bands: of each recording.
+    """
+
+    row_time: float
+    row_time_std: float
+    offset: float
+    offset_std: float
+    exposure: float
+    exposure_std: float
+    blur: float
+    misfit: float
+    rows: Float64s
+    pulse_widths: Float64s
+    bands: tuple[PulseBands, ...]
+
+
+def pulse_bands(light: npt.ArrayLike) -> PulseBands:
+    """Lit rows of a recording of a lamp whose pulses last longer than the exposure.
+
+    Args:
+        light: (frames, rows) linear light of each row, the mean over columns. Each row is lit in some frames and dark
+            in at least one of twenty.
+
+    Raises:
+        ValueError: a wrong shape, values that are not finite, or no row that changes.
+    """
+    signal = np.asarray(light, dtype=np.float64)
+    if signal.ndim != 2 or min(signal.shape) < 2 or not np.all(np.isfinite(signal)):
+        raise ValueError(f"light: got shape {signal.shape}, allowed: (frames, rows), two of each at least, finite")
+    share, whole_frame = _lit_share(signal)
+    whole: list[float] = []
+    split: list[float] = []
+    ramps: list[Float64s] = []
+    for row in share:
+        rises, falls = _crossings(row), _crossings(row[::-1])
+        falls = row.size - 1.0 - falls[::-1]
+        for begin in rises[:-1] if row[-1] > 0.5 else rises:
+            end = falls[np.searchsorted(falls, begin)]
+            if begin > _REACH and end < row.size - 1 - _REACH:
+                whole.append(end - begin)
+                ramps += [_ramp(row, begin, 1.0), _ramp(row, end, -1.0)]
+        if whole_frame and row[0] > 0.5 and row[-1] > 0.5 and rises.size == 1 and rises[0] - falls[0] > 2 * _REACH:
+            split.append(row.size - (rises[0] - falls[0]))
+    points = 4 * _REACH + 1
+    return PulseBands(np.array(whole), np.array(split), np.reshape(ramps, (len(ramps), points)))
+
+
+def calibrate_pulses(
+    recordings: Sequence[npt.ArrayLike | PulseBands], frequency: float, duties: Sequence[float]
+) -> PulseCalibration:
+    """Row time, exposure and pulse width from a lamp lit about once a frame, from several duties jointly.
+
+    Args:
+        recordings: of the same camera and exposure, each (frames, rows) as for :func:`pulse_bands`, or its answer.
+        frequency: of the lamp in Hz, above 0.
+        duties: lit share of the period of each recording, above 0 and below 1.
+
+    Returns:
+        :class:`PulseCalibration`. Standard errors take the scatter of a recording's bands as that of their mean: it
+        comes from the place in the picture, not from noise.
+
+    Raises:
+        ValueError: an argument outside its range, no pulses, or only split ones at a single duty.
+    """
+    if not (math.isfinite(frequency) and frequency > 0.0):
+        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0 (Hz)")
+    if len(recordings) != len(duties) or not recordings:
+        raise ValueError(f"duties: got {len(duties)}, allowed: one for each of {len(recordings)} recordings")
+    for duty in duties:
+        if not 0.0 < duty < 1.0:
+            raise ValueError(f"duties: got {duty}, allowed: above 0 and below 1")
+    bands = tuple(each if isinstance(each, PulseBands) else pulse_bands(each) for each in recordings)
+    lit = np.asarray(duties, dtype=np.float64) / frequency
+    points = [
+        (time, np.mean(some), max(float(np.std(some)), 0.05), kind)
+        for one, time in zip(bands, lit, strict=True)
+        for kind, some in enumerate((one.whole, one.split))
+        if some.size >= _MIN_PULSES
+    ]
+    if not points:
+        raise ValueError("recordings: got no lit band with both ends in sight, allowed: pulses of a part of a frame")
+    times, rows, spreads, kinds = (np.array(column) for column in zip(*points, strict=True))
+    ramp = _fitted_ramp([one.ramps for one in bands if one.ramps.size])
+    jointly = any(np.unique(times[kinds == kind]).size > 1 for kind in (0, 1))
+    fit = _joint_fit if jointly else _single_fit
+    row_time, row_time_std, offset, offset_std = fit(times, rows, spreads, kinds, ramp.reach)
+    seen = np.array([one.whole.mean() if one.whole.size >= _MIN_PULSES else math.nan for one in bands])
+    exposure_std = math.hypot(ramp.box_std * row_time, ramp.box * row_time_std)
+    return PulseCalibration(
+        *(row_time, row_time_std, offset, offset_std, ramp.box * row_time, exposure_std, ramp.blur, ramp.misfit),
+        rows=seen,
+        pulse_widths=seen * row_time - offset,
+        bands=bands,
+    )
+
+
+def box_ramp(offsets: npt.ArrayLike, box: float, blur: float) -> Float64s:
+    """Light at rows from half height on the way into a band: a box of ``box`` rows, blurred by a Gaussian."""
+    return np.asarray(_box_ramps(np.asarray(offsets, dtype=np.float64), np.array([box]), np.array([blur]))[0])
+
+
+def _lit_share(signal: Float64s) -> tuple[Float64s, bool]:
+    """Each row's light from 0 (dark) to 1 (lit), of the longest stretch of rows bright enough; whether that is all."""
+    above = signal - np.percentile(signal, _DARK_SHARE, axis=0)
+    top = above.max(axis=0)
+    if not top.max() > 0.0:
+        raise ValueError("light: got rows that do not change, allowed: a lamp that is lit in some frames")
+    bright = np.concatenate([[False], top > _MIN_LIGHT * top.max(), [False]])
+    edges = np.flatnonzero(np.diff(bright))
+    longest = np.argmax(edges[1::2] - edges[::2])
+    first, last = edges[2 * longest], edges[2 * longest + 1]
+    above, top = above[:, first:last], top[first:last]
+    full = np.nanmedian(np.where(above > 0.5 * top, above, np.nan), axis=0)
+    return above / full, bool(last - first == signal.shape[1])
+
+
+def _crossings(row: Float64s) -> Float64s:
+    """Where the light rises through 1/2, between rows."""
+    before = np.flatnonzero((row[:-1] <= 0.5) & (row[1:] > 0.5))
+    return np.asarray(before + (0.5 - row[before]) / (row[before + 1] - row[before]))
+
+
+def _ramp(row: Float64s, middle: float, direction: float) -> Float64s:
+    offsets = np.linspace(-_REACH, _REACH, 4 * _REACH + 1)
+    return np.interp(middle + direction * offsets, np.arange(row.size), row)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ramp:
+    box: float  # rows
+    box_std: float
+    blur: float
+    misfit: float
+    reach: float  # rows from 0 to 1
+
+
+def _fitted_ramp(ramps: Sequence[Float64s]) -> _Ramp:
+    """A box and a Gaussian fitted to the mean of the recordings' median ramps; the error is the scatter of these."""
+    if not ramps:
+        return _Ramp(math.nan, math.nan, math.nan, math.nan, math.nan)
+    middles = [np.median(each[side::2], axis=0) for each in ramps for side in (0, 1)]
+    mean = np.mean(middles, axis=0)
+    offsets = np.linspace(-_REACH, _REACH, mean.size)
+    box, blur = np.meshgrid(_BOX_ROWS, _BLUR_ROWS, indexing="ij")
+    models = _box_ramps(offsets, box.ravel(), blur.ravel())
+    each = [int(np.sum((models - one) ** 2, axis=1).argmin()) for one in (mean, *middles)]
+    boxes = box.ravel()[each]
+    reach = float(np.interp(0.9, mean, offsets) - np.interp(0.1, mean, offsets)) / 0.8
+    misfit = float(np.abs(models[each[0]] - mean).max())
+    return _Ramp(float(boxes[0]), float(np.std(boxes[1:])) + 0.25, float(blur.ravel()[each[0]]), misfit, reach)
+
+
+def _box_ramps(offsets: Float64s, box: Float64s, blur: Float64s) -> Float64s:
+    """(ramps, offsets): the integral of a box of ``box`` rows blurred by a Gaussian of ``blur`` rows."""
+    length, width = np.maximum(box, 1e-3)[:, np.newaxis], blur[:, np.newaxis]
+
+    def integral(at: Float64s) -> Float64s:
+        z = at / width
+        bell = np.exp(-0.5 * z * z) / math.sqrt(math.tau)
+        return np.asarray(0.5 * at * (1.0 + _erf(z / math.sqrt(2.0))) + width * bell)
+
+    return np.asarray((integral(offsets + 0.5 * length) - integral(offsets - 0.5 * length)) / length)
+
+
+def _joint_fit(
+    times: Float64s, rows: Float64s, spreads: Float64s, kinds: npt.NDArray[np.int_], _: float
+) -> tuple[float, float, float, float]:
+    """rows = times / T_r + a of whole bands or b of split ones, weighted least squares."""
+    present = [kind for kind in (0, 1) if np.any(kinds == kind)]
+    model = np.column_stack([times, *(kinds == kind for kind in present)]) / spreads[:, np.newaxis]
+    inverse = np.linalg.inv(model.T @ model)
+    slope, *constants = inverse @ model.T @ (rows / spreads)
+    row_time = 1.0 / slope
+    row_time_std = math.sqrt(inverse[0, 0]) * row_time**2
+    if present[0] != 0:
+        return row_time, row_time_std, math.nan, math.nan
+    gradient = np.array([-constants[0] * row_time**2, row_time])  # of a * T_r by slope and a
+    return row_time, row_time_std, constants[0] * row_time, math.sqrt(gradient @ inverse[:2, :2] @ gradient)
+
+
+def _single_fit(
+    times: Float64s, rows: Float64s, spreads: Float64s, kinds: npt.NDArray[np.int_], reach: float
+) -> tuple[float, float, float, float]:
+    """t_on / rows, as if the offset were 0; it is within the length of a ramp, on either side."""
+    whole = kinds == 0
+    if not np.any(whole):
+        raise ValueError("recordings: got pulses split across frames at one duty, allowed: two duties or whole pulses")
+    seen = float(rows[whole].mean())
+    row_time = float(times[whole][0]) / seen
+    return row_time, row_time * math.hypot(reach, float(spreads[whole].max())) / seen, math.nan, math.nan

@@ -1,0 +1,143 @@
+"""Row time from a lamp lit once a frame: recordings made by the exposure integral, real ones, refusals."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from ocisac_fast import Camera, SquareWave, integrate_exposure
+from ocisac_fast.exposure import calibrate_pulses, pulse_bands
+
+ROWS = 300
+
+
+def recording(
+    duty: float,
+    *,
+    row_time: float = 46e-6,
+    exposure: float = 230e-6,
+    gap_rows: float = 12.0,
+    drift_rows: float = 1.1,
+    noise: float = 0.02,
+    frames: int = 420,
+) -> tuple[npt.NDArray[np.float64], float]:
+    """(frames, rows) of a lamp that lights rows unevenly, and its frequency."""
+    period = (ROWS + gap_rows + drift_rows) * row_time
+    camera = Camera(row_time, exposure, (ROWS + gap_rows) * row_time)
+    light = integrate_exposure(SquareWave(1 / period, duty, phase=1.0), camera, ROWS, frames=frames)
+    profile = 3.0 + 2.0 * np.cos(np.arange(ROWS) / 40.0)
+    noises = np.random.default_rng(int(1e4 * duty)).normal(0.0, noise, light.shape)
+    return light * profile + 4.0 + noises, 1 / period
+
+
+@pytest.mark.parametrize("exposure", [100e-6, 230e-6, 400e-6])
+@pytest.mark.parametrize("drift", [1.1, -0.83])
+def test_row_time_exposure_and_pulses_from_two_duties(exposure: float, drift: float) -> None:
+    made = [recording(duty, exposure=exposure, drift_rows=drift) for duty in (0.1, 0.3)]
+    frequency = made[0][1]
+    found = calibrate_pulses([light for light, _ in made], frequency, (0.1, 0.3))
+    assert found.row_time == pytest.approx(46e-6, rel=1e-3)
+    assert abs(found.row_time - 46e-6) < 3 * found.row_time_std
+    assert found.row_time_std < 0.02 * 46e-6
+    assert abs(found.offset) < 3 * found.offset_std + 1e-6  # a box adds nothing at half height
+    assert found.exposure == pytest.approx(exposure, abs=max(3 * found.exposure_std, 0.1 * exposure))
+    assert found.misfit < 0.03
+    assert np.allclose(found.pulse_widths, [0.1 / frequency, 0.3 / frequency], rtol=5e-3)
+
+
+def test_pulses_split_across_frames_are_enough() -> None:
+    made = [recording(duty) for duty in (0.2, 0.5)]
+    bands = [pulse_bands(light) for light, _ in made]
+    assert min(one.split.size for one in bands) > 20
+    split = [type(one)(np.zeros(0), one.split, one.ramps) for one in bands]
+    found = calibrate_pulses(split, made[0][1], (0.2, 0.5))
+    assert found.row_time == pytest.approx(46e-6, rel=2e-3)
+    assert math.isnan(found.offset)
+    assert np.isnan(found.rows).all()
+
+
+def test_one_duty_has_an_error_that_covers_the_offset() -> None:
+    for offset in (-150e-6, 0.0, 150e-6):  # the lamp shines longer or shorter than its duty says
+        light, frequency = recording(0.1 + 0.0)
+        duty = 0.1 - offset * frequency
+        found = calibrate_pulses([light], frequency, [duty])
+        assert abs(found.row_time - 46e-6) < found.row_time_std
+        assert math.isnan(found.offset)
+    joint = calibrate_pulses([recording(d)[0] for d in (0.1, 0.25)], frequency, [0.1 - 0.01, 0.25 - 0.01])
+    assert joint.row_time == pytest.approx(46e-6, rel=2e-3)
+    assert joint.offset == pytest.approx(0.01 / frequency, rel=0.2)
+
+
+def test_real_webcam(recordings: object) -> None:
+    """Five duties of one laser: every pair tells the same row time within 0.2 %, at 30.1 Hz 45.7 us."""
+    from ocisac_fast.files import read_frames
+
+    folder = recordings / "pulses"  # type: ignore[operator]
+    if not folder.is_dir():
+        pytest.skip(f"no recordings at {folder}")
+    duties = (0.05, 0.1, 0.2, 0.3, 0.5)
+    bands = []
+    for duty in duties:
+        frames = read_frames(folder / f"logitech_30.1hz_duty_{100 * duty:.0f}.mkv").frames
+        bands.append(pulse_bands(frames.mean(axis=2)))
+    every = calibrate_pulses(bands, 30.1, duties)
+    assert every.row_time == pytest.approx(45.69e-6, abs=3 * every.row_time_std)
+    assert every.row_time_std < 0.003 * every.row_time
+    assert 100e-6 < every.exposure < 350e-6
+    assert every.misfit < 0.03
+    for a, b in itertools.combinations(range(5), 2):
+        pair = calibrate_pulses([bands[a], bands[b]], 30.1, [duties[a], duties[b]])
+        assert pair.row_time == pytest.approx(every.row_time, rel=2e-3)
+        assert abs(pair.row_time - every.row_time) < 2 * pair.row_time_std
+    for one, duty in zip(bands, duties, strict=True):
+        alone = calibrate_pulses([one], 30.1, [duty])
+        assert abs(alone.row_time - every.row_time) < alone.row_time_std
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda light: calibrate_pulses([light], 0.0, [0.1]), "frequency: got 0.0"),
+        (lambda light: calibrate_pulses([light], 30.0, [0.1, 0.2]), "duties: got 2, allowed: one for each of 1"),
+        (lambda light: calibrate_pulses([light], 30.0, [1.0]), "duties: got 1.0"),
+        (lambda light: calibrate_pulses([], 30.0, []), "duties: got 0"),
+        (lambda light: pulse_bands(light[0]), r"light: got shape \(300,\)"),
+        (lambda light: pulse_bands(light * np.nan), "light: got shape"),
+        (lambda light: pulse_bands(np.ones((9, 9))), "light: got rows that do not change"),
+        (lambda light: calibrate_pulses([light[:3]], 30.0, [0.1]), "recordings: got no lit band"),
+    ],
+)
+def test_refusals(call: Callable[[npt.NDArray[np.float64]], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        call(recording(0.1, frames=20)[0])
+
+
+def test_command(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("click")
+    pytest.importorskip("rich")
+    from ocisac_fast.cli import main
+
+    files = []
+    for duty in (0.1, 0.3):
+        light, frequency = recording(duty)
+        files.append(str(tmp_path / f"{duty}.npy"))  # type: ignore[operator]
+        np.save(files[-1], np.repeat(np.rint(20 * light)[..., np.newaxis], 8, axis=2).astype(np.uint8))
+    arguments = ("--frequency", f"{frequency!r}Hz")
+    assert main(["calibrate", *files, *arguments, "--pulses", "10%,30%", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["row_time_s"] == pytest.approx(46e-6, rel=2e-3)
+    assert facts["flags"] == []
+    assert main(["calibrate", files[0], *arguments, "--pulses", "10%", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["flags"] == ["one_duty"]
+    assert abs(facts["row_time_s"] - 46e-6) < facts["row_time_std_s"]
+    assert main(["calibrate", *files, *arguments, "--pulses", "10%"]) == 2
+    assert "--pulses: got 1 duties" in capsys.readouterr().err
+    assert main(["calibrate", *files, *arguments]) == 2
+    assert "FILE: got 2" in capsys.readouterr().err
