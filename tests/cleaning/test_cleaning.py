@@ -368,9 +368,9 @@ def test_bad_input(arguments: dict[str, object], message: str) -> None:
 def test_bad_still() -> None:
     for arguments, message in (({}, "at least 2"), ({"still": np.zeros((3, 3), np.uint8)}, "still: got")):
         with pytest.raises(ValueError, match=message):
-            subtract_still(np.zeros((1, 16, 3), np.uint8), CAMERA, **arguments)
+            subtract_still(np.zeros((1, 16, 5), np.uint8), CAMERA, **arguments)
     with pytest.raises(ValueError, match="neighbours: got 0"):
-        subtract_still(np.zeros((2, 16, 3), np.uint8), CAMERA, neighbours=0)
+        subtract_still(np.zeros((2, 16, 5), np.uint8), CAMERA, neighbours=0)
 
 
 @pytest.mark.parametrize("name", ["picture.png", "video.mkv"])

@@ -51,7 +51,7 @@ class TestBestNoisyExposure:
             ({"weights": (1.0, 2.0)}, "weights: got 2 values, allowed: one a frequency, here 1"),
             ({"bounds": (0.0, 1.0)}, "bounds: got 0, allowed"),
             ({"bounds": (2.0, 1.0)}, "bounds: got 2, allowed: the lower bound first"),
-            ({"bounds": (1.0,)}, "bounds: got 1 values"),
+            ({"bounds": (1.0,)}, r"bounds: got \(1.0,\), allowed: 2 numbers"),
             ({"bounds": (1e-3, 1e9)}, "at most a million lobes"),
             ({"noise_exposure": 0.0}, "noise_exposure: got 0"),
             ({"noise_exposure": math.nan}, "noise_exposure: got nan"),
@@ -251,7 +251,7 @@ class TestController:
         [
             ({"exposures": (0.0, 1.0)}, "shortest: got 0"),
             ({"exposures": (2.0, 1.0)}, "longest: got 1"),
-            ({"exposures": (2.0,)}, "exposures: got 1 values, allowed: two"),
+            ({"exposures": (2.0,)}, r"exposures: got \(2.0,\), allowed: 2 numbers"),
             ({"step": 1.0}, "step: got 1"),
             ({"gains": (2.0, 1.0)}, "highest_gain: got 1"),
             ({"gains": (0.0, 1.0)}, "lowest_gain: got 0"),

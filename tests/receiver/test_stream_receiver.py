@@ -230,7 +230,7 @@ def test_what_the_gap_and_the_code_leave():
         (lambda r: Receiver(r, line_code="rz"), "line_code: got"),
         (lambda r: Receiver(r, block_bytes=300), "block_bytes: got 300, allowed: 1 to 255"),
         (lambda r: Receiver(r).push(np.zeros((2, 2, 2, 2))), "frame: got shape"),
-        (lambda r: Receiver(r).push(np.zeros((0, 4))), "frames: got shape .0, 4., allowed: at least one"),
+        (lambda r: Receiver(r).push(np.zeros((0, 4))), "frame: got shape .0, 4., allowed: at least one"),
         (lambda r: Receiver(r).push(np.zeros(9, complex)), "complex"),
         (lambda r: Receiver(r).push(np.zeros(9), 1.5), "number: got 1.5, allowed: a whole number"),
         (lambda r: Receiver(r, colour=3).push(np.zeros((9, 9, 3))), "colour: got 3, allowed: 0 to 2"),

@@ -98,7 +98,7 @@ _LIGHTS: dict[str, Waveform] = {
 def oversampled(waveform: Waveform, camera: Camera, rows: int, times: int) -> Float64s:
     """Mean of the light at the middles of so many parts of each exposure."""
     exposure = camera.exposure or 0.0
-    ends = np.arange(rows) * camera.row_time
+    ends = np.arange(rows) * camera.row_period
     parts = (np.arange(times) + 0.5) / times * exposure
     return np.asarray(sample_waveform(waveform, ends[:, None] - parts).mean(axis=1))
 
@@ -140,7 +140,7 @@ def _integral_of(waveform: Waveform, camera: Camera) -> Callable[[], Float64s]:
 def circular_inverse(columns: npt.NDArray[Any], camera: Camera, max_boost: float = 10.0) -> Float64s:
     """Division of the DFT by H, as if the column went round, with the boost limited."""
     rows = columns.shape[0]
-    response = exposure_response(np.fft.rfftfreq(rows, camera.row_time), camera.exposure or 0.0)
+    response = exposure_response(np.fft.rfftfreq(rows, camera.row_period), camera.exposure or 0.0)
     restoring = response.conj() / np.maximum(np.abs(response) ** 2, max_boost**-2)
     return np.fft.irfft(np.fft.rfft(columns, axis=0) * restoring[:, None], rows, axis=0)
 
@@ -186,7 +186,7 @@ def _light_of(waveform: Waveform, camera: Camera, columns: int) -> Float64s:
     """(2, rows, columns): mean over the exposures, and the light at their ends; each column begins elsewhere."""
     starts = np.linspace(0.0, 0.05, columns)
     blurred = np.stack([integrate_exposure(waveform, camera, _ROWS, start) for start in starts], axis=1)
-    instants = np.arange(_ROWS)[:, None] * camera.row_time + starts
+    instants = np.arange(_ROWS)[:, None] * camera.row_period + starts
     return np.stack([blurred, sample_waveform(waveform, instants)])
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import checked_class
 
 
+@checked_class
 @dataclass(frozen=True)
 class Camera:
     """Timing and tone response of a rolling-shutter camera.
@@ -14,7 +17,8 @@ class Camera:
     Row ``n`` of frame ``j`` ends its exposure at ``j * frame_time + n * row_time`` and begins it ``exposure`` earlier.
 
     Args:
-        row_time: time from one row to the next, T_r, in seconds; above 0.
+        row_time: time from one row to the next, T_r, in seconds; above 0. None where it is not known: rates are then
+            per row and times in rows, in arguments and results; exposure and frame time stay unknown.
         exposure: exposure time of a row, T_e, in seconds; 0 (a point sample) or above, None where it is not known.
         frame_time: time from one frame to the next in seconds; above 0, None where it is not known.
         tone_curve: how stored values follow the light: ``"linear"``, ``"gamma"`` (power ``gamma``) or ``"srgb"``
@@ -23,23 +27,32 @@ class Camera:
         dark_level: stored value (DN) of no light; 16 for limited-range luma of 8 bits.
         white_level: stored value (DN) of full light; above ``dark_level``. None: the largest value of the array's
             type (255, 65535, 1.0 for floats); 235 for limited-range luma.
+        scan_axis: direction in which the rows are read out, in pictures as stored: ``"y"`` down, ``"-y"`` up, ``"x"``
+            to the right, ``"-x"`` to the left. Pictures and boxes are given and come as stored; "rows" are those of
+            the camera and "columns" run across them.
 
     Raises:
         ValueError: a value that is not finite or outside its range; the message names it.
     """
 
-    row_time: float
+    row_time: float | None
     exposure: float | None = None
     frame_time: float | None = None
     tone_curve: str = "linear"
     gamma: float = 2.2
     dark_level: float = 0.0
     white_level: float | None = None
+    scan_axis: Literal["y", "-y", "x", "-x"] = "y"
     _handle: _core.Camera = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if self.scan_axis not in ("y", "-y", "x", "-x"):
+            raise ValueError(f"scan_axis: got {self.scan_axis!r}, allowed: 'y', '-y', 'x' or '-x'")
+        for name, value in (("exposure", self.exposure), ("frame_time", self.frame_time)):
+            if self.row_time is None and value is not None:
+                raise ValueError(f"{name}: got {value}, allowed: None where row_time is None")
         handle = _core.Camera(
-            row_time=self.row_time,
+            row_time=self.row_period,
             exposure=self.exposure,
             frame_time=self.frame_time,
             tone_curve=self.tone_curve,
@@ -51,4 +64,14 @@ class Camera:
 
     def __reduce__(self) -> tuple[type[Camera], tuple[object, ...]]:
         values = (self.row_time, self.exposure, self.frame_time)
-        return (type(self), (*values, self.tone_curve, self.gamma, self.dark_level, self.white_level))
+        return (type(self), (*values, self.tone_curve, self.gamma, self.dark_level, self.white_level, self.scan_axis))
+
+    @property
+    def row_period(self) -> float:
+        """Time from one row to the next in the unit of the results: seconds, or 1 (row) where ``row_time`` is None."""
+        return 1.0 if self.row_time is None else self.row_time
+
+    @property
+    def in_time_order(self) -> Camera:
+        """This camera for pictures whose rows are in time order already."""
+        return self if self.scan_axis == "y" else replace(self, scan_axis="y")

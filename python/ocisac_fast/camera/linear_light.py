@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import checked
 
 
+@checked
 def linear_light(stored: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:
     """Light in DN above dark; of whole numbers through a table of all that can be stored."""
     if camera.tone_curve == "linear":

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import checked, checked_class
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -169,6 +170,7 @@ class TrackedClock:
 Detect = Callable[[FloatArray, float, float, float, float, int, int], npt.ArrayLike]
 
 
+@checked_class
 class ClockTracker:
     """The clock of a light from frame to frame: a Kalman filter of phase, rows per chip and rows per frame.
 
@@ -191,6 +193,7 @@ class ClockTracker:
             float(frame_rows), float(frame_rows_std), float(drift), float(exposure_wander)
         )
 
+    @checked
     def update(self, frame: int, channel: ChannelEstimate) -> bool:
         """Takes in the channel of a frame; frames in ascending order, any of them may be missing.
 
@@ -205,6 +208,7 @@ class ClockTracker:
         clock = (channel.rows_per_chip, channel.phase, channel.exposure_rows)
         return self._handle.update(int(frame), *clock, channel.errors.chip, covariance)
 
+    @checked
     def predict(self, frame: int) -> TrackedClock | None:
         """The clock in a frame not before the last update; None before the first.
 
@@ -222,6 +226,7 @@ class ClockTracker:
         self._handle.reset()
 
 
+@checked
 def expose_chips(
     chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure_rows: float, first: int = 0
 ) -> FloatArray:
@@ -247,6 +252,7 @@ def expose_chips(
     return _core.expose_chips(levels, int(first), int(rows), float(rows_per_chip), float(phase), float(exposure_rows))
 
 
+@checked
 def fit_channel(
     signal: npt.ArrayLike,
     chips: npt.ArrayLike,
@@ -291,6 +297,7 @@ def fit_channel(
     return None if values is None else _channel(values)
 
 
+@checked
 def clock_bounds(
     chips: npt.ArrayLike,
     swing: npt.ArrayLike,
@@ -338,6 +345,7 @@ def clock_bounds(
     return None if values is None else _errors(values)
 
 
+@checked
 def find_preamble(
     signal: npt.ArrayLike,
     preamble: npt.ArrayLike,
@@ -382,6 +390,7 @@ def find_preamble(
     return [PreambleMatch(_channel(values), explained, certainty) for values, explained, certainty in found]
 
 
+@checked
 def refine_channel(
     signal: npt.ArrayLike,
     start: ChannelEstimate,
@@ -425,6 +434,7 @@ def refine_channel(
     return None if values is None else _refined(values)
 
 
+@checked
 def find_channel(
     signal: npt.ArrayLike,
     detect: Detect | None = None,
@@ -471,6 +481,7 @@ def find_channel(
     return None if values is None else _refined(values)
 
 
+@checked
 def chip_llr(
     rows: npt.ArrayLike,
     *,
@@ -518,6 +529,7 @@ def chip_llr(
     )
 
 
+@checked
 def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     """How far apart, in swings, the rows of the two sequences are that are hardest to tell: 01 against 10.
 
@@ -534,6 +546,7 @@ def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     return _core.closest_pair_distance(float(rows_per_chip), float(exposure_rows))
 
 
+@checked
 def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
     """The mean of values weighted by the inverse squares of their standard errors: an exposure from several frames.
 

@@ -12,6 +12,7 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chips.channel import ChannelEstimate, as_tuple
 from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.checks import checked
 
 FloatArray = npt.NDArray[np.float64]
 DetectorMethod = Literal["auto", "slicer", "inverse", "wiener", "dfe", "reduced", "mlse"]
@@ -54,6 +55,7 @@ class DetectorErrorRates:
     mlse: float
 
 
+@checked
 def detect_chips(
     columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: DetectorMethod = "auto"
 ) -> DetectedChips:
@@ -81,7 +83,7 @@ def detect_chips(
     Raises:
         ValueError: an argument outside its range or shape; an exposure longer than the detector takes.
     """
-    array = as_columns(columns)
+    array = as_columns(columns, scan_axis=camera.scan_axis)
     llr, first, used = _core.detect_chips(array, camera._handle, as_tuple(channel), method)
     if array.ndim < 3:
         llr = llr[0]
@@ -90,6 +92,7 @@ def detect_chips(
     return DetectedChips(llr, first, used)
 
 
+@checked
 def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: float) -> DetectorErrorRates:
     """What each detector gets wrong where the channel is known: formulae in docs/receiver.md.
 

@@ -16,7 +16,8 @@ from ocisac_fast.cleaning.columns import lit_colours
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
 from ocisac_fast.cleaning.stored import light_per_step, to_stored, white_level
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_frames, in_stored_order
+from ocisac_fast.core.checks import checked
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
@@ -70,6 +71,7 @@ class Options:
     toe: float | None = None
 
 
+@checked
 def remove_bands(
     frames: npt.ArrayLike,
     camera: Camera,
@@ -122,28 +124,29 @@ def remove_bands(
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
     options = _checked(Options(model, keep, level, noise, float(max_gain), fill, toe))
-    stack = _stacked(frames)
+    stack = _stacked(frames, "frames", camera.scan_axis)
     given = None if light is None else _given_light(light, camera, start, stack.shape[:2])
     parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
     lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
     done = [_clean(part, camera, None if lights is None else lights[k], options) for k, part in enumerate(parts)]
-    shape = np.shape(frames)
+    dimensions = np.ndim(frames)
     pictures = np.concatenate([one[0] for one in done])
     marks = np.concatenate([one[1] for one in done])
     shares = np.concatenate([one[2] for one in done])
     found = [row_light for one in done for row_light in one[3]]
     rows = np.stack([row_light.light for row_light in found])
     return CleanedFrames(
-        frames=pictures.reshape(shape),
-        marks=marks.reshape(shape),
-        light=rows[0] if len(shape) == 2 else rows,
-        share=shares.reshape(shape),
+        frames=_as_given(pictures, camera.scan_axis, dimensions),
+        marks=_as_given(marks, camera.scan_axis, dimensions),
+        light=rows[0] if dimensions == 2 else rows,
+        share=_as_given(shares, camera.scan_axis, dimensions),
         model=tuple(row_light.model for row_light in found),
         frequency=np.array([row_light.frequency for row_light in found]),
         toe=np.concatenate([np.full(len(one[0]), one[4]) for one in done]),
     )
 
 
+@checked
 def subtract_still(
     frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: int = 8
 ) -> FloatArray:
@@ -167,20 +170,20 @@ def subtract_still(
     Raises:
         ValueError: a single frame without ``still``, or an argument of the wrong shape or type.
     """
-    stack = _stacked(frames)
+    stack = _stacked(frames, "frames", camera.scan_axis)
     light = linear_light(stack, camera)
     if still is not None:
-        picture = np.asarray(still)
-        if picture.shape not in (stack.shape[1:], stack.shape[1:3]) or picture.dtype != stack.dtype:
-            raise ValueError(f"still: got {picture.dtype} {picture.shape}, allowed: one frame of {stack.dtype}")
-        background = np.broadcast_to(linear_light(picture, camera).reshape(stack.shape[1:]), stack.shape)
+        picture = as_frames(still, "still", camera.scan_axis, single=True)
+        if picture.shape[1:] != stack.shape[1:] or picture.dtype != stack.dtype:
+            raise ValueError(f"still: got {picture.dtype} {np.shape(still)}, allowed: one frame of {stack.dtype}")
+        background = np.broadcast_to(linear_light(picture[0], camera), stack.shape)
     else:
         if len(stack) < 2:
             raise ValueError("frames: got 1 frame, allowed: at least 2, or still=")
         if neighbours < 1:
             raise ValueError(f"neighbours: got {neighbours}, allowed: 1 or more")
         background = np.stack([_mean_of_others(light, k, neighbours) for k in range(len(light))])
-    return np.asarray((light - background + background.mean()).reshape(np.shape(frames)))
+    return _as_given(light - background + background.mean(), camera.scan_axis, np.ndim(frames))
 
 
 def _mean_of_others(light: FloatArray, index: int, neighbours: int) -> FloatArray:
@@ -188,19 +191,24 @@ def _mean_of_others(light: FloatArray, index: int, neighbours: int) -> FloatArra
     return np.asarray(light[others[:neighbours]].mean(axis=0))
 
 
-def _stacked(frames: npt.ArrayLike) -> npt.NDArray[Any]:
-    """(frames, rows, columns, colours) of a type that the core knows."""
-    array = np.asarray(frames)
-    if array.ndim not in (2, 3, 4) or (array.size > 0 and array.shape[-3 if array.ndim == 4 else -2] < 8):
+def _stacked(frames: npt.ArrayLike, name: str, scan_axis: str) -> npt.NDArray[Any]:
+    """(frames, rows, columns, colours) in time order, of a type that the core knows."""
+    stack = as_frames(frames, name, scan_axis)
+    if np.ndim(frames) == 1 or stack.shape[1] < 8:
         raise ValueError(
-            f"frames: got shape {array.shape}, allowed: (rows, columns), (frames, rows, columns) or "
+            f"{name}: got shape {np.shape(frames)}, allowed: (rows, columns), (frames, rows, columns) or "
             "(frames, rows, columns, colours) of at least 8 rows"
         )
-    flat = as_columns(array.reshape(array.shape[0], -1, array.shape[-1]) if array.ndim == 4 else array, "frames")
-    if flat.dtype.kind == "f" and not np.isfinite(flat).all():
-        raise ValueError("frames: got values that are not finite, allowed: finite numbers")
-    shape = {2: (1, *array.shape, 1), 3: (*array.shape, 1), 4: array.shape}[array.ndim]
-    return flat.reshape(shape)
+    if stack.dtype.kind == "f" and not np.isfinite(stack).all():
+        raise ValueError(f"{name}: got values that are not finite, allowed: finite numbers")
+    return stack
+
+
+def _as_given(stack: npt.NDArray[Any], scan_axis: str, dimensions: int) -> npt.NDArray[Any]:
+    """The inverse of :func:`_stacked` for frames of so many dimensions."""
+    if scan_axis != "y":
+        stack = np.moveaxis(in_stored_order(np.moveaxis(stack, -1, 1), scan_axis), 1, -1)
+    return stack if dimensions == 4 else stack[..., 0] if dimensions == 3 else stack[0, ..., 0]
 
 
 def _checked(options: Options) -> Options:

@@ -37,11 +37,11 @@ def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, mode
     }
     for kind, enough in tries.get(model, ()):
         if kind == "tone":
-            tone = tone_light(picture, rows, weight, camera.row_time, enough)
+            tone = tone_light(picture, rows, weight, camera.row_period, enough)
             if tone is not None:
                 return RowLight(tone.light, float(tone.light.max()), "tone", tone.frequency)
         else:
-            chips = chip_light(picture, rows, weight, camera.row_time, always=model == "chips")
+            chips = chip_light(picture, rows, weight, camera.row_period, always=model == "chips")
             if chips is not None:
                 return RowLight(chips.light, float(np.quantile(chips.light, 0.95)), "chips", chips.rate)
     return RowLight(rows, float(np.quantile(rows, 0.95)), "rows", float("nan"))

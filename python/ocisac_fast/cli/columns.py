@@ -29,10 +29,10 @@ def lit_columns(frames: Frame, camera: Camera, frequency: float) -> npt.NDArray[
     """(columns,) True where the light of this frequency shows; all, where it shows in none."""
     from ocisac_fast.tones import tone_columns
 
-    cycles = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5)  # where an aliased tone is seen
+    cycles = abs((frequency * camera.row_period + 0.5) % 1.0 - 0.5)  # where an aliased tone is seen
     if not cycles > 0.0:
         return np.ones(frames.shape[-1], bool)
-    return some_columns(tone_columns(frames, camera, cycles / camera.row_time).used)
+    return some_columns(tone_columns(frames, camera, cycles / camera.row_period).used)
 
 
 def some_columns(used: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

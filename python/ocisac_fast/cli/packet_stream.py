@@ -90,7 +90,7 @@ class PacketStream:
 
         options = self._options
         sent = transmit(b"-", line_code=options.line_code, block_bytes=options.block_bytes, preamble=options.preamble)
-        shown = int(self._rows * self._camera.row_time * self._chip_rate)
+        shown = int(self._rows * self._camera.row_period * self._chip_rate)
         if sent.block_chips <= shown:
             return ""
         size = options.block_bytes

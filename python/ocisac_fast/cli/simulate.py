@@ -114,7 +114,7 @@ def _simulate_scene(
     if as_json:
         emit_json({"file": output, **facts, "dtype": dtype, **times, "error_bound_dn": plan.bound})
         return
-    _emit(output, facts, dtype, scene.camera.row_time, scene.exposure)
+    _emit(output, facts, dtype, scene.camera.row_period, scene.exposure)
     click.echo(str(plan))
 
 

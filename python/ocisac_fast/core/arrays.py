@@ -8,11 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 Columns = npt.NDArray[Any]
+Box = tuple[int, int, int, int]
 
+_COLOURS = 4  # at most, of a picture
 _KINDS = {np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32), np.dtype(np.float64)}
 
 
-def as_columns(columns: npt.ArrayLike, name: str = "columns") -> Columns:
+def as_columns(columns: npt.ArrayLike, name: str = "columns", scan_axis: str = "y") -> Columns:
     """An array that the core can view: the caller's own memory where its type and alignment allow it.
 
     Args:
@@ -20,6 +22,8 @@ def as_columns(columns: npt.ArrayLike, name: str = "columns") -> Columns:
             uint8, uint16, float32 and float64 with any strides are taken without a copy; other real types, foreign
             byte order and unaligned memory are copied.
         name: the argument's name in messages.
+        scan_axis: of the camera. The result is a view with rows in time order along axis -2; a (rows,) array is a
+            signal in time order already.
 
     Raises:
         ValueError: not a real-valued array of 1 to 3 dimensions, or without rows or columns.
@@ -34,9 +38,106 @@ def as_columns(columns: npt.ArrayLike, name: str = "columns") -> Columns:
     if array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row and column")
     flags = array.flags
-    if array.dtype in _KINDS and flags.aligned and (flags.c_contiguous or _whole_strides(array)):
+    if not (array.dtype in _KINDS and flags.aligned and (flags.c_contiguous or _whole_strides(array))):
+        array = np.array(array, dtype=np.float64 if array.dtype not in _KINDS else array.dtype.newbyteorder("="))
+    return array if scan_axis == "y" else in_time_order(array, scan_axis)
+
+
+def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y", *, single: bool = False) -> Columns:
+    """(frames, rows, columns, colours), rows in time order: a view where the core can take one.
+
+    Args:
+        frames: (rows,), (rows, columns), (frames, rows, columns) or (frames, rows, columns, colours). Three dimensions
+            of which the last is 3 or 4 may be one colour picture or a stack of grey frames: they are refused.
+        name: the argument's name in messages.
+        scan_axis: of the camera.
+        single: one frame; then (rows, columns, colours) with at most 4 colours is clear, and taken.
+
+    Raises:
+        ValueError: a wrong shape or type; the message says how to write what is meant.
+    """
+    array = np.asarray(frames)
+    shape = array.shape
+    if single and (array.ndim > 4 or (array.ndim == 4 and shape[0] != 1) or (array.ndim == 3 and not _one(shape))):
+        raise ValueError(
+            f"{name}: got shape {shape}, allowed: one frame, (rows,), (rows, columns) or (rows, columns, colours)"
+        )
+    if array.ndim == 3 and shape[2] <= _COLOURS and single:
+        array = array[np.newaxis]
+    elif array.ndim == 3 and shape[2] in (3, 4):
+        raise ValueError(
+            f"{name}: got shape {shape}, allowed: {name}[np.newaxis] for one picture of {shape[2]} colours, or "
+            f"{name}[..., np.newaxis] for grey frames of {shape[2]} columns"
+        )
+    if array.ndim == 4:
+        if array.size == 0:
+            raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row, column and colour")
+        rows = array.reshape(-1) if array.flags.c_contiguous else array
+        kept = as_columns(rows if rows.ndim == 1 else array[0], name)  # its type
+        if kept.dtype != array.dtype or not array.flags.aligned or not _whole_strides(array):
+            array = np.array(array, dtype=kept.dtype)
+    else:
+        array = as_columns(array, name)
+        array = array.reshape((1, -1, 1)) if array.ndim == 1 else array
+        array = (array[np.newaxis] if array.ndim == 2 else array)[..., np.newaxis]
+    if scan_axis == "y" or len(shape) == 1:
         return array
-    return np.array(array, dtype=np.float64 if array.dtype not in _KINDS else array.dtype.newbyteorder("="))
+    return np.moveaxis(in_time_order(np.moveaxis(array, -1, 1), scan_axis), 1, -1)
+
+
+def as_grey_frames(
+    frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y", *, single: bool = False
+) -> Columns:
+    """(frames, rows, columns) of one colour, as :func:`as_frames`."""
+    stack = as_frames(frames, name, scan_axis, single=single)
+    if stack.shape[3] != 1:
+        raise ValueError(f"{name}: got {stack.shape[3]} colours, allowed: one of them, {name}[..., colour]")
+    return stack[..., 0]
+
+
+def split_colours(stack: Columns, colour: int | None) -> list[Columns]:
+    """(frames, rows, columns) of each colour of (frames, rows, columns, colours), or of the one asked for."""
+    if colour is None:
+        return [stack[..., index] for index in range(stack.shape[3])]
+    if not 0 <= colour < stack.shape[3]:
+        raise ValueError(f"colour: got {colour}, allowed: 0 to {stack.shape[3] - 1}")
+    return [stack[..., colour]]
+
+
+def in_time_order(array: Columns, scan_axis: str) -> Columns:
+    """A view of (..., height, width) as stored with rows in time order along axis -2; (rows,) as it is."""
+    if array.ndim < 2:
+        return array
+    view = array.swapaxes(-1, -2) if scan_axis.endswith("x") else array
+    return view[..., ::-1, :] if scan_axis.startswith("-") else view
+
+
+def in_stored_order(array: Columns, scan_axis: str) -> Columns:
+    """The inverse of :func:`in_time_order`."""
+    if array.ndim < 2:
+        return array
+    view = array[..., ::-1, :] if scan_axis.startswith("-") else array
+    return view.swapaxes(-1, -2) if scan_axis.endswith("x") else view
+
+
+def stored_box(box: Box, shape: tuple[int, ...], scan_axis: str) -> Box:
+    """(x, y, width, height) in pixels as stored, of (column, row, columns, rows) in time order.
+
+    ``shape``: rows and columns in time order.
+    """
+    column, row, columns, rows = box
+    first = shape[0] - row - rows if scan_axis.startswith("-") else row
+    return (first, column, rows, columns) if scan_axis.endswith("x") else (column, first, columns, rows)
+
+
+def box_in_time_order(box: Box, shape: tuple[int, ...], scan_axis: str) -> Box:
+    """The inverse of :func:`stored_box`; ``shape`` is that in time order too."""
+    x, y, width, height = (box[1], box[0], box[3], box[2]) if scan_axis.endswith("x") else box
+    return x, shape[0] - y - height if scan_axis.startswith("-") else y, width, height
+
+
+def _one(shape: tuple[int, ...]) -> bool:
+    return shape[2] <= _COLOURS or shape[0] == 1
 
 
 def _whole_strides(array: Columns) -> bool:

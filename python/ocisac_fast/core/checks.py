@@ -19,10 +19,10 @@ _NUMBERS = (float, int, np.floating, np.integer)
 _WHOLE = (int, np.integer)
 
 
-def count(name: str, value: Any, minimum: int) -> int:
-    """A whole number from ``minimum`` on."""
-    if isinstance(value, bool) or not isinstance(value, _WHOLE) or value < minimum:
-        raise ValueError(f"{name}: got {value!r}, allowed: a whole number from {minimum}")
+def count(name: str, value: Any, minimum: int, maximum: int = 255) -> int:
+    """A whole number in a range."""
+    if isinstance(value, bool) or not isinstance(value, _WHOLE) or not minimum <= value <= maximum:
+        raise ValueError(f"{name}: got {value!r}, allowed: {minimum} to {maximum}")
     return int(value)
 
 
@@ -56,7 +56,7 @@ def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
 
 def checked_class(kind: type[_Class]) -> type[_Class]:
     """The same for the arguments that make an object."""
-    kind.__init__ = checked(kind.__init__)  # type: ignore[misc]
+    kind.__init__ = checked(kind.__init__)  # type: ignore[method-assign]
     return kind
 
 
@@ -129,7 +129,7 @@ def _is_row_of_numbers(value: Any, length: int) -> bool:
 def _refuse_arrays(function: Callable[..., Any], given: dict[str, Any]) -> None:
     """Names the argument that NumPy could not make numbers of, if there is one."""
     for name, hint in typing.get_type_hints(function).items():
-        if name in given and "ArrayLike" in str(inspect.signature(function).parameters[name].annotation):
+        if name in given and _is_array(str(inspect.signature(function).parameters[name].annotation)):
             value = given[name]
             if value is None or hint is None:
                 continue
@@ -139,3 +139,7 @@ def _refuse_arrays(function: Callable[..., Any], given: dict[str, Any]) -> None:
                 kind = "O"
             if kind not in "buif":
                 raise ValueError(f"{name}: got {value!r:.80}, allowed: real numbers") from None
+
+
+def _is_array(annotation: str) -> bool:
+    return "ArrayLike" in annotation or "Sequence[float]" in annotation

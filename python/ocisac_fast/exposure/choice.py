@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import checked
 
 Float64s = npt.NDArray[np.float64]
 
@@ -27,6 +28,7 @@ class BestExposure:
     objective: float | Float64s
 
 
+@checked
 def best_exposure(
     f_comm: npt.ArrayLike,
     f_sense: npt.ArrayLike,
@@ -71,6 +73,7 @@ def best_exposure(
     return BestExposure(exposures.reshape(shape)[()], objectives.reshape(shape)[()])
 
 
+@checked
 def exposure_objective(
     exposure: npt.ArrayLike,
     f_comm: npt.ArrayLike,

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.exposure.choice import BestExposure
 
 _NAN = math.nan
@@ -138,6 +139,7 @@ class ExposureSuggestion:
         return "\n".join([*lines, *(text for reason, text in _TEXTS.items() if reason in self.reasons)])
 
 
+@checked_class
 class ExposureController:
     """Suggests exposure and gain of the next frame.
 
@@ -207,6 +209,7 @@ class ExposureController:
         )
         self._last = _NAN
 
+    @checked
     def update(self, measurement: ExposureMeasurement) -> ExposureSuggestion:
         """The next exposure after a frame.
 
@@ -236,6 +239,7 @@ class ExposureController:
         self._last = _NAN
 
 
+@checked
 def best_noisy_exposure(
     frequencies: npt.ArrayLike,
     weights: npt.ArrayLike,

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked
+
 Float64s = npt.NDArray[np.float64]
 
 
@@ -28,6 +30,7 @@ class ExposureFront:
     efficient: npt.NDArray[np.bool_]
 
 
+@checked
 def exposure_front(
     f_comm: float,
     f_sense: float,

@@ -6,8 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import checked
 
 
+@checked
 def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> npt.NDArray[np.complex128]:
     """Frequency response of an exposure, H(f) = sinc(f T_e) exp(-j pi f T_e) with sinc(x) = sin(pi x)/(pi x).
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import checked, checked_class
 
 _MAX_VALUES = 2**28
 
@@ -70,6 +71,7 @@ class Waveform:
         return _combined(Product, other, self)
 
 
+@checked_class
 @dataclass(frozen=True, eq=False)
 class Constant(Waveform):
     """Steady light of the given level.
@@ -88,6 +90,7 @@ class Constant(Waveform):
         self._hold(_core.constant(self.level))
 
 
+@checked_class
 @dataclass(frozen=True, eq=False)
 class Tone(Waveform):
     """A raised cosine: amplitude * (1/2 + depth/2 * cos(2 pi frequency t + phase)), eq. 5 of the paper.
@@ -112,6 +115,7 @@ class Tone(Waveform):
         self._hold(_core.tone(self.frequency, self.amplitude, self.phase, self.depth))
 
 
+@checked_class
 @dataclass(frozen=True, eq=False)
 class SquareWave(Waveform):
     """A square or PWM wave: bright while frequency * t + phase / (2 pi) is within duty/2 of a whole number, else 0.
@@ -139,6 +143,7 @@ class SquareWave(Waveform):
         self._hold(_core.square_wave(self.frequency, self.duty, self.amplitude, self.phase))
 
 
+@checked_class
 @dataclass(frozen=True, eq=False)
 class Chips(Waveform):
     """Chips (on-off keying, PAM): amplitude * levels[k] during [start + k/chip_rate, start + (k + 1)/chip_rate).
@@ -180,6 +185,7 @@ class Chips(Waveform):
         self._hold(_core.chips(*values))
 
 
+@checked_class
 @dataclass(frozen=True, eq=False)
 class Samples(Waveform):
     """A sampled waveform: values[k] at start + k/sample_rate and straight lines in between.
@@ -298,6 +304,7 @@ def _as_out(out: npt.NDArray[np.float64] | None, shape: tuple[int, ...]) -> npt.
     return out
 
 
+@checked
 def integrate_exposure(
     waveform: Waveform,
     camera: Camera,
@@ -340,6 +347,7 @@ def integrate_exposure(
     return result
 
 
+@checked
 def sample_waveform(waveform: Waveform, times: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """The waveform's value at given times.
 

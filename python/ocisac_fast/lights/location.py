@@ -11,6 +11,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked
+
 Float64s = npt.NDArray[np.float64]
 
 _COLLINEAR = 1e-3  # second over first singular value of the lights' places
@@ -46,6 +48,7 @@ class Location:
     alternatives: Float64s
 
 
+@checked
 def locate_camera(
     places: npt.ArrayLike,
     pixels: npt.ArrayLike,

@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_grey_frames, stored_box
+from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 
 
@@ -19,8 +20,8 @@ class LightSource:
 
     Attributes:
         frame: index of the frame.
-        x, y: top left corner of its box: first column and first row (rows in time order).
-        width, height: of its box, columns and rows: where the swing is above 15 % of its largest. Of a light in parts
+        x, y: top left corner of its box, pixels as stored.
+        width, height: of its box, pixels as stored: where the swing is above 15 % of its largest. Of a light in parts
             the box of all, and what follows of the strongest part.
         frequency: Hz, below half the row rate; that of the strongest tone for a light that carries data.
         frequency_std: its standard error, Hz.
@@ -61,6 +62,7 @@ class LightSource:
     flags: Flag
 
 
+@checked
 def detect_sources(
     frames: npt.ArrayLike,
     camera: Camera,
@@ -93,15 +95,17 @@ def detect_sources(
     Raises:
         ValueError: wrong shape or type, samples that are not finite, or an option out of range.
     """
-    found = _core.detect_sources(as_columns(frames, "frames"), camera._handle, false_alarms, min_cycles, max_sources)
-    return [source_of(*values) for values in found]
+    pictures = as_grey_frames(frames, "frames", camera.scan_axis)
+    found = _core.detect_sources(pictures, camera._handle, false_alarms, min_cycles, max_sources)
+    return [source_of(values, pictures.shape[1:], camera.scan_axis) for values in found]
 
 
-def source_of(*values: Any) -> LightSource:
-    """From what the core gives."""
-    *start, reflection_of, by_phase, merged, joined, flags = values
+def source_of(values: tuple[Any, ...], shape: tuple[int, ...], scan_axis: str) -> LightSource:
+    """From the core's values; ``shape``: rows and columns of the picture in time order."""
+    frame, column, row, columns, rows, *measured, reflection_of, by_phase, merged, joined, flags = values
+    x, y, width, height = stored_box((column, row, columns, rows), shape, scan_axis)
     if reflection_of is not None:
         reason = "frequency and phase" if by_phase else "frequency"
     else:
         reason = "waveform" if joined else "overlap" if merged else ""
-    return LightSource(*(*start, reflection_of, reason, merged, Flag(flags)))
+    return LightSource(*(frame, x, y, width, height, *measured, reflection_of, reason, merged, Flag(flags)))

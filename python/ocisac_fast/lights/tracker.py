@@ -6,11 +6,13 @@ import dataclasses
 import itertools
 import math
 
+import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored_order
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.lights.sources import LightSource, detect_sources, source_of
 
 Region = tuple[int, int, int, int]
@@ -49,6 +51,7 @@ class Track:
     region: Region
 
 
+@checked_class
 class SourceTracker:
     """Keeps the identity of lights over the frames of a video.
 
@@ -98,20 +101,24 @@ class SourceTracker:
         """The tracks after the last frame, the oldest first."""
         return list(self._tracks)
 
+    @checked
     def update(self, frame: npt.ArrayLike) -> list[Track]:
         """Look at the next frame, (rows, columns), and give all tracks that are still followed, the oldest first."""
-        pixels = as_columns(frame, "frame")
-        if pixels.ndim != 2:
-            raise ValueError(f"frame: got {pixels.ndim} dimensions, allowed: (rows, columns)")
-        shape = (pixels.shape[0], pixels.shape[1])
+        if np.ndim(frame) == 1:
+            raise ValueError("frame: got 1 dimension, allowed: (rows, columns)")
+        axis = self._camera.scan_axis
+        pixels = as_grey_frames(frame, "frame", axis, single=True)[0]
+        shape = (pixels.shape[1], pixels.shape[0]) if axis.endswith("x") else (pixels.shape[0], pixels.shape[1])
         if self._tracks and (self._frame + 1) % self._full_every:
-            expected = [_looked_for(track, shape) for track in self._tracks]
+            expected = [_looked_for(track, shape, pixels.shape, axis) for track in self._tracks]
             seen = _core.follow_sources(pixels, self._camera._handle, expected, self._false_alarms, self._min_cycles)
-            found = [source_of(*values) for values in seen]
+            found = [source_of(values, pixels.shape, axis) for values in seen]
         else:
-            found = detect_sources(pixels, self._camera, false_alarms=self._false_alarms, min_cycles=self._min_cycles)
+            picture = in_stored_order(pixels, axis)
+            found = detect_sources(picture, self._camera, false_alarms=self._false_alarms, min_cycles=self._min_cycles)
         return self.follow(found, shape)
 
+    @checked
     def follow(self, sources: list[LightSource], shape: tuple[int, int]) -> list[Track]:
         """The same with the lights of the next frame already found; reflections are left out.
 
@@ -206,12 +213,15 @@ class SourceTracker:
         return x, y, max(width, 1), max(height, 1)
 
 
-def _looked_for(track: Track, shape: tuple[int, int]) -> tuple[Region, float, Region, bool, bool]:
+def _looked_for(
+    track: Track, shape: tuple[int, int], turned: tuple[int, ...], scan_axis: str
+) -> tuple[Region, float, Region, bool, bool]:
     """Box, frequency and region in the next frame, whether it was just seen, and whether it sends data."""
     source = track.source
     x, y = round(source.x + track.velocity[0]), round(source.y + track.velocity[1])
-    box = _within((x, y, source.width, source.height), shape)
-    return box, track.frequency, _within(track.region, shape), track.visible, source.carries_data
+    box = box_in_time_order(_within((x, y, source.width, source.height), shape), turned, scan_axis)
+    region = box_in_time_order(_within(track.region, shape), turned, scan_axis)
+    return box, track.frequency, region, track.visible, source.carries_data
 
 
 def _within(region: Region, shape: tuple[int, int]) -> Region:

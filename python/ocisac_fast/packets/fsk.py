@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import checked
 from ocisac_fast.light.waveforms import Chips, Product, Sum, Tone, Waveform
 from ocisac_fast.packets.transmission import transmit
 
@@ -74,6 +75,7 @@ class FskSymbol:
     noise: float
 
 
+@checked
 def fsk_transmit(
     payload: bytes | npt.ArrayLike,
     tones: Sequence[float],
@@ -104,6 +106,7 @@ def fsk_transmit(
     return FskTransmission(symbols, frequencies, sent.payload, number, block_bytes, preamble)
 
 
+@checked
 def fsk_demodulate(
     column: npt.ArrayLike, camera: Camera, tones: Sequence[float], *, amplitude: float | None = None
 ) -> FskSymbol:
@@ -131,6 +134,7 @@ def fsk_demodulate(
     return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), rows.astype(np.float64), given))
 
 
+@checked
 def fsk_symbol_error_rate(tones: int, snr: float) -> float:
     """Probability that noncoherent detection takes one of M orthogonal tones for another at E_s/N_0 = ``snr``.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import checked
 from ocisac_fast.packets.transmission import transmit
 
 
@@ -30,6 +31,7 @@ class Goodput:
     code_frames: float
 
 
+@checked
 def possible_goodput(
     payload_bytes: int,
     camera: Camera,
@@ -55,13 +57,13 @@ def possible_goodput(
         raise ValueError("frame_time: got None, allowed: a time in seconds")
     if not (math.isfinite(chip_rate) and chip_rate > 0.0):
         raise ValueError(f"chip_rate: got {chip_rate}, allowed: a finite number above 0")
-    if not 1 <= rows * 1.0 <= camera.frame_time / camera.row_time * (1.0 + 1e-9):
+    if not 1 <= rows * 1.0 <= camera.frame_time / camera.row_period * (1.0 + 1e-9):
         raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
     packet = transmit(bytes(payload_bytes), line_code=line_code, block_bytes=block_bytes, preamble=preamble)
     preamble_chips = {"standard": 14, "lengthened": 42}[preamble]
     chips_per_byte = (packet.block_chips - preamble_chips) / (2 + block_bytes)
     sent = 8.0 * chip_rate / chips_per_byte
-    gap = sent * rows * camera.row_time / camera.frame_time
+    gap = sent * rows * camera.row_period / camera.frame_time
     in_blocks = block_bytes * chips_per_byte / packet.block_chips
     code = gap * in_blocks * payload_bytes / (packet.codewords * packet.codeword_data)
     frame_bits = 8.0 * payload_bytes / camera.frame_time

@@ -7,7 +7,10 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ocisac_fast.core.checks import checked
 
+
+@checked
 def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: float = 0.05) -> list[dict[str, Any]]:
     """Merge the results of several receivers by light and time.
 

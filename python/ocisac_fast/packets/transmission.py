@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import checked, checked_class, count
 from ocisac_fast.light.waveforms import Chips
 
 LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
@@ -98,6 +99,7 @@ class Stretch:
         return cls(outcome, blocks, seen, cut, doubtful, violations, share, whole)
 
 
+@checked
 def transmit(
     payload: bytes | npt.ArrayLike,
     *,
@@ -123,25 +125,27 @@ def transmit(
         ValueError: an argument outside its range; the message names it.
     """
     data = _as_bytes(payload)
-    name, code = _line_code(line_code)
+    name, code = as_line_code(line_code)
     chips, layout = _core.transmit(
         payload=data,
         line_code=code,
-        block_bytes=_count("block_bytes", block_bytes, 1),
+        block_bytes=count("block_bytes", block_bytes, 1),
         preamble=preamble,
-        number=_count("number", number, 0),
+        number=count("number", number, 0),
     )
     chips.flags.writeable = False
     return Transmission(chips, data.tobytes(), number, name, block_bytes, preamble, *layout)
 
 
+@checked
 def longest_payload(
     *, line_code: str | Sequence[str] = "manchester", block_bytes: int = 16, preamble: str = "standard"
 ) -> int:
     """Bytes that one packet can hold; at most 4095. Arguments and errors as those of :func:`transmit`."""
-    return _core.longest_payload(_line_code(line_code)[1], _count("block_bytes", block_bytes, 1), preamble)
+    return _core.longest_payload(as_line_code(line_code)[1], count("block_bytes", block_bytes, 1), preamble)
 
 
+@checked
 def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> ByteArray:
     """Chips of a line code, 1 = bright.
 
@@ -158,9 +162,10 @@ def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> Byt
         raise ValueError(f"bits: got shape {values.shape} of {values.dtype}, allowed: one dimension of 0 and 1")
     if not np.isin(values, (0, 1)).all():
         raise ValueError(f"bits: got {values[~np.isin(values, (0, 1))][0]}, allowed: 0 and 1")
-    return _core.encode_line_code(values.astype(np.uint8), _line_code(line_code)[1])
+    return _core.encode_line_code(values.astype(np.uint8), as_line_code(line_code)[1])
 
 
+@checked
 def decode_line_code(
     llr: npt.ArrayLike, line_code: str | Sequence[str]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
@@ -177,10 +182,11 @@ def decode_line_code(
     Raises:
         ValueError: a wrong shape, NaN, a length that is no whole number of words, an unknown code.
     """
-    bits, violations = _core.decode_line_code(_as_ratios(llr), _line_code(line_code)[1])
+    bits, violations = _core.decode_line_code(_as_ratios(llr), as_line_code(line_code)[1])
     return bits, violations.astype(bool)
 
 
+@checked_class
 class PacketAssembler:
     """Payloads out of stretches of soft chips, each at its place on the sender's clock.
 
@@ -202,8 +208,9 @@ class PacketAssembler:
         block_bytes: int = 16,
         preamble: str = "standard",
     ) -> None:
-        self._handle = _core.PacketAssembler(_line_code(line_code)[1], _count("block_bytes", block_bytes, 1), preamble)
+        self._handle = _core.PacketAssembler(as_line_code(line_code)[1], count("block_bytes", block_bytes, 1), preamble)
 
+    @checked
     def push(self, first: int, llr: npt.ArrayLike) -> Stretch:
         """The next stretch, in time order.
 
@@ -222,7 +229,7 @@ class PacketAssembler:
         self._handle.lose_clock()
 
 
-def _line_code(line_code: str | Sequence[str]) -> tuple[str | tuple[str, ...], str | list[str]]:
+def as_line_code(line_code: str | Sequence[str]) -> tuple[str | tuple[str, ...], str | list[str]]:
     """As an attribute, and as the core takes it."""
     if isinstance(line_code, str):
         return line_code, line_code
@@ -251,9 +258,3 @@ def _as_ratios(llr: npt.ArrayLike) -> npt.NDArray[np.float64]:
     if np.isnan(ratios).any():
         raise ValueError("llr: got NaN, allowed: numbers")
     return ratios
-
-
-def _count(name: str, value: int, lowest: int) -> int:
-    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not lowest <= value <= 255:
-        raise ValueError(f"{name}: got {value!r}, allowed: {lowest} to 255")
-    return int(value)

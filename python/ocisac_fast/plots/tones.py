@@ -44,8 +44,8 @@ def plot_gain(
 
 def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, frequency: float) -> None:
     """About 12 cycles of a column, and of it equalised where the exposure is known."""
-    in_rows = camera.row_time == 1.0
-    time = np.arange(light.size) * (1.0 if in_rows else camera.row_time * 1e3)
+    in_rows = camera.row_time is None
+    time = np.arange(light.size) * (1.0 if in_rows else camera.row_period * 1e3)
     axes.plot(time, light, ".-", color=BLUE, lw=0.8, ms=3, label="column")
     if camera.exposure:
         restored = equalize(light, Camera(camera.row_time, camera.exposure), "wiener")
@@ -54,7 +54,7 @@ def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, 
         xlabel="row" if in_rows else "time of the row / ms",
         ylabel="light / DN",
         title="Column before and after equalisation" if camera.exposure else "Column (its exposure is not known)",
-        xlim=(0.0, _several_cycles(time, frequency * camera.row_time)),
+        xlim=(0.0, _several_cycles(time, frequency * camera.row_period)),
     )
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=2)
 
@@ -74,8 +74,8 @@ def _draw_spectrum(
     length = 4 * rows  # shows the peak between two bins
     mean = light.mean() if light.mean() > 0.0 else 1.0
     spectrum = 2.0 * np.abs(np.fft.rfft((light - light.mean()) * window, length)) / (window.sum() * mean)
-    frequencies = np.fft.rfftfreq(length, camera.row_time)
-    in_rows = camera.row_time == 1.0
+    frequencies = np.fft.rfftfreq(length, camera.row_period)
+    in_rows = camera.row_time is None
     scale = 1.0 if in_rows else 1e-3
     factor = 4.0 / np.pi if waveform == "square" else 1.0
     axes.semilogy(frequencies * scale, np.maximum(spectrum / factor, 1e-7), color=BLUE, lw=0.9, label="column")
@@ -90,7 +90,7 @@ def _draw_spectrum(
         xlabel="cycles per row" if in_rows else "frequency / kHz",
         ylabel="gain",
         title="Spectrum and fitted tone",
-        xlim=(0.0, 0.5 * scale / camera.row_time),
+        xlim=(0.0, 0.5 * scale / camera.row_period),
         ylim=(max(float(np.median(spectrum)) * 0.1, 1e-6), 2.0),
     )
     axes.legend(loc="upper right")
@@ -98,7 +98,7 @@ def _draw_spectrum(
 
 def _mark_tone(axes: Axes, camera: Camera, frequency: float, gain: float) -> None:
     """The fitted tone, where the rows show it."""
-    in_rows = camera.row_time == 1.0
-    folded = abs((frequency * camera.row_time + 0.5) % 1.0 - 0.5) / camera.row_time
+    in_rows = camera.row_time is None
+    folded = abs((frequency * camera.row_period + 0.5) % 1.0 - 0.5) / camera.row_period
     label = f"fit: gain {gain:.4f} at " + (f"{frequency:.6g} cycles a row" if in_rows else f"{frequency:.2f} Hz")
     axes.semilogy([folded * (1.0 if in_rows else 1e-3)], [max(gain, 1e-7)], "o", color=RED, ms=7, label=label)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_frames, split_colours
+from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 
 FloatArray = npt.NDArray[np.float64]
@@ -58,6 +59,7 @@ class Received:
     flags: Flag
 
 
+@checked
 def receive(
     frames: npt.ArrayLike,
     camera: Camera,
@@ -75,8 +77,8 @@ def receive(
     Args:
         frames: (rows,), (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour;
             rows in time order. Any strides, no copy for uint8, uint16, float32 and float64.
-        camera: row time (1.0 where it is not known: rates are then per row) and where known the exposure, tone curve,
-            dark and white level. Exposures longer than a chip are flagged (LONG_EXPOSURE).
+        camera: row time (where it is not known, rates are per row) and where known the exposure, tone curve, dark and
+            white level. Exposures longer than a chip are flagged (LONG_EXPOSURE).
         chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: found, from 2 to 64 rows a chip
             and at least 4 chips a frame.
         line_code: ``"none"``: the chips themselves.
@@ -92,26 +94,17 @@ def receive(
     if line_code != "none":
         raise ValueError(f"line_code: got {line_code!r}, allowed: 'none'")
     rate = None if chip_rate is None else float(chip_rate)
-    results = _core.receive(colours=_colours(frames, colour), camera=camera._handle, chip_rate=rate)
+    results = _core.receive(
+        colours=split_colours(as_frames(frames, "frames", camera.scan_axis), colour),
+        camera=camera._handle,
+        chip_rate=rate,
+    )
     return [_received(values, camera, 0 if colour is None else colour) for values in results]
-
-
-def _colours(frames: npt.ArrayLike, colour: int | None) -> list[npt.NDArray[Any]]:
-    """The colours to look at, each as the core takes it."""
-    array = np.asarray(frames)
-    stack = [array[..., index] for index in range(array.shape[3])] if array.ndim == 4 else [array]
-    if array.ndim == 4 and not stack:
-        raise ValueError(f"frames: got shape {array.shape}, allowed: at least one colour")
-    if colour is not None:
-        if not 0 <= colour < len(stack):
-            raise ValueError(f"colour: got {colour}, allowed: 0 to {len(stack) - 1}")
-        stack = [stack[colour]]
-    return [as_columns(values, "frames") for values in stack]
 
 
 def _received(values: tuple[Any, ...], camera: Camera, first_colour: int) -> Received:
     frame, source, colour, bits, rows, rows_std, phase, snr, dark, bright, soft, weights, flags = values
-    rate = 1 / (rows * camera.row_time)
+    rate = 1 / (rows * camera.row_period)
     return Received(
         frame=frame,
         source=source,

@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import checked, checked_class, count
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.packets.fsk import FskSymbol, fsk_tones
-from ocisac_fast.packets.transmission import Payload, Stretch, _count
-from ocisac_fast.receiver.stream import _frame_colours, _frame_number
+from ocisac_fast.packets.transmission import Payload, Stretch
+from ocisac_fast.receiver.stream import frame_colours, frame_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,7 @@ class FskFrame:
         return None if self.stretch is None else self.stretch.payload
 
 
+@checked_class
 class FskReceiver:
     """Packets of :func:`ocisac_fast.packets.fsk_transmit` out of frames in time order, one symbol a frame.
 
@@ -59,7 +61,7 @@ class FskReceiver:
         ValueError: an argument outside its range; the message names it.
     """
 
-    __slots__ = ("_colour", "_handle")
+    __slots__ = ("_camera", "_colour", "_handle")
 
     def __init__(
         self,
@@ -70,13 +72,15 @@ class FskReceiver:
         preamble: str = "standard",
         colour: int | None = None,
     ) -> None:
+        self._camera = camera
         self._colour = colour
-        size = _count("block_bytes", block_bytes, 1)
+        size = count("block_bytes", block_bytes, 1)
         self._handle = _core.FskReceiver(camera._handle, list(fsk_tones(tones)), size, preamble)
 
+    @checked
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> FskFrame:
         """The next frame; arguments and errors as of :meth:`ocisac_fast.Receiver.push`."""
-        values = self._handle.push(_frame_colours(frame, self._colour), _frame_number(number))
+        values = self._handle.push(frame_colours(frame, self._camera, self._colour), frame_number(number))
         index, outcome, missing, colour, symbol, stretch, flags = values
         return FskFrame(
             frame=index,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,9 +12,10 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import as_frames, box_in_time_order, split_colours, stored_box
+from ocisac_fast.core.checks import checked, checked_class, count
 from ocisac_fast.core.flags import Flag
-from ocisac_fast.packets.transmission import Payload, Stretch, _count, _line_code
-from ocisac_fast.receiver.blind import _colours
+from ocisac_fast.packets.transmission import Payload, Stretch, as_line_code
 
 FloatArray = npt.NDArray[np.float64]
 Region = tuple[int, int, int, int]
@@ -68,6 +70,7 @@ class ReceivedFrame:
         return None if self.stretch is None else self.stretch.payload
 
 
+@checked_class
 class Receiver:
     """One light in frames that come in time order; its packets, as :func:`ocisac_fast.transmit` makes them.
 
@@ -108,12 +111,13 @@ class Receiver:
         self._handle = _core.Receiver(
             camera=camera._handle,
             chip_rate=None if chip_rate is None else float(chip_rate),
-            line_code=_line_code(line_code)[1],
-            block_bytes=_count("block_bytes", block_bytes, 1),
+            line_code=as_line_code(line_code)[1],
+            block_bytes=count("block_bytes", block_bytes, 1),
             preamble=preamble,
             search_passes=None if search_passes is None else float(search_passes),
         )
 
+    @checked
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> ReceivedFrame:
         """The next frame.
 
@@ -125,8 +129,8 @@ class Receiver:
         Raises:
             ValueError: a wrong shape or type; a number that is no whole one.
         """
-        colours, index = _frame_colours(frame, self._colour), _frame_number(number)
-        return _received_frame(self._handle.push(colours, index), self._camera.row_time, self._colour)
+        colours, index = frame_colours(frame, self._camera, self._colour), frame_number(number)
+        return _received_frame(self._handle.push(colours, index), self._camera.row_period, self._colour)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +148,7 @@ class SourceFrame:
     received: ReceivedFrame
 
 
+@checked_class
 class MultiReceiver:
     """Several lights in one picture, each its own stream of packets.
 
@@ -154,14 +159,14 @@ class MultiReceiver:
     Args:
         camera, chip_rate, line_code, block_bytes, preamble, colour, search_passes: as of :class:`Receiver`; all lights
             use the same.
-        regions: boxes (x, y, width, height) of the lights, columns and rows in time order; empty: found.
+        regions: boxes (x, y, width, height) of the lights, pixels as stored; empty: found.
         max_sources: lights that are found, at most.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
 
-    __slots__ = ("_camera", "_colour", "_handle")
+    __slots__ = ("_camera", "_colour", "_handle", "_make", "_regions")
 
     def __init__(
         self,
@@ -178,17 +183,20 @@ class MultiReceiver:
     ) -> None:
         self._camera = camera
         self._colour = colour
-        self._handle = _core.MultiReceiver(
+        self._regions = [_region(region) for region in regions]
+        self._make = functools.partial(
+            _core.MultiReceiver,
             camera=camera._handle,
             chip_rate=None if chip_rate is None else float(chip_rate),
-            line_code=_line_code(line_code)[1],
-            block_bytes=_count("block_bytes", block_bytes, 1),
+            line_code=as_line_code(line_code)[1],
+            block_bytes=count("block_bytes", block_bytes, 1),
             preamble=preamble,
             search_passes=None if search_passes is None else float(search_passes),
-            regions=[_region(region) for region in regions],
-            max_sources=_count("max_sources", max_sources, 1),
+            max_sources=count("max_sources", max_sources, 1),
         )
+        self._handle = self._make(regions=self._regions)
 
+    @checked
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> list[SourceFrame]:
         """The next frame: what each light gave, the strongest first; at least one result.
 
@@ -199,12 +207,23 @@ class MultiReceiver:
         Raises:
             ValueError: a wrong shape or type; a number that is no whole one; a region outside the first frame.
         """
-        values = self._handle.push(_frame_colours(frame, self._colour), _frame_number(number))
-        row_time = self._camera.row_time
+        axis, colours = self._camera.scan_axis, frame_colours(frame, self._camera, self._colour)
+        shape = colours[0].shape[1:]
+        if self._regions and axis != "y":
+            self._handle = self._make(regions=[_turned(region, shape, axis) for region in self._regions])
+            self._regions = []
+        row_time = self._camera.row_period
         return [
-            SourceFrame(source, region, _received_frame(received, row_time, self._colour))
-            for source, region, received in values
+            SourceFrame(source, stored_box(region, shape, axis), _received_frame(received, row_time, self._colour))
+            for source, region, received in self._handle.push(colours, frame_number(number))
         ]
+
+
+def _turned(region: Region, shape: tuple[int, ...], scan_axis: str) -> Region:
+    box = box_in_time_order(region, shape, scan_axis)
+    if min(box) < 0:
+        raise ValueError(f"regions: got {region}, allowed: boxes within the picture")
+    return box
 
 
 def _region(region: Region) -> Region:
@@ -214,21 +233,15 @@ def _region(region: Region) -> Region:
     return int(box[0]), int(box[1]), int(box[2]), int(box[3])
 
 
-def _frame_number(number: int | None) -> int | None:
+def frame_number(number: int | None) -> int | None:
     if number is not None and (isinstance(number, bool) or not isinstance(number, (int, np.integer))):
         raise ValueError(f"number: got {number!r}, allowed: a whole number, or None")
     return None if number is None else int(number)
 
 
-def _frame_colours(frame: npt.ArrayLike, colour: int | None) -> list[npt.NDArray[Any]]:
-    array = np.asarray(frame)
-    if array.ndim == 3:
-        array = array[np.newaxis]
-    elif array.ndim not in (1, 2):
-        raise ValueError(
-            f"frame: got shape {array.shape}, allowed: (rows,), (rows, columns) or (rows, columns, colours)"
-        )
-    return _colours(array, colour)
+def frame_colours(frame: npt.ArrayLike, camera: Camera, colour: int | None) -> list[npt.NDArray[Any]]:
+    """One frame as the core takes it: a view of each colour."""
+    return split_colours(as_frames(frame, "frame", camera.scan_axis, single=True), colour)
 
 
 def _received_frame(values: tuple[Any, ...], row_time: float, colour_asked: int | None) -> ReceivedFrame:

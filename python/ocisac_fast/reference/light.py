@@ -38,7 +38,7 @@ def integrate_exposure(
     in long double, right to about 1e-18 of the count of periods.
     """
     assert camera.exposure is not None
-    ends = np.longdouble(start) + _numbers(rows) * np.longdouble(camera.row_time)
+    ends = np.longdouble(start) + _numbers(rows) * np.longdouble(camera.row_period)
     if frames is not None:
         assert camera.frame_time is not None
         ends = ends + _numbers(frames)[:, np.newaxis] * np.longdouble(camera.frame_time)

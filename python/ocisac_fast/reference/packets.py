@@ -189,7 +189,7 @@ def fsk_demodulate(
     left = rows - plain @ np.linalg.lstsq(plain, rows, rcond=None)[0]
     lengths = []
     for tone in tones:
-        turn = 2 * np.pi * ((tone * camera.row_time * n) % 1.0)
+        turn = 2 * np.pi * ((tone * camera.row_period * n) % 1.0)
         model = np.column_stack([plain, np.cos(turn), np.sin(turn)])
         fit = model @ np.linalg.lstsq(model, rows, rcond=None)[0]
         lengths.append(math.sqrt(max(float(left @ left) - float(((rows - fit) ** 2).sum()), 0.0)))

@@ -143,7 +143,7 @@ def render_scene(scene: Scene, frames: int = 1, start: float = 0.0, subexposures
         frame_start = start + frame * (camera.frame_time or 0.0)
         if frame and any(lens.velocity):
             views = _Views(scene, frame_start)
-        ends = frame_start + np.arange(lens.rows) * camera.row_time
+        ends = frame_start + np.arange(lens.rows) * camera.row_period
         for part in (np.arange(subexposures) + 0.5) / subexposures:
             result[frame] += _light(scene, views, ends - scene.exposure * (1 - part))
     return np.asarray(result * (scene.sensor.gain * scene.exposure / subexposures))

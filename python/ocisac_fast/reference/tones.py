@@ -53,7 +53,7 @@ def tone_gain(
         per_tone = [
             _gain(parts, frame_flags, f, camera, ratio, b, s, whole_numbers)
             for f, (parts, frame_flags) in zip(
-                tones, estimate(frame, tones * camera.row_time, harmonics_of), strict=True
+                tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True
             )
         ]
         results.append([np.stack(values) for values in zip(*per_tone, strict=True)])
@@ -233,7 +233,7 @@ def varying_tone_gain(
     """As :func:`ocisac_fast.varying_tone_gain`: ``numpy.linalg.pinv`` of the design, column by column."""
     light = linear_light(np.asarray(columns), camera)
     steady = tone_gain(columns, camera, frequency, "fit", waveform, duty, background)
-    cycles = frequency * camera.row_time
+    cycles = frequency * camera.row_period
     rows = light.shape[0] if light.ndim == 1 else light.shape[-2]
     every = [1] if waveform == "tone" else _square_harmonics(duty)(cycles)
     harmonics, flags = _usable(every, rows, cycles, degree)
@@ -345,7 +345,7 @@ def equalize(
     """
     light = linear_light(np.asarray(columns), camera)
     assert camera.exposure is not None
-    exposure_rows = camera.exposure / camera.row_time
+    exposure_rows = camera.exposure / camera.row_period
     axis = -2 if light.ndim > 1 else 0
     by_column = np.moveaxis(light, axis, -1)
     rows = by_column.shape[-1]
@@ -366,7 +366,7 @@ def equalize(
 def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> FloatArray:
     """As :func:`ocisac_fast.lost_frequencies`: a fine grid over |sinc|, its crossings refined by bisection."""
     assert camera.exposure is not None
-    level, highest, exposure = 1 / (np.sqrt(2) * max_boost), 0.5 / camera.row_time, camera.exposure
+    level, highest, exposure = 1 / (np.sqrt(2) * max_boost), 0.5 / camera.row_period, camera.exposure
 
     def lost(frequency: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         return np.asarray(np.abs(np.sinc(np.asarray(frequency) * exposure)) < level)

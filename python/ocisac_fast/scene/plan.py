@@ -135,7 +135,7 @@ def plan_at(scene: Scene, tolerance: float, frames: int, start: float, frame: in
     lens = lens_at(scene, start + frame * frame_time)
     first, last = (frame, frame) if moving_lens else (0, frames - 1)
     begin = start + first * frame_time - scene.exposure
-    end = start + last * frame_time + (scene.lens.rows - 1) * scene.camera.row_time
+    end = start + last * frame_time + (scene.lens.rows - 1) * scene.camera.row_period
     drawing = _Drawing(scene, start, (begin + end) / 2, (end - begin) / 2)
     parts: list[Part] = []
     bound, changing = 0.0, 0

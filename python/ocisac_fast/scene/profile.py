@@ -80,7 +80,7 @@ class Light:
         self._level = waveform.level if isinstance(waveform, Constant) else None
         if self._level is None:
             step = camera.exposure / steps
-            count = steps + math.ceil(rows * camera.row_time / step) + 1
+            count = steps + math.ceil(rows * camera.row_period / step) + 1
             grid = Camera(step, step, camera.frame_time)
             frames = [frame] if frame else None
             numbers = np.arange(1, count + 1) - steps

@@ -9,12 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import checked
 from ocisac_fast.scene.description import Scene
 from ocisac_fast.scene.plan import Plan, plan_at
 
 Frame = npt.NDArray[Any]
 
 
+@checked
 def render(
     plan: Plan,
     frames: int | None = None,

@@ -123,5 +123,5 @@ def _expose(
     assert camera.exposure is not None
     shift = cycles(part.rate, camera.frame_time or 0.0, frame, start)
     light = Light(part.waveform, camera, int(rows.max()) + 1, part.steps, start, frame)
-    ends = np.multiply(rows, camera.row_time, dtype=np.float64)
+    ends = np.multiply(rows, camera.row_period, dtype=np.float64)
     return expose_profile(part.profile, line, phase, shift, part.rate, ends, camera.exposure, light)

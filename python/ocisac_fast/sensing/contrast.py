@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_columns, in_stored_order
+from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.light.waveforms import Tone, integrate_exposure
 from ocisac_fast.sensing.region import sense_region
@@ -49,6 +50,7 @@ class RestoredContrast:
     flags: Flag
 
 
+@checked
 def restore_contrast(
     columns: npt.ArrayLike,
     camera: Camera,
@@ -80,21 +82,22 @@ def restore_contrast(
     Raises:
         ValueError: no exposure in ``camera``, columns too short, or as for ``equalize`` and ``sense_region``.
     """
-    array = as_columns(columns)
+    array = as_columns(columns, scan_axis=camera.scan_axis)
+    scan_axis, camera = camera.scan_axis, camera.in_time_order
     if camera.exposure is None:
         raise ValueError("camera.exposure: got None, allowed: the exposure time in seconds")
     rows = array.shape[0 if array.ndim < 3 else 1]
-    ends = math.ceil(2.0 * camera.exposure / camera.row_time)  # rows that the frame's ends disturb
+    ends = math.ceil(2.0 * camera.exposure / camera.row_period)  # rows that the frame's ends disturb
     inner = min(ends, rows // 4)
     if not (
-        rows * camera.row_time >= 4.0 * camera.exposure and (rows - 2 * inner) * camera.row_time * frequency >= 1.0
+        rows * camera.row_period >= 4.0 * camera.exposure and (rows - 2 * inner) * camera.row_period * frequency >= 1.0
     ):
         raise ValueError(f"columns: got {rows} rows, allowed: four exposures and two cycles of {frequency} Hz or more")
-    before = sense_region(array, camera, frequency, depth=depth, motion="across")
+    before = sense_region(_grey(array), camera, frequency, depth=depth, motion="across")
     found, report = equalize(array, camera, method, noise, max_boost=max_boost, report=True)
     light = Camera(camera.row_time, camera.exposure)
     middle = found[..., inner : rows - inner, :] if found.ndim > 1 else found[inner : rows - inner]
-    after = sense_region(middle, light, frequency, depth=depth, motion="across")
+    after = sense_region(_grey(middle), light, frequency, depth=depth, motion="across")
     response = abs(float(np.sinc(frequency * camera.exposure)))
     share = math.sqrt(rows / (rows - 2 * inner))  # of the standard error, for rows left out
     relative = min(before.gain_std / before.gain, 1.0) if before.gain > 0.0 else 1.0
@@ -114,9 +117,14 @@ def restore_contrast(
         _expected(light, frequency, rows, inner, max_boost) if method == "inverse" else math.nan,
         0.5 * before.snr * depth**2,
         0.5 * amplitude**2 / gained**2 if gained > 0.0 else math.inf,
-        found,
+        in_stored_order(found, scan_axis),
         flags,
     )
+
+
+def _grey(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """As frames of one colour: a stack of three columns is no colour picture here."""
+    return columns[..., np.newaxis] if columns.ndim == 3 else columns
 
 
 def _expected(camera: Camera, frequency: float, rows: int, inner: int, max_boost: float) -> float:

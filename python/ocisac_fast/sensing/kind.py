@@ -18,7 +18,7 @@ _NEAR_MISS = 10.0  # timing tolerances within which a light is not ruled out
 def seen_by(fitted: Fitted, turn: Turn, camera: Camera) -> Seen:
     """What the motion is worked out from."""
     frame_time = math.nan if camera.frame_time is None else camera.frame_time
-    return Seen(fitted.model.cycles, fitted.cycles_std, turn.cycles, turn.std, camera.row_time, frame_time)
+    return Seen(fitted.model.cycles, fitted.cycles_std, turn.cycles, turn.std, camera.row_period, frame_time)
 
 
 def kind_of(

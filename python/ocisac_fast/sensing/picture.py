@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_grey_frames, in_stored_order, stored_box
+from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.lights.sources import LightSource, detect_sources
 from ocisac_fast.sensing.region import BackgroundLight, SensedRegion, background_light, sense_region
@@ -21,6 +22,7 @@ _MIN_BESIDE = 4  # columns
 _COMPARED = 8  # frames
 
 
+@checked
 def sense(
     frames: npt.ArrayLike,
     camera: Camera,
@@ -62,15 +64,17 @@ def sense(
     Raises:
         ValueError: frames or ``unlit`` of wrong shape or type, or as for ``sense_region``.
     """
-    array = as_columns(frames, "frames")
-    if array.ndim == 1:
+    if np.ndim(frames) == 1:
         raise ValueError("frames: got 1 dimension, allowed: (rows, columns) or (frames, rows, columns)")
-    pictures = array.reshape((-1, *array.shape[-2:]))
-    dark = None if unlit is None else _same_view(unlit, pictures)
+    pictures = as_grey_frames(frames, "frames", camera.scan_axis)
+    dark = None if unlit is None else _same_view(unlit, pictures, camera.scan_axis)
+    scan_axis, camera = camera.scan_axis, camera.in_time_order
     options: dict[str, Any] = {"waveform": waveform, "duty": duty, "depth": depth, "motion": motion}
     options |= {"direction": direction, "pitch": pitch, "spatial_frequency": spatial_frequency, "speed": speed}
     options |= {"motion_bounds": motion_bounds, "timing_tolerance": timing_tolerance}
-    sense_region(np.zeros((1, 1)), camera, 0.25 / camera.row_time, **options)  # refuses bad options if nothing is found
+    sense_region(
+        np.zeros((1, 1)), camera, 0.25 / camera.row_period, **options
+    )  # refuses bad options if nothing is found
 
     lights = [
         Box(one.x, one.y, one.width, one.height, *_per_row(one, camera))
@@ -80,15 +84,16 @@ def sense(
     every = without_repeats([*lights, *periodic_boxes(_changing(pictures, camera), still=len(pictures) == 1)])
     found = []
     for box in every:
-        bounds = (0.8 * box.cycles / camera.row_time, min(1.25 * box.cycles, 0.499) / camera.row_time)
+        bounds = (0.8 * box.cycles / camera.row_period, min(1.25 * box.cycles, 0.499) / camera.row_period)
         region = _measured(pictures, camera, box, dark, beside, every, {**options, "bounds": bounds})
         if region.kind != "unknown" and not region.flags & Flag.WEAK:
-            found.append(region)
+            x, y, width, height = stored_box((box.x, box.y, box.width, box.height), pictures.shape[1:], scan_axis)
+            found.append(dataclasses.replace(region, x=x, y=y, width=width, height=height))
     return sorted(found, key=lambda region: -np.nan_to_num(region.snr))
 
 
 def _per_row(light: LightSource, camera: Camera) -> tuple[float, float]:
-    return light.frequency * camera.row_time, light.frequency_std * camera.row_time
+    return light.frequency * camera.row_period, light.frequency_std * camera.row_period
 
 
 def _changing(pictures: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:
@@ -99,15 +104,16 @@ def _changing(pictures: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.floa
     return np.asarray(first - np.mean([linear_light(one, camera) for one in pictures[:_COMPARED]], axis=0))
 
 
-def _same_view(unlit: npt.ArrayLike, pictures: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    dark = as_columns(unlit, "unlit")
-    if dark.ndim == 1 or dark.shape[-2:] != pictures.shape[-2:]:
-        raise ValueError(f"unlit: got shape {dark.shape}, allowed: (..., {pictures.shape[1]}, {pictures.shape[2]})")
-    return dark.reshape((-1, *dark.shape[-2:]))
+def _same_view(unlit: npt.ArrayLike, pictures: npt.NDArray[Any], scan_axis: str) -> npt.NDArray[Any]:
+    dark = as_grey_frames(unlit, "unlit", scan_axis)
+    if np.ndim(unlit) == 1 or dark.shape[1:] != pictures.shape[1:]:
+        rows, columns = in_stored_order(pictures, scan_axis).shape[1:]
+        raise ValueError(f"unlit: got shape {np.shape(unlit)}, allowed: (..., {rows}, {columns})")
+    return dark
 
 
 def _cut(pictures: npt.NDArray[Any], box: Box) -> npt.NDArray[Any]:
-    return pictures[:, box.y : box.y + box.height, box.x : box.x + box.width]
+    return pictures[:, box.y : box.y + box.height, box.x : box.x + box.width, np.newaxis]
 
 
 def _measured(
@@ -122,8 +128,8 @@ def _measured(
     """The region, at the frequency of ``detect_sources`` where that is the better one (it knows of envelopes), and
     where it is a light with its background."""
     region = sense_region(_cut(pictures, box), camera, **options)
-    if not (math.isnan(box.cycles_std) or region.frequency_std <= box.cycles_std / camera.row_time):
-        options |= {"frequency": box.cycles / camera.row_time, "frequency_std": box.cycles_std / camera.row_time}
+    if not (math.isnan(box.cycles_std) or region.frequency_std <= box.cycles_std / camera.row_period):
+        options |= {"frequency": box.cycles / camera.row_period, "frequency_std": box.cycles_std / camera.row_period}
         region = sense_region(_cut(pictures, box), camera, **options)
     background: BackgroundLight | None = None
     if region.kind == "light" and dark is not None:
@@ -132,7 +138,7 @@ def _measured(
         background = _beside(pictures, camera, box, every)
     if background is not None:
         region = sense_region(_cut(pictures, box), camera, **options, background=background)
-    return dataclasses.replace(region, x=box.x, y=box.y)
+    return region
 
 
 def _beside(pictures: npt.NDArray[Any], camera: Camera, box: Box, every: list[Box]) -> BackgroundLight | None:
@@ -148,4 +154,4 @@ def _beside(pictures: npt.NDArray[Any], camera: Camera, box: Box, every: list[Bo
     ]
     if len(free) < _MIN_BESIDE:
         return None
-    return background_light(pictures[:, box.y : box.y + box.height][..., free], camera, pooled=True)
+    return background_light(pictures[:, box.y : box.y + box.height][..., free, np.newaxis], camera, pooled=True)

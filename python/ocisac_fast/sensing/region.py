@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_grey_frames, stored_box
+from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.sensing.fit import (
     Fitted,
@@ -60,7 +61,7 @@ class SensedRegion:
         kind: ``"light"``: modulated in time, one phase in all columns; ``"moving"``: a texture whose phase follows its
             motion; ``"still"``: a texture that is the same in all frames (or moves by whole cycles a frame:
             AMBIGUOUS_MOTION); ``"unknown"``: nothing periodic.
-        x, y, width, height: of the region: first column and row (rows in time order), columns and rows.
+        x, y, width, height: of the region, pixels as stored.
         frames: that were used.
         frequency, frequency_std: of what a column shows, Hz: cycles per row over the row time. The standard error is
             that given with it, where the frequency was given.
@@ -119,6 +120,7 @@ class SensedRegion:
     flags: Flag = Flag(0)  # noqa: RUF009, a constant
 
 
+@checked
 def sense_region(
     frames: npt.ArrayLike,
     camera: Camera,
@@ -182,20 +184,21 @@ def sense_region(
     Raises:
         ValueError: an argument outside its range or of the wrong shape; the message names it.
     """
-    array = as_columns(frames, "frames")
-    region = array.reshape((1, -1, 1)) if array.ndim == 1 else array.reshape((-1, *array.shape[-2:]))
-    tones = [float(f) * camera.row_time for f in np.atleast_1d(np.asarray(others, dtype=np.float64))]
+    region = as_grey_frames(frames, "frames", camera.scan_axis)
+    width, height = stored_box((0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
+    camera = camera.in_time_order
+    tones = [float(f) * camera.row_period for f in np.atleast_1d(np.asarray(others, dtype=np.float64))]
     told = _told(camera, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance)
     _check(waveform, duty, depth, motion, frequency, frequency_std, tones)
     ambient = _ambient(background, region)
-    blank = SensedRegion("unknown", 0, 0, region.shape[2], region.shape[1], len(region))
+    blank = SensedRegion("unknown", 0, 0, width, height, len(region))
     blank = dataclasses.replace(blank, background_given=background is not None)
 
     fitted, flags = _fitted(region, camera, frequency, waveform, duty, tones, bounds, float(ambient.mean.mean()))
     if fitted is None:
         return dataclasses.replace(blank, flags=flags)
     if frequency is not None:
-        fitted = dataclasses.replace(fitted, cycles_std=frequency_std * camera.row_time)
+        fitted = dataclasses.replace(fitted, cycles_std=frequency_std * camera.row_period)
     columns_turn, frames_turn = _turns(fitted)
     common, doubt = _common_phase(fitted, columns_turn)
     seen = seen_by(fitted, frames_turn, camera)
@@ -205,15 +208,15 @@ def sense_region(
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if waveform == "tone" else 2.0 * float(np.sinc(duty))) * depth
     gains = _gains(region, camera, fitted, frames_turn, ambient, ratio)
-    light_frequency = {"light": fitted.model.cycles / camera.row_time, "still": 0.0}.get(
+    light_frequency = {"light": fitted.model.cycles / camera.row_period, "still": 0.0}.get(
         kind, abs(facts.get("motion_frequency", math.nan))
     )
     theory, theory_flags = _theory(light_frequency, camera)
     flags |= gains.pop("flags") | theory_flags | _column_flags(region, camera, fitted, tones)
     return dataclasses.replace(
         blank,
-        frequency=fitted.model.cycles / camera.row_time,
-        frequency_std=fitted.cycles_std / camera.row_time,
+        frequency=fitted.model.cycles / camera.row_period,
+        frequency_std=fitted.cycles_std / camera.row_period,
         cycles_per_column=columns_turn.cycles,
         cycles_per_column_std=columns_turn.std,
         cycles_per_frame=frames_turn.cycles,
@@ -225,6 +228,7 @@ def sense_region(
     )
 
 
+@checked
 def background_light(
     frames: npt.ArrayLike, camera: Camera, tones: npt.ArrayLike = (), *, pooled: bool = False
 ) -> BackgroundLight:
@@ -240,9 +244,9 @@ def background_light(
     Raises:
         ValueError: wrong shapes or types, or frequencies that are not finite and above 0.
     """
-    array = as_columns(frames, "frames")
-    region = array.reshape((1, -1, 1)) if array.ndim == 1 else array.reshape((-1, *array.shape[-2:]))
-    cycles = [float(f) * camera.row_time for f in np.atleast_1d(np.asarray(tones, dtype=np.float64))]
+    region = as_grey_frames(frames, "frames", camera.scan_axis)
+    camera = camera.in_time_order
+    cycles = [float(f) * camera.row_period for f in np.atleast_1d(np.asarray(tones, dtype=np.float64))]
     _check_frequencies("tones", cycles)
     model = make_model(region.shape[1], 0.0, (), cycles)
     fitted = fit(region, camera, model)
@@ -270,7 +274,7 @@ def _told(
         raise ValueError(f"direction: got {direction}, allowed: -1, 0 or 1")
     if not 0.0 < tolerance <= 0.01:
         raise ValueError(f"timing_tolerance: got {tolerance}, allowed: above 0 up to 0.01")
-    low, high = motion_bounds or (0.0, 0.5 / camera.row_time)
+    low, high = motion_bounds or (0.0, 0.5 / camera.row_period)
     if not (0.0 <= low < high < math.inf):
         raise ValueError(f"motion_bounds: got {motion_bounds}, allowed: (low, high), 0 <= low < high, finite")
     return Told(direction, pitch, spatial_frequency, speed, (low, high), tolerance)
@@ -342,7 +346,7 @@ def _fitted(
             return None, flags
         cycles = found.cycles_per_row
     else:
-        cycles = frequency * camera.row_time
+        cycles = frequency * camera.row_period
         flags = Flag.FEW_CYCLES if cycles * rows < 1.0 else Flag(0)
     folded = abs((cycles + 0.5) % 1.0 - 0.5)
     model = make_model(rows, cycles, harmonics_of(waveform, duty, cycles, rows), tones)
@@ -430,8 +434,8 @@ def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tone
     timing = dataclasses.replace(camera, exposure=None)  # the light's own frequency may be another
     step = max(1, region.shape[2] // _JUDGED)
     columns = region[0][:, ::step]
-    frequency = fitted.model.cycles / camera.row_time
-    every = [frequency, *(f / camera.row_time for f in tones)]
+    frequency = fitted.model.cycles / camera.row_period
+    every = [frequency, *(f / camera.row_period for f in tones)]
     waveform: Any = "square" if len(fitted.model.harmonics) > 1 and not tones else "tone"
     masks = tone_gain(columns, timing, every, waveform=waveform).flags[0]
     if not tones:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import as_columns, in_time_order
+from ocisac_fast.core.checks import checked
 
 Float64s = npt.NDArray[np.float64]
 
@@ -56,6 +57,7 @@ def equalize(
     out: Float64s | None = ...,
     report: Literal[True],
 ) -> tuple[Float64s, EqualizerReport]: ...
+@checked
 def equalize(
     columns: npt.ArrayLike,
     camera: Camera,
@@ -96,22 +98,24 @@ def equalize(
     Raises:
         ValueError: no exposure in ``camera``, columns that are not finite, an argument outside its range or shape.
     """
-    array = as_columns(columns)
-    result = np.empty(array.shape) if out is None else out
-    if result.shape != array.shape:
-        raise ValueError(f"out: got shape {result.shape}, allowed: {array.shape}, the shape of columns")
+    array = as_columns(columns, scan_axis=camera.scan_axis)
+    stored = np.empty(np.shape(columns)) if out is None else out
+    if stored.shape != np.shape(columns):
+        raise ValueError(f"out: got shape {stored.shape}, allowed: {np.shape(columns)}, the shape of columns")
+    result = in_time_order(stored, camera.scan_axis)
     if np.may_share_memory(array, result):
         array = array.copy()
     per_column = (*array.shape[:-2], *array.shape[-1:]) if array.ndim > 1 else ()
     values = _noise(noise, per_column) if method == "wiener" else np.empty(0)
     lost, gain, used = _core.equalize(array, camera._handle, method, values, max_boost, result)
     if not report:
-        return result
+        return stored
     rows = array.shape[0 if array.ndim < 3 else 1]
-    extrapolated = min(rows, int(np.ceil(0.5 * (camera.exposure or 0.0) / camera.row_time)))
-    return result, EqualizerReport(lost, gain.reshape(per_column), used.reshape(per_column), extrapolated)
+    extrapolated = min(rows, int(np.ceil(0.5 * (camera.exposure or 0.0) / camera.row_period)))
+    return stored, EqualizerReport(lost, gain.reshape(per_column), used.reshape(per_column), extrapolated)
 
 
+@checked
 def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> Float64s:
     """Bands of which ``equalize(..., method="inverse")`` gives back less than half of the amplitude.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 
 
@@ -35,9 +37,9 @@ class FoundFrequency:
     """A frequency found from the rows, one for all columns and frames.
 
     Attributes:
-        frequency: Hz; cycles per row where ``camera.row_time`` is 1.
+        frequency: Hz; cycles per row where the camera has no row time.
         frequency_std: its standard error in Hz, from the residual (see :func:`find_frequency`).
-        cycles_per_row: ``frequency * camera.row_time``, at most 0.5.
+        cycles_per_row: ``frequency * camera.row_period``, at most 0.5.
         cycles_per_row_std: its standard error.
         snr: power of the periodic part over the power of the residual, of the sums of columns that were fitted.
         harmonics: number of the highest harmonic in the fit; 1 for the fundamental alone.
@@ -65,7 +67,7 @@ class Calibration:
     Attributes:
         row_time: T_r in seconds.
         row_time_std: its standard error in seconds, for an exact frequency.
-        found: the tone behind it, in cycles per row (its row time is 1).
+        found: the tone behind it, in cycles per row.
         flags: those of ``found``.
     """
 
@@ -75,6 +77,7 @@ class Calibration:
     flags: Flag
 
 
+@checked
 def find_frequency(
     columns: npt.ArrayLike,
     camera: Camera,
@@ -101,7 +104,8 @@ def find_frequency(
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, all of one light; frames need
             no common phase. Finite.
-        camera: its row time sets the unit: 1 gives cycles per row. ``white_level`` is where pixels saturate.
+        camera: its row time sets the unit; without one frequencies are in cycles per row.
+            ``white_level`` is where pixels saturate.
         bounds: lowest and highest frequency to look at, Hz. By default from one cycle in the frame to half the row
             rate; above that a tone shows as its alias.
         waveform: ``"auto"`` fits the harmonics that stand out of the noise, ``"tone"`` the fundamental alone,
@@ -115,12 +119,12 @@ def find_frequency(
         ValueError: wrong shape or type, samples that are not finite, bounds that are not 0 <= low < high with low below
             half the row rate, or an unknown waveform.
     """
-    array = as_columns(columns)
+    array = as_columns(columns, scan_axis=camera.scan_axis)
     values = _core.find_frequency(array, camera._handle, bounds, waveform, select)
     cycles, cycles_std, snr, harmonics, flags, (used, strength, saturated) = values
     return FoundFrequency(
-        frequency=cycles / camera.row_time,
-        frequency_std=cycles_std / camera.row_time,
+        frequency=cycles / camera.row_period,
+        frequency_std=cycles_std / camera.row_period,
         cycles_per_row=cycles,
         cycles_per_row_std=cycles_std,
         snr=snr,
@@ -130,6 +134,7 @@ def find_frequency(
     )
 
 
+@checked
 def calibrate(
     columns: npt.ArrayLike,
     frequency: float,
@@ -137,6 +142,7 @@ def calibrate(
     bounds: tuple[float, float] | None = None,
     waveform: str = "auto",
     select: bool = True,
+    scan_axis: Literal["y", "-y", "x", "-x"] = "y",
 ) -> Calibration:
     """Measure the row time with a light of known frequency: T_r = (cycles per row) / frequency.
 
@@ -146,6 +152,7 @@ def calibrate(
         bounds: shortest and longest row time to consider, seconds; None: at least one cycle in the frame.
         waveform: as for :func:`find_frequency`.
         select: as for :func:`find_frequency`.
+        scan_axis: direction of the read-out, as of :class:`ocisac_fast.Camera`.
 
     Returns:
         The row time with its standard error; a result without meaning carries a flag.
@@ -156,7 +163,7 @@ def calibrate(
     if not (np.isfinite(frequency) and frequency > 0):
         raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0")
     per_row = None if bounds is None else (bounds[0] * frequency, bounds[1] * frequency)
-    found = find_frequency(columns, Camera(row_time=1.0), bounds=per_row, waveform=waveform, select=select)
+    found = find_frequency(columns, Camera(None, scan_axis=scan_axis), bounds=per_row, waveform=waveform, select=select)
     return Calibration(
         row_time=found.cycles_per_row / frequency,
         row_time_std=found.cycles_per_row_std / frequency,
@@ -165,6 +172,7 @@ def calibrate(
     )
 
 
+@checked
 def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None = None) -> ToneColumns:
     """Tell which columns show a periodic light, free of text, boxes, darkness and saturation.
 
@@ -182,9 +190,10 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
     """
     if frequency is None:
         return find_frequency(columns, camera).columns
-    return ToneColumns(*_core.tone_columns(as_columns(columns), camera._handle, frequency))
+    return ToneColumns(*_core.tone_columns(as_columns(columns, scan_axis=camera.scan_axis), camera._handle, frequency))
 
 
+@checked
 def pick_colour(
     colours: Sequence[npt.ArrayLike],
     camera: Camera,
@@ -207,5 +216,5 @@ def pick_colour(
     Raises:
         ValueError: no colours, or as for :func:`find_frequency`.
     """
-    arrays = [as_columns(colour, "colours") for colour in colours]
+    arrays = [as_columns(colour, "colours", camera.scan_axis) for colour in colours]
     return _core.pick_colour(arrays, camera._handle, bounds, waveform)

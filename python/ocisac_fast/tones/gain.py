@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.checks import checked
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -44,6 +45,7 @@ class ToneGain:
     flags: npt.NDArray[np.uint32]
 
 
+@checked
 def tone_gain(
     columns: npt.ArrayLike,
     camera: Camera,
@@ -92,7 +94,7 @@ def tone_gain(
     Raises:
         ValueError: an argument outside its range or of the wrong shape; the message names it.
     """
-    array = as_columns(columns)
+    array = as_columns(columns, scan_axis=camera.scan_axis)
     tones = np.asarray(frequency, dtype=np.float64)
     if tones.ndim > 1:
         raise ValueError(f"frequency: got shape {tones.shape}, allowed: one value or (tones,)")

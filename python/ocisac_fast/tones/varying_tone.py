@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.checks import checked
 from ocisac_fast.tones.gain import FloatArray, background_values, result_shape
 
 
@@ -37,6 +38,7 @@ class VaryingToneGain:
     flags: npt.NDArray[np.uint32]
 
 
+@checked
 def varying_tone_gain(
     columns: npt.ArrayLike,
     camera: Camera,
@@ -76,7 +78,7 @@ def varying_tone_gain(
     Raises:
         ValueError: an argument outside its range or of the wrong shape; the message names it.
     """
-    array = as_columns(columns)
+    array = as_columns(columns, scan_axis=camera.scan_axis)
     results = _core.varying_tone_gain(
         columns=array,
         camera=camera._handle,
