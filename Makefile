@@ -78,7 +78,7 @@ build: packages $(VENV)/.requirements-cli $(VENV)/.extension
 cpp-build: build
 	@echo '==> C++ tests and executable: build'
 	@cmake -S . -B $(build) -DOCISAC_BUILD_TESTS=ON -DOCISAC_BUILD_APPS=ON >$(build)/configure.log || { cat $(build)/configure.log; exit 1; }
-	@cmake --build $(build)
+	@scripts/with-progress $(build)/build.log cmake --build $(build)
 
 cpp-test: cpp-build
 	@echo '==> C++ tests'
@@ -156,5 +156,5 @@ $(VENV)/.requirements-studies: bench/studies/requirements.txt | $(VENV)/.require
 $(VENV)/.extension: $(native) pyproject.toml | $(VENV)/.requirements-cli
 	@echo '==> C++ core and Python package: build and install (editable)'
 	@SKBUILD_BUILD_DIR=$(build) SKBUILD_CMAKE_DEFINE=OCISAC_WARNINGS_AS_ERRORS=$(WERROR) \
-	  $(bin)/python -m pip install -qq --no-deps --no-build-isolation -e .
+	  scripts/with-progress $(build)/extension.log $(bin)/python -m pip install -v --no-deps --no-build-isolation -e .
 	@touch $@

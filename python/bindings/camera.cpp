@@ -1,18 +1,8 @@
 #include "ocisac/camera/camera.hpp"
 
-#include <pybind11/complex.h>
-#include <pybind11/numpy.h>
-#include <pybind11/stl.h>
-
-#include <string>
-
-#include "ocisac/core/require.hpp"
-#include "ocisac/light/exposure_response.hpp"
-#include "register.hpp"
+#include "bindings.hpp"
 
 namespace ocisac::bindings {
-
-namespace py = pybind11;
 
 namespace {
 
@@ -35,10 +25,10 @@ Camera make_camera(double row_time, std::optional<double> exposure, std::optiona
 }  // namespace
 
 void register_camera(py::module_& module) {
+  using py::arg;
   py::class_<Camera>(module, "Camera")
-      .def(py::init(&make_camera), py::arg("row_time"), py::arg("exposure"), py::arg("frame_time"),
-           py::arg("tone_curve"), py::arg("gamma"), py::arg("dark_level"), py::arg("white_level"));
-  module.def("exposure_response", py::vectorize(&exposure_response), py::arg("frequency"), py::arg("exposure"));
+      .def(py::init(&make_camera), arg("row_time"), arg("exposure"), arg("frame_time"), arg("tone_curve"), arg("gamma"),
+           arg("dark_level"), arg("white_level"));
 }
 
 }  // namespace ocisac::bindings

@@ -1,17 +1,7 @@
-#include <pybind11/numpy.h>
-#include <pybind11/stl.h>
-
-#include <optional>
-#include <string>
-#include <vector>
-
-#include "ocisac/core/require.hpp"
+#include "bindings.hpp"
 #include "ocisac/scene/render.hpp"
-#include "register.hpp"
 
 namespace ocisac::bindings {
-
-namespace py = pybind11;
 
 namespace {
 
@@ -100,12 +90,13 @@ void run_render(const std::vector<const HeldPart*>& held, const std::vector<Floa
 }  // namespace
 
 void register_scene(py::module_& module) {
+  using py::arg;
   py::class_<HeldPart>(module, "ScenePart")
-      .def(py::init(&scene_part), py::kw_only(), py::arg("rows"), py::arg("columns"), py::arg("top"), py::arg("left"),
-           py::arg("height"), py::arg("width"), py::arg("phases"), py::arg("gain"), py::arg("gains").noconvert(),
-           py::arg("phase").noconvert(), py::arg("spans").noconvert());
-  module.def("render_parts", &run_render, py::arg("parts"), py::arg("tables"), py::arg("level"), py::arg("image"),
-             py::arg("white"), py::arg("threads"), py::arg("out"));
+      .def(py::init(&scene_part), py::kw_only(), arg("rows"), arg("columns"), arg("top"), arg("left"), arg("height"),
+           arg("width"), arg("phases"), arg("gain"), arg("gains").noconvert(), arg("phase").noconvert(),
+           arg("spans").noconvert());
+  module.def("render_parts", &run_render, arg("parts"), arg("tables"), arg("level"), arg("image"), arg("white"),
+             arg("threads"), arg("out"));
 }
 
 }  // namespace ocisac::bindings

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "ocisac/columns/moving_mean.hpp"
+#include "columns/moving_mean.hpp"
 
 namespace ocisac {
 

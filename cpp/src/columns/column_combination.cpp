@@ -8,8 +8,8 @@
 #include <numeric>
 #include <type_traits>
 
+#include "columns/moving_mean.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/columns/moving_mean.hpp"
 
 namespace ocisac {
 

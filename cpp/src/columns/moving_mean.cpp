@@ -1,4 +1,4 @@
-#include "ocisac/columns/moving_mean.hpp"
+#include "columns/moving_mean.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "ocisac/light/time_line.hpp"
+#include "light/time_line.hpp"
 
 #include "ocisac/core/require.hpp"
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "ocisac/light/time_line.hpp"
+#include "light/time_line.hpp"
 #include "ocisac/light/waveform.hpp"
 
 namespace ocisac {

@@ -7,9 +7,9 @@
 #include <utility>
 #include <variant>
 
+#include "columns/moving_mean.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
-#include "ocisac/columns/moving_mean.hpp"
 
 namespace ocisac {
 

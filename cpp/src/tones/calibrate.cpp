@@ -1,4 +1,4 @@
-#include "ocisac/tones/calibrate.hpp"
+#include "tones/calibrate.hpp"
 
 #include <utility>
 

@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "light/time_line.hpp"
 #include "ocisac/light/integrate_exposure.hpp"
-#include "ocisac/light/time_line.hpp"
 #include "ocisac/light/waveform.hpp"
 
 namespace {

@@ -341,7 +341,7 @@ def equalize(
 ) -> FloatArray:
     """Line off, ends continued by linear prediction, DFT times G, line back half an exposure earlier.
 
-    np.fft, np.linalg and np.polynomial do the work. docs/equalisation.md explains it.
+    np.fft, np.linalg and np.polynomial do the work. docs/tones.md explains it.
     """
     light = linear_light(np.asarray(columns), camera)
     assert camera.exposure is not None

@@ -1,10 +1,11 @@
 """Scenes: what a rolling-shutter camera sees of lights and moving surfaces, computed no further than needed."""
 
-from ocisac_fast.scene.description import Ambient, Scene, Sensor, Voxels
+from ocisac_fast.scene.description import Ambient, Sensor, Voxels
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
 from ocisac_fast.scene.plan import Part, Plan
 from ocisac_fast.scene.rendering import render
+from ocisac_fast.scene.scene import Scene
 from ocisac_fast.scene.toml import SceneFileError, load_scene, save_scene
 
 __all__ = [

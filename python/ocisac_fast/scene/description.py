@@ -1,10 +1,10 @@
-"""`Scene`: the description of what a camera sees."""
+"""What a camera sees: lens, lights, surfaces, masks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,6 @@ from ocisac_fast.scene.checks import hold, instance, number, whole
 from ocisac_fast.scene.course import check_light
 from ocisac_fast.scene.geometry import Array, Pinhole
 from ocisac_fast.scene.objects import Mask, Source, Surface
-
-if TYPE_CHECKING:
-    from ocisac_fast.scene.plan import Plan
 
 _Item = TypeVar("_Item", Source, Surface, Mask)
 
@@ -91,7 +88,7 @@ class Voxels:
 
 
 @dataclass(frozen=True)
-class Scene:
+class SceneDescription:
     """A camera and what it sees; a pixel takes the nearest source or surface on the ray through its centre.
 
     Args:
@@ -170,21 +167,6 @@ class Scene:
         with np.errstate(invalid="ignore"):
             points = origin + np.where(index < 0, np.nan, distance)[..., np.newaxis] * rays
         return Voxels(index, points, distance)
-
-    def plan(
-        self, tolerance: float = 0.5, unit: Literal["DN", "noise"] = "DN", frames: int = 1, start: float = 0.0
-    ) -> Plan:
-        """What has to be computed, so that every pixel is within ``tolerance`` of the full model.
-
-        Args:
-            tolerance: largest error of linear light v, before saturation, tone curve and rounding; above 0.
-            unit: of the tolerance: ``"DN"``, or shares of the noise in the dark, ``"noise"``.
-            frames: how many the plan is for.
-            start: end of the exposure of row 0 of frame 0, s.
-        """
-        from ocisac_fast.scene.plan import make_plan
-
-        return make_plan(self, tolerance, unit, frames, start)
 
 
 def crossing(item: Source | Surface | Mask, origin: Array, rays: Array) -> tuple[Array, Array, Array]:

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.scene.description import Scene, crossing
+from ocisac_fast.scene.description import SceneDescription, crossing
 from ocisac_fast.scene.geometry import Array, Pinhole, Pose
 from ocisac_fast.scene.objects import Mask, Source, Surface
 
@@ -47,7 +47,7 @@ class Patch:
         return x, y
 
 
-def lens_at(scene: Scene, time: float) -> Pinhole:
+def lens_at(scene: SceneDescription, time: float) -> Pinhole:
     """The lens where the camera is at a time."""
     lens = scene.lens
     if not any(lens.velocity):
@@ -73,7 +73,7 @@ def _rays(lens: Pinhole, window: tuple[slice, slice]) -> Array:
     return lens.rays_of(np.stack([x, y], axis=-1))
 
 
-def patches(scene: Scene, lens: Pinhole) -> Iterator[Patch]:
+def patches(scene: SceneDescription, lens: Pinhole) -> Iterator[Patch]:
     """All patches that ``lens`` sees."""
     shape = (lens.rows, lens.columns)
     origin = np.array(lens.pose.position)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.course import Course, course
-from ocisac_fast.scene.description import Scene
+from ocisac_fast.scene.description import SceneDescription
 from ocisac_fast.scene.geometry import Array
 from ocisac_fast.scene.objects import Cosine
 from ocisac_fast.scene.patches import Patch, lens_at, patches
@@ -72,7 +72,7 @@ class Plan:
         frames, start: that it is for.
     """
 
-    scene: Scene
+    scene: SceneDescription
     tolerance: float
     bound: float
     parts: tuple[Part, ...]
@@ -105,7 +105,7 @@ class _Option:
 class _Drawing:
     """A plan in the making."""
 
-    scene: Scene
+    scene: SceneDescription
     start: float
     middle: float  # s, of the time that the plan is for
     half: float  # s, from its middle to its ends
@@ -114,7 +114,9 @@ class _Drawing:
     by_pixel: list[PixelProfile] = field(default_factory=list)
 
 
-def make_plan(scene: Scene, tolerance: float, unit: Literal["DN", "noise"], frames: int, start: float) -> Plan:
+def make_plan(
+    scene: SceneDescription, tolerance: float, unit: Literal["DN", "noise"], frames: int, start: float
+) -> Plan:
     """`Scene.plan`."""
     if not (isinstance(tolerance, (int, float)) and math.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance: got {tolerance!r}, allowed: above 0")
@@ -128,7 +130,7 @@ def make_plan(scene: Scene, tolerance: float, unit: Literal["DN", "noise"], fram
     return plan_at(scene, span, frames, start, 0)
 
 
-def plan_at(scene: Scene, tolerance: float, frames: int, start: float, frame: int) -> Plan:
+def plan_at(scene: SceneDescription, tolerance: float, frames: int, start: float, frame: int) -> Plan:
     """A plan with the lens where it is at a frame."""
     frame_time = scene.camera.frame_time or 0.0
     moving_lens = any(scene.lens.velocity)
@@ -148,7 +150,7 @@ def plan_at(scene: Scene, tolerance: float, frames: int, start: float, frame: in
     return Plan(scene, tolerance, bound, tuple(parts), changing, frames, start, *work)
 
 
-def _noise(scene: Scene) -> float:
+def _noise(scene: SceneDescription) -> float:
     """DN of the noise in the dark."""
     sensor = scene.sensor
     if not sensor.read_noise or sensor.full_well is None:

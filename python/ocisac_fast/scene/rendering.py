@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.checks import checked
-from ocisac_fast.scene.description import Scene
+from ocisac_fast.scene.description import SceneDescription
 from ocisac_fast.scene.plan import Plan, plan_at
 
 Frame = npt.NDArray[Any]
@@ -83,7 +83,7 @@ def _fill(plan: Plan, number: int, dark: float, white: float, threads: int, out:
     _core.render_parts(parts, tables, dark, image, white, threads, out)
 
 
-def respond(scene: Scene, light: npt.NDArray[np.float32], random: np.random.Generator | None) -> Frame:
+def respond(scene: SceneDescription, light: npt.NDArray[np.float32], random: np.random.Generator | None) -> Frame:
     """What the sensor makes of linear light (DN above dark)."""
     sensor, dark = scene.sensor, scene.camera.dark_level
     span = scene.white_level - dark
@@ -104,7 +104,7 @@ def respond(scene: Scene, light: npt.NDArray[np.float32], random: np.random.Gene
     return stored
 
 
-def _encoded(scene: Scene, light: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _encoded(scene: SceneDescription, light: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Stored share of full scale for a share of full light: the tone curve's inverse, odd below dark."""
     curve = scene.camera.tone_curve
     if curve == "linear":

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.light.waveforms import Waveform
-from ocisac_fast.scene.description import Scene
+from ocisac_fast.scene.description import SceneDescription
 from ocisac_fast.scene.geometry import Array, Disc, Rectangle, Shape
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, Picture, Plain, Source, Surface
 from ocisac_fast.scene.patches import Patch
@@ -93,7 +93,7 @@ def bounce(source: Source, surface: Surface, points: Array, origin: Array) -> Ar
     return np.where(distance > 0, light, 0.0)
 
 
-def _way(scene: Scene, patch: Patch) -> tuple[Array, Moving | None]:
+def _way(scene: SceneDescription, patch: Patch) -> tuple[Array, Moving | None]:
     """Product of the patterns that stand still, and the one that moves."""
     steady = patch.inside.astype(np.float64)
     moving: list[Moving] = []
@@ -112,7 +112,7 @@ def _way(scene: Scene, patch: Patch) -> tuple[Array, Moving | None]:
     return steady, moving[0] if moving else None
 
 
-def terms(scene: Scene, patch: Patch) -> Iterator[Term]:
+def terms(scene: SceneDescription, patch: Patch) -> Iterator[Term]:
     """The terms of a patch, brightness v = A * T_e * p included."""
     steady, moving = _way(scene, patch)
     seen = scene.scale * steady * patch.item.path_loss.at(patch.distance)

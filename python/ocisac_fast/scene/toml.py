@@ -17,9 +17,10 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone
-from ocisac_fast.scene.description import Ambient, Scene, Sensor
+from ocisac_fast.scene.description import Ambient, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
+from ocisac_fast.scene.scene import Scene
 
 Kinds = Mapping[str, Callable[..., Any]]
 Keys = tuple[str | int, ...]

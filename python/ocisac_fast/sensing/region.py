@@ -154,7 +154,7 @@ def sense_region(
     the rows and the motion-induced frequency f_x v has s = f_x pitch, d = f_x v T_f and c = f_x v T_r + f_y pitch. d is
     known but for whole cycles. So a moving texture is told from a light by s, or by d where its stripes lie along the
     rows, and motion along the rows needs the pitch and either the texture or the speed, or frames and bounds that leave
-    one answer; with less it is flagged AMBIGUOUS_MOTION. See docs/sense.md.
+    one answer; with less it is flagged AMBIGUOUS_MOTION. See docs/sensing.md.
 
     Args:
         frames: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, successive frames.

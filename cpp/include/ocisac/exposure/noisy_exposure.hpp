@@ -24,7 +24,7 @@ constexpr std::size_t max_weighted_tones = 32;
 // one that grows with the light collected; the two are equal at T_n (`noise_exposure`, s, > 0; infinity: eq. 18).
 double noisy_exposure_objective(std::span<const WeightedTone> tones, double noise_exposure, double exposure);
 
-// The global maximum of J over the window, to a relative 1e-12 of J, by branch and bound (docs/control.md); allocates
+// The global maximum of J over the window, to a relative 1e-12 of J, by branch and bound (docs/exposure.md); allocates
 // nothing. 1 to 32 tones, not all of weight 0; windows of more than a million lobes are refused, and a step without a
 // multiple in the window.
 BestExposure best_noisy_exposure(std::span<const WeightedTone> tones, double noise_exposure,

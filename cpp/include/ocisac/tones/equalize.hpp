@@ -30,7 +30,7 @@ struct EqualizerReport {
 };
 
 // Row n of `out` (same shape as `frames`, which it may not overlap) estimates the light at the end of row n's exposure,
-// in linear light above dark. docs/equalisation.md tells how. Exposures of the whole frame and longer leave the mean.
+// in linear light above dark. docs/tones.md tells how. Exposures of the whole frame and longer leave the mean.
 EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
                          const FramesView<double>& out);
 

@@ -1,18 +1,16 @@
-#include <pybind11/stl.h>
-
+#include "bindings.hpp"
+#include "ocisac/core/flags.hpp"
 #include "ocisac/core/version.hpp"
-#include "ocisac/tones/projection.hpp"
-#include "register.hpp"
 
 namespace ocisac::bindings {
 
-void register_build_info(pybind11::module_& module) {
+void register_core(py::module_& module) {
+  using py::arg;
   module.def("version", &version);
   module.def("commit", &commit);
   module.def("compiler", &compiler);
   module.def("opencv_version", &opencv_version);
-  module.def("simd_target", &simd_target);
-  module.def("simd_targets", &simd_targets);
+  module.def("flag_names", &flag_names, arg("flags"));
 }
 
 }  // namespace ocisac::bindings

@@ -1,12 +1,5 @@
-#include <pybind11/numpy.h>
-#include <pybind11/stl.h>
-
-#include <tuple>
-#include <vector>
-
-#include "arrays.hpp"
+#include "bindings.hpp"
 #include "ocisac/lights/detect_sources.hpp"
-#include "register.hpp"
 
 namespace ocisac::bindings {
 
@@ -28,12 +21,7 @@ py::list as_list(const std::vector<LightSource>& sources) {
 py::list detect(const py::array& frames, const Camera& camera, double false_alarms, double min_cycles,
                 std::size_t max_sources) {
   const AnyFramesView view = any_view(frames);
-  std::vector<LightSource> sources;
-  {
-    const py::gil_scoped_release unlocked;
-    sources = detect_sources(view, camera, {false_alarms, min_cycles, max_sources});
-  }
-  return as_list(sources);
+  return as_list(unlocked([&] { return detect_sources(view, camera, {false_alarms, min_cycles, max_sources}); }));
 }
 
 // As of ExpectedLight.
@@ -50,21 +38,17 @@ py::list follow(const py::array& frame, const Camera& camera, const std::vector<
   std::vector<ExpectedLight> lights;
   for (const auto& [box, frequency, where, seen, data] : expected)
     lights.push_back({region(box), frequency, region(where), seen, data});
-  std::vector<LightSource> sources;
-  {
-    const py::gil_scoped_release unlocked;
-    sources = follow_sources(view, camera, lights, {false_alarms, min_cycles});
-  }
-  return as_list(sources);
+  return as_list(unlocked([&] { return follow_sources(view, camera, lights, {false_alarms, min_cycles}); }));
 }
 
 }  // namespace
 
-void register_sources(py::module_& module) {
-  module.def("detect_sources", &detect, py::arg("frames"), py::arg("camera"), py::arg("false_alarms"),
-             py::arg("min_cycles"), py::arg("max_sources"));
-  module.def("follow_sources", &follow, py::arg("frame"), py::arg("camera"), py::arg("expected"),
-             py::arg("false_alarms"), py::arg("min_cycles"));
+void register_lights(py::module_& module) {
+  using py::arg;
+  module.def("detect_sources", &detect, arg("frames"), arg("camera"), arg("false_alarms"), arg("min_cycles"),
+             arg("max_sources"));
+  module.def("follow_sources", &follow, arg("frame"), arg("camera"), arg("expected"), arg("false_alarms"),
+             arg("min_cycles"));
 }
 
 }  // namespace ocisac::bindings

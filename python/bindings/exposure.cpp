@@ -1,22 +1,48 @@
+#include "bindings.hpp"
+#include "ocisac/exposure/best_exposure.hpp"
 #include "ocisac/exposure/exposure_controller.hpp"
-
-#include <pybind11/numpy.h>
-
-#include <array>
-#include <cstddef>
-#include <string>
-
-#include "ocisac/core/require.hpp"
-#include "register.hpp"
-#include "shared.hpp"
 
 namespace ocisac::bindings {
 
-namespace py = pybind11;
-
 namespace {
 
-using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+ExposureMethod exposure_method(const std::string& name) {
+  if (name == "exact") return ExposureMethod::exact;
+  if (name == "closed-form") return ExposureMethod::closed_form;
+  if (name == "rounded") return ExposureMethod::rounded;
+  if (name == "search") return ExposureMethod::search;
+  refuse("method", name, "exact, closed-form, rounded or search");
+}
+
+// frequencies: (problems, tones)
+std::pair<py::array_t<double>, py::array_t<double>> run_best_exposure(
+    const Doubles& frequencies, const Doubles& weights, const std::string& method,
+    const std::optional<std::pair<double, double>>& bounds, std::optional<double> step, std::size_t points) {
+  const auto chosen = exposure_method(method);
+  const auto problems = frequencies.shape(0);
+  py::array_t<double> exposures(problems), objectives(problems);
+  const auto exposure_values = mutable_span_of(exposures), objective_values = mutable_span_of(objectives);
+  ExposureDomain domain{std::nullopt, step};
+  if (bounds) domain.bounds = {bounds->first, bounds->second};
+  unlocked([&] {
+    best_exposures(span_of(frequencies), span_of(weights), chosen, domain, points, exposure_values, objective_values);
+  });
+  return {exposures, objectives};
+}
+
+// exposures: (problems,), frequencies: (problems, tones)
+py::array_t<double> run_exposure_objective(const Doubles& exposures, const Doubles& frequencies,
+                                           const Doubles& weights) {
+  py::array_t<double> objectives(exposures.size());
+  const auto tones = static_cast<std::size_t>(frequencies.shape(1));
+  const auto values = mutable_span_of(objectives);
+  unlocked([&] {
+    for (std::size_t i = 0; i < values.size(); ++i)
+      values[i] =
+          exposure_objective(span_of(frequencies).subspan(i * tones, tones), span_of(weights), span_of(exposures)[i]);
+  });
+  return objectives;
+}
 
 struct ToneTable {
   std::array<MeasuredTone, max_weighted_tones> tones;
@@ -60,11 +86,9 @@ py::tuple run_best_noisy_exposure(const Doubles& frequencies, const Doubles& wei
                                   double high, double step) {
   const auto tones = weighted_tones(frequencies, weights);
   const auto count = static_cast<std::size_t>(frequencies.size());
-  BestExposure best{};
-  {
-    const py::gil_scoped_release released;
-    best = best_noisy_exposure({tones.data(), count}, noise_exposure, {low, high, step});
-  }
+  const auto best = unlocked([&] {
+    return best_noisy_exposure({tones.data(), count}, noise_exposure, {low, high, step});
+  });
   return py::make_tuple(best.exposure, best.objective);
 }
 
@@ -89,16 +113,18 @@ Shared<ExposureController> make_controller(double shortest, double longest, doub
 
 }  // namespace
 
-void register_exposure_controller(py::module_& module) {
-  module.def("best_noisy_exposure", &run_best_noisy_exposure, py::arg("frequencies"), py::arg("weights"),
-             py::arg("noise_exposure"), py::arg("low"), py::arg("high"), py::arg("step"));
+void register_exposure(py::module_& module) {
+  using py::arg;
+  module.def("best_exposure", &run_best_exposure, arg("frequencies"), arg("weights"), arg("method"), arg("bounds"),
+             arg("step"), arg("points"));
+  module.def("exposure_objective", &run_exposure_objective, arg("exposure"), arg("frequencies"), arg("weights"));
+  module.def("best_noisy_exposure", &run_best_noisy_exposure, arg("frequencies"), arg("weights"), arg("noise_exposure"),
+             arg("low"), arg("high"), arg("step"));
   py::class_<Shared<ExposureController>>(module, "ExposureController")
-      .def(py::init(&make_controller), py::arg("shortest"), py::arg("longest"), py::arg("step"), py::arg("lowest_gain"),
-           py::arg("highest_gain"), py::arg("comm_weight"), py::arg("sense_weight"), py::arg("hysteresis"),
-           py::arg("level_floor"), py::arg("level_aim"), py::arg("level_ceiling"), py::arg("max_saturated"),
-           py::arg("min_snr"), py::arg("noise_level"))
-      .def("update", &update, py::arg("tones"), py::arg("exposure"), py::arg("gain"), py::arg("level"), py::arg("peak"),
-           py::arg("saturated"))
+      .def(py::init(&make_controller), arg("shortest"), arg("longest"), arg("step"), arg("lowest_gain"),
+           arg("highest_gain"), arg("comm_weight"), arg("sense_weight"), arg("hysteresis"), arg("level_floor"),
+           arg("level_aim"), arg("level_ceiling"), arg("max_saturated"), arg("min_snr"), arg("noise_level"))
+      .def("update", &update, arg("tones"), arg("exposure"), arg("gain"), arg("level"), arg("peak"), arg("saturated"))
       .def("reset", [](Shared<ExposureController>& controller) {
         controller.call([](ExposureController& alone) { alone.reset(); });
       });

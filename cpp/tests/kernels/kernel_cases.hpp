@@ -1,0 +1,126 @@
+// One list of kernels: each case runs a kernel on the SIMD target in use and compares it with its plain loop.
+// test_kernels.cpp forces every target through it, bench/kernels.cpp times it. A new kernel is one more function here.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <random>
+#include <span>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace kernel_cases {
+
+struct KernelCase {
+  std::string name;                   // kernel, then what is special about the case
+  std::function<void()> run;          // the kernel alone, for timing; empty: not timed
+  std::function<double()> deviation;  // from the plain loop, over the largest magnitude; infinite where it must not be
+  double tolerance;
+};
+
+std::vector<KernelCase> projection_cases();
+std::vector<KernelCase> gain_cases();
+std::vector<KernelCase> screening_cases();
+std::vector<KernelCase> refinement_cases();
+
+inline std::vector<KernelCase> all() {
+  std::vector<KernelCase> cases;
+  for (const auto& some : {projection_cases, gain_cases, screening_cases, refinement_cases})
+    for (auto& one : some()) cases.push_back(std::move(one));
+  return cases;
+}
+
+// Around one vector, whatever the target: from 1 value to more than two of the longest vectors.
+inline constexpr std::array<std::size_t, 12> kLengths{1, 2, 3, 4, 7, 8, 9, 15, 16, 17, 33, 70};
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+
+template <class T>
+constexpr T filler() {
+  if constexpr (std::is_floating_point_v<T>) return std::numeric_limits<T>::quiet_NaN();
+  return std::numeric_limits<T>::max();
+}
+
+// Values at an offset that no vector is aligned to, NaN (or the largest integer) before and after them.
+template <class T>
+class Misaligned {
+ public:
+  explicit Misaligned(std::size_t size) : memory_(size + 2 * kMargin + 1, filler<T>()), size_(size) {}
+  [[nodiscard]] T* data() { return memory_.data() + kMargin + 1; }
+  [[nodiscard]] const T* data() const { return memory_.data() + kMargin + 1; }
+  [[nodiscard]] std::size_t size() const { return size_; }
+  void clear() { std::ranges::fill(memory_, filler<T>()); }
+  [[nodiscard]] std::span<const T> before() const { return {memory_.data(), kMargin + 1}; }
+  [[nodiscard]] std::span<const T> after() const { return {data() + size_, kMargin}; }
+
+ private:
+  static constexpr std::size_t kMargin = 16;
+  std::vector<T> memory_;
+  std::size_t size_;
+};
+
+// `rows` of `length` random values, `stride` apart; what lies between is filler.
+template <class T>
+Misaligned<T> random_rows(std::size_t rows, std::size_t length, std::size_t stride, double mean = 0, double std = 1) {
+  static std::mt19937 source(7);
+  std::normal_distribution<double> distribution(mean, std);
+  Misaligned<T> values(rows * stride);
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t i = 0; i < length; ++i) {
+      const double value = distribution(source);
+      values.data()[n * stride + i] = std::is_floating_point_v<T>
+                                          ? static_cast<T>(value)
+                                          : static_cast<T>(std::clamp(value, 0.0, static_cast<double>(filler<T>())));
+    }
+  return values;
+}
+
+// Largest |got − want| over the largest |want|. NaN equals NaN, and infinities of one sign.
+template <class T>
+double deviation(std::span<const T> got, std::span<const T> want) {
+  double largest = 1e-300, worst = 0;
+  for (const T value : want)
+    if (std::isfinite(static_cast<double>(value))) largest = std::max(largest, std::abs(static_cast<double>(value)));
+  for (std::size_t i = 0; i < want.size(); ++i) {
+    const auto a = static_cast<double>(got[i]), b = static_cast<double>(want[i]);
+    if (a == b || (std::isnan(a) && std::isnan(b))) continue;
+    worst = std::max(worst, std::isfinite(a) && std::isfinite(b) ? std::abs(a - b) / largest : kInfinite);
+  }
+  return worst;
+}
+
+// Outputs of a kernel: `sections` of `length` values each, `stride` apart (length to stride: padding that may be
+// written).
+struct Sections {
+  std::size_t sections, length, stride;
+};
+
+// `run(plain, out)`: the kernel or its plain loop, into room for all sections, which must be all that is written.
+template <class T, class Run>
+KernelCase kernel_case(std::string name, double tolerance, Sections of, Run run, bool timed) {
+  const auto out = std::make_shared<std::array<Misaligned<T>, 2>>(
+      std::array{Misaligned<T>(of.sections * of.stride), Misaligned<T>(of.sections * of.stride)});
+  const auto compare = [out, run, of] {
+    auto& [got, want] = *out;
+    got.clear();
+    want.clear();
+    run(false, got.data());
+    run(true, want.data());
+    double worst = std::max(deviation(got.before(), want.before()), deviation(got.after(), want.after()));
+    for (std::size_t k = 0; k < of.sections; ++k)
+      worst = std::max(worst, deviation(std::span<const T>(got.data() + k * of.stride, of.length),
+                                        std::span<const T>(want.data() + k * of.stride, of.length)));
+    return worst;
+  };
+  const auto kernel = [out, run] { run(false, (*out)[0].data()); };
+  return {std::move(name), timed ? std::function<void()>(kernel) : nullptr, compare, tolerance};
+}
+
+}  // namespace kernel_cases

@@ -1,0 +1,122 @@
+#include <cstdint>
+
+#include "kernel_cases.hpp"
+#include "ocisac/tones/projection.hpp"
+
+namespace kernel_cases {
+
+namespace {
+
+struct FrameCase {
+  std::size_t rows, columns, outputs;
+  int row_group, limbs;
+  std::size_t column_step = 1;
+  bool upside_down = false, symmetric = false;
+};
+
+// Every other output symmetric about the middle, the others antisymmetric.
+std::vector<double> weights_for(const FrameCase& of) {
+  const std::size_t groups = of.rows / static_cast<std::size_t>(of.row_group);
+  const auto random = random_rows<double>(of.outputs, groups, groups);
+  std::vector<double> weights(random.data(), random.data() + random.size());
+  for (std::size_t o = 0; of.symmetric && o < of.outputs; ++o)
+    for (std::size_t g = 0; g < groups / 2; ++g)
+      weights[(o + 1) * groups - 1 - g] = (o % 2 == 0 ? 1 : -1) * weights[o * groups + g];
+  return weights;
+}
+
+// A frame whose rows are `width` apart: an even number of columns gives whole vectors.
+template <class T>
+struct Frame {
+  std::size_t width;
+  Misaligned<T> memory;
+  ocisac::FramesView<const T> view;
+  ocisac::RowWeights weights;
+
+  explicit Frame(const FrameCase& of)
+      : width(of.columns % 2 == 0 ? (of.columns * of.column_step + 69) / 64 * 64 : of.columns * of.column_step + 6),
+        memory(random_rows<T>(of.rows, of.columns * of.column_step, width, 100, 40)),
+        view{memory.data(),
+             1,
+             of.rows,
+             of.columns,
+             0,
+             static_cast<std::ptrdiff_t>(width),
+             static_cast<std::ptrdiff_t>(of.column_step)},
+        weights(weights_for(of), of.outputs, of.rows, of.row_group, of.limbs) {
+    for (std::size_t r = 0; r < of.rows; ++r)  // between columns of a frame lie others
+      for (std::size_t c = 0; c < of.columns * of.column_step; ++c)
+        if (c % of.column_step != 0) memory.data()[r * width + c] = filler<T>();
+    if (of.upside_down) {
+      view.data += static_cast<std::ptrdiff_t>((of.rows - 1) * width);
+      view.row_stride = -view.row_stride;
+    }
+  }
+};
+
+// Totals against 1 + |total|, squares value by value; a part of the columns must give the same bits.
+template <class T>
+double projection_deviation(const Frame<T>& frame, const FrameCase& of) {
+  const auto got = ocisac::project(frame.view, 0, 0, of.columns, frame.weights);
+  const auto want = ocisac::project_plainly(frame.view, 0, 0, of.columns, frame.weights);
+  const std::size_t groups = of.rows / static_cast<std::size_t>(of.row_group);
+  const bool folded = !frame.weights.folded_pairs().empty();
+  if (got.maximum != want.maximum || (groups > 4 && folded != (of.symmetric && groups % 2 == 0))) return kInfinite;
+  double worst = deviation<double>(got.sums, want.sums);
+  for (std::size_t c = 0; c < of.columns; ++c) {
+    worst = std::max(worst, std::abs(got.squares[c] / want.squares[c] - 1));
+    worst = std::max(worst, std::abs(got.totals[c] - want.totals[c]) / (1 + std::abs(want.totals[c])));
+  }
+  if (of.columns < 4) return worst;
+  const auto part = ocisac::project(frame.view, 0, 3, of.columns - 3, frame.weights);
+  for (std::size_t o = 0; o < of.outputs; ++o)
+    for (std::size_t c = 3; c < of.columns; ++c)
+      if (part.sums[o * (of.columns - 3) + c - 3] != got.sums[o * of.columns + c]) return kInfinite;
+  return worst;
+}
+
+template <class T>
+KernelCase projection_case(const char* type, const FrameCase& of, bool timed = false) {
+  auto name = std::string("project<") + type + "> " + std::to_string(of.rows) + " × " + std::to_string(of.columns) +
+              ", step " + std::to_string(of.column_step) + ", " + std::to_string(of.outputs) + " outputs, groups of " +
+              std::to_string(of.row_group) + ", limbs " + std::to_string(of.limbs) +
+              (of.upside_down ? ", upside down" : "") + (of.symmetric ? ", symmetric" : "");
+  const auto compare = [of] { return projection_deviation(Frame<T>(of), of); };
+  std::function<void()> run;
+  if (timed)
+    run = [of, frame = std::make_shared<Frame<T>>(of), out = std::make_shared<ocisac::Projection>()] {
+      *out = ocisac::project(frame->view, 0, 0, of.columns, frame->weights);
+    };
+  return {std::move(name), std::move(run), compare, 1e-12};
+}
+
+}  // namespace
+
+std::vector<KernelCase> projection_cases() {
+  std::vector<KernelCase> cases;
+  for (const std::size_t columns : {1u, 2u, 7u, 15u, 16u, 17u, 31u, 33u, 64u, 70u, 131u, 156u})
+    for (const std::size_t rows : {8u, 9u, 17u, 33u, 97u})
+      for (const int row_group : {1, 2, 4, 8}) {
+        const std::size_t outputs = 1 + columns % 5, step = 1 + rows % 2;
+        const int limbs = 1 + static_cast<int>(rows % 3);
+        const bool odd = rows % 2 == 1;
+        cases.push_back(projection_case<std::uint8_t>("uint8", {rows, columns, outputs, row_group, limbs, 1, odd}));
+        cases.push_back(
+            projection_case<std::uint8_t>("uint8", {rows + 1, columns, outputs, row_group, limbs, 1, odd, true}));
+        cases.push_back(projection_case<std::uint16_t>("uint16", {rows, columns, outputs, row_group, 1, 1, odd}));
+        cases.push_back(projection_case<float>("float32", {rows, columns, outputs, row_group, 1, step}));
+        cases.push_back(projection_case<double>("float64", {rows, columns, outputs, row_group, 1, step, odd}));
+      }
+  cases.push_back(projection_case<std::uint8_t>("uint8", {5003, 40, 4, 1, 3, 2}));
+  cases.push_back(projection_case<std::uint8_t>("uint8", {5003, 40, 4, 4, 1, 1, true}));
+  cases.push_back(projection_case<std::uint8_t>("uint8", {5004, 40, 4, 1, 2, 1, false, true}));
+  cases.push_back(projection_case<std::uint8_t>("uint8", {5008, 40, 3, 8, 2, 2, true, true}));
+  const FrameCase timed{360, 640, 3, 1, 1};
+  cases.push_back(projection_case<std::uint8_t>("uint8", timed, true));
+  cases.push_back(projection_case<std::uint16_t>("uint16", timed, true));
+  cases.push_back(projection_case<float>("float32", timed, true));
+  cases.push_back(projection_case<double>("float64", timed, true));
+  return cases;
+}
+
+}  // namespace kernel_cases

@@ -1,0 +1,202 @@
+#include <cstdint>
+
+#include "kernel_cases.hpp"
+#include "lights/screening_kernels.hpp"
+
+namespace kernel_cases {
+
+namespace {
+
+using namespace ocisac::kernels;
+
+ChunkMoments moments_in(float* out, std::size_t stride) {
+  return {out, out + stride, out + 2 * stride, out + 3 * stride, out + 4 * stride};
+}
+
+// As chunk_moments(); moments are written to the first five sections of `out`, `common` to the others.
+void plain_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, float* out) {
+  const auto moments = moments_in(out, stride);
+  float* common = out + 5 * stride;
+  for (std::size_t g = 0; g < groups; ++g) {
+    double sum = 0, slope = 0, square = 0, next = 0, second = 0;
+    for (std::size_t n = 0; n < chunk_rows; ++n) {
+      const auto at = [&](std::size_t i) { return double{rows[n * stride + i]} - double{rows[i]}; };
+      const double x = at(g);
+      sum += x, slope += static_cast<double>(n) * x, square += x * x, next += x * at(g + 1), second += x * at(g + 2);
+      double all = 0;
+      for (std::size_t k = 0; k < tile; ++k) all += n == 0 ? 0 : at(g + k);
+      common[n * stride + g] = static_cast<float>(all);
+    }
+    moments.sum[g] = static_cast<float>(sum), moments.slope[g] = static_cast<float>(slope);
+    moments.square[g] = static_cast<float>(square);
+    moments.next[g] = static_cast<float>(next), moments.second[g] = static_cast<float>(second);
+  }
+}
+
+KernelCase moments_case(std::size_t groups, std::size_t tile) {
+  const std::size_t stride = groups + chunk_padding;
+  const auto rows = std::make_shared<Misaligned<float>>(random_rows<float>(chunk_rows, groups, stride, 5, 0.3));
+  const auto run = [=](bool plain, float* out) {
+    if (plain) return plain_moments(rows->data(), stride, groups, tile, out);
+    chunk_moments(rows->data(), stride, groups, tile, moments_in(out, stride), out + 5 * stride);
+  };
+  return kernel_case<float>("chunk_moments " + std::to_string(groups) + " groups, tiles of " + std::to_string(tile),
+                            1e-5, {5 + chunk_rows, groups, stride}, run, groups > 200);
+}
+
+// Rows of two chunks, and their moments.
+struct Window {
+  std::size_t stride;
+  Misaligned<float> rows, moments[2], scratch;
+
+  Window(std::size_t groups, std::size_t held)
+      : stride(groups + chunk_padding),
+        rows(random_rows<float>(2 * chunk_rows, held, stride, 5, 0.3)),
+        moments{Misaligned<float>((5 + chunk_rows) * stride), Misaligned<float>((5 + chunk_rows) * stride)},
+        scratch(6 * stride) {
+    for (std::size_t half = 0; half < 2; ++half)
+      plain_moments(rows.data() + half * chunk_rows * stride, stride, groups, 1, moments[half].data());
+  }
+  [[nodiscard]] Chunk chunk(std::size_t half) {
+    return {rows.data() + half * chunk_rows * stride, moments_in(moments[half].data(), stride),
+            moments[half].data() + 5 * stride};
+  }
+  [[nodiscard]] WindowScratch room() {
+    float* at = scratch.data();
+    return {at, at + stride, at + 2 * stride, at + 3 * stride, at + 4 * stride, at + 5 * stride};
+  }
+};
+
+// From the rows themselves, in float64. `out`: energies, and behind them 1 where there is a candidate.
+void plain_energies(const Window& window, std::size_t tiles, const TileBound& bound, float* out) {
+  constexpr std::size_t rows = 2 * chunk_rows;
+  const auto product = [&](std::size_t g, std::size_t h) {  // beyond mean and slope of each
+    double both = 0, sums[2] = {0, 0}, slopes[2] = {0, 0};
+    for (std::size_t n = 0; n < rows; ++n) {
+      const double x[2] = {window.rows.data()[n * window.stride + g], window.rows.data()[n * window.stride + h]};
+      both += x[0] * x[1];
+      for (int k = 0; k < 2; ++k) sums[k] += x[k], slopes[k] += x[k] * (static_cast<double>(n) - 15.5);
+    }
+    return both - sums[0] * sums[1] / rows - slopes[0] * slopes[1] / double{bound.slope_energy};
+  };
+  bool any = false;
+  for (std::size_t g = 0; g < tiles; ++g) {
+    double all = 0, common = 0;
+    for (std::size_t i = 0; i < bound.groups; ++i) {
+      all += product(g + i, g + i);
+      for (std::size_t k = 0; k < i; ++k) common += product(g + i, g + k);
+    }
+    const bool candidate = all > double{bound.min_energy} &&
+                           all + 2 * common >= double{bound.min_share} * static_cast<double>(bound.groups) * all;
+    out[g] = candidate ? static_cast<float>(all) : 0.0F;
+    any = any || candidate;
+  }
+  out[tiles + chunk_padding] = any ? 1 : 0;
+}
+
+KernelCase energies_case(std::size_t tiles, std::size_t tile) {
+  // Moments of the last groups see two more, as in a wider picture.
+  const auto window = std::make_shared<Window>(tiles + tile - 1, tiles + tile + 1);
+  const std::size_t stride = tiles + chunk_padding;
+  const auto run = [=](bool plain, float* out) {
+    const TileBound bound{tile, 2.5F * static_cast<float>(tile), tile == 1 ? 0.5F : 0.4F, 2728};
+    if (plain) return plain_energies(*window, tiles, bound, out);
+    const bool any = tile_energies(window->chunk(0), window->chunk(1), tiles, bound, window->room(), out);
+    out[stride] = any ? 1 : 0;
+    std::fill_n(out + tiles, chunk_padding, filler<float>());  // may be written
+  };
+  return kernel_case<float>("tile_energies " + std::to_string(tiles) + " tiles of " + std::to_string(tile), 2e-5,
+                            {1, stride + 1, stride + 1}, run, tiles > 200);
+}
+
+KernelCase waves_case(std::size_t waves, std::size_t stride) {
+  struct Input {
+    Misaligned<float> rows, cosine, sine;
+  };
+  const auto input = std::make_shared<Input>(Input{random_rows<float>(2 * chunk_rows, 1, stride, 3),
+                                                   random_rows<float>(chunk_rows, waves, waves),
+                                                   random_rows<float>(chunk_rows, waves, waves)});
+  const auto run = [=](bool plain, float* out) {
+    const float* earlier = input->rows.data();
+    const float* later = earlier + chunk_rows * stride;
+    const float step = 0.75F;
+    if (!plain)
+      return wave_sums(earlier, later, step, stride, input->cosine.data(), input->sine.data(), waves, out, out + waves);
+    for (std::size_t k = 0; k < waves; ++k) {
+      double even = 0, odd = 0;
+      for (std::size_t n = 0; n < chunk_rows; ++n) {
+        const double before = earlier[n * stride], after = double{later[(15 - n) * stride]} + double{step};
+        even += double{input->cosine.data()[n * waves + k]} * (after + before);
+        odd += double{input->sine.data()[n * waves + k]} * (after - before);
+      }
+      out[k] = static_cast<float>(even), out[waves + k] = static_cast<float>(odd);
+    }
+  };
+  return kernel_case<float>("wave_sums " + std::to_string(waves) + " waves, stride " + std::to_string(stride), 1e-5,
+                            {2, waves, waves}, run, waves > 200);
+}
+
+KernelCase eight_bytes_case(std::size_t groups) {
+  const auto row =
+      std::make_shared<Misaligned<std::uint8_t>>(random_rows<std::uint8_t>(1, 8 * groups, 8 * groups, 128, 90));
+  const auto run = [=](bool plain, float* out) {
+    if (!plain) return sum_eight_bytes(row->data(), groups, 0.125F, 16, out);
+    for (std::size_t g = 0; g < groups; ++g) {
+      int sum = 0;
+      for (std::size_t k = 0; k < 8; ++k) sum += row->data()[8 * g + k];
+      out[g] = static_cast<float>(sum) * 0.125F - 16;
+    }
+  };
+  return kernel_case<float>("sum_eight_bytes " + std::to_string(groups) + " groups", 1e-6, {1, groups, groups}, run,
+                            groups > 200);
+}
+
+KernelCase eight_columns_case(std::size_t rows, bool backwards, bool more) {
+  const std::size_t stride = rows + 5;
+  const auto columns = std::make_shared<Misaligned<std::uint8_t>>(random_rows<std::uint8_t>(16, rows, stride, 128, 90));
+  const auto run = [=](bool plain, float* out) {
+    const std::uint8_t* first = columns->data() + (backwards ? 15 * stride : 0);
+    const auto apart = static_cast<std::ptrdiff_t>(stride) * (backwards ? -1 : 1);
+    if (!plain) return sum_eight_columns(first, apart, rows, more, 0.125F, 16, out);
+    for (std::size_t n = 0; n < rows; ++n) {
+      int sum = 0;
+      for (std::ptrdiff_t c = 0; c < 8; ++c) sum += first[c * apart + static_cast<std::ptrdiff_t>(n)];
+      out[n] = static_cast<float>(sum) * 0.125F - 16;
+    }
+  };
+  return kernel_case<float>("sum_eight_columns " + std::to_string(rows) + " rows" + (backwards ? ", backwards" : ""),
+                            1e-6, {1, rows, rows}, run, rows > 200);
+}
+
+KernelCase logarithms_case(std::size_t groups) {
+  const auto light = std::make_shared<Misaligned<float>>(random_rows<float>(1, groups, groups, 60, 60));
+  const auto run = [=](bool plain, float* out) {
+    if (!plain) return logarithms(light->data(), groups, 0.5F, out);
+    for (std::size_t g = 0; g < groups; ++g)
+      out[g] = static_cast<float>(std::log(std::max(double{light->data()[g]}, 0.0) + 0.5));
+  };
+  return kernel_case<float>("logarithms<float> " + std::to_string(groups) + " groups", 1e-5, {1, groups, groups}, run,
+                            groups > 200);
+}
+
+}  // namespace
+
+std::vector<KernelCase> screening_cases() {
+  std::vector<KernelCase> cases;
+  const auto add = [&](std::size_t length) {
+    for (const std::size_t tile : {1u, 2u, 3u}) {
+      cases.push_back(moments_case(length, tile));
+      cases.push_back(energies_case(length, tile));
+    }
+    cases.push_back(eight_bytes_case(length));
+    for (const bool backwards : {false, true}) cases.push_back(eight_columns_case(length, backwards, !backwards));
+    cases.push_back(logarithms_case(length));
+  };
+  for (const std::size_t length : kLengths) add(length);
+  add(240);  // groups of a frame of 1920 columns
+  for (const std::size_t waves : {8u, 16u, 24u, 240u})
+    for (const std::size_t stride : {1u, 75u}) cases.push_back(waves_case(waves, stride));
+  return cases;
+}
+
+}  // namespace kernel_cases

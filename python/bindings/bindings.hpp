@@ -1,0 +1,146 @@
+// What the bindings of all rooms share: NumPy arrays as views of the core, objects that several threads may hold, and
+// one register function a room.
+#pragma once
+
+#include <pybind11/complex.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "ocisac/core/require.hpp"
+#include "ocisac/core/views.hpp"
+
+namespace ocisac::bindings {
+
+namespace py = pybind11;
+
+// In the order of the rooms.
+void register_core(py::module_& module);
+void register_camera(py::module_& module);
+void register_light(py::module_& module);
+void register_tones(py::module_& module);
+void register_exposure(py::module_& module);
+void register_chips(py::module_& module);
+void register_packets(py::module_& module);
+void register_lights(py::module_& module);
+void register_receiver(py::module_& module);
+void register_cleaning(py::module_& module);
+void register_scene(py::module_& module);
+
+// Converted to dense float64 where the caller's array is anything else.
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+template <class T, int flags>
+std::span<const T> span_of(const py::array_t<T, flags>& array) {
+  return {array.data(), static_cast<std::size_t>(array.size())};
+}
+
+template <class T>
+std::span<T> mutable_span_of(py::array_t<T>& array) {
+  return {array.mutable_data(), static_cast<std::size_t>(array.size())};
+}
+
+// A new array of `shape` with a copy of `values` (any range).
+template <class Values>
+auto array_of(const Values& values, const std::vector<py::ssize_t>& shape) {
+  py::array_t<typename Values::value_type> array(shape);
+  std::ranges::copy(values, array.mutable_data());
+  return array;
+}
+
+template <class Values>
+auto array_of(const Values& values) {
+  return array_of(values, {static_cast<py::ssize_t>(values.size())});
+}
+
+// (rows,), (rows, columns) or (frames, rows, columns) as a typed view; the array must outlive the view.
+// Memory that no typed pointer may read (unaligned, foreign byte order) is refused: the Python layer copies it first.
+template <class T>
+FramesView<T> typed_view(const py::array& array, T* data) {
+  const auto stride = [&](py::ssize_t axis) {
+    const auto bytes = array.strides(axis);
+    const auto size = static_cast<py::ssize_t>(sizeof(T));
+    require(bytes % size == 0, "columns", "an unaligned array", "strides that are whole elements");
+    return static_cast<std::ptrdiff_t>(bytes / size);
+  };
+  const auto length = [&](py::ssize_t axis) { return static_cast<std::size_t>(array.shape(axis)); };
+  switch (array.ndim()) {
+    case 1: return {data, 1, length(0), 1, 0, stride(0), 0};
+    case 2: return {data, 1, length(0), length(1), 0, stride(0), stride(1)};
+    case 3: return {data, length(0), length(1), length(2), stride(0), stride(1), stride(2)};
+    default:
+      refuse("columns", std::to_string(array.ndim()) + " dimensions",
+             "(rows,), (rows, columns) or (frames, rows, columns)");
+  }
+}
+
+inline AnyFramesView any_view(const py::array& array) {
+  const auto dtype = array.dtype();
+  const auto is = [&](auto sample) { return dtype.equal(py::dtype::of<decltype(sample)>()); };
+  const auto view = [&](auto sample) -> AnyFramesView {
+    using T = decltype(sample);
+    return typed_view<const T>(array, static_cast<const T*>(array.data()));
+  };
+  if (is(std::uint8_t{})) return view(std::uint8_t{});
+  if (is(std::uint16_t{})) return view(std::uint16_t{});
+  if (is(float{})) return view(float{});
+  if (is(double{})) return view(double{});
+  refuse("columns", "dtype " + py::str(dtype).cast<std::string>(), "uint8, uint16, float32 or float64");
+}
+
+inline std::vector<AnyFramesView> views_of(const std::vector<py::array>& arrays) {
+  std::vector<AnyFramesView> views;
+  views.reserve(arrays.size());
+  for (const auto& array : arrays) views.push_back(any_view(array));
+  return views;
+}
+
+inline FramesView<double> mutable_view(py::array& array) {
+  require(array.writeable(), "out", "a read-only array", "a writable array");
+  require(array.dtype().equal(py::dtype::of<double>()), "out", "dtype " + py::str(array.dtype()).cast<std::string>(),
+          "float64");
+  return typed_view<double>(array, static_cast<double*>(array.mutable_data()));
+}
+
+// body() without the interpreter's lock; body must not touch Python objects.
+template <class Body>
+auto unlocked(Body body) {
+  const py::gil_scoped_release released;
+  return body();
+}
+
+// An object of the core with state that several Python threads may hold: one call at a time.
+template <class T>
+class Shared {
+ public:
+  explicit Shared(T object) : held_(std::make_unique<Held>(std::move(object))) {}
+
+  // body(T&), without the interpreter's lock; calls of other threads wait.
+  template <class Body>
+  auto call(Body body) {
+    const py::gil_scoped_release released;
+    const std::scoped_lock alone(held_->busy);
+    return body(held_->object);
+  }
+
+ private:
+  struct Held {
+    explicit Held(T&& given) : object(std::move(given)) {}
+    T object;
+    std::mutex busy;
+  };
+  std::unique_ptr<Held> held_;  // pybind11 moves what a factory returns
+};
+
+}  // namespace ocisac::bindings

@@ -1,0 +1,214 @@
+#include "bindings.hpp"
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/tones/equalize.hpp"
+#include "ocisac/tones/find_frequency.hpp"
+#include "ocisac/tones/projection.hpp"
+#include "ocisac/tones/read_bytes.hpp"
+#include "ocisac/tones/tone_gain.hpp"
+#include "ocisac/tones/varying_tone.hpp"
+
+namespace ocisac::bindings {
+
+namespace {
+
+GainMethod gain_method(const std::string& name) {
+  if (name == "fit") return GainMethod::fit;
+  if (name == "dft") return GainMethod::dft;
+  refuse("method", name, "fit or dft");
+}
+
+WaveformShape waveform_shape(const std::string& name) {
+  if (name == "tone") return WaveformShape::tone;
+  if (name == "square") return WaveformShape::square;
+  refuse("waveform", name, "tone or square");
+}
+
+// The axis of the tones where there is one, then those of the columns without rows (and without columns, if pooled).
+std::vector<py::ssize_t> result_shape(const Doubles& frequencies, const py::array& columns, bool pooled) {
+  std::vector<py::ssize_t> shape(frequencies.shape(), frequencies.shape() + frequencies.ndim());
+  if (columns.ndim() == 3) shape.push_back(columns.shape(0));
+  if (columns.ndim() > 1 && !pooled) shape.push_back(columns.shape(columns.ndim() - 1));
+  return shape;
+}
+
+// gain, gain_std, phase, mean, snr, flags. frequencies: () or (tones,).
+py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const Doubles& frequencies,
+                           const std::string& method, const std::string& waveform, double duty,
+                           const Doubles& background, double efficiency, int threads, bool pooled) {
+  const AnyFramesView view = any_view(columns);
+  const auto tones = span_of(frequencies);
+  const ToneGainOptions options{
+      gain_method(method), waveform_shape(waveform), duty, span_of(background), efficiency, threads};
+  const auto shape = result_shape(frequencies, columns, pooled);
+  py::array_t<double> gain(shape), gain_std(shape), phase(shape), mean(shape), snr(shape);
+  py::array_t<Flags> flags(shape);
+  const ToneGainView result{mutable_span_of(gain), mutable_span_of(gain_std), mutable_span_of(phase),
+                            mutable_span_of(mean), mutable_span_of(snr),      mutable_span_of(flags)};
+  unlocked([&] {
+    if (pooled)
+      pooled_tone_gain(view, camera, tones, options, result);
+    else
+      tone_gain(view, camera, tones, options, result);
+  });
+  return py::make_tuple(gain, gain_std, phase, mean, snr, flags);
+}
+
+// (frames, columns) arrays: gain, gain_std, mean, bias, bias_std, flags.
+py::tuple varying_tone_gain_arrays(const py::array& columns, const Camera& camera, double frequency, int degree,
+                                   const std::string& waveform, double duty, const Doubles& background, int threads) {
+  const AnyFramesView view = any_view(columns);
+  const VaryingToneOptions options{degree, waveform_shape(waveform), duty, span_of(background), threads};
+  const auto result = unlocked([&] { return varying_tone_gain(view, camera, frequency, options); });
+  const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(result.frames),
+                                       static_cast<py::ssize_t>(result.columns)};
+  return py::make_tuple(array_of(result.gain, shape), array_of(result.gain_std, shape), array_of(result.mean, shape),
+                        array_of(result.bias, shape), array_of(result.bias_std, shape), array_of(result.flags, shape));
+}
+
+RowWeights row_weights(const Doubles& weights, std::size_t rows, int row_group, int limbs) {
+  require(weights.ndim() == 2, "weights", std::to_string(weights.ndim()) + " dimensions", "(outputs, groups)");
+  const auto outputs = static_cast<std::size_t>(weights.shape(0));
+  return {span_of(weights), outputs, rows, row_group, limbs};
+}
+
+// sums (outputs, columns), totals, squares and maximum (columns,) of one frame.
+py::tuple project_frame(const py::array& columns, const RowWeights& weights) {
+  require(columns.ndim() == 2, "columns", std::to_string(columns.ndim()) + " dimensions", "(rows, columns)");
+  require(static_cast<std::size_t>(columns.shape(0)) == weights.rows(), "columns",
+          std::to_string(columns.shape(0)) + " rows", "as many as the weights are for");
+  const AnyFramesView view = any_view(columns);
+  const auto count = static_cast<std::size_t>(columns.shape(1));
+  const Projection result = unlocked([&] { return project(view, 0, 0, count, weights); });
+  const py::ssize_t width = columns.shape(1);
+  return py::make_tuple(array_of(result.sums, {static_cast<py::ssize_t>(weights.outputs()), width}),
+                        array_of(result.totals, {width}), array_of(result.squares, {width}),
+                        array_of(result.maximum, {width}));
+}
+
+py::tuple project_once(const py::array& columns, const Doubles& weights, int row_group, int limbs) {
+  require(columns.ndim() == 2, "columns", std::to_string(columns.ndim()) + " dimensions", "(rows, columns)");
+  return project_frame(columns, row_weights(weights, static_cast<std::size_t>(columns.shape(0)), row_group, limbs));
+}
+
+std::uint64_t read_array(const py::array_t<std::uint8_t>& array, int threads) {
+  require((array.flags() & py::array::c_style) != 0, "array", "strides", "dense bytes");
+  const auto bytes = span_of(array);
+  return unlocked([&] { return read_bytes(bytes, threads); });
+}
+
+using Bounds = std::optional<std::tuple<double, double>>;
+
+Harmonics harmonics_of(const std::string& waveform) {
+  if (waveform == "auto") return Harmonics::automatic;
+  if (waveform == "tone") return Harmonics::fundamental;
+  if (waveform == "square") return Harmonics::all;
+  refuse("waveform", waveform, "auto, tone or square");
+}
+
+// The white level where the camera has one, else what the samples can hold.
+double saturation_of(const Camera& camera, const AnyFramesView& frames) {
+  return camera.tone_curve.white_level == 0 ? saturation_level(frames) : camera.tone_curve.white_level;
+}
+
+// Bounds in Hz become cycles per row.
+FrequencySearch search_of(const Camera& camera, const Bounds& bounds, const std::string& waveform,
+                          bool select_columns) {
+  FrequencySearch search;
+  if (bounds) {
+    search.lower = std::get<0>(*bounds) * camera.row_time;
+    search.upper = std::get<1>(*bounds) * camera.row_time;
+  }
+  search.harmonics = harmonics_of(waveform);
+  search.select_columns = select_columns;
+  return search;
+}
+
+py::tuple columns_as_arrays(const ToneColumns& columns) {
+  py::array_t<bool> used(static_cast<py::ssize_t>(columns.used.size()));
+  for (std::size_t i = 0; i < columns.used.size(); ++i)
+    used.mutable_at(static_cast<py::ssize_t>(i)) = columns.used[i] != 0;
+  return py::make_tuple(used, array_of(columns.strength), columns.saturated);
+}
+
+// Cycles per row, its standard error, signal-to-noise ratio, highest harmonic, flags, columns (used, strength,
+// saturated).
+py::tuple find(const py::array& columns, const Camera& camera, const Bounds& bounds, const std::string& waveform,
+               bool select_columns) {
+  const AnyFramesView view = any_view(columns);
+  FrequencySearch search = search_of(camera, bounds, waveform, select_columns);
+  search.saturation = saturation_of(camera, view);
+  const FoundFrequency found = unlocked([&] { return find_frequency(view, search); });
+  return py::make_tuple(found.frequency, found.frequency_std, found.snr, found.harmonics, found.flags,
+                        columns_as_arrays(found.columns));
+}
+
+py::tuple columns_of_tone(const py::array& columns, const Camera& camera, double frequency) {
+  const AnyFramesView view = any_view(columns);
+  return columns_as_arrays(
+      unlocked([&] { return tone_columns(view, frequency * camera.row_time, saturation_of(camera, view)); }));
+}
+
+std::size_t colour_of(const std::vector<py::array>& colours, const Camera& camera, const Bounds& bounds,
+                      const std::string& waveform) {
+  const auto views = views_of(colours);
+  FrequencySearch search = search_of(camera, bounds, waveform, true);
+  if (!views.empty()) search.saturation = saturation_of(camera, views.front());
+  return unlocked([&] { return pick_colour(views, search); });
+}
+
+EqualizerMethod equalizer_method(const std::string& name) {
+  if (name == "inverse") return EqualizerMethod::inverse;
+  if (name == "wiener") return EqualizerMethod::wiener;
+  refuse("method", name, "inverse or wiener");
+}
+
+// (bands, 2): lowest and highest frequency
+py::array_t<double> bands_array(const std::vector<FrequencyBand>& bands) {
+  py::array_t<double> array({static_cast<py::ssize_t>(bands.size()), py::ssize_t{2}});
+  auto values = array.mutable_unchecked<2>();
+  for (py::ssize_t i = 0; i < values.shape(0); ++i) {
+    values(i, 0) = bands[static_cast<std::size_t>(i)].low;
+    values(i, 1) = bands[static_cast<std::size_t>(i)].high;
+  }
+  return array;
+}
+
+py::tuple run_equalize(const py::array& columns, const Camera& camera, const std::string& method, const Doubles& noise,
+                       double max_boost, py::array out) {
+  const AnyFramesView view = any_view(columns);
+  const FramesView<double> result = mutable_view(out);
+  const EqualizerSettings settings{equalizer_method(method), max_boost, span_of(noise)};
+  const EqualizerReport report = unlocked([&] { return equalize(view, camera, settings, result); });
+  return py::make_tuple(bands_array(report.frequencies_lost), array_of(report.noise_gain), array_of(report.noise));
+}
+
+}  // namespace
+
+void register_tones(py::module_& module) {
+  using py::arg;
+  module.def("tone_gain", &tone_gain_arrays, arg("columns"), arg("camera"), arg("frequencies"), arg("method"),
+             arg("waveform"), arg("duty"), arg("background"), arg("efficiency"), arg("threads"), arg("pooled"));
+  module.def("varying_tone_gain", &varying_tone_gain_arrays, arg("columns"), arg("camera"), arg("frequency"),
+             arg("degree"), arg("waveform"), arg("duty"), arg("background"), arg("threads"));
+  py::class_<RowWeights>(module, "RowWeights")
+      .def(py::init(&row_weights), arg("weights"), arg("rows"), arg("row_group"), arg("limbs"));
+  module.def("project", &project_frame, arg("columns"), arg("weights"));
+  module.def("project", &project_once, arg("columns"), arg("weights"), arg("row_group"), arg("limbs"));
+  module.def("read_bytes", &read_array, arg("array").noconvert(), arg("threads") = 1);
+  module.def("simd_target", &simd_target);
+  module.def("simd_targets", &simd_targets);
+  module.def("force_simd_target", &force_simd_target, arg("name"));
+  module.def("find_frequency", &find, arg("columns"), arg("camera"), arg("bounds"), arg("waveform"),
+             arg("select_columns"));
+  module.def("tone_columns", &columns_of_tone, arg("columns"), arg("camera"), arg("frequency"));
+  module.def("pick_colour", &colour_of, arg("colours"), arg("camera"), arg("bounds"), arg("waveform"));
+  module.def("equalize", &run_equalize, arg("columns"), arg("camera"), arg("method"), arg("noise"), arg("max_boost"),
+             arg("out"));
+  module.def(
+      "lost_frequencies",
+      [](const Camera& camera, double max_boost) { return bands_array(lost_frequencies(camera, max_boost)); },
+      arg("camera"), arg("max_boost"));
+}
+
+}  // namespace ocisac::bindings
