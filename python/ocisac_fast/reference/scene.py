@@ -198,8 +198,10 @@ def _pattern_light(item: Surface | Mask, x: float, y: float) -> Waveform:
 
 
 def exact_scene(scene: Scene, frames: int = 1, start: float = 0.0) -> Array:
-    """`render_scene` with exact integrals: a waveform of its own for every pixel. For small frames."""
+    """`render_scene` with exact integrals: a waveform of its own for every pixel. For small frames of a sharp lens."""
     lens, camera = scene.lens, scene.camera
+    if lens.blur:
+        raise ValueError(f"blur: got {lens.blur}, allowed: 0")
     result = np.zeros((frames, lens.rows, lens.columns))
     for frame in range(frames):
         views = _Views(scene, start + frame * (camera.frame_time or 0.0))

@@ -66,6 +66,7 @@ class Pinhole:
         pose: of the camera; it looks along its own z.
         velocity: of the camera in the world, m/s. The geometry stands still within a frame, at the camera's place at
             the frame's time.
+        blur: standard deviation of the Gaussian point-spread function in pixels, 0 (sharp) to 100.
     """
 
     columns: int
@@ -75,6 +76,7 @@ class Pinhole:
     principal_point: tuple[float, float] | None = None
     pose: Pose = Pose()
     velocity: Vector = (0.0, 0.0, 0.0)
+    blur: float = 0.0
 
     def __post_init__(self) -> None:
         hold(
@@ -84,6 +86,7 @@ class Pinhole:
             focal_length=number("focal_length", self.focal_length, 0, open_low=True),
             pixel_pitch=number("pixel_pitch", self.pixel_pitch, 0, open_low=True),
             velocity=numbers("velocity", self.velocity, 3),
+            blur=number("blur", self.blur, 0, 100),
         )
         if self.rows * self.columns > _MAX_PIXELS:
             raise ValueError(f"rows: got {self.rows} x {self.columns} pixels, allowed: up to {_MAX_PIXELS}")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.light.waveforms import Constant, Waveform
+from ocisac_fast.scene.blur import left_out, spread, widened
 from ocisac_fast.scene.course import Course, course
 from ocisac_fast.scene.description import SceneDescription
 from ocisac_fast.scene.geometry import Array
@@ -141,11 +143,12 @@ def plan_at(scene: SceneDescription, tolerance: float, frames: int, start: float
     drawing = _Drawing(scene, start, (begin + end) / 2, (end - begin) / 2)
     parts: list[Part] = []
     bound, changing = 0.0, 0
-    for patch in patches(scene, lens):
+    for patch in patches(scene, widened(lens)):
         of_patch, error = _plan_patch(drawing, patch, tolerance)
         parts += of_patch
         bound = max(bound, error)
         changing += of_patch[0].pixels if any(part.kept for part in of_patch) else 0
+    changing = min(changing, lens.rows * lens.columns)  # patches of a blurred picture overlap
     work = (drawing.base, tuple(drawing.kept), tuple(drawing.by_pixel))
     return Plan(scene, tolerance, bound, tuple(parts), changing, frames, start, *work)
 
@@ -161,7 +164,7 @@ def _noise(scene: SceneDescription) -> float:
 def _plan_patch(drawing: _Drawing, patch: Patch, tolerance: float) -> tuple[list[Part], float]:
     every = [term for term in terms(drawing.scene, patch) if term.gains.any()]
     light = sum(term.gains.max() * course(term.waveform, drawing.scene.exposure).most for term in every)
-    rounding = _ROUNDING * float(light)
+    rounding = (_ROUNDING + left_out(drawing.scene.lens)) * float(light)
     left = max(_DROPPING_SHARE * tolerance - rounding, 0.0)
     chosen: list[tuple[Term, _Option]] = []
     for term in sorted(every, key=lambda term: float(term.gains.max())):
@@ -268,12 +271,11 @@ def _keep(drawing: _Drawing, patch: Patch, term: Term, option: _Option, share: f
     """Enters what an option leaves to be computed into the drawing."""
     gains = term.gains * option.factor
     pixels = int(patch.inside.sum())
-    height = gains.shape[0]
     kept, bound = "", option.bound
     if not isinstance(option.waveform, Waveform):
         _add_base(drawing, patch, gains * option.waveform)
     elif option.moving is None:
-        _add_part(drawing, patch, gains, RowSignal(option.waveform, patch.top, height))
+        _add_rows(drawing, patch, gains, partial(RowSignal, option.waveform))
         kept = "one row integral times a gain map" if np.ptp(gains[patch.inside]) else "one row integral"
     elif isinstance(option.moving.pattern, Cosine):
         _add_cosine(drawing, patch, gains, option.waveform, option.moving, option.moving.pattern)
@@ -289,28 +291,46 @@ def _add_base(drawing: _Drawing, patch: Patch, light: Array) -> None:
         return
     if drawing.base is None:
         drawing.base = np.zeros((drawing.scene.lens.rows, drawing.scene.lens.columns), np.float32)
+    light, _, top, left = _on_sensor(drawing, patch, light)
     height, width = light.shape
-    drawing.base[patch.top : patch.top + height, patch.left : patch.left + width] += light.astype(np.float32)
+    drawing.base[top : top + height, left : left + width] += light.astype(np.float32)
+
+
+def _on_sensor(drawing: _Drawing, patch: Patch, light: Array) -> tuple[Array, npt.NDArray[np.bool_], int, int]:
+    """Light of a patch as the lens spreads it, the pixels it falls on, and where their rectangle is."""
+    lens = drawing.scene.lens
+    if not lens.blur:
+        return light, patch.inside, patch.top, patch.left
+    seen, top, left = spread(lens, light, patch.top, patch.left)
+    return seen, np.ones(seen.shape, np.bool_), top, left
+
+
+def _add_rows(drawing: _Drawing, patch: Patch, gains: Array, signal: Callable[[int, int], Signal]) -> None:
+    """A gain map times a row integral; ``signal`` takes the first row and how many."""
+    seen, inside, top, left = _on_sensor(drawing, patch, gains)
+    if seen.size:
+        _add_part(drawing, seen, inside, top, left, signal(top, seen.shape[0]))
 
 
 def _add_part(
     drawing: _Drawing,
-    patch: Patch,
     gains: Array,
+    inside: npt.NDArray[np.bool_],
+    top: int,
+    left: int,
     signal: Signal,
     phases: int = 1,
     phase: npt.NDArray[np.uint16] | None = None,
 ) -> None:
     height, width = gains.shape
-    inside = patch.inside
     spans = _spans(inside)
     values = gains[inside]
     uniform = spans is not None and float(np.ptp(values)) <= 1e-7 * float(np.abs(values).max())
     part = _core.ScenePart(
         rows=drawing.scene.lens.rows,
         columns=drawing.scene.lens.columns,
-        top=patch.top,
-        left=patch.left,
+        top=top,
+        left=left,
         height=height,
         width=width,
         phases=phases,
@@ -336,15 +356,14 @@ def _add_cosine(
     drawing: _Drawing, patch: Patch, gains: Array, waveform: Waveform, moving: Moving, pattern: Cosine
 ) -> None:
     """low + (high - low) * (1/2 + 1/2 * cos(a - b)) with cos(a - b) = cos a * cos b + sin a * sin b."""
-    height = gains.shape[0]
     mean, half = (pattern.low + pattern.high) / 2, (pattern.high - pattern.low) / 2
     if isinstance(waveform, Constant):
         _add_base(drawing, patch, gains * mean * waveform.level)
     else:
-        _add_part(drawing, patch, gains * mean, RowSignal(waveform, patch.top, height))
+        _add_rows(drawing, patch, gains * mean, partial(RowSignal, waveform))
     angle = 2 * np.pi * (moving.periods - np.floor(moving.periods))
     for sine, wave in ((False, np.cos(angle)), (True, np.sin(angle))):
-        _add_part(drawing, patch, gains * half * wave, LineSignal(waveform, moving.rate, sine, patch.top, height))
+        _add_rows(drawing, patch, gains * half * wave, partial(LineSignal, waveform, moving.rate, sine))
 
 
 def _steps(light: Course, exposure: float, weight: float, error: float) -> tuple[int, float]:
@@ -363,6 +382,9 @@ def _add_profile(
 ) -> tuple[str, float]:
     """A table where one is small enough for its share of the error, else pixel by pixel."""
     assert not isinstance(moving.pattern, Cosine)
+    if drawing.scene.lens.blur:
+        got = f"got {drawing.scene.lens.blur} before {patch.name}"
+        raise ValueError(f"blur: {got}, allowed: 0 before a moving grating or picture")
     profile = Profile.of(moving.pattern)
     exposure, height = drawing.scene.exposure, gains.shape[0]
     light = course(waveform, exposure)
@@ -374,7 +396,7 @@ def _add_profile(
     columns = phases * len(profile.levels)
     if columns <= _MAX_PHASES and columns * height <= patch.inside.sum():
         table = ProfileTable(waveform, profile, moving.rate, phases, steps, patch.top, height)
-        _add_part(drawing, patch, gains, table, columns, table.index(moving))
+        _add_part(drawing, gains, patch.inside, patch.top, patch.left, table, columns, table.index(moving))
         return f"a table of {columns} phases a row", error + shifted / (2 * phases)
     inside = patch.inside
     rows, across = np.nonzero(inside)
