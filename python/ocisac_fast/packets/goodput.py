@@ -6,9 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked
-from ocisac_fast.packets.transmission import transmit
+from ocisac_fast.packets.transmission import encode_line_code, transmit
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +62,7 @@ def possible_goodput(
     if not 1 <= rows * 1.0 <= camera.frame_time / camera.row_period * (1.0 + 1e-9):
         raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
     packet = transmit(bytes(payload_bytes), line_code=line_code, block_bytes=block_bytes, preamble=preamble)
-    preamble_chips = {"standard": 14, "lengthened": 42}[preamble]
-    chips_per_byte = (packet.block_chips - preamble_chips) / (2 + block_bytes)
+    chips_per_byte = encode_line_code(np.zeros(8, np.uint8), line_code).size
     sent = 8.0 * chip_rate / chips_per_byte
     gap = sent * rows * camera.row_period / camera.frame_time
     in_blocks = block_bytes * chips_per_byte / packet.block_chips

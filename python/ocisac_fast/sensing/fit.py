@@ -127,7 +127,9 @@ def make_model(
     return Model(cycles, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, trend.shape[1])
 
 
-def ridden(frames: npt.NDArray[Any], camera: Camera, model: Model, background: float, others: Sequence[float]) -> Model:
+def with_tones_shaped_by_light(
+    frames: npt.NDArray[Any], camera: Camera, model: Model, background: float, others: Sequence[float]
+) -> Model:
     """The model, its tones riding on the slow light that all columns and frames share: where the light falls off along
     the rows, so do its tones. Even where that light comes near 0.
 
@@ -146,7 +148,7 @@ def ridden(frames: npt.NDArray[Any], camera: Camera, model: Model, background: f
     return model
 
 
-def steered(fitted: Fitted, others: Sequence[float]) -> Model:
+def with_harmonics_above_noise(fitted: Fitted, others: Sequence[float]) -> Model:
     """The model, its frequency found by the harmonics that stand out of the noise."""
     model = fitted.model
     spread = np.diagonal(model.covariance)
@@ -235,7 +237,7 @@ def frequency_std(frames: npt.NDArray[Any], camera: Camera, fitted: Fitted) -> f
     return float(np.sqrt(max(spread * rows / (rows - unknowns), white)) / stiffness)
 
 
-def searched(frames: npt.NDArray[Any], camera: Camera, others: Sequence[float]) -> npt.NDArray[Any]:
+def search_columns(frames: npt.NDArray[Any], camera: Camera, others: Sequence[float]) -> npt.NDArray[Any]:
     """Frames for a search, up to eight blocks of 64 columns without the other tones. Columns are not summed, as
     ``find_frequency`` does with more than 64: a moving texture would cancel."""
     count = min(len(frames), _SEARCHED)
@@ -255,7 +257,7 @@ def searched(frames: npt.NDArray[Any], camera: Camera, others: Sequence[float]) 
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class PhaseAdvance:
     """How the tone's phase advances from one series to the next (columns or frames).
 
     Attributes:
@@ -267,11 +269,11 @@ class Turn:
     std: float
 
 
-def steady_turn(tones: Complexes, component_variance: float) -> Turn:
+def phase_advance(tones: Complexes, component_variance: float) -> PhaseAdvance:
     """The advance per step that maximises sum_i |sum_k z_ki exp(-2 pi j cycles k)|^2, z of shape (steps, series)."""
     steps = len(tones)
     if steps < 2 or not np.abs(tones).any():
-        return Turn(float("nan"), float("nan"))
+        return PhaseAdvance(float("nan"), float("nan"))
     length = 4 * (1 << (steps - 1).bit_length())
     power = (np.abs(np.fft.fft(tones, length, axis=0)) ** 2).sum(axis=1)
     cycles = float(np.fft.fftfreq(length)[int(power.argmax())])
@@ -290,7 +292,7 @@ def steady_turn(tones: Complexes, component_variance: float) -> Turn:
     across = (still * np.exp(-1j * np.angle(mean))).imag
     variance = max(component_variance, float((across**2).sum()) / freedom if freedom > 0 else 0.0)
     std = float(np.sqrt(variance / stiffness)) / (2.0 * np.pi) if stiffness > 0 else float("nan")
-    return Turn(0.5 - (0.5 - cycles) % 1.0, std)
+    return PhaseAdvance(0.5 - (0.5 - cycles) % 1.0, std)
 
 
 def phase_spread(tones: Complexes, component_variance: float) -> tuple[float, bool]:

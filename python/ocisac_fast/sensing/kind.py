@@ -7,18 +7,18 @@ from typing import Any, Literal
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
-from ocisac_fast.sensing.fit import Fitted, Turn
-from ocisac_fast.sensing.motion import Motion, Seen, Told, across_rows, along_rows
+from ocisac_fast.sensing.fit import Fitted, PhaseAdvance
+from ocisac_fast.sensing.motion import Motion, MotionKnowledge, Seen, across_rows, along_rows
 
 Kind = Literal["light", "moving", "still", "unknown"]
 
 _NEAR_MISS = 10.0  # timing tolerances within which a light is not ruled out
 
 
-def seen_by(fitted: Fitted, turn: Turn, camera: Camera) -> Seen:
+def seen_by(fitted: Fitted, advance: PhaseAdvance, camera: Camera) -> Seen:
     """What the motion is worked out from."""
     frame_time = math.nan if camera.frame_time is None else camera.frame_time
-    return Seen(fitted.model.cycles, fitted.cycles_std, turn.cycles, turn.std, camera.row_period, frame_time)
+    return Seen(fitted.model.cycles, fitted.cycles_std, advance.cycles, advance.std, camera.row_period, frame_time)
 
 
 def kind_of(
@@ -49,10 +49,12 @@ def kind_of(
     return "light", None, Flag.AMBIGUOUS_KIND
 
 
-def motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Turn) -> dict[str, Any]:
+def motion_facts(
+    kind: Kind, axis: str | None, seen: Seen, known: MotionKnowledge, advance: PhaseAdvance
+) -> dict[str, Any]:
     """Fields of ``SensedRegion`` that tell of the motion, and flags."""
     if kind == "still":
-        motion = along_rows(seen, told)
+        motion = along_rows(seen, known)
         if not abs(motion.frequency) > 4.0 * motion.std + 1e-6 / seen.frame_time:
             std = seen.per_frame_std / seen.frame_time
             rest = {"motion_frequency": 0.0, "motion_frequency_std": std, "motion_candidates": motion.candidates}
@@ -61,13 +63,13 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Tur
     if kind != "moving":
         return {"kind": kind, "flags": Flag(0)}
     if axis == "along":
-        motion = along_rows(seen, told)
+        motion = along_rows(seen, known)
         per_pixel, pixel_std = motion.still, math.hypot(seen.per_row_std, motion.std * seen.row_time)
         direction = motion.direction
     else:
         motion = across_rows(seen)
-        per_pixel, pixel_std = turn.cycles, turn.std
-        direction = -int(math.copysign(1, turn.cycles)) if abs(turn.cycles) > 4.0 * turn.std else 0
+        per_pixel, pixel_std = advance.cycles, advance.std
+        direction = -int(math.copysign(1, advance.cycles)) if abs(advance.cycles) > 4.0 * advance.std else 0
     flags = motion.flags | (Flag.AMBIGUOUS_MOTION if axis is None else Flag(0))
     return {
         "kind": kind,
@@ -76,24 +78,24 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, told: Told, turn: Tur
         "motion_candidates": motion.candidates,
         "direction": direction,
         "flags": flags,
-        **_speed(motion, told, abs(per_pixel), pixel_std),
+        **_speed(motion, known, abs(per_pixel), pixel_std),
     }
 
 
-def _speed(motion: Motion, told: Told, per_pixel: float, pixel_std: float) -> dict[str, float]:
+def _speed(motion: Motion, known: MotionKnowledge, per_pixel: float, pixel_std: float) -> dict[str, float]:
     """Speed and spatial frequency: one told and the other from f_x v; or the texture's cycles over the pitch."""
     frequency = abs(motion.frequency)
-    if told.spatial_frequency is not None:
-        texture, texture_std = told.spatial_frequency, 0.0
-    elif told.speed is not None:
+    if known.spatial_frequency is not None:
+        texture, texture_std = known.spatial_frequency, 0.0
+    elif known.speed is not None:
         return {
-            "speed": told.speed,
+            "speed": known.speed,
             "speed_std": 0.0,
-            "spatial_frequency": frequency / told.speed,
-            "spatial_frequency_std": motion.std / told.speed,
+            "spatial_frequency": frequency / known.speed,
+            "spatial_frequency_std": motion.std / known.speed,
         }
-    elif told.pitch is not None:
-        texture, texture_std = per_pixel / told.pitch, pixel_std / told.pitch
+    elif known.pitch is not None:
+        texture, texture_std = per_pixel / known.pitch, pixel_std / known.pitch
     else:
         return {}
     speed = frequency / texture if texture > 0.0 else math.nan

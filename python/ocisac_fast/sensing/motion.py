@@ -35,7 +35,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class MotionKnowledge:
     """What the caller knows; None where unknown.
 
     Attributes:
@@ -85,17 +85,17 @@ def across_rows(seen: Seen) -> Motion:
     return Motion(frequency, std, 0.0, (frequency,), Flag(0))
 
 
-def along_rows(seen: Seen, told: Told) -> Motion:
+def along_rows(seen: Seen, known: MotionKnowledge) -> Motion:
     """Motion along the rows: per_row = still + frequency T_r, where the row pitch makes the still part."""
-    solutions = _from_one_frame(seen, told)
+    solutions = _from_one_frame(seen, known)
     if solutions is None:
-        solutions = _from_frames_alone(seen, told) if seen.frames_known else []
+        solutions = _from_frames_alone(seen, known) if seen.frames_known else []
         fits = True
     elif seen.frames_known:
-        solutions, fits = _checked_by_frames(seen, told, solutions)
+        solutions, fits = _checked_by_frames(seen, known, solutions)
     else:
         fits = True
-    kept = [one for one in solutions if _allowed(seen, told, *one)]
+    kept = [one for one in solutions if _allowed(seen, known, *one)]
     kept.sort(key=lambda one: (abs(one[0]), one[0]))
     if not kept:
         contradicted = Flag.MODEL_MISFIT if solutions else Flag.AMBIGUOUS_MOTION
@@ -108,29 +108,29 @@ def along_rows(seen: Seen, told: Told) -> Motion:
     return Motion(frequency, std, seen.per_row - frequency * seen.row_time, magnitudes, flags)
 
 
-def _allowed(seen: Seen, told: Told, frequency: float, std: float) -> bool:
+def _allowed(seen: Seen, known: MotionKnowledge, frequency: float, std: float) -> bool:
     still = seen.per_row - frequency * seen.row_time
     moves = -1 if frequency * still > 0 else 1
-    low, high = told.bounds
-    return low <= abs(frequency) <= high and (told.direction in (0, moves) or abs(frequency) <= 4.0 * std)
+    low, high = known.bounds
+    return low <= abs(frequency) <= high and (known.direction in (0, moves) or abs(frequency) <= 4.0 * std)
 
 
-def _from_one_frame(seen: Seen, told: Told) -> list[tuple[float, float]] | None:
+def _from_one_frame(seen: Seen, known: MotionKnowledge) -> list[tuple[float, float]] | None:
     """Signed frequencies and standard errors that a column alone allows; None where pitch and texture are unknown."""
-    if told.pitch is None or (told.spatial_frequency is None and told.speed is None):
+    if known.pitch is None or (known.spatial_frequency is None and known.speed is None):
         return None
-    if told.spatial_frequency is not None:
-        still = told.spatial_frequency * told.pitch
+    if known.spatial_frequency is not None:
+        still = known.spatial_frequency * known.pitch
         std = seen.per_row_std / seen.row_time
         return [((seen.per_row - side * still) / seen.row_time, std) for side in (1, -1)]
-    assert told.speed is not None
-    per_row_time = told.pitch / told.speed  # the texture's way from one row to the next takes so long
+    assert known.speed is not None
+    per_row_time = known.pitch / known.speed  # the texture's way from one row to the next takes so long
     spans = [seen.row_time + side * per_row_time for side in (1, -1)]
     return [(seen.per_row / span, seen.per_row_std / abs(span)) for span in spans if span]
 
 
 def _checked_by_frames(
-    seen: Seen, told: Told, solutions: list[tuple[float, float]]
+    seen: Seen, known: MotionKnowledge, solutions: list[tuple[float, float]]
 ) -> tuple[list[tuple[float, float]], bool]:
     """Solutions moved to the nearest frequency that also advances the phase from frame to frame as seen."""
     fine = seen.per_frame_std / seen.frame_time
@@ -138,7 +138,7 @@ def _checked_by_frames(
     for frequency, std in solutions:
         turns = round(frequency * seen.frame_time - seen.per_frame)
         snapped = (seen.per_frame + turns) / seen.frame_time
-        allowance = 4.0 * math.hypot(std, fine) + told.tolerance * abs(frequency)
+        allowance = 4.0 * math.hypot(std, fine) + known.tolerance * abs(frequency)
         nearest.append((abs(snapped - frequency) / allowance if allowance else 0.0, snapped))
         reach = min(int(allowance * seen.frame_time), _MAX_CANDIDATES)
         near = ((seen.per_frame + turns + k) / seen.frame_time for k in range(-reach - 1, reach + 2))
@@ -148,10 +148,10 @@ def _checked_by_frames(
     return [(min(nearest)[1], fine)], False
 
 
-def _from_frames_alone(seen: Seen, told: Told) -> list[tuple[float, float]]:
+def _from_frames_alone(seen: Seen, known: MotionKnowledge) -> list[tuple[float, float]]:
     """Every frequency that advances the phase as seen, slow ones first."""
     std = seen.per_frame_std / seen.frame_time
     turns = sorted(range(-_MAX_TURNS, _MAX_TURNS + 1), key=abs)
     frequencies = ((seen.per_frame + k) / seen.frame_time for k in turns)
-    low, high = told.bounds
+    low, high = known.bounds
     return [(f, std) for f in frequencies if low <= abs(f) <= high]

@@ -16,21 +16,21 @@ from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.sensing.fit import (
     Fitted,
-    Turn,
+    PhaseAdvance,
     fit,
     frequency_std,
     harmonics_of,
     make_model,
+    phase_advance,
     phase_spread,
     refine,
-    ridden,
-    searched,
-    steady_turn,
-    steered,
+    search_columns,
+    with_harmonics_above_noise,
+    with_tones_shaped_by_light,
 )
 from ocisac_fast.sensing.gain import Ambient, contrast_range, over_frames, pooled_gain
 from ocisac_fast.sensing.kind import Kind, kind_of, motion_facts, seen_by
-from ocisac_fast.sensing.motion import Told
+from ocisac_fast.sensing.motion import MotionKnowledge
 from ocisac_fast.tones.frequency import find_frequency
 from ocisac_fast.tones.gain import tone_gain
 from ocisac_fast.tones.varying_tone import varying_tone_gain
@@ -188,7 +188,7 @@ def sense_region(
     width, height = stored_box((0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
     camera = camera.in_time_order
     tones = [float(f) * camera.row_period for f in np.atleast_1d(np.asarray(others, dtype=np.float64))]
-    told = _told(camera, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance)
+    known = _motion_knowledge(camera, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance)
     _check(waveform, duty, depth, motion, frequency, frequency_std, tones)
     ambient = _ambient(background, region)
     blank = SensedRegion("unknown", 0, 0, width, height, len(region))
@@ -199,15 +199,15 @@ def sense_region(
         return dataclasses.replace(blank, flags=flags)
     if frequency is not None:
         fitted = dataclasses.replace(fitted, cycles_std=frequency_std * camera.row_period)
-    columns_turn, frames_turn = _turns(fitted)
-    common, doubt = _common_phase(fitted, columns_turn)
-    seen = seen_by(fitted, frames_turn, camera)
+    columns_advance, frames_advance = _phase_advances(fitted)
+    common, doubt = _common_phase(fitted, columns_advance)
+    seen = seen_by(fitted, frames_advance, camera)
     kind, axis, kind_flags = kind_of(seen, common, doubt, motion, timing_tolerance)
-    facts: dict[str, Any] = motion_facts(kind, axis, seen, told, columns_turn)
+    facts: dict[str, Any] = motion_facts(kind, axis, seen, known, columns_advance)
     kind = facts["kind"]
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if waveform == "tone" else 2.0 * float(np.sinc(duty))) * depth
-    gains = _gains(region, camera, fitted, frames_turn, ambient, ratio)
+    gains = _gains(region, camera, fitted, frames_advance, ambient, ratio)
     light_frequency = {"light": fitted.model.cycles / camera.row_period, "still": 0.0}.get(
         kind, abs(facts.get("motion_frequency", math.nan))
     )
@@ -217,10 +217,10 @@ def sense_region(
         blank,
         frequency=fitted.model.cycles / camera.row_period,
         frequency_std=fitted.cycles_std / camera.row_period,
-        cycles_per_column=columns_turn.cycles,
-        cycles_per_column_std=columns_turn.std,
-        cycles_per_frame=frames_turn.cycles,
-        cycles_per_frame_std=frames_turn.std,
+        cycles_per_column=columns_advance.cycles,
+        cycles_per_column_std=columns_advance.std,
+        cycles_per_frame=frames_advance.cycles,
+        cycles_per_frame_std=frames_advance.std,
         theory=theory,
         flags=flags,
         **facts,
@@ -258,7 +258,7 @@ def background_light(
     return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
 
 
-def _told(
+def _motion_knowledge(
     camera: Camera,
     direction: int,
     pitch: float | None,
@@ -266,7 +266,7 @@ def _told(
     speed: float | None,
     motion_bounds: tuple[float, float] | None,
     tolerance: float,
-) -> Told:
+) -> MotionKnowledge:
     for name, value in (("pitch", pitch), ("spatial_frequency", spatial_frequency), ("speed", speed)):
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
@@ -277,7 +277,7 @@ def _told(
     low, high = motion_bounds or (0.0, 0.5 / camera.row_period)
     if not (0.0 <= low < high < math.inf):
         raise ValueError(f"motion_bounds: got {motion_bounds}, allowed: (low, high), 0 <= low < high, finite")
-    return Told(direction, pitch, spatial_frequency, speed, (low, high), tolerance)
+    return MotionKnowledge(direction, pitch, spatial_frequency, speed, (low, high), tolerance)
 
 
 def _check_frequencies(name: str, cycles: list[float]) -> None:
@@ -340,7 +340,9 @@ def _fitted(
     flags = Flag(0)
     if frequency is None:
         search = "square" if waveform == "square" else "auto"
-        found = find_frequency(searched(region, camera, tones), camera, bounds=bounds, waveform=search, select=False)
+        found = find_frequency(
+            search_columns(region, camera, tones), camera, bounds=bounds, waveform=search, select=False
+        )
         flags = found.flags & ~Flag.SATURATED
         if found.flags & Flag.NO_TONE:
             return None, flags
@@ -352,10 +354,10 @@ def _fitted(
     model = make_model(rows, cycles, harmonics_of(waveform, duty, cycles, rows), tones)
     if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < 1e-12:
         return None, flags | Flag.UNRESOLVABLE
-    model = ridden(region, camera, model, background, tones)
+    model = with_tones_shaped_by_light(region, camera, model, background, tones)
     if frequency is not None:
         return fit(region, camera, model), flags
-    model = refine(region, camera, steered(fit(region, camera, model), tones), tones)
+    model = refine(region, camera, with_harmonics_above_noise(fit(region, camera, model), tones), tones)
     fitted = fit(region, camera, model)
     return dataclasses.replace(fitted, cycles_std=frequency_std(region, camera, fitted)), flags
 
@@ -367,18 +369,18 @@ def _component_variance(fitted: Fitted) -> float:
     return float(np.nan_to_num(fitted.noise).mean() * 0.5 * (c[first, first] + c[first + 1, first + 1]))
 
 
-def _turns(fitted: Fitted) -> tuple[Turn, Turn]:
+def _phase_advances(fitted: Fitted) -> tuple[PhaseAdvance, PhaseAdvance]:
     """From column to column and from frame to frame."""
     variance = _component_variance(fitted)
-    return steady_turn(fitted.tone.T, variance), steady_turn(fitted.tone, variance)
+    return phase_advance(fitted.tone.T, variance), phase_advance(fitted.tone, variance)
 
 
-def _common_phase(fitted: Fitted, turn: Turn) -> tuple[bool, bool]:
+def _common_phase(fitted: Fitted, advance: PhaseAdvance) -> tuple[bool, bool]:
     """Whether all columns have one phase, and whether that is in doubt."""
     spread, significant = phase_spread(fitted.tone, _component_variance(fitted))
     common = not (significant and spread > _COMMON_PHASE)
-    unsure = not (4.0 * turn.std * fitted.tone.shape[1] < 0.25)
-    creeping = common and abs(turn.cycles) > 5.0 * turn.std and spread > 0.2 * _COMMON_PHASE
+    unsure = not (4.0 * advance.std * fitted.tone.shape[1] < 0.25)
+    creeping = common and abs(advance.cycles) > 5.0 * advance.std and spread > 0.2 * _COMMON_PHASE
     return common, common and (unsure or creeping)
 
 
@@ -393,7 +395,7 @@ def _gains(
     region: npt.NDArray[Any],
     camera: Camera,
     fitted: Fitted,
-    turn: Turn,
+    advance: PhaseAdvance,
     ambient: Ambient,
     ratio: float,
 ) -> dict[str, Any]:
@@ -412,7 +414,7 @@ def _gains(
         facts["flags"] |= Flag.NO_LIGHT
     elif pooled.gain < 3.0 * pooled.std:
         facts["flags"] |= Flag.WEAK
-    series = None if math.isnan(turn.cycles) else over_frames(region, camera, turn.cycles, fitted)
+    series = None if math.isnan(advance.cycles) else over_frames(region, camera, advance.cycles, fitted)
     if series is not None:
         every = Ambient(_per_pixel(ambient.mean, region), _per_pixel(ambient.std, region), ambient.shared)
         course = pooled_gain(series, every)
