@@ -6,12 +6,12 @@
 #include <complex>
 #include <numeric>
 
+#include "core/spectrum.hpp"
 #include "frames.hpp"
 #include "ocisac/exposure/best_exposure.hpp"
 #include "ocisac/tones/equalize.hpp"
 #include "ocisac/tones/read_bytes.hpp"
 #include "ocisac/tones/tone_gain.hpp"
-#include "tones/spectrum.hpp"
 
 namespace {
 

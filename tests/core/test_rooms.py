@@ -125,6 +125,16 @@ def test_arrows_and_circles_are_seen():
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})
 
 
+@pytest.mark.parametrize(("folder", "suffix"), [(ROOT / "cpp" / "src", "?pp"), (PACKAGE, "py")], ids=["C++", "Python"])
+def test_no_room_holds_more_than_a_quarter(folder, suffix):
+    lines: dict[str, int] = {}
+    for path in folder.rglob(f"*.{suffix}"):
+        name = room(str(path.relative_to(folder)))
+        lines[name] = lines.get(name, 0) + len(path.read_text(encoding="utf-8").splitlines())
+    total = sum(lines.values())
+    assert {name: count for name, count in lines.items() if count > total / 4} == {}
+
+
 def test_public_headers_are_what_bindings_and_programs_include():
     users = [*(ROOT / "python" / "bindings").glob("*.?pp"), *(ROOT / "cpp" / "apps").glob("*.?pp")]
     included = {i for path in users for i in includes(path) if i.startswith("ocisac/")}

@@ -11,10 +11,10 @@
 #include <optional>
 #include <string>
 
+#include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
-#include "tones/spectrum.hpp"
 
 namespace ocisac {
 

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/spectrum.hpp"
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
 #include "tones/combine_columns.hpp"
-#include "tones/spectrum.hpp"
 
 namespace ocisac {
 

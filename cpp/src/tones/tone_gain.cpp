@@ -10,12 +10,12 @@
 #include <string>
 
 #include "core/parallel.hpp"
+#include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
-#include "tones/spectrum.hpp"
 #include "tones/streaming_fit.hpp"
 
 namespace ocisac {

@@ -1,4 +1,4 @@
-#include "tones/spectrum.hpp"
+#include "core/spectrum.hpp"
 
 #include <limits>
 #include <opencv2/core.hpp>

@@ -4,7 +4,7 @@
 #include <numbers>
 #include <random>
 
-#include "tones/spectrum.hpp"
+#include "core/spectrum.hpp"
 
 TEST_CASE("half spectra agree with the sum that defines them, and invert") {
   std::mt19937 random(1);
