@@ -148,7 +148,7 @@ def test_what_is_found_is_the_truth(case):
         assert found.mean == pytest.approx(100.0, abs=2.0)
     assert (found.height, found.width) == (frames.shape[-2:] if frames.ndim > 1 else (240, 1))
     scaled = ocisac.sense_region(
-        0.5 * frames, how, **(told if "background" not in told else {**told, "background": 15.0})
+        0.5 * grey, how, **(told if "background" not in told else {**told, "background": 15.0})
     )
     if "background" not in told:
         assert_same_but(scaled, found, "mean")
