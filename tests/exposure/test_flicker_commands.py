@@ -54,7 +54,7 @@ def test_what_cannot_be_had_is_the_best_there_is(facts):
     for arguments in (
         ("--avoid", "100Hz,120Hz", "--bounds", "1ms,20ms"),
         ("--avoid", "1kHz+-500Hz", "--bounds", "0,5ms"),
-        ("--avoid", "100Hz", "--comm", "100Hz", "--keep", "50%"),
+        ("--avoid", "100Hz", "--comm", "101Hz", "--keep", "50%"),
     ):
         (found,) = facts("exposure", *arguments)
         assert found["holds"] is False
@@ -73,6 +73,7 @@ def test_what_cannot_be_had_is_the_best_there_is(facts):
         ("exposure --avoid 100Hz --bounds 0,0", "bounds: got 0.0 to 0.0"),
         ("exposure --avoid 100Hz --step 30ms --bounds 31ms,40ms", "step: got 0.03"),
         ("exposure --avoid 100Hz --keep 50%", "--comm: needed"),
+        ("exposure --avoid 100Hz --comm 100Hz", "f_comm: got 100.0, allowed: none of the lights to avoid"),
         ("exposure --avoid 100Hz --method search", "--method: got search"),
         ("exposure --comm 100 --sense 50 --near 1ms", "--near: needs --avoid"),
         ("flicker --lights 90Hz --exposures 0", "exposure: got"),

@@ -137,8 +137,8 @@ def flicker_free_exposure(
         light's gain; where none keeps it, the smallest of all.
 
     Raises:
-        ValueError: an argument outside its range, no multiple of ``step`` within the bounds, or every exposure
-            holds and so there is no shortest.
+        ValueError: an argument outside its range, no multiple of ``step`` within the bounds, the data light
+            is one to avoid, or every exposure holds and so there is no shortest.
     """
     _check(lights, below, near, f_comm, f_sense, min_gain)
     low, high = _checked_bounds(bounds)
@@ -394,6 +394,9 @@ def _check(
             raise ValueError(f"{name}: got {value}, allowed: a finite number above 0 ({unit})")
     if min_gain is not None and not 0.0 < min_gain < 1.0:
         raise ValueError(f"min_gain: got {min_gain}, allowed: above 0 and below 1")
+    for light in lights:
+        if f_comm is not None and abs(f_comm - light.frequency) <= light.uncertainty:
+            raise ValueError(f"f_comm: got {f_comm}, allowed: none of the lights to avoid")
     if f_comm is None and (f_sense is not None or min_gain is not None):
         raise ValueError("f_comm: got None, allowed: a frequency (Hz), needed for f_sense and min_gain")
 
