@@ -72,7 +72,7 @@ def run(payload: bytes, seed: int, drift: float, rate_error: float, exposure_giv
         result = receiver.push(rows)
         times.append(time.process_time() - begin)
         if result.payload is not None:
-            assert result.payload.payload == payload
+            assert result.payload.data == payload
             frames = index + 1
             break
     goodput = 0.0 if frames is None else 8.0 * len(payload) / (frames * FRAME_TIME)

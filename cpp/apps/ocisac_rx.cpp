@@ -7,21 +7,6 @@
 #include "output.hpp"
 #include "session.hpp"
 #include "settings.hpp"
-#ifdef OCISAC_HAS_POOL
-#include "pool/memory_pool.hpp"
-#endif
-
-namespace {
-
-std::size_t pool_bytes() {
-#ifdef OCISAC_HAS_POOL
-  return ocisac::apps::pool_use().bytes;
-#else
-  return 0;
-#endif
-}
-
-}  // namespace
 
 int main(int argc, char** argv) {
   using namespace ocisac::apps;
@@ -33,7 +18,7 @@ int main(int argc, char** argv) {
   };
   try {
     const auto settings = read_settings(argc, argv);
-    return settings ? run(*settings, began, pool_bytes) : kDone;
+    return settings ? run(*settings, began) : kDone;
   } catch (const std::invalid_argument& problem) {
     return fail(problem, kRefused);
   } catch (const std::exception& problem) {

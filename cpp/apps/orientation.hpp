@@ -1,7 +1,7 @@
 // From the stored picture to rows in time order, and back.
 #pragma once
 
-#include "ocisac/receiver/live_receiver.hpp"
+#include "ocisac/core/views.hpp"
 #include "pixel_format.hpp"
 #include "settings.hpp"
 

@@ -7,11 +7,14 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
 namespace ocisac::apps {
 
 namespace {
+
+using Json = nlohmann::ordered_json;
 
 // Bytes that were resident at most. What getrusage tells starts with what the program that started this one had, so it
 // stands in only where there is no /proc.
@@ -37,99 +40,96 @@ long peak_memory() {
 
 double decibels(double ratio) { return ratio > 0 ? 10 * std::log10(ratio) : std::nan(""); }
 
-void add_flags(JsonLine& line, Flags flags) {
-  line.open_list("flags");
-  if (flags != 0)
-    for (const auto& name : flag_names(flags)) line.item(name);
-  line.close_list();
-}
+Json names_of(Flags flags) { return flags == 0 ? Json::array() : Json(flag_names(flags)); }
 
-void add_gain(JsonLine& line, const LiveGain& gain) {
-  line.open("gain");
-  line.member("frequency_hz", gain.frequency);
-  line.member("frequency_std_hz", gain.frequency_std);
-  line.member("gain", gain.gain);
-  line.member("gain_std", gain.gain_std);
-  line.member("snr_db", decibels(gain.snr));
-  add_flags(line, gain.flags);
-  line.close();
-}
-
-void add_packet(JsonLine& line, const StretchReport& stretch) {
-  line.member("packet_blocks", stretch.blocks);
-  line.member("packet_share", stretch.share);
+void add_packet(Json& line, const StretchReport& stretch) {
+  line["packet_outcome"] = outcome_name(stretch.outcome);
+  line["packet_blocks"] = stretch.blocks;
+  line["packet_bytes"] = stretch.bytes;
+  line["packet_cut"] = stretch.cut;
+  line["packet_doubtful"] = stretch.doubtful;
+  line["packet_share"] = stretch.share;
   if (!stretch.payload) return;
-  const Payload& payload = *stretch.payload;
-  line.member("packet", payload.number);
-  line.member("payload", std::string_view(reinterpret_cast<const char*>(payload.bytes.data()), payload.bytes.size()));
-  line.base64("payload_base64", payload.bytes);
+  const auto& bytes = stretch.payload->bytes;
+  line["packet"] = stretch.payload->number;
+  line["payload"] = std::string(bytes.begin(), bytes.end());
+  line["payload_base64"] = base64(bytes);
 }
 
-void add_received(JsonLine& line, const ReceivedFrame& received, const Camera& camera) {
-  line.open("received");
-  line.member("outcome", outcome_name(received.outcome));
-  line.member("bits", std::string_view(received.bits));
-  line.member("rows_per_chip", received.rows_per_chip);
-  line.member("chip_rate_hz", 1 / (received.rows_per_chip * camera.row_time));
-  line.member("snr_db", decibels(received.snr));
-  line.member("error_rate", received.error_rate);
+void add_data(Json& line, const ReceivedFrame& received, const Camera& camera) {
+  line["bits"] = received.bits;
+  line["rows_per_chip"] = received.rows_per_chip;
+  line["chip_rate_hz"] = 1 / (received.rows_per_chip * camera.row_time);
+  line["snr_db"] = decibels(received.snr);
+  line["exposure_s"] = received.exposure;
+  line["error_rate"] = received.error_rate;
+  line["outcome"] = outcome_name(received.outcome);
+  line["frames_missing"] = received.missing;
   if (received.stretch) add_packet(line, *received.stretch);
-  add_flags(line, received.flags);
-  line.close();
+  line["flags"] = names_of(received.flags);
 }
+
+void add_gain(Json& line, const LightGain& gain) {
+  line["frequency_hz"] = gain.frequency;
+  line["frequency_std_hz"] = gain.frequency_std;
+  line["gain"] = gain.gain;
+  line["gain_std"] = gain.gain_std;
+  line["gain_snr_db"] = decibels(gain.snr);
+  line["gain_flags"] = names_of(gain.flags);
+}
+
+std::string text_of(const Json& line) { return line.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n'; }
 
 }  // namespace
 
-std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const StoredRegion& region, const Camera& camera) {
-  line.begin();
-  line.member("frame", frame.frame);
-  line.open_list("region");
-  for (const std::size_t value : {region.x, region.y, region.width, region.height})
-    line.item(static_cast<std::int64_t>(value));
-  line.close_list();
-  if (frame.gain) add_gain(line, *frame.gain);
-  if (frame.received) add_received(line, *frame.received, camera);
-  if (frame.suggestion) {
-    line.open("exposure");
-    line.member("exposure_s", frame.suggestion->exposure);
-    line.member("objective", frame.suggestion->objective);
-    line.close();
+std::string base64(std::span<const std::uint8_t> bytes) {
+  static constexpr std::string_view digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (std::size_t k = 0; k < bytes.size(); k += 3) {
+    const auto byte = [&](std::size_t at) { return at < bytes.size() ? std::uint32_t{bytes[at]} : 0U; };
+    const std::uint32_t group = byte(k) << 16 | byte(k + 1) << 8 | byte(k + 2);
+    for (std::size_t digit = 0; digit < 4; ++digit)
+      text += k + digit <= bytes.size() ? digits[group >> (18 - 6 * digit) & 63] : '=';
   }
-  return line.end();
+  return text;
 }
 
-std::string_view totals_line(JsonLine& line, const Totals& totals) {
-  line.begin();
-  line.open("totals");
-  line.member("frames", totals.frames);
-  line.member("torn", totals.torn);
-  line.member("received", totals.with_data);
-  line.member("bits", totals.bits);
-  line.member("payloads", totals.payloads);
-  line.member("payload_bytes", totals.payload_bytes);
-  line.member("searches", totals.searches);
-  line.member("seconds", totals.seconds);
-  line.close();
-  return line.end();
+std::string light_line(const LightFrame& light, const StoredRegion& region, std::size_t rows, const Camera& camera) {
+  Json line{{"frame", light.frame},
+            {"source", light.source},
+            {"rows", rows},
+            {"region", {region.x, region.y, region.width, region.height}}};
+  if (light.received) add_data(line, *light.received, camera);
+  if (light.gain) add_gain(line, *light.gain);
+  if (light.suggestion) line["suggested_exposure_s"] = light.suggestion->exposure;
+  return text_of(line);
 }
 
-std::string_view stats_line(JsonLine& line, const Stats& stats) {
-  line.begin();
-  line.open("stats");
-  line.member("ready_s", stats.ready);
-  line.member("first_frame_s", stats.first_frame);
-  line.open("latency_s");
-  line.member("mean", stats.computing.mean());
-  line.member("p50", stats.computing.percentile(0.5));
-  line.member("p90", stats.computing.percentile(0.9));
-  line.member("p99", stats.computing.percentile(0.99));
-  line.member("p999", stats.computing.percentile(0.999));
-  line.member("max", stats.computing.largest());
-  line.close();
-  line.member("pool_bytes", stats.pool_bytes);
-  line.member("peak_memory_bytes", peak_memory());
-  line.close();
-  return line.end();
+std::string totals_line(const Totals& totals) {
+  return text_of({{"totals",
+                   {{"frames", totals.frames},
+                    {"torn", totals.torn},
+                    {"received", totals.with_data},
+                    {"bits", totals.bits},
+                    {"payloads", totals.payloads},
+                    {"payload_bytes", totals.payload_bytes},
+                    {"searches", totals.searches},
+                    {"seconds", totals.seconds}}}});
+}
+
+std::string stats_line(const Stats& stats) {
+  const Latency& latency = stats.computing;
+  return text_of({{"stats",
+                   {{"ready_s", stats.ready},
+                    {"first_frame_s", stats.first_frame},
+                    {"latency_s",
+                     {{"mean", latency.mean()},
+                      {"p50", latency.percentile(0.5)},
+                      {"p90", latency.percentile(0.9)},
+                      {"p99", latency.percentile(0.99)},
+                      {"p999", latency.percentile(0.999)},
+                      {"max", latency.largest()}}},
+                    {"peak_memory_bytes", peak_memory()}}}});
 }
 
 }  // namespace ocisac::apps

@@ -1,11 +1,13 @@
 // Results of frames as JSON.
 #pragma once
 
-#include <string_view>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
 
-#include "json_line.hpp"
 #include "latency.hpp"
-#include "ocisac/receiver/live_receiver.hpp"
+#include "ocisac/receiver/receiver.hpp"
 #include "pixel_format.hpp"
 
 namespace ocisac::apps {
@@ -22,16 +24,19 @@ struct Totals {
   double seconds = 0;        // from the first frame to the end
 };
 
-// The line of a frame; `region`: in stored pixels.
-std::string_view frame_line(JsonLine& line, const LiveFrame& frame, const StoredRegion& region, const Camera& camera);
-std::string_view totals_line(JsonLine& line, const Totals& totals);
+// The line of a frame and light, with the keys of `ocisac receive --packets --json`. Numbers are the shortest text that
+// reads back as the same, null where they are not finite; bytes that are no UTF-8 become U+FFFD. `region`: in stored
+// pixels. `rows`: of the picture.
+std::string light_line(const LightFrame& light, const StoredRegion& region, std::size_t rows, const Camera& camera);
+std::string totals_line(const Totals& totals);
 // Times in s. `computing`: from a frame's last byte to the end of its line; `first_frame`: the same of the first, with
-// the search for the light; `ready`: from the start of the program until it waits for frames.
+// the search for lights; `ready`: from the start of the program until it waits for frames.
 struct Stats {
   Latency computing;
   double first_frame = 0, ready = 0;
-  std::size_t pool_bytes = 0;  // memory kept for frames; 0 where there is no pool
 };
-std::string_view stats_line(JsonLine& line, const Stats& stats);
+std::string stats_line(const Stats& stats);
+
+std::string base64(std::span<const std::uint8_t> bytes);
 
 }  // namespace ocisac::apps

@@ -5,10 +5,13 @@
 #include <chrono>
 #include <cstdio>
 #include <string>
+#include <vector>
 
 #include "byte_input.hpp"
 #include "frame_reader.hpp"
+#include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/receiver/receiver.hpp"
 #include "orientation.hpp"
 #include "output.hpp"
 #include "report.hpp"
@@ -34,22 +37,31 @@ StoredRegion region_of(const Settings& settings, const FrameLayout& layout) {
   return region;
 }
 
-LiveOptions live_options(const Settings& settings, const FrameLayout& layout, const StoredRegion& region) {
-  LiveOptions live = settings.live;
-  if (settings.region) live.region = to_time_order(region, settings.scan_axis, layout.width, layout.height);
-  return live;
+ReceiverOptions receiver_options(const Settings& settings, const FrameLayout& layout, const StoredRegion& region) {
+  ReceiverOptions options{.light = settings.light, .regions = {}, .max_sources = settings.max_sources};
+  if (settings.region) options.regions = {to_time_order(region, settings.scan_axis, layout.width, layout.height)};
+  return options;
 }
 
-void count(Totals& totals, const LiveFrame& frame) {
+const Payload* payload_of(const LightFrame& light) {
+  const bool whole = light.received && light.received->stretch && light.received->stretch->payload;
+  return whole ? &*light.received->stretch->payload : nullptr;
+}
+
+void count(Totals& totals, const std::vector<LightFrame>& lights) {
   ++totals.frames;
-  totals.searches += frame.searched;
-  if (!frame.received) return;
-  totals.with_data += frame.received->outcome == FrameOutcome::received;
-  totals.bits += frame.received->bits.size();
-  if (frame.received->stretch && frame.received->stretch->payload) {
-    ++totals.payloads;
-    totals.payload_bytes += frame.received->stretch->payload->bytes.size();
+  totals.searches += lights.front().searched;
+  bool received = false;
+  for (const LightFrame& light : lights) {
+    if (!light.received) continue;
+    received |= light.received->outcome == FrameOutcome::received;
+    totals.bits += light.received->bits.size();
+    if (const Payload* payload = payload_of(light)) {
+      ++totals.payloads;
+      totals.payload_bytes += payload->bytes.size();
+    }
   }
+  totals.with_data += received;
 }
 
 class Session {
@@ -60,16 +72,16 @@ class Session {
         camera_(camera_of(settings, header)),
         unpacked_(region_of(settings, header.layout)),
         picture_(header.layout),
-        receiver_(camera_, live_options(settings, header.layout, unpacked_)) {}
+        receiver_(camera_, receiver_options(settings, header.layout, unpacked_)) {}
 
   // False where nobody reads any more.
   bool take(const Frame& frame) {
     const double began = seconds_now();
     if (totals_.frames == 0) first_ = began;
     const auto view = in_time_order(picture_.view(frame.bytes, unpacked_), settings_.scan_axis);
-    const LiveFrame& result = receiver_.push(view, static_cast<std::int64_t>(frame.number));
-    count(totals_, result);
-    const bool read = settings_.payload_alone ? write_payload(result) : write_line(result);
+    const auto lights = receiver_.push({&view, 1}, static_cast<std::int64_t>(frame.number));
+    count(totals_, lights);
+    const bool read = settings_.payload_alone ? write_payloads(lights) : write_lines(lights, shape_of(view).rows);
     const double taken = seconds_now() - began;
     if (totals_.frames == 1)
       stats_.first_frame = taken;
@@ -78,27 +90,34 @@ class Session {
     return read;
   }
 
-  void finish(std::size_t torn, double ready, std::size_t pool_bytes) {
+  void finish(std::size_t torn, double ready) {
     stats_.ready = ready;
-    stats_.pool_bytes = pool_bytes;
     totals_.torn = torn;
     totals_.seconds = totals_.frames == 0 ? 0 : seconds_now() - first_;
-    if (!settings_.payload_alone) write_all(STDOUT_FILENO, totals_line(line_, totals_));
-    if (settings_.stats) write_all(STDERR_FILENO, stats_line(line_, stats_));
+    if (!settings_.payload_alone) write_all(STDOUT_FILENO, totals_line(totals_));
+    if (settings_.stats) write_all(STDERR_FILENO, stats_line(stats_));
   }
 
   [[nodiscard]] const Totals& totals() const { return totals_; }
 
  private:
-  bool write_line(const LiveFrame& result) {
-    const StoredRegion region = to_stored(result.region, settings_.scan_axis, layout_.width, layout_.height);
-    return write_all(STDOUT_FILENO, frame_line(line_, result, region, camera_));
+  bool write_lines(const std::vector<LightFrame>& lights, std::size_t rows) {
+    std::string lines;
+    for (const LightFrame& light : lights) {
+      const StoredRegion region = to_stored(light.region, settings_.scan_axis, layout_.width, layout_.height);
+      lines += light_line(light, region, rows, camera_);
+    }
+    return write_all(STDOUT_FILENO, lines);
   }
 
-  bool write_payload(const LiveFrame& result) {
-    if (!result.received || !result.received->stretch || !result.received->stretch->payload) return true;
-    const auto& bytes = result.received->stretch->payload->bytes;
-    return write_all(STDOUT_FILENO, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  static bool write_payloads(const std::vector<LightFrame>& lights) {
+    for (const LightFrame& light : lights) {
+      const Payload* payload = payload_of(light);
+      if (payload == nullptr) continue;
+      const auto* text = reinterpret_cast<const char*>(payload->bytes.data());
+      if (!write_all(STDOUT_FILENO, {text, payload->bytes.size()})) return false;
+    }
+    return true;
   }
 
   const Settings& settings_;
@@ -106,8 +125,7 @@ class Session {
   Camera camera_;
   StoredRegion unpacked_;
   GrayPicture picture_;
-  LiveReceiver receiver_;
-  JsonLine line_;
+  Receiver receiver_;
   Stats stats_;
   Totals totals_;
   double first_ = 0;
@@ -119,7 +137,7 @@ double seconds_now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-ExitCode run(const Settings& settings, double began, std::size_t (*pool_bytes)()) {
+ExitCode run(const Settings& settings, double began) {
   catch_stop_signals();
   ByteInput input(settings.input);
   const double ready = seconds_now() - began;
@@ -134,7 +152,7 @@ ExitCode run(const Settings& settings, double began, std::size_t (*pool_bytes)()
     if (!session.take(*frame) || stop_requested()) break;
     if (settings.frames && session.totals().frames >= *settings.frames) break;
   }
-  session.finish(frames.torn(), ready, pool_bytes());
+  session.finish(frames.torn(), ready);
   if (session.totals().frames == 0 && !stop_requested()) return kRefused;
   return settings.payload_alone && session.totals().payloads == 0 && !stop_requested() ? kNoPayload : kDone;
 }

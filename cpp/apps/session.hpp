@@ -1,8 +1,6 @@
 // A run of ocisac-rx: frames in, lines out.
 #pragma once
 
-#include <cstddef>
-
 #include "settings.hpp"
 
 namespace ocisac::apps {
@@ -15,8 +13,8 @@ enum ExitCode : int {
   kNoPayload = 3,  // --payload, and none came whole
 };
 
-// `began`: when the program did, s of a steady clock. `pool_bytes`: what stats tell of its memory.
-ExitCode run(const Settings& settings, double began, std::size_t (*pool_bytes)());
+// `began`: when the program did, s of a steady clock.
+ExitCode run(const Settings& settings, double began);
 
 // Of a steady clock.
 double seconds_now();

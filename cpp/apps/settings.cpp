@@ -23,6 +23,8 @@ const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"M
 // Options as they are written, before they are looked at together.
 struct Written {
   std::string size, format = "gray8", region, tone_curve = "linear", line_code = "manchester";
+  ChipOptions data;
+  GainOptions gain;
   std::size_t stride = 0;
   std::optional<double> frame_rate;
   bool lengthened = false, no_bits = false, no_gain = false, version = false;
@@ -104,20 +106,23 @@ void add_camera_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("--white-level", settings.white_level, "DN of full light");
 }
 
-void add_light_options(CLI::App& app, LiveOptions& live, Written& written) {
+void add_light_options(CLI::App& app, Settings& settings, Written& written) {
   const auto frequency = CLI::AsNumberWithUnit(kFrequencyUnits);
-  app.add_option("--frequency", live.frequency, "Of the tone, such as 500Hz; searched when not given")
+  ChipOptions& data = written.data;
+  GainOptions& gain = written.gain;
+  app.add_option("--frequency", gain.frequency, "Of the tone, such as 500Hz; estimated when not given")
       ->transform(frequency);
-  app.add_option("--waveform", live.waveform, "tone or square")
+  app.add_option("--waveform", gain.waveform, "tone or square")
       ->transform(one_of<WaveformShape>({{"tone", WaveformShape::tone}, {"square", WaveformShape::square}}));
-  app.add_option("--duty", live.duty, "Bright share of a square wave")->capture_default_str();
-  app.add_option("--background", live.background, "Light that is not the source's, DN above dark");
-  app.add_option("--sense", live.sense_frequency, "Of the moving scene, for the suggested exposure")
+  app.add_option("--duty", gain.duty, "Bright share of a square wave")->capture_default_str();
+  app.add_option("--background", gain.background, "Light that is not the source's, DN above dark");
+  app.add_option("--sense", settings.light.sense_frequency, "Of the moving scene, for the suggested exposure")
       ->transform(frequency);
-  app.add_option("--chip-rate", live.chip_rate, "Chips a second; searched when not given")->transform(frequency);
+  app.add_option("--sources", settings.max_sources, "Lights, at most")->check(whole())->capture_default_str();
+  app.add_option("--chip-rate", data.chip_rate, "Chips a second; estimated when not given")->transform(frequency);
   app.add_option("--line-code", written.line_code, "Of packets: none, manchester, 4b6b or 8b10b")
       ->capture_default_str();
-  app.add_option("--block-bytes", live.format.block_bytes, "Coded bytes of a packet's block")
+  app.add_option("--block-bytes", data.format.block_bytes, "Coded bytes of a packet's block")
       ->check(whole())
       ->capture_default_str();
   app.add_flag("--lengthened", written.lengthened, "Packets with the lengthened preamble");
@@ -139,7 +144,7 @@ void print_version() {
 }
 
 // All that takes more than one option, or a check.
-void complete(Settings& settings, const Written& written) {
+void complete(Settings& settings, Written written) {
   if (!written.size.empty()) {
     const auto format = pixel_format(written.format);
     require(format.has_value(), "--format", written.format, pixel_format_names());
@@ -154,12 +159,13 @@ void complete(Settings& settings, const Written& written) {
   }
   settings.camera.tone_curve = parse_tone_curve(written.tone_curve);
   check(settings.camera);
-  LiveOptions& live = settings.live;
-  live.format.line_code = LineCode::named(written.line_code);
-  if (written.lengthened) live.format.preamble = Preamble::lengthened;
-  live.data = !written.no_bits;
-  live.gain = !written.no_gain && !settings.payload_alone;
-  require(live.data || live.gain, "--no-bits", "with --no-gain or --payload", "something to do");
+  const bool no_gain = written.no_gain || settings.payload_alone;
+  require(!written.no_bits || !no_gain, "--no-bits", "with --no-gain or --payload", "something to do");
+  written.data.format.line_code = LineCode::named(written.line_code);
+  if (written.lengthened) written.data.format.preamble = Preamble::lengthened;
+  settings.light.data = written.no_bits ? std::nullopt : std::optional(written.data);
+  settings.light.gain = no_gain ? std::nullopt : std::optional(written.gain);
+  require(settings.max_sources > 0, "--sources", 0, "1 or above");
   require(!settings.frames || *settings.frames > 0, "--frames", 0, "1 or above");
 }
 
@@ -172,7 +178,7 @@ std::optional<Settings> read_settings(int argc, const char* const* argv) {
   Written written;
   add_input_options(app, settings, written);
   add_camera_options(app, settings, written);
-  add_light_options(app, settings.live, written);
+  add_light_options(app, settings, written);
   add_output_options(app, settings, written);
   try {
     app.parse(argc, argv);

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/receiver/live_receiver.hpp"
+#include "ocisac/receiver/receiver.hpp"
 #include "pixel_format.hpp"
 
 namespace ocisac::apps {
@@ -19,7 +19,8 @@ struct Settings {
   std::optional<StoredRegion> region;  // stored pixels
   Camera camera;
   std::optional<double> dark_level, white_level;  // absent: as the stream tells
-  LiveOptions live;
+  LightOptions light;
+  std::size_t max_sources = 8;
   bool payload_alone = false;
   bool stats = false;
   std::optional<std::size_t> frames;  // stop after so many

@@ -9,16 +9,6 @@ py::bytes as_bytes(const std::vector<std::uint8_t>& bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-std::string name_of(StretchOutcome outcome) {
-  switch (outcome) {
-    case StretchOutcome::placed: return "placed";
-    case StretchOutcome::waiting: return "waiting";
-    case StretchOutcome::repeated: return "repeated";
-    case StretchOutcome::unreadable: break;
-  }
-  return "unreadable";
-}
-
 py::tuple layout_tuple(const PacketLayout& layout) {
   return py::make_tuple(layout.codewords, layout.codeword_data, layout.blocks, layout.block_chips);
 }
@@ -62,8 +52,8 @@ py::tuple stretch_tuple(const StretchReport& report) {
   py::object payload = py::none();
   if (report.payload)
     payload = py::make_tuple(as_bytes(report.payload->bytes), report.payload->number, report.payload->corrected);
-  return py::make_tuple(name_of(report.outcome), report.blocks, report.bytes, report.cut, report.doubtful,
-                        report.violations, report.share, payload);
+  return py::make_tuple(std::string(outcome_name(report.outcome)), report.blocks, report.bytes, report.cut,
+                        report.doubtful, report.violations, report.share, payload);
 }
 
 py::tuple symbol_tuple(const FskSymbol& symbol) {

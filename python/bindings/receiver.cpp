@@ -1,8 +1,8 @@
+#include "ocisac/receiver/receiver.hpp"
+
 #include "bindings.hpp"
 #include "ocisac/receiver/fsk_receiver.hpp"
-#include "ocisac/receiver/multi_receiver.hpp"
 #include "ocisac/receiver/receive.hpp"
-#include "ocisac/receiver/stream_receiver.hpp"
 #include "packets.hpp"
 
 namespace ocisac::bindings {
@@ -26,34 +26,57 @@ py::list receive_list(const std::vector<py::array>& colours, const Camera& camer
 }
 
 // In the order of ocisac_fast.receiver.ReceivedFrame.
-py::tuple as_tuple(const ReceivedFrame& frame) {
+py::object as_tuple(const std::optional<ReceivedFrame>& frame) {
+  if (!frame) return py::none();
   py::object stretch = py::none();
-  if (frame.stretch) stretch = stretch_tuple(*frame.stretch);
-  return py::make_tuple(frame.frame, std::string(outcome_name(frame.outcome)), frame.missing, frame.colour, frame.bits,
-                        frame.phase, frame.rows_per_chip, frame.rows_per_chip_std, frame.exposure, frame.exposure_std,
-                        frame.snr, frame.error_rate, array_of(frame.llr), stretch, frame.flags);
+  if (frame->stretch) stretch = stretch_tuple(*frame->stretch);
+  return py::make_tuple(frame->frame, std::string(outcome_name(frame->outcome)), frame->missing, frame->colour,
+                        frame->bits, frame->phase, frame->rows_per_chip, frame->rows_per_chip_std, frame->exposure,
+                        frame->exposure_std, frame->snr, frame->error_rate, array_of(frame->llr), stretch,
+                        frame->flags);
+}
+
+// In the order of ocisac_fast.receiver.LightGain.
+py::object as_tuple(const std::optional<LightGain>& gain) {
+  if (!gain) return py::none();
+  return py::make_tuple(gain->frequency, gain->frequency_std, gain->gain, gain->gain_std, gain->phase, gain->mean,
+                        gain->snr, gain->flags);
+}
+
+py::object as_tuple(const std::optional<BestExposure>& suggestion) {
+  if (!suggestion) return py::none();
+  return py::make_tuple(suggestion->exposure, suggestion->objective);
 }
 
 using Box = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
 
-Shared<MultiReceiver> multi_receiver(const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
-                                     std::size_t block_bytes, const std::string& preamble,
-                                     std::optional<double> search_passes, const std::vector<Box>& regions,
-                                     std::size_t max_sources) {
-  MultiReceiverOptions options{
-      {chip_rate, format_of(line_code, block_bytes, preamble), search_passes}, {}, max_sources};
+Shared<Receiver> make_receiver(const Camera& camera, bool data, bool gain, std::optional<double> chip_rate,
+                               const CodeName& line_code, std::size_t block_bytes, const std::string& preamble,
+                               std::optional<double> search_passes, std::optional<double> frequency,
+                               const std::string& waveform, double duty, double background,
+                               std::optional<double> sense_frequency, bool whole_picture,
+                               const std::vector<Box>& regions, std::size_t max_sources) {
+  ReceiverOptions options{.max_sources = max_sources, .whole_picture = whole_picture};
+  options.light.data.reset();
+  if (data) options.light.data = {chip_rate, format_of(line_code, block_bytes, preamble), search_passes};
+  require(waveform == "tone" || waveform == "square", "waveform", '"' + waveform + '"', "tone, square");
+  const WaveformShape shape = waveform == "square" ? WaveformShape::square : WaveformShape::tone;
+  if (gain) options.light.gain = {frequency, shape, duty, background};
+  options.light.sense_frequency = sense_frequency;
   for (const auto& [x, y, width, height] : regions) options.regions.push_back({x, y, width, height});
-  return Shared(MultiReceiver(camera, std::move(options)));
+  return Shared(Receiver(camera, std::move(options)));
 }
 
-py::list push_multi(Shared<MultiReceiver>& receiver, const std::vector<py::array>& colours,
-                    std::optional<std::int64_t> frame) {
+py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
   const auto views = views_of(colours);
-  const auto results = receiver.call([&](MultiReceiver& alone) { return alone.push(views, frame); });
+  const auto results = receiver.call([&](Receiver& alone) { return alone.push(views, frame); });
   py::list list;
-  for (const auto& [source, region, received] : results)
-    list.append(
-        py::make_tuple(source, py::make_tuple(region.x, region.y, region.width, region.height), as_tuple(received)));
+  for (const auto& light : results) {
+    const Region& region = light.region;
+    list.append(py::make_tuple(light.frame, light.source,
+                               py::make_tuple(region.x, region.y, region.width, region.height), light.searched,
+                               as_tuple(light.received), as_tuple(light.gain), as_tuple(light.suggestion)));
+  }
   return list;
 }
 
@@ -73,22 +96,11 @@ void register_receiver(py::module_& module) {
   using py::arg;
   module.def("receive", &receive_list, arg("colours"), arg("camera"), arg("chip_rate"));
   py::class_<Shared<Receiver>>(module, "Receiver")
-      .def(py::init([](const Camera& camera, std::optional<double> chip_rate, const CodeName& line_code,
-                       std::size_t block_bytes, const std::string& preamble, std::optional<double> search_passes) {
-             return Shared(Receiver(camera, {chip_rate, format_of(line_code, block_bytes, preamble), search_passes}));
-           }),
-           arg("camera"), arg("chip_rate"), arg("line_code"), arg("block_bytes"), arg("preamble"), arg("search_passes"))
-      .def(
-          "push",
-          [](Shared<Receiver>& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
-            const auto views = views_of(colours);
-            return as_tuple(receiver.call([&](Receiver& alone) { return alone.push(views, frame); }));
-          },
-          arg("colours"), arg("frame"));
-  py::class_<Shared<MultiReceiver>>(module, "MultiReceiver")
-      .def(py::init(&multi_receiver), arg("camera"), arg("chip_rate"), arg("line_code"), arg("block_bytes"),
-           arg("preamble"), arg("search_passes"), arg("regions"), arg("max_sources"))
-      .def("push", &push_multi, arg("colours"), arg("frame"));
+      .def(py::init(&make_receiver), py::kw_only(), arg("camera"), arg("data"), arg("gain"), arg("chip_rate"),
+           arg("line_code"), arg("block_bytes"), arg("preamble"), arg("search_passes"), arg("frequency"),
+           arg("waveform"), arg("duty"), arg("background"), arg("sense_frequency"), arg("whole_picture"),
+           arg("regions"), arg("max_sources"))
+      .def("push", &push, arg("colours"), arg("frame"));
   py::class_<FskReceiver>(module, "FskReceiver")
       .def(py::init([](const Camera& camera, std::vector<double> tones, std::size_t block_bytes,
                        const std::string& preamble) {

@@ -228,14 +228,25 @@ class PacketAssembler:
 class Receiver:
     def __init__(
         self,
+        *,
         camera: Camera,
+        data: bool,
+        gain: bool,
         chip_rate: float | None,
         line_code: str | Sequence[str],
         block_bytes: int,
         preamble: str,
         search_passes: float | None,
+        frequency: float | None,
+        waveform: str,
+        duty: float,
+        background: float,
+        sense_frequency: float | None,
+        whole_picture: bool,
+        regions: Sequence[tuple[int, int, int, int]],
+        max_sources: int,
     ) -> None: ...
-    def push(self, colours: Sequence[npt.NDArray[Any]], frame: int | None) -> tuple[Any, ...]: ...
+    def push(self, colours: Sequence[npt.NDArray[Any]], frame: int | None) -> list[tuple[Any, ...]]: ...
 
 class ScenePart:
     def __init__(
@@ -278,23 +289,6 @@ def refine_row_light(
     basis: npt.NDArray[np.float64] | None = None,
     deviation: float = ...,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
-
-class MultiReceiver:
-    def __init__(
-        self,
-        camera: Camera,
-        chip_rate: float | None,
-        line_code: str | Sequence[str],
-        block_bytes: int,
-        preamble: str,
-        search_passes: float | None,
-        regions: Sequence[tuple[int, int, int, int]],
-        max_sources: int,
-    ) -> None: ...
-    def push(
-        self, colours: Sequence[npt.NDArray[Any]], frame: int | None
-    ) -> list[tuple[int, tuple[int, int, int, int], tuple[Any, ...]]]: ...
-
 def fsk_demodulate(
     camera: Camera, tones: Sequence[float], signal: npt.NDArray[np.float64], amplitude: float | None
 ) -> tuple[Any, ...]: ...

@@ -33,7 +33,7 @@ def _check_payload(camera: ocisac.Camera) -> bytes:
     for frame in simulate_frames(light, camera, _ROWS, _COLUMNS, 60, dark_level=_DARK_LEVEL, noise=2.0):
         received = receiver.push(np.asarray(frame))
         if received.payload is not None:
-            return bytes(received.payload.payload)
+            return bytes(received.payload.data)
     raise RuntimeError("payload: nothing received in 60 frames")
 
 

@@ -111,7 +111,7 @@ def test_payloads_come_through_noise_missing_repeated_and_dark_frames(count, noi
         if index % 50 == 9:
             assert receiver.push(rows, index).outcome == "repeated"
         if result.payload is not None:
-            payloads.append((result.payload.payload, result.payload.number))
+            payloads.append((result.payload.data, result.payload.number))
     assert payloads
     assert set(payloads) == {(b"tone", 3)}
     assert receiver.push(np.full(ROWS, np.nan)).outcome == "not_finite"
@@ -125,7 +125,7 @@ def test_another_packet_of_tones_follows_the_first():
         sent = fsk_transmit(payload, tones, number=number)
         for index in range(300):
             result = receiver.push(tone_rows(random, tones[sent.symbols[index]], 10.0))
-            got += [] if result.payload is None else [result.payload.payload]
+            got += [] if result.payload is None else [result.payload.data]
     assert list(dict.fromkeys(got)) == [b"first", b"second!"]
 
 

@@ -135,7 +135,7 @@ def frames_needed(payload, camera_options, flips, options, seed):
         chips = chips ^ (random.random(len(chips)) < flips)
         report = assembler.push(first, soft(chips))
         if report.payload is not None:
-            assert report.payload.payload == payload
+            assert report.payload.data == payload
             return index + 1
     raise AssertionError("the payload never came")
 
@@ -178,7 +178,7 @@ def test_packets_that_follow_each_other_and_a_clock_that_jumps():
             place, chips = camera.frame(index)
             report = assembler.push(first + place, soft(chips))
             if report.payload is not None:
-                got.append((report.payload.number, report.payload.payload))
+                got.append((report.payload.number, report.payload.data))
         first += 10_000_000
         assembler.lose_clock()
     assert list(dict.fromkeys(got)) == [(255, payloads[0]), (0, payloads[1]), (1, payloads[2])]
@@ -195,7 +195,7 @@ def test_a_slip_of_a_chip_heals_and_repeated_and_dark_frames_are_left_out():
         outcomes.append(report.outcome)
         assert assembler.push(first, soft(chips)).outcome == "repeated"
         if report.payload is not None:
-            assert report.payload.payload == payload
+            assert report.payload.data == payload
             break
     else:
         raise AssertionError("the payload never came")
@@ -234,7 +234,7 @@ def corrupted_tries(tries, seed):
         payload = PacketAssembler(line_code="none", block_bytes=6).push(0, soft(chips)).payload
         if payload is not None:
             came += 1
-            assert (payload.payload, payload.number) == (sent.payload, sent.number)
+            assert (payload.data, payload.number) == (sent.payload, sent.number)
     return came
 
 

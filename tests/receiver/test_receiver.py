@@ -120,7 +120,7 @@ FIELDS = (
     "phase",
     "snr",
     "levels",
-    "soft",
+    "relative_levels",
     "weights",
 )
 
@@ -211,11 +211,11 @@ def test_reports_what_it_found():
     assert got.weights.shape == (130,)
     assert got.weights.sum() == pytest.approx(1)
     assert got.levels.shape == (2, len(got.bits))
-    np.testing.assert_array_equal(got.soft > 0, [bit == "1" for bit in got.bits])
+    np.testing.assert_array_equal(got.relative_levels > 0, [bit == "1" for bit in got.bits])
     middle = np.rint(got.phase + (np.arange(len(got.bits)) + 0.5) * got.rows_per_chip).astype(int)
     light = frame.light @ got.weights
     swing = (got.levels[1] - got.levels[0])[5:-5]
-    gain = light[middle] - np.choose((got.soft > 0).astype(int), got.levels)
+    gain = light[middle] - np.choose((got.relative_levels > 0).astype(int), got.levels)
     assert np.abs(gain[5:-5]).max() < 0.1 * swing.max()  # levels follow a gradient of 4:1
 
 

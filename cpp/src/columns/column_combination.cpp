@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <numeric>
+#include <optional>
 #include <type_traits>
 
 #include "columns/moving_mean.hpp"
@@ -66,70 +66,100 @@ Blocks make_blocks(std::span<const std::uint8_t> usable) {
   return blocks;
 }
 
-// Sums of unsigned integers stay exact in 64 bits; light is linear in them.
-template <class T, class Sum, class Light>
-Matrix sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
-                  Light light) {
-  Matrix sums(static_cast<Index>(blocks.begin.size()), static_cast<Index>(view.rows));
-  const bool dense = view.column_stride == 1;
+// Light of one value, in (rows × blocks) sums over each block's columns.
+template <class T, class Light>
+void sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
+                Light light, Matrix& sums) {
   for (std::size_t row = 0; row < view.rows; ++row)
     for (std::size_t block = 0; block < blocks.begin.size(); ++block) {
-      const std::size_t begin = blocks.begin[block], end = blocks.end[block];
-      Sum sum = 0;
-      if (dense && blocks.size[block] == end - begin) {  // no branches: the loop of nearly all pixels
-        const T* values = &view(0, row, begin);
-        for (std::size_t k = 0; k < end - begin; ++k) sum += light(values[k]);
-      } else {
-        for (std::size_t column = begin; column < end; ++column)
-          if (usable[column]) sum += light(view(0, row, column));
-      }
-      sums(static_cast<Index>(block), static_cast<Index>(row)) = static_cast<double>(sum);
+      double sum = 0;
+      for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column)
+        if (usable[column]) sum += light(view(0, row, column));
+      sums(static_cast<Index>(row), static_cast<Index>(block)) = sum;
     }
-  return sums;
 }
 
-// Mean light of each block in each row: (blocks × rows).
+// The same of stored integers, as differences of a row's prefix sums, which are exact: nearly all pixels pass here.
 template <class T>
-Matrix block_means(const FramesView<const T>& view, const ToneCurve& curve, std::span<const std::uint8_t> usable,
-                   const Blocks& blocks) {
-  Matrix means;
+void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
+                Matrix& sums) {
+  std::vector<std::uint64_t> prefix(view.columns + 1, 0);
+  for (std::size_t row = 0; row < view.rows; ++row) {
+    for (std::size_t column = 0; column < view.columns; ++column)
+      prefix[column + 1] = prefix[column] + (usable[column] ? std::uint64_t{view(0, row, column)} : 0);
+    for (std::size_t block = 0; block < blocks.begin.size(); ++block)
+      sums(static_cast<Index>(row), static_cast<Index>(block)) =
+          static_cast<double>(prefix[blocks.end[block]] - prefix[blocks.begin[block]]);
+  }
+}
+
+// Mean light of each block in each row into `means`, (rows × blocks), whose memory is used again.
+template <class T>
+void block_means(const FramesView<const T>& view, const ToneCurve& curve, std::span<const std::uint8_t> usable,
+                 const Blocks& blocks, Matrix& means) {
+  means.resize(static_cast<Index>(view.rows), static_cast<Index>(blocks.begin.size()));
   double dark = 0;
+  const auto light = [&](auto value) { return linear_light(curve, static_cast<double>(value), sample_maximum<T>()); };
   if constexpr (std::is_integral_v<T>) {
     if (curve.kind == ToneCurve::Kind::linear) {
-      means = sum_blocks<T, std::uint64_t>(view, usable, blocks, [](T value) { return std::uint32_t{value}; });
+      sum_stored(view, usable, blocks, means);
       dark = curve.dark_level;
     } else {
       std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
-      for (std::size_t value = 0; value < table.size(); ++value)
-        table[value] = linear_light(curve, static_cast<double>(value), sample_maximum<T>());
-      means = sum_blocks<T, double>(view, usable, blocks, [&](T value) { return table[value]; });
+      for (std::size_t value = 0; value < table.size(); ++value) table[value] = light(value);
+      sum_blocks(
+          view, usable, blocks, [&](T value) { return table[value]; }, means);
     }
   } else {
-    means = sum_blocks<T, double>(view, usable, blocks, [&](T value) {
-      return linear_light(curve, static_cast<double>(value), sample_maximum<T>());
-    });
+    sum_blocks(view, usable, blocks, light, means);
   }
-  for (Index block = 0; block < means.rows(); ++block)
-    means.row(block) =
-        means.row(block).array() / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]) - dark;
-  return means;
+  Eigen::RowVectorXd scale(means.cols());
+  for (Index block = 0; block < means.cols(); ++block)
+    scale(block) = 1 / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]);
+  for (Index row = 0; row < means.rows(); ++row)
+    means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
 }
 
-// The blocks' swings about their moving means: a gradient along the rows is not common light.
-Matrix swings_of(const Matrix& means) {
-  const auto rows = static_cast<std::size_t>(means.cols());
-  Matrix swings = means;
-  for (Index block = 0; block < means.rows(); ++block) {
-    const auto slow = moving_mean({means.row(block).data(), rows}, rows / 16 + 1);
-    swings.row(block) -= Eigen::Map<const Eigen::RowVectorXd>(slow.data(), means.cols());
+// The blocks' swings about their moving means over rows n − reach … n + reach: a gradient along the rows is not common
+// light. Running sums of all blocks at once.
+void take_swings(const Matrix& means, Matrix& swings) {
+  const Index rows = means.rows(), reach = rows / 16 + 1;
+  swings.resize(rows, means.cols());
+  Eigen::RowVectorXd sum = means.topRows(std::min(reach, rows)).colwise().sum();
+  Index count = std::min(reach, rows);
+  for (Index row = 0; row < rows; ++row) {
+    if (row + reach < rows) sum += means.row(row + reach), ++count;
+    if (row > reach) sum -= means.row(row - reach - 1), --count;
+    swings.row(row) = means.row(row) - sum * (1 / static_cast<double>(count));
   }
-  return swings;
 }
 
-Matrix swing_covariance(const Matrix& means) {
-  const Matrix swings = swings_of(means);
-  return swings * swings.transpose() / static_cast<double>(means.cols());
+// Columns of a frame in blocks, with the blocks' light. Half a megabyte each: asking for it anew in every frame costs
+// as much as the sums (page faults).
+struct BlockedFrame {
+  std::vector<double> clipped;       // (columns) share of saturated rows
+  std::vector<std::uint8_t> usable;  // (columns)
+  Blocks blocks;
+  Matrix means, swings;  // (rows × blocks)
+
+  void fill(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, SaturatedColumns saturated,
+            std::span<const std::uint8_t> columns) {
+    clipped = saturated_share(frames, frame, curve);
+    usable = usable_columns(clipped, saturated, columns);
+    blocks = make_blocks(usable);
+    std::visit([&](const auto& view) { block_means(view.frame(frame), curve, usable, blocks, means); }, frames);
+    take_swings(means, swings);
+  }
+};
+
+Matrix covariance_of(const Matrix& swings) {
+  Matrix covariance = Matrix::Zero(swings.cols(), swings.cols());
+  covariance.selfadjointView<Eigen::Upper>().rankUpdate(swings.transpose(), 1 / static_cast<double>(swings.rows()));
+  covariance.triangularView<Eigen::StrictlyLower>() = covariance.transpose();
+  return covariance;
 }
+
+double min_own_variance(const VectorXd& power) { return std::max(kMinOwnVariance * power.maxCoeff(), 1e-12); }
 
 // Blocks that see one light, with the one that shows it best.
 struct BlockGroup {
@@ -169,7 +199,7 @@ CommonFactor common_factor(std::span<const double> covariance, std::size_t size)
   const auto n = static_cast<Index>(size);
   const Eigen::Map<const Matrix> matrix(covariance.data(), n, n);
   const VectorXd power = matrix.diagonal();
-  const double floor = std::max(kMinOwnVariance * power.maxCoeff(), 1e-12);
+  const double floor = min_own_variance(power);
   VectorXd own = 0.5 * power, loadings = VectorXd::Ones(n);
   for (int outer = 0; outer < kIterations && !loadings.isZero(0); ++outer) {
     Matrix common = matrix;
@@ -216,22 +246,20 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
 }
 
 std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
-  const auto usable = usable_columns(saturated_share(frames, frame, curve), SaturatedColumns::leave_out,
-                                     std::span<const std::uint8_t>{});
-  const Blocks blocks = make_blocks(usable);
-  const Matrix swings = swings_of(
-      std::visit([&](const auto& view) { return block_means(view.frame(frame), curve, usable, blocks); }, frames));
-  const VectorXd power = swings.rowwise().squaredNorm();
+  BlockedFrame pixels;
+  pixels.fill(frames, frame, curve, SaturatedColumns::leave_out, {});
+  const auto& [clipped, usable, blocks, means, swings] = pixels;
+  const VectorXd power = swings.colwise().squaredNorm();
   const VectorXd scale = (power.array() > 0).select(power.array().max(1e-300).sqrt().inverse(), 0.0);
-  const Matrix cosines = scale.asDiagonal() * (swings * swings.transpose()) * scale.asDiagonal();
+  const Matrix cosines = scale.asDiagonal() * (swings.transpose() * swings) * scale.asDiagonal();
   const auto groups = block_groups(cosines, power);
   if (groups.size() < 2) return {};
   std::vector<LightGroup> lights;
   for (const auto& group : groups) {
     LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}};
-    Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(swings.cols());
+    VectorXd sum = VectorXd::Zero(swings.rows());
     for (const Index block : group.members) {
-      sum += swings.row(block);
+      sum += swings.col(block);
       const auto at = static_cast<std::size_t>(block);
       for (std::size_t column = blocks.begin[at]; column < blocks.end[at]; ++column)
         light.columns[column] = usable[column];
@@ -253,17 +281,11 @@ double agreement(std::span<const double> signal, const LightGroup& group) {
   return square > 0 ? product / std::sqrt(square) : 0.0;
 }
 
-CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                               SaturatedColumns saturated, std::span<const std::uint8_t> columns) {
-  const auto clipped = saturated_share(frames, frame, curve);
-  const auto usable = usable_columns(clipped, saturated, columns);
-  const Blocks blocks = make_blocks(usable);
-  const Matrix means =
-      std::visit([&](const auto& view) { return block_means(view.frame(frame), curve, usable, blocks); }, frames);
-  const Matrix covariance = swing_covariance(means);
-  const std::size_t count = blocks.begin.size();
-  const auto factor = common_factor({covariance.data(), count * count}, count);
+namespace {
 
+// Weights a/v of the blocks. `factor`: of the covariance of their swings.
+CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
+  const std::size_t count = frame.blocks.begin.size();
   VectorXd weights(static_cast<Index>(count));
   double quality = 0, noise = 0;
   for (std::size_t block = 0; block < count; ++block) {
@@ -273,22 +295,87 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
   if (!(weights.sum() > 0)) weights.setOnes();
   weights /= weights.sum();
 
-  CombinedColumn combined;
-  const VectorXd signal = means.transpose() * weights;
-  combined.signal.assign(signal.begin(), signal.end());
-  combined.weights.assign(usable.size(), 0.0);
+  CombinedColumn result;
+  const VectorXd signal = frame.means * weights;
+  result.signal.assign(signal.begin(), signal.end());
+  result.weights.assign(frame.usable.size(), 0.0);
   for (std::size_t block = 0; block < count; ++block) {
     const double weight = weights(static_cast<Index>(block));
     noise += weight * weight * factor.own[block];
-    for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column) {
-      if (!usable[column]) continue;
-      combined.weights[column] = weight / static_cast<double>(blocks.size[block]);
-      combined.saturated |= weight > 0 && clipped[column] > kClippedShare;
+    for (std::size_t column = frame.blocks.begin[block]; column < frame.blocks.end[block]; ++column) {
+      if (!frame.usable[column]) continue;
+      result.weights[column] = weight / static_cast<double>(frame.blocks.size[block]);
+      result.saturated |= weight > 0 && frame.clipped[column] > kClippedShare;
     }
   }
-  combined.noise = count > 1 ? std::sqrt(noise) : std::numeric_limits<double>::quiet_NaN();
-  combined.quality = count > 1 ? quality : covariance(0, 0);
-  return combined;
+  result.noise = count > 1 ? std::sqrt(noise) : std::numeric_limits<double>::quiet_NaN();
+  result.quality = quality;
+  return result;
+}
+
+CombinedColumn combined_anew(const BlockedFrame& frame) {
+  const Matrix covariance = covariance_of(frame.swings);
+  const auto count = static_cast<std::size_t>(covariance.rows());
+  auto result = combined(frame, common_factor({covariance.data(), count * count}, count));
+  if (count == 1) result.quality = covariance(0, 0);
+  return result;
+}
+
+// One step of common_factor's iteration from weights w that are nearly right, without the covariance C: with
+// C = a·aᵀ + diag(v), C·w − v∘w = a·(aᵀw). Absent where the weighted sum has no power beyond the blocks' own.
+std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& weights) {
+  const double scale = 1 / static_cast<double>(swings.rows());
+  const VectorXd power = swings.colwise().squaredNorm() * scale;
+  const VectorXd product = swings.transpose() * (swings * weights) * scale;
+  const double floor = min_own_variance(power);
+  VectorXd own = VectorXd::Zero(power.size()), loadings = own;
+  for (int round = 0; round < kIterations; ++round) {
+    loadings = product - own.cwiseProduct(weights);
+    const double common = weights.dot(loadings);
+    if (!(common > 0)) return std::nullopt;
+    loadings /= std::sqrt(common);
+    own = (power.array() - loadings.array().square()).max(floor);
+  }
+  return CommonFactor{{loadings.begin(), loadings.end()}, {own.begin(), own.end()}};
+}
+
+}  // namespace
+
+CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
+                               SaturatedColumns saturated, std::span<const std::uint8_t> columns) {
+  BlockedFrame pixels;
+  pixels.fill(frames, frame, curve, saturated, columns);
+  return combined_anew(pixels);
+}
+
+struct ColumnFollower::Memory : BlockedFrame {};
+
+ColumnFollower::ColumnFollower(const ToneCurve& curve) : curve_(curve), memory_(std::make_unique<Memory>()) {}
+ColumnFollower::ColumnFollower(ColumnFollower&&) noexcept = default;
+ColumnFollower& ColumnFollower::operator=(ColumnFollower&&) noexcept = default;
+ColumnFollower::~ColumnFollower() = default;
+
+CombinedColumn ColumnFollower::combine(const AnyFramesView& frame) {
+  BlockedFrame& pixels = *memory_;
+  pixels.fill(frame, 0, curve_, SaturatedColumns::leave_out, {});
+  std::optional<CommonFactor> factor;
+  if (pixels.swings.cols() > 1 && weights_.size() == pixels.usable.size()) {
+    VectorXd weights = VectorXd::Zero(pixels.swings.cols());
+    for (std::size_t block = 0; block < pixels.blocks.begin.size(); ++block)
+      for (std::size_t column = pixels.blocks.begin[block]; column < pixels.blocks.end[block]; ++column)
+        weights(static_cast<Index>(block)) += weights_[column];
+    factor = next_factor(pixels.swings, weights);
+  }
+  auto result = factor ? combined(pixels, *factor) : combined_anew(pixels);
+  weights_ = result.weights;
+  return result;
+}
+
+void ColumnFollower::move(std::ptrdiff_t columns) {
+  if (columns > 0)
+    std::fill(std::shift_left(weights_.begin(), weights_.end(), columns), weights_.end(), 0.0);
+  else
+    std::fill(weights_.begin(), std::shift_right(weights_.begin(), weights_.end(), -columns), 0.0);
 }
 
 }  // namespace ocisac

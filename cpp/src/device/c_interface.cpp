@@ -4,18 +4,22 @@
 #include <cstring>
 #include <limits>
 #include <new>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/version.hpp"
 #include "ocisac/ocisac.h"
-#include "ocisac/receiver/live_receiver.hpp"
+#include "ocisac/receiver/receiver.hpp"
 
 struct ocisac_receiver {
-  ocisac::LiveReceiver receiver;
+  ocisac::Receiver receiver;
   double row_time;
-  const ocisac::LiveFrame* latest = nullptr;  // not polled yet
+  ocisac::LightFrame latest{};
+  bool polled = true;
+  std::optional<std::array<std::int64_t, 3>> kind{};  // width, height and format of the first frame
 };
 
 namespace {
@@ -72,24 +76,22 @@ const char* line_code_name(std::int32_t code) {
   return names[static_cast<std::size_t>(code)];
 }
 
-ocisac::LiveOptions live_options(const ocisac_options& options) {
-  ocisac::LiveOptions live;
-  live.gain = options.want_gain != 0;
-  live.data = options.want_data != 0;
-  live.frequency = known(options.frequency);
-  live.chip_rate = known(options.chip_rate);
-  live.sense_frequency = known(options.sense_frequency);
-  live.background = options.background;
-  live.duty = options.duty;
+// The strongest light.
+ocisac::ReceiverOptions receiver_options(const ocisac_options& options) {
+  ocisac::ReceiverOptions result{.light = {}, .regions = {}, .max_sources = 1};
   ocisac::require(options.waveform == OCISAC_TONE || options.waveform == OCISAC_SQUARE, "waveform", options.waveform,
                   "OCISAC_TONE or OCISAC_SQUARE");
-  live.waveform = options.waveform == OCISAC_SQUARE ? ocisac::WaveformShape::square : ocisac::WaveformShape::tone;
-  live.format.line_code = ocisac::LineCode::named(line_code_name(options.line_code));
-  live.format.block_bytes = options.block_bytes;
-  if (options.lengthened != 0) live.format.preamble = ocisac::Preamble::lengthened;
+  const auto shape = options.waveform == OCISAC_SQUARE ? ocisac::WaveformShape::square : ocisac::WaveformShape::tone;
+  if (options.want_gain != 0) result.light.gain = {known(options.frequency), shape, options.duty, options.background};
+  ocisac::ChipOptions data{known(options.chip_rate)};
+  data.format.line_code = ocisac::LineCode::named(line_code_name(options.line_code));
+  data.format.block_bytes = options.block_bytes;
+  if (options.lengthened != 0) data.format.preamble = ocisac::Preamble::lengthened;
+  result.light.data = options.want_data != 0 ? std::optional(data) : std::nullopt;
+  result.light.sense_frequency = known(options.sense_frequency);
   const ocisac_region& region = options.region;
-  if (region.width > 0) live.region = ocisac::Region{region.x, region.y, region.width, region.height};
-  return live;
+  if (region.width > 0) result.regions = {{region.x, region.y, region.width, region.height}};
+  return result;
 }
 
 template <class T>
@@ -120,7 +122,7 @@ ocisac_result empty_result() {
   return result;
 }
 
-ocisac_result result_of(const ocisac::LiveFrame& frame, double row_time) {
+ocisac_result result_of(const ocisac::LightFrame& frame, double row_time) {
   ocisac_result result = empty_result();
   result.frame = frame.frame;
   const auto narrow = [](std::size_t value) { return static_cast<std::uint32_t>(value); };
@@ -182,7 +184,7 @@ int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
     ocisac::require(receiver != nullptr, "receiver", "NULL", "a place for it");
     *receiver = nullptr;
     const ocisac_options all = completed(options, default_options(), "options");
-    *receiver = new ocisac_receiver{ocisac::LiveReceiver(camera_of(all), live_options(all)), all.row_time};
+    *receiver = new ocisac_receiver{ocisac::Receiver(camera_of(all), receiver_options(all)), all.row_time};
     return static_cast<int>(OCISAC_OK);
   });
 }
@@ -190,8 +192,15 @@ int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
 int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame) {
   return guarded([&] {
     ocisac::require(receiver != nullptr && frame != nullptr, "receiver or frame", "NULL", "both");
-    receiver->latest = nullptr;
-    receiver->latest = &receiver->receiver.push(any_view_of(*frame), frame->number);
+    receiver->polled = true;
+    const auto view = any_view_of(*frame);
+    const std::array<std::int64_t, 3> kind{frame->width, frame->height, frame->format};
+    ocisac::require(receiver->kind.value_or(kind) == kind, "frame",
+                    std::to_string(frame->width) + "x" + std::to_string(frame->height),
+                    "one picture as large as the first, of its type");
+    receiver->kind = kind;
+    receiver->latest = std::move(receiver->receiver.push({&view, 1}, frame->number).front());
+    receiver->polled = false;
     return static_cast<int>(OCISAC_OK);
   });
 }
@@ -201,12 +210,12 @@ int ocisac_poll(ocisac_receiver* receiver, ocisac_result* result) {
     ocisac::require(receiver != nullptr && result != nullptr, "receiver or result", "NULL", "both");
     ocisac::require(result->size >= sizeof(std::size_t) && result->size <= 4096, "result", result->size,
                     "the size that ocisac_result_init fills in");
-    if (receiver->latest == nullptr) return static_cast<int>(OCISAC_NOTHING);
+    if (receiver->polled) return static_cast<int>(OCISAC_NOTHING);
     const std::size_t size = std::min(result->size, sizeof(ocisac_result));
-    ocisac_result full = result_of(*receiver->latest, receiver->row_time);
+    ocisac_result full = result_of(receiver->latest, receiver->row_time);
     full.size = result->size;
     std::memcpy(result, &full, size);
-    receiver->latest = nullptr;
+    receiver->polled = true;
     return static_cast<int>(OCISAC_OK);
   });
 }

@@ -15,13 +15,13 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kMaxCuts = 4;                 // one within the other
-constexpr double kMaxRows = 0.9;            // of a box; a light in so many of them has it whole
-constexpr std::size_t kFewestRows = 64;     // of a light
-constexpr std::size_t kReach = 14;          // rows to either side in which a swing is looked for
-constexpr double kActive = 0.06;            // of the strongest swing
-constexpr double kAboveNoise = 4;           // standard deviations of a mean over a window
-constexpr std::size_t kFewestDarkRows = 8;  // between two lights
+constexpr int kMaxCuts = 4;              // one within the other
+constexpr double kMaxRows = 0.9;         // of a box; a light in so many of them has it whole
+constexpr std::size_t kMinRows = 64;     // of a light
+constexpr std::size_t kReach = 14;       // rows to either side in which a swing is looked for
+constexpr double kActive = 0.06;         // of the strongest swing
+constexpr double kAboveNoise = 4;        // standard deviations of a mean over a window
+constexpr std::size_t kMinDarkRows = 8;  // between two lights
 
 struct Run {
   std::size_t begin, end;
@@ -47,12 +47,12 @@ std::vector<Run> active_runs(const CombinedColumn& column) {
   if (!(least > 0)) return runs;
   for (std::size_t n = 0; n < active.size(); ++n) {
     if (active[n] <= least) continue;
-    if (!runs.empty() && n - runs.back().end < kFewestDarkRows)
+    if (!runs.empty() && n - runs.back().end < kMinDarkRows)
       runs.back().end = n + 1;
     else
       runs.push_back({n, n + 1});
   }
-  std::erase_if(runs, [](const Run& run) { return run.end - run.begin < kFewestRows; });
+  std::erase_if(runs, [](const Run& run) { return run.end - run.begin < kMinRows; });
   return runs;
 }
 
@@ -63,6 +63,13 @@ Run extent(const std::vector<std::uint8_t>& columns) {
   return {static_cast<std::size_t>(first - columns.begin()), static_cast<std::size_t>(columns.rend() - last)};
 }
 
+Region first_to_last_swing(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
+  const auto runs = active_runs(combine_columns(part_of(frame, region), 0, curve));
+  if (runs.empty()) return region;
+  const std::size_t begin = runs.front().begin, end = runs.back().end;
+  return {region.x, region.y + begin, region.width, end - begin};
+}
+
 class Cutter {
  public:
   Cutter(const AnyFramesView& frame, const ToneCurve& curve) : frame_(frame), curve_(curve) {}
@@ -71,9 +78,7 @@ class Cutter {
   void cut(const Region& region, int depth) {
     const auto parts = depth < kMaxCuts ? parts_of(region) : std::vector<Region>{};
     if (parts.size() < 2) {
-      const Region swinging = with_rows_that_swing(region);
-      const bool most = static_cast<double>(swinging.height) > kMaxRows * static_cast<double>(region.height);
-      regions_.push_back(most ? region : swinging);
+      regions_.push_back(swinging_rows(frame_, region, curve_));
       return;
     }
     for (const Region& part : parts) cut(part, depth + 1);
@@ -92,16 +97,9 @@ class Cutter {
     for (const auto& light : light_groups(view, 0, curve_)) {
       const Run columns = extent(light.columns);
       const Region part{region.x + columns.begin, region.y, columns.end - columns.begin, region.height};
-      parts.push_back(with_rows_that_swing(part));
+      parts.push_back(first_to_last_swing(frame_, part, curve_));
     }
     return parts;
-  }
-
-  [[nodiscard]] Region with_rows_that_swing(const Region& region) const {
-    const auto runs = active_runs(combine_columns(part_of(frame_, region), 0, curve_));
-    if (runs.empty()) return region;
-    const std::size_t begin = runs.front().begin, end = runs.back().end;
-    return {region.x, region.y + begin, region.width, end - begin};
   }
 
   const AnyFramesView& frame_;
@@ -111,10 +109,16 @@ class Cutter {
 
 }  // namespace
 
+Region swinging_rows(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
+  const Region swinging = first_to_last_swing(frame, region, curve);
+  const bool most = static_cast<double>(swinging.height) > kMaxRows * static_cast<double>(region.height);
+  return most ? region : swinging;
+}
+
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve) {
   const Shape shape = shape_of(frame);
   const Region whole{0, 0, shape.columns, shape.rows};
-  if (shape.rows < 2 * kFewestRows) return {whole};
+  if (shape.rows < 2 * kMinRows) return {whole};
   Cutter cutter(frame, curve);
   cutter.cut(whole, 0);
   auto regions = std::move(cutter).regions();

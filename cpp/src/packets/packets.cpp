@@ -453,4 +453,14 @@ std::uint32_t crc32(std::span<const std::uint8_t> bytes) {
   return ~rest;
 }
 
+std::string_view outcome_name(StretchOutcome outcome) {
+  switch (outcome) {
+    case StretchOutcome::placed: return "placed";
+    case StretchOutcome::waiting: return "waiting";
+    case StretchOutcome::repeated: return "repeated";
+    case StretchOutcome::unreadable: break;
+  }
+  return "unreadable";
+}
+
 }  // namespace ocisac

@@ -251,4 +251,11 @@ std::vector<Received> receive(std::span<const AnyFramesView> colours, const Came
   return received;
 }
 
+std::optional<double> blind_rows_per_chip(const CombinedColumn& column, const Camera& camera) {
+  Search what{search_range({}, camera, column.signal.size()), {}, kSureBlind};
+  if (camera.exposure) what.exposure_rows = *camera.exposure / camera.row_time;
+  Received received;
+  return decode(column, what, received) ? std::optional(received.rows_per_chip) : std::nullopt;
+}
+
 }  // namespace ocisac

@@ -11,7 +11,7 @@
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/lights/light_regions.hpp"
 #include "ocisac/packets/packets.hpp"
-#include "ocisac/receiver/multi_receiver.hpp"
+#include "ocisac/receiver/receiver.hpp"
 
 namespace {
 
@@ -58,8 +58,15 @@ std::vector<Lamp> lamps_in(const std::vector<ocisac::Region>& boxes) {
 const ocisac::Camera kCamera{
     .row_time = 1e-5, .exposure = kExposure * 1e-5, .frame_time = kFrameRows * 1e-5, .tone_curve = {}};
 
+ocisac::ReceiverOptions told(std::vector<ocisac::Region> regions = {}) {
+  ocisac::ReceiverOptions options;
+  options.light.data = {1e5 / kRowsPerChip, kFormat};
+  options.regions = std::move(regions);
+  return options;
+}
+
 // Payload bytes by the light whose box holds the source's middle.
-std::map<std::size_t, std::set<std::uint8_t>> receive(const std::vector<Lamp>& lamps, ocisac::MultiReceiver& receiver,
+std::map<std::size_t, std::set<std::uint8_t>> receive(const std::vector<Lamp>& lamps, ocisac::Receiver& receiver,
                                                       int frames) {
   std::mt19937 random(7);
   std::map<std::size_t, std::set<std::uint8_t>> got;
@@ -67,12 +74,12 @@ std::map<std::size_t, std::set<std::uint8_t>> receive(const std::vector<Lamp>& l
     const auto picture = picture_of(lamps, frame, random);
     const ocisac::AnyFramesView view = ocisac::dense_view<const double>(picture.data(), 1, kRows, kColumns);
     for (const auto& result : receiver.push({&view, 1})) {
-      if (!result.received.stretch || !result.received.stretch->payload) continue;
+      if (!result.received->stretch || !result.received->stretch->payload) continue;
       for (std::size_t k = 0; k < lamps.size(); ++k) {
         const ocisac::Region& box = lamps[k].box;
         const std::size_t x = result.region.x + result.region.width / 2, y = result.region.y + result.region.height / 2;
         if (x >= box.x && x < box.x + box.width && y >= box.y && y < box.y + box.height)
-          got[k].insert(result.received.stretch->payload->bytes.back());
+          got[k].insert(result.received->stretch->payload->bytes.back());
       }
     }
   }
@@ -87,7 +94,7 @@ TEST_CASE("lights beside and above each other are streams of their own") {
                                                           {{5, 0, 40, 430}, {50, 460, 40, 440}}};
   for (const auto& boxes : pictures) {
     const auto lamps = lamps_in(boxes);
-    ocisac::MultiReceiver receiver(kCamera, {.receiver = {.chip_rate = 1e5 / kRowsPerChip, .format = kFormat}});
+    ocisac::Receiver receiver(kCamera, told());
     const auto got = receive(lamps, receiver, 60);
     for (std::size_t k = 0; k < lamps.size(); ++k) {
       CAPTURE(k);
@@ -99,21 +106,19 @@ TEST_CASE("lights beside and above each other are streams of their own") {
 
 TEST_CASE("regions that are given are read, those outside refused") {
   const auto lamps = lamps_in({{10, 0, 60, 440}, {10, 440, 60, 460}});  // they touch
-  ocisac::MultiReceiver receiver(kCamera, {.receiver = {.chip_rate = 1e5 / kRowsPerChip, .format = kFormat},
-                                           .regions = {lamps[0].box, lamps[1].box}});
+  ocisac::Receiver receiver(kCamera, told({lamps[0].box, lamps[1].box}));
   const auto got = receive(lamps, receiver, 60);
   CHECK(got.size() == 2);
-  ocisac::MultiReceiver outside(kCamera, {.regions = {{90, 0, 10, 10}}});
+  ocisac::Receiver outside(kCamera, told({{90, 0, 10, 10}}));
   const std::vector<double> picture(kRows * kColumns, 1.0);
   const ocisac::AnyFramesView view = ocisac::dense_view<const double>(picture.data(), 1, kRows, kColumns);
-  CHECK_THROWS_WITH_AS(outside.push({&view, 1}),
-                       "regions: got one outside the frame, allowed: boxes inside 96 x 900 pixels",
+  CHECK_THROWS_WITH_AS(outside.push({&view, 1}), "regions: got 90,0,10,10, allowed: inside the picture of 96x900",
                        std::invalid_argument);
 }
 
 TEST_CASE("one light keeps the whole frame, and a picture without any says so") {
   std::mt19937 random(3);
-  ocisac::MultiReceiver receiver(kCamera, {.receiver = {.chip_rate = 1e5 / kRowsPerChip, .format = kFormat}});
+  ocisac::Receiver receiver(kCamera, told());
   const auto lamps = lamps_in({{0, 0, 96, 900}});
   for (int frame = 0; frame < 4; ++frame) {
     const auto picture = picture_of(lamps, frame, random);
@@ -121,15 +126,15 @@ TEST_CASE("one light keeps the whole frame, and a picture without any says so") 
     const auto results = receiver.push({&view, 1});
     REQUIRE(results.size() == 1);
     CHECK(results[0].region == ocisac::Region{0, 0, 96, 900});
-    CHECK(results[0].received.outcome == ocisac::FrameOutcome::received);
+    CHECK(results[0].received->outcome == ocisac::FrameOutcome::received);
   }
-  ocisac::MultiReceiver dark(kCamera, {.receiver = {.chip_rate = 1e5 / kRowsPerChip, .format = kFormat}});
+  ocisac::Receiver dark(kCamera, told());
   for (int frame = 0; frame < 5; ++frame) {
     const auto picture = picture_of({}, frame, random);
     const ocisac::AnyFramesView view = ocisac::dense_view<const double>(picture.data(), 1, kRows, kColumns);
     for (const auto& result : dark.push({&view, 1})) {
-      CHECK(result.received.outcome != ocisac::FrameOutcome::received);
-      CHECK(std::isnan(result.received.snr));
+      CHECK(result.received->outcome != ocisac::FrameOutcome::received);
+      CHECK(std::isnan(result.received->snr));
     }
   }
 }

@@ -9,7 +9,7 @@
 
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/packets/packets.hpp"
-#include "ocisac/receiver/stream_receiver.hpp"
+#include "ocisac/receiver/receiver.hpp"
 
 namespace {
 
@@ -38,19 +38,22 @@ TEST_CASE("a payload comes out of a stream of frames, past those that are damage
   const auto chips = ocisac::packet_chips(payload, {}, 42);
   const ocisac::Camera camera{
       .row_time = 1e-5, .exposure = kExposure * 1e-5, .frame_time = kFrameRows * 1e-5, .tone_curve = {}};
-  ocisac::Receiver receiver(camera, {.chip_rate = 1.005e5 / kRowsPerChip});
+  ocisac::ReceiverOptions options;
+  options.light.data->chip_rate = 1.005e5 / kRowsPerChip;
+  options.whole_picture = true;
+  ocisac::Receiver receiver(camera, options);
   std::optional<ocisac::Payload> got;
   for (int frame = 0; frame < 16 && !got; ++frame) {
     auto rows = frame_of(chips, frame, random);
     if (frame == 2) std::ranges::fill(rows, 20.0);
     if (frame == 4) rows[7] = std::numeric_limits<double>::quiet_NaN();
     const ocisac::AnyFramesView view = ocisac::dense_view<const double>(rows.data(), 1, kRows, 1);
-    const auto result = receiver.push({&view, 1}, frame);
+    const auto result = *receiver.push({&view, 1}, frame).front().received;
     CAPTURE(frame);
     CHECK(result.outcome == (frame == 2   ? ocisac::FrameOutcome::no_signal
                              : frame == 4 ? ocisac::FrameOutcome::not_finite
                                           : ocisac::FrameOutcome::received));
-    CHECK(receiver.push({&view, 1}, frame).outcome == ocisac::FrameOutcome::repeated);
+    CHECK(receiver.push({&view, 1}, frame).front().received->outcome == ocisac::FrameOutcome::repeated);
     if (result.stretch) got = result.stretch->payload;
   }
   REQUIRE(got);

@@ -10,7 +10,14 @@ import click
 import numpy as np
 
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity, with_spread
-from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.pictures import (
+    PictureOptions,
+    json_option,
+    open_pictures,
+    picture_options,
+    plot_option,
+    stored_region,
+)
 from ocisac_fast.files.recording import Frame
 
 _HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "data", "remark")
@@ -82,13 +89,8 @@ def grey_of(frame: Frame) -> Frame:
 
 def stored_box(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, int]:
     """From rows in time order to the picture as stored."""
-    x, y, width, height = source.x, source.y, source.width, source.height
-    if picture.scan_axis.startswith("-"):
-        y = shape[0] - y - height
-    if picture.scan_axis.endswith("x"):
-        x, y, width, height = y, x, height, width
-    left, top = (0, 0) if picture.region is None else picture.region[:2]
-    return {"x": left + x, "y": top + y, "width": width, "height": height}
+    x, y, width, height = stored_region((source.x, source.y, source.width, source.height), shape, picture)
+    return {"x": x, "y": y, "width": width, "height": height}
 
 
 def _facts(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import flag_names, quantity
+from ocisac_fast.cli.pictures import PictureOptions, region_in_time_order, stored_region
 from ocisac_fast.files.recording import Frame
 
 
@@ -25,13 +26,16 @@ class PacketOptions:
     sources: int
     regions: tuple[tuple[int, int, int, int], ...]
     tones: tuple[float, ...]
+    gain: bool
+    frequency: float | None
 
 
 class PacketStream:
     """Frames in, JSON objects out: one a frame and source."""
 
-    def __init__(self, options: PacketOptions) -> None:
+    def __init__(self, options: PacketOptions, picture: PictureOptions) -> None:
         self._options = options
+        self._picture = picture
         self._receiver: Any = None
         self._camera: Camera | None = None
         self._rows = self._frames = self._payloads = self._payload_bytes = 0
@@ -42,7 +46,7 @@ class PacketStream:
         """The objects of the next frame; ``number``: as the file counts it."""
         if self._receiver is None:
             self._camera = dataclasses.replace(camera, frame_time=self._options.frame_time or camera.frame_time)
-            self._receiver = self._make(self._camera)
+            self._receiver = self._make(self._camera, frame.shape)
         self._frames += 1
         self._rows = frame.shape[0]
         if self._options.tones:
@@ -54,7 +58,7 @@ class PacketStream:
             self._count(result.received)
             if math.isfinite(result.received.chip_rate):
                 self._chip_rate = result.received.chip_rate
-            yield self._chip_facts(result, number)
+            yield self._chip_facts(result, number, frame.shape)
 
     def summary(self) -> str:
         """What came, and the goodput next to what the gap between frames and the code leave."""
@@ -98,7 +102,7 @@ class PacketStream:
             f"; a block of {size} bytes is {sent.block_chips} chips, a frame shows {shown}: send smaller --block-bytes"
         )
 
-    def _make(self, camera: Camera) -> Any:
+    def _make(self, camera: Camera, shape: tuple[int, ...]) -> Any:
         options = self._options
         if options.tones:
             from ocisac_fast.receiver import FskReceiver
@@ -112,8 +116,12 @@ class PacketStream:
             line_code=options.line_code,
             block_bytes=options.block_bytes,
             preamble=options.preamble,
-            regions=options.regions,
+            regions=[region_in_time_order(region, shape, self._picture) for region in options.regions],
             max_sources=options.sources,
+            gain=options.gain,
+            frequency=options.frequency,
+            waveform="square" if self._picture.waveform == "square" else "tone",
+            duty=self._picture.duty,
         )
 
     def _count(self, received: Any) -> None:
@@ -121,14 +129,16 @@ class PacketStream:
             self._share = received.stretch.share
         if received.payload is not None:
             self._payloads += 1
-            self._payload_bytes += len(received.payload.payload)
+            self._payload_bytes += len(received.payload.data)
 
-    def _chip_facts(self, result: Any, number: int) -> dict[str, Any]:
-        received = result.received
+    def _chip_facts(self, light: Any, number: int, shape: tuple[int, ...]) -> dict[str, Any]:
+        """The keys of ocisac-rx."""
+        received = light.received
         facts = {
             "frame": number,
-            "source": result.source,
+            "source": light.source,
             "rows": self._rows,
+            "region": list(stored_region(light.region, shape, self._picture)),
             "bits": received.bits,
             "rows_per_chip": received.rows_per_chip,
             "chip_rate_hz": received.chip_rate,
@@ -136,9 +146,20 @@ class PacketStream:
             "exposure_s": received.exposure,
             "error_rate": received.error_rate,
             "outcome": received.outcome,
-            "region": list(result.region),
         }
-        return {**facts, **_packet_facts(received), "flags": flag_names(received.flags)}
+        facts |= {**_packet_facts(received), "flags": flag_names(received.flags)}
+        if light.gain is not None:
+            facts |= {
+                "frequency_hz": light.gain.frequency,
+                "frequency_std_hz": light.gain.frequency_std,
+                "gain": light.gain.gain,
+                "gain_std": light.gain.gain_std,
+                "gain_snr_db": _decibels(light.gain.snr),
+                "gain_flags": flag_names(light.gain.flags),
+            }
+        if light.suggestion is not None:
+            facts["suggested_exposure_s"] = light.suggestion.exposure
+        return facts
 
     def _tone_facts(self, result: Any, number: int) -> dict[str, Any]:
         seen = result.symbol if result.outcome == "received" else None
@@ -167,7 +188,7 @@ def _packet_facts(received: Any) -> dict[str, Any]:
         names = ("outcome", "blocks", "bytes", "cut", "doubtful", "share")
         facts |= {f"packet_{name}": getattr(received.stretch, name) for name in names}
     if received.payload is not None:
-        payload = received.payload.payload
+        payload = received.payload.data
         facts |= {"packet": received.payload.number, "payload": payload.decode(errors="replace")}
         facts["payload_base64"] = base64.b64encode(payload).decode()
     return facts

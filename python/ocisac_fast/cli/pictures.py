@@ -19,6 +19,7 @@ from ocisac_fast.cli.units import TIME, ParameterType, Quantity
 from ocisac_fast.files import LightResponse, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame
 
+Region = tuple[int, int, int, int]  # x, y, width, height
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
 _BATCH_BYTES = 64 << 20
@@ -212,6 +213,28 @@ def _cropped(frame: Frame, region: tuple[int, int, int, int] | None) -> Frame:
 def _in_time_order(frame: Frame, scan_axis: str) -> Frame:
     view = frame.swapaxes(0, 1) if scan_axis.endswith("x") else frame
     return view[::-1] if scan_axis.startswith("-") else view
+
+
+def stored_region(region: Region, shape: tuple[int, ...], options: PictureOptions) -> Region:
+    """A region of a frame of ``shape``, rows in time order, as one of the stored picture."""
+    x, y, width, height = region
+    if options.scan_axis.startswith("-"):
+        y = shape[0] - y - height
+    if options.scan_axis.endswith("x"):
+        x, y, width, height = y, x, height, width
+    left, top = (0, 0) if options.region is None else options.region[:2]
+    return left + x, top + y, width, height
+
+
+def region_in_time_order(region: Region, shape: tuple[int, ...], options: PictureOptions) -> Region:
+    """The inverse of `stored_region`."""
+    left, top = (0, 0) if options.region is None else options.region[:2]
+    x, y, width, height = region[0] - left, region[1] - top, region[2], region[3]
+    if options.scan_axis.endswith("x"):
+        x, y, width, height = y, x, height, width
+    if options.scan_axis.startswith("-"):
+        y = shape[0] - y - height
+    return x, y, width, height
 
 
 def _channel(frame: Frame, channel: str | int) -> Frame:

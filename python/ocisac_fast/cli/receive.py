@@ -26,6 +26,8 @@ from ocisac_fast.packets.transmission import LINE_CODES
 @click.option("--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Lights of packets, at most.")
 @click.option("--source-region", type=REGION, multiple=True, help="Of a light of packets; may be given several times.")
 @click.option("--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one of them a frame, as 1kHz,1.2kHz.")
+@click.option("--gain", is_flag=True, help="Of the tone of each light of packets, too.")
+@click.option("--frequency", type=FREQUENCY, help="Of that tone; else estimated when the light is found.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
 @json_option
@@ -40,6 +42,8 @@ def receive(
     sources: int,
     source_region: tuple[tuple[int, int, int, int], ...],
     fsk: tuple[Quantity, ...] | None,
+    gain: bool,
+    frequency: Quantity | None,
     picture: PictureOptions,
     plot: str | None,
     as_json: bool,
@@ -59,8 +63,19 @@ def receive(
         raise click.UsageError("--frame-rate: needs --row-time")
     seconds = None if frame_rate is None else 1.0 / _positive("--frame-rate", float(frame_rate))
     size = block_bytes if block_bytes is not None else 4 if tones else 16
-    options = PacketOptions(rate, line_code or "manchester", size, preamble, seconds, sources, source_region, tones)
-    stream = PacketStream(options) if packets else None
+    options = PacketOptions(
+        chip_rate=rate,
+        line_code=line_code or "manchester",
+        block_bytes=size,
+        preamble=preamble,
+        frame_time=seconds,
+        sources=sources,
+        regions=source_region,
+        tones=tones,
+        gain=gain,
+        frequency=picture.check_frequency("--frequency", frequency),
+    )
+    stream = PacketStream(options, picture) if packets else None
     stopped = False
     try:
         for file in files:

@@ -56,12 +56,12 @@ class Payload:
     """A payload that arrived whole, its CRC-32 right.
 
     Attributes:
-        payload: the bytes.
+        data: the bytes.
         number: of the packet, 0 to 255.
         corrected: coded bytes that had been read wrong.
     """
 
-    payload: bytes
+    data: bytes
     number: int
     corrected: int
 

@@ -36,7 +36,7 @@ class Received:
             makes of an edge, half an exposure after the light's own. Chip k begins at ``phase + k * rows_per_chip``.
         snr: (half the swing)^2 over the variance of the chips about their levels, a plain ratio; at most 1e12.
         levels: (2, chips) light of a dark and of a bright chip at each chip, DN above dark; they follow the gradient.
-        soft: (chips,) -1 at the dark level, 1 at the bright one.
+        relative_levels: (chips,) light of each chip: -1 at the dark level, 1 at the bright one.
         weights: (columns,) share of each column in the signal, sum 1; 0 where it was left out.
         columns: indices of the columns that were used, those with a weight above 0.
         flags: :class:`ocisac_fast.Flag`.
@@ -53,7 +53,7 @@ class Received:
     phase: float
     snr: float
     levels: FloatArray
-    soft: FloatArray
+    relative_levels: FloatArray
     weights: FloatArray
     columns: npt.NDArray[np.intp]
     flags: Flag
@@ -65,7 +65,6 @@ def receive(
     camera: Camera,
     *,
     chip_rate: float | None = None,
-    line_code: str = "none",
     colour: int | None = None,
 ) -> list[Received]:
     """Raw bits of a light in every frame, blind: no columns, colour, rate or phase need be given.
@@ -81,7 +80,6 @@ def receive(
             white level. Exposures longer than a chip are flagged (LONG_EXPOSURE).
         chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: found, from 2 to 64 rows a chip
             and at least 4 chips a frame.
-        line_code: ``"none"``: the chips themselves.
         colour: index of the colour to read. None: the one in which the light stands out most.
 
     Returns:
@@ -91,8 +89,6 @@ def receive(
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
-    if line_code != "none":
-        raise ValueError(f"line_code: got {line_code!r}, allowed: 'none'")
     rate = None if chip_rate is None else float(chip_rate)
     results = _core.receive(
         colours=split_colours(as_frames(frames, "frames", camera.scan_axis), colour),
@@ -103,7 +99,7 @@ def receive(
 
 
 def _received(values: tuple[Any, ...], camera: Camera, first_colour: int) -> Received:
-    frame, source, colour, bits, rows, rows_std, phase, snr, dark, bright, soft, weights, flags = values
+    frame, source, colour, bits, rows, rows_std, phase, snr, dark, bright, relative, weights, flags = values
     rate = 1 / (rows * camera.row_period)
     return Received(
         frame=frame,
@@ -117,7 +113,7 @@ def _received(values: tuple[Any, ...], camera: Camera, first_colour: int) -> Rec
         phase=phase,
         snr=snr,
         levels=np.stack([dark, bright]),
-        soft=soft,
+        relative_levels=relative,
         weights=weights,
         columns=np.flatnonzero(weights),
         flags=Flag(flags),

@@ -15,4 +15,8 @@ namespace ocisac {
 // Lights that touch above each other are not told apart.
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve);
 
+// The part of a region from the first to the last of its rows in which its columns swing together; the whole region
+// where that is more than 90 % of it, or nothing swings.
+Region swinging_rows(const AnyFramesView& frame, const Region& region, const ToneCurve& curve);
+
 }  // namespace ocisac

@@ -7,6 +7,7 @@
 #include <deque>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "ocisac/packets/line_codes.hpp"
@@ -71,6 +72,9 @@ enum class StretchOutcome {
   repeated,    // begins before the end of what was pushed before it: left out
   unreadable,  // nothing of it was seen: left out
 };
+
+// placed, waiting, …
+std::string_view outcome_name(StretchOutcome outcome);
 
 struct Payload {
   std::vector<std::uint8_t> bytes;

@@ -9,6 +9,7 @@
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/chips/detector.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
 
@@ -22,7 +23,7 @@ struct ReceiveOptions {
 struct Received {
   std::size_t frame = 0;
   std::size_t source = 0;
-  std::size_t colour = 0;      // index of the colour that was read
+  std::size_t colour = 0;       // index of the colour that was read
   std::string bits;             // '0' and '1' in time order, 1 = bright; chips cut by the frame's edges left out
   double rows_per_chip;         // rows
   double rows_per_chip_std;     // rows, standard error
@@ -39,5 +40,8 @@ struct Received {
 // decoded by themselves.
 std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
                               const ReceiveOptions& options = {});
+
+// Length of a chip in rows, as `receive` finds it in a signal; absent where it decodes nothing.
+std::optional<double> blind_rows_per_chip(const CombinedColumn& column, const Camera& camera);
 
 }  // namespace ocisac

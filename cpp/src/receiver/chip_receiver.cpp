@@ -1,4 +1,4 @@
-#include "ocisac/receiver/stream_receiver.hpp"
+#include "ocisac/receiver/chip_receiver.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,18 +14,19 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFrameTimeError = 1e-4;   // standard error of a nominal frame time, a share
-constexpr double kSurePrediction = 0.15;   // chips; standard error up to which a predicted clock is begun with
-constexpr double kNarrowTolerance = 2e-3;  // of a rate that frames have told
-constexpr double kWideTolerance = 0.02;    // of a nominal one
+constexpr double kFrameTimeError = 1e-4;            // standard error of a nominal frame time, a share
+constexpr double kSurePrediction = 0.15;            // chips; standard error up to which a predicted clock is begun with
+constexpr double kNarrowTolerance = 2e-3;           // of a rate that frames have told
+constexpr double kWideTolerance = 0.02;             // of a nominal one
 constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // times the frame before
-constexpr double kLittleNoise = 0.06;                 // of the swing: the clock can have been lost in no part
+constexpr double kLittleNoise = 0.06;               // of the swing: the clock can have been lost in no part
 constexpr double kNoNoise = 0.005;
 constexpr double kNoiseKept = 0.9;   // from frame to frame: it changes where the light fills a part of the rows only
+constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
 constexpr std::size_t kPhases = 6;   // tried in a chip where it cannot be predicted
-constexpr double kFewestChips = 12;  // in a frame
+constexpr double kMinChips = 12;  // in a frame
 constexpr double kWeakSnr = 9;
-constexpr std::size_t kMaxWait = 7;     // frames
+constexpr std::size_t kMaxWait = 7;    // frames
 constexpr std::size_t kForgotten = 60;  // frames in which nothing was found: another light may come
 
 double mean_error_rate(std::span<const double> llr) {
@@ -36,21 +37,21 @@ double mean_error_rate(std::span<const double> llr) {
 
 }  // namespace
 
-Receiver::Receiver(const Camera& camera, ReceiverOptions options)
+ChipReceiver::ChipReceiver(const Camera& camera, ChipOptions options)
     : camera_(camera), options_(std::move(options)), assembler_(options_.format) {
   check(camera);
   if (options_.chip_rate) {
     require_positive("chip_rate", *options_.chip_rate);
     require(*options_.chip_rate * camera.row_time <= 1, "chip_rate", *options_.chip_rate, "at most the row rate");
   }
-  if (options_.search_passes) require_positive("search_passes", *options_.search_passes);
+  if (options_.search_passes)
+    require(*options_.search_passes > 0, "search_passes", *options_.search_passes, "above 0");
   const auto chips = preamble_chips(options_.format.preamble);
   preamble_.assign(chips.begin(), chips.end());
   forget();
 }
 
-// As at the beginning, but for the bytes that the packet has.
-void Receiver::forget() {
+void ChipReceiver::forget() {
   rows_per_chip_.reset();
   if (options_.chip_rate) rows_per_chip_ = 1 / (*options_.chip_rate * camera_.row_time);
   channel_.reset();
@@ -64,17 +65,14 @@ void Receiver::forget() {
   assembler_.lose_clock();
 }
 
-// What is known of the rate before a frame is looked at; blind, where it was not given.
-std::optional<double> Receiver::nominal_rows_per_chip(std::span<const AnyFramesView> colours) {
-  if (!rows_per_chip_) {
-    const Received blind = receive(colours, camera_).front();
-    if (!blind.bits.empty()) rows_per_chip_ = blind.rows_per_chip;
-  }
+// The rate before a frame is detected; estimated from the signal's edges where it was not given.
+std::optional<double> ChipReceiver::nominal_rows_per_chip(const CombinedColumn& column) {
+  if (!rows_per_chip_) rows_per_chip_ = blind_rows_per_chip(column, camera_);
   return rows_per_chip_;
 }
 
 // With what the frames before told: levels, rate and exposure, and the phase where it can be predicted, else several.
-std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std::int64_t frame,
+std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal, std::int64_t frame,
                                              SearchEffort& effort) const {
   if (!channel_) return std::nullopt;
   ChannelEstimate start = *channel_;
@@ -103,17 +101,17 @@ std::optional<FrameReading> Receiver::follow(std::span<const double> signal, std
   return std::nullopt;
 }
 
-std::optional<FrameReading> Receiver::search(std::span<const AnyFramesView> colours, std::span<const double> signal,
-                                             SearchEffort& effort) {
-  const auto rows_per_chip = nominal_rows_per_chip(colours);
-  if (!rows_per_chip || static_cast<double>(signal.size()) < kFewestChips * *rows_per_chip) return std::nullopt;
+std::optional<FrameReading> ChipReceiver::search(const CombinedColumn& column, SearchEffort& effort) {
+  const auto rows_per_chip = nominal_rows_per_chip(column);
+  const auto& signal = column.signal;
+  if (!rows_per_chip || static_cast<double>(signal.size()) < kMinChips * *rows_per_chip) return std::nullopt;
   FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, {}, preamble_, &effort};
   if (camera_.exposure) what.exposure_rows = *camera_.exposure / camera_.row_time;
   return search_frame(signal, what);
 }
 
 // Number of the chip that begins at the found clock's phase, on the light's own clock.
-std::ptrdiff_t Receiver::chip_number(const ChannelEstimate& channel, std::int64_t frame) {
+std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::int64_t frame) {
   if (!tracker_) {
     assembler_.lose_clock();
     return 0;
@@ -127,7 +125,7 @@ std::ptrdiff_t Receiver::chip_number(const ChannelEstimate& channel, std::int64_
 }
 
 // Chips of the whole frame, and what the packet takes of them.
-void Receiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result) {
+void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
   result.stretch = assembler_.push(chip_number(channel, result.frame) + reading.first, reading.llr);
 
@@ -142,8 +140,8 @@ void Receiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
   result.rows_per_chip_std = channel.errors.rows_per_chip_std();
-  result.exposure = channel.clock.exposure_rows;
-  result.exposure_std = channel.errors.exposure_rows_std();
+  result.exposure = channel.clock.exposure_rows * camera_.row_time;
+  result.exposure_std = channel.errors.exposure_rows_std() * camera_.row_time;
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), 1e12);
   result.error_rate = mean_error_rate(result.llr);
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
@@ -154,7 +152,7 @@ void Receiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame
 }
 
 // Searches take long: after those in vain the next ones wait.
-void Receiver::lose(ReceivedFrame& result, bool searched) {
+void ChipReceiver::lose(ReceivedFrame& result, bool searched) {
   result.flags |= flag::no_signal;
   result.outcome = searched ? FrameOutcome::no_signal : FrameOutcome::unsearched;
   if (searched) {
@@ -179,28 +177,16 @@ ReceivedFrame nothing_received(std::int64_t frame) {
   return result;
 }
 
-ReceivedFrame Receiver::push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame,
-                             std::size_t first_row) {
-  ReceivedFrame result = nothing_received(frame.value_or(order_.next()));
-  const auto lengths = lengths_of(colours);
-  const auto verdict = order_.admit(result.frame, lengths);
-  result.outcome = verdict.outcome;
-  result.missing = verdict.missing;
-  if (verdict.outcome != FrameOutcome::received) return result;
-  if (verdict.anew) forget();
-  if (!are_numbers(colours)) {
-    result.outcome = FrameOutcome::not_finite;
-    return result;
-  }
+ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row) {
+  ReceivedFrame result = nothing_received(frame);
   first_row_ = first_row;
-  const auto [column, colour] = best_column(colours, camera_.tone_curve);
-  result.colour = colour;
   if (column.saturated) result.flags |= flag::saturated;
-  SearchEffort effort;
-  if (options_.search_passes) effort.rows = *options_.search_passes * static_cast<double>(column.signal.size());
-  auto reading = follow(column.signal, result.frame, effort);
+  const double passes =
+      options_.search_passes.value_or(camera_.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
+  SearchEffort effort{.rows = passes * static_cast<double>(column.signal.size())};
+  auto reading = follow(column.signal, frame, effort);
   const bool searched = !reading && wait_ == 0;
-  if (searched) reading = search(colours, column.signal, effort);
+  if (searched) reading = search(column, effort);
   if (reading)
     take(*reading, column.signal.size(), result);
   else

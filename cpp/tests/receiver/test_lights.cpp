@@ -9,7 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "ocisac/receiver/live_receiver.hpp"
+#include "ocisac/columns/column_combination.hpp"
+#include "ocisac/receiver/receiver.hpp"
 
 namespace {
 
@@ -34,19 +35,26 @@ ocisac::AnyFramesView view_of(const std::vector<std::uint8_t>& picture) {
   return ocisac::dense_view(picture.data(), 1, kRows, kColumns);
 }
 
+ocisac::ReceiverOptions gain_only() {
+  ocisac::ReceiverOptions options;
+  options.light.data.reset();
+  options.light.gain.emplace();
+  return options;
+}
+
 ocisac::Camera camera() { return {.row_time = kRowTime, .exposure = 1e-5, .frame_time = {}, .tone_curve = {}}; }
 
 }  // namespace
 
 TEST_CASE("a light is found once, its gain told in every frame") {
   std::mt19937 random(3);
-  ocisac::LiveOptions options;
-  options.data = false;
-  options.background = 20;
-  ocisac::LiveReceiver receiver(camera(), options);
+  auto options = gain_only();
+  options.light.gain->background = 20;
+  ocisac::Receiver receiver(camera(), options);
   for (int frame = 0; frame < 5; ++frame) {
     const auto picture = tone_picture(70, 0.0331 * frame, random);
-    const auto& result = receiver.push(view_of(picture), frame);
+    const auto view = view_of(picture);
+    const auto result = receiver.push({&view, 1}, frame).front();
     CHECK(result.searched == (frame == 0));
     CHECK(result.region.x <= 70);
     CHECK(result.region.x + result.region.width >= 70 + kWidth);
@@ -63,36 +71,50 @@ TEST_CASE("a light is found once, its gain told in every frame") {
 
 TEST_CASE("the columns go along with a light that moves") {
   std::mt19937 random(5);
-  const ocisac::Camera still = camera();
-  ocisac::ColumnFollower follower(still.tone_curve);
-  auto picture = tone_picture(20, 0, random);
-  follower.start(view_of(picture), 10, 50);
+  ocisac::ColumnFollower follower({});
+  std::size_t first = 10;
+  constexpr std::size_t kCount = 50;
   for (std::size_t step = 0; step <= 90; ++step) {
-    picture = tone_picture(20 + step, 0.0331 * static_cast<double>(step), random);
-    const auto signal = follower.combine(view_of(picture), true);
-    const auto [least, most] = std::ranges::minmax(signal);
+    const auto picture = tone_picture(20 + step, 0.0331 * static_cast<double>(step), random);
+    const auto column = follower.combine(ocisac::part_of(view_of(picture), {first, 0, kCount, kRows}));
+    const auto [least, most] = std::ranges::minmax(column.signal);
     CAPTURE(step);
     CHECK(most - least > 100);  // of 120
     CHECK(most - least < 126);
+    double sum = 0, moment = 0;
+    for (std::size_t k = 0; k < kCount; ++k) sum += column.weights[k], moment += column.weights[k] * k;
+    CHECK(sum == doctest::Approx(1));
+    const auto off = static_cast<std::ptrdiff_t>(0.5 * (moment / sum - 24.5));
+    first = std::min(first + static_cast<std::size_t>(std::max<std::ptrdiff_t>(off, 0)), kColumns - kCount);
+    follower.move(std::max<std::ptrdiff_t>(off, 0));
   }
-  CHECK(follower.first() > 90);
-  CHECK(follower.first() + follower.count() <= kColumns);
-  double sum = 0;
-  for (const double weight : follower.weights()) sum += weight;
-  CHECK(sum == doctest::Approx(1));
+  CHECK(first > 90);
+}
+
+TEST_CASE("weights that follow are those that are found anew") {
+  std::mt19937 random(6);
+  ocisac::ColumnFollower follower({});
+  for (int frame = 0; frame < 4; ++frame) {
+    const auto picture = tone_picture(20, 0.0331 * frame, random);
+    const auto part = ocisac::part_of(view_of(picture), {0, 0, 70, kRows});
+    const auto followed = follower.combine(part), anew = ocisac::combine_columns(part, 0, {});
+    CHECK(followed.quality == doctest::Approx(anew.quality).epsilon(0.02));
+    CHECK(followed.noise == doctest::Approx(anew.noise).epsilon(0.02));
+    for (std::size_t row = 0; row < kRows; ++row) CHECK(std::abs(followed.signal[row] - anew.signal[row]) < 1);
+  }
 }
 
 TEST_CASE("a light that went is searched again, ever more seldom, until it is back") {
   std::mt19937 random(7);
-  ocisac::LiveOptions options;
-  options.data = false;
-  options.frequency = 800;
-  ocisac::LiveReceiver receiver(camera(), options);
+  auto options = gain_only();
+  options.light.gain->frequency = 800;
+  ocisac::Receiver receiver(camera(), options);
   std::vector<int> searches;
   for (int frame = 0; frame < 60; ++frame) {
     const bool on = frame < 3 || frame > 40;
     const auto picture = tone_picture(frame < 3 ? 10 : 110, 0.0331 * frame, random, on);
-    const auto& result = receiver.push(view_of(picture), frame);
+    const auto view = view_of(picture);
+    const auto result = receiver.push({&view, 1}, frame).front();
     if (result.searched) searches.push_back(frame);
     if (frame == 59) {
       CHECK(result.region.x > 80);
@@ -108,20 +130,20 @@ TEST_CASE("a light that went is searched again, ever more seldom, until it is ba
 
 TEST_CASE("a region that is told is neither searched nor left") {
   std::mt19937 random(9);
-  ocisac::LiveOptions options;
-  options.data = false;
-  options.region = ocisac::Region{65, 10, 40, 400};
-  ocisac::LiveReceiver receiver(camera(), options);
+  auto options = gain_only();
+  options.regions = {{65, 10, 40, 400}};
+  ocisac::Receiver receiver(camera(), options);
   const auto picture = tone_picture(70, 0, random);
-  CHECK(receiver.push(view_of(picture), 0).region == *options.region);
-  options.region->width = kColumns;
-  ocisac::LiveReceiver beyond(camera(), options);
-  CHECK_THROWS_AS(beyond.push(view_of(picture), 0), std::invalid_argument);
+  const auto view = view_of(picture);
+  CHECK(receiver.push({&view, 1}, 0).front().region == options.regions[0]);
+  options.regions[0].width = kColumns;
+  ocisac::Receiver beyond(camera(), options);
+  CHECK_THROWS_AS(beyond.push({&view, 1}, 0), std::invalid_argument);
   for (const ocisac::Region& wraps : {ocisac::Region{SIZE_MAX, 0, 2, 400}, ocisac::Region{65, SIZE_MAX, 40, 2}}) {
-    options.region = wraps;
-    ocisac::LiveReceiver wrapped(camera(), options);
-    CHECK_THROWS_AS(wrapped.push(view_of(picture), 0), std::invalid_argument);
+    options.regions = {wraps};
+    ocisac::Receiver wrapped(camera(), options);
+    CHECK_THROWS_AS(wrapped.push({&view, 1}, 0), std::invalid_argument);
   }
-  options.frequency = -1;
-  CHECK_THROWS_AS(ocisac::LiveReceiver(camera(), options), std::invalid_argument);
+  options.light.gain->frequency = -1;
+  CHECK_THROWS_AS(ocisac::Receiver(camera(), options), std::invalid_argument);
 }

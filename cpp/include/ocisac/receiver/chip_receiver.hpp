@@ -1,4 +1,4 @@
-// From a stream of frames to payloads: the receiver with a memory.
+// From the signals of one light, frame after frame, to payloads.
 #pragma once
 
 #include <cstddef>
@@ -10,20 +10,20 @@
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/chips/clock_tracker.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/flags.hpp"
-#include "ocisac/core/views.hpp"
 #include "ocisac/packets/packets.hpp"
 #include "ocisac/receiver/frame_order.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
 
 namespace ocisac {
 
-struct ReceiverOptions {
-  // Hz, good to 2 %. Absent: found blind in the frames, which takes an exposure below a chip.
+struct ChipOptions {
+  // Hz, good to 2 %. Absent: found blind in the frames, which needs an exposure below a chip.
   std::optional<double> chip_rate;
   PacketFormat format{};
-  // Times that the search for the light's chips in one frame may go through its rows: bounds its time. Absent: no
-  // limit.
+  // Passes over a frame's rows after which the search for its chips ends, which bounds its time; infinity: no bound.
+  // Absent: 2000 where the camera's exposure is known, else 5000. A preamble is found in about 50.
   std::optional<double> search_passes{};
 };
 
@@ -36,8 +36,8 @@ struct ReceivedFrame {
   double phase = 0;          // row at which the first of them begins, half an exposure after the light's own edge
   double rows_per_chip = 0;  // rows
   double rows_per_chip_std = 0;
-  double exposure = 0;                   // rows: the camera's, or estimated
-  double exposure_std = 0;               // 0 where it is the camera's
+  double exposure = 0;                   // s: the camera's, or estimated
+  double exposure_std = 0;               // s; 0 where it is the camera's
   double snr = 0;                        // (half the swing)² / variance of a row about the model
   double error_rate = 0;                 // of the bits, expected by their log-likelihood ratios
   std::vector<double> llr;               // (bits) ln P(bright)/P(dark), nats
@@ -48,34 +48,32 @@ struct ReceivedFrame {
 // A result that holds nothing but the frame's number: numbers are NaN.
 ReceivedFrame nothing_received(std::int64_t frame);
 
-// One light in frames that come in time order; any may be missing. Each frame's columns are combined, its chip clock,
-// exposure and levels found (from the clock of the frames before, else from a preamble, else from the rate alone), its
-// chips detected, and put into the packet at their place on the light's clock. Memory is bounded.
-class Receiver {
+// The chips of one light, whose frames come in time order; any may be missing. In each frame the chip clock, the
+// exposure and the levels are estimated (from the clock of the frames before, else from a preamble, else from the rate
+// alone), the chips detected and put into the packet at their place on the light's clock. Memory is bounded.
+class ChipReceiver {
  public:
-  explicit Receiver(const Camera& camera, ReceiverOptions options = {});
+  ChipReceiver(const Camera& camera, ChipOptions options);
 
-  // `colours`: one frame, one view a colour. `frame`: its number, ascending; absent: one after the last.
-  // `first_row`: where the views are a part of the picture, the row of the picture at which they begin.
-  ReceivedFrame push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {},
-                     std::size_t first_row = 0);
+  // `column`: the light's signal. `frame`: number, ascending. `first_row`: row of the picture at which it begins.
+  ReceivedFrame push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row);
+
+  // Drops all but the bytes that the packet has: clock, channel, rate.
+  void forget();
 
  private:
-  std::optional<double> nominal_rows_per_chip(std::span<const AnyFramesView> colours);
+  std::optional<double> nominal_rows_per_chip(const CombinedColumn& column);
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, std::int64_t frame,
                                                    SearchEffort& effort) const;
-  std::optional<FrameReading> search(std::span<const AnyFramesView> colours, std::span<const double> signal,
-                                     SearchEffort& effort);
+  std::optional<FrameReading> search(const CombinedColumn& column, SearchEffort& effort);
   std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
   void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);
   void lose(ReceivedFrame& result, bool searched);
-  void forget();
 
   Camera camera_;
-  ReceiverOptions options_;
+  ChipOptions options_;
   PacketAssembler assembler_;
   std::vector<double> preamble_;
-  FrameOrder order_;
   std::optional<ClockTracker> tracker_;     // where the frame time is known; phases in rows of the picture
   std::optional<double> rows_per_chip_;     // nominal, or by the frames before
   std::optional<ChannelEstimate> channel_;  // of the last frame that was received

@@ -1,0 +1,92 @@
+// One light of a picture, followed from frame to frame: its columns, gain, data, and the exposure that suits it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/columns/column_combination.hpp"
+#include "ocisac/core/flags.hpp"
+#include "ocisac/core/views.hpp"
+#include "ocisac/exposure/best_exposure.hpp"
+#include "ocisac/receiver/chip_receiver.hpp"
+#include "ocisac/tones/tone_gain.hpp"
+
+namespace ocisac {
+
+struct GainOptions {
+  std::optional<double> frequency;  // Hz of the tone; absent: estimated when the light is found
+  WaveformShape waveform = WaveformShape::tone;
+  double duty = 0.5;      // of a square wave
+  double background = 0;  // light that is not the source's, DN above dark
+};
+
+// What is received from each light.
+struct LightOptions {
+  std::optional<ChipOptions> data = ChipOptions{};  // absent: no data
+  std::optional<GainOptions> gain{};                // absent: no gain
+  std::optional<double> sense_frequency{};          // Hz f_s, for the exposure that serves both (eq. 18)
+};
+
+// Unknown numbers are NaN.
+struct LightGain {
+  double frequency, frequency_std;          // Hz; no standard error where it was given
+  double gain, gain_std, phase, mean, snr;  // as of tone_gain
+  Flags flags = 0;
+};
+
+struct LightFrame {
+  std::int64_t frame = 0;
+  std::size_t source = 0;                  // number of the light, from 0 in the order in which they were found
+  bool searched = false;                   // lights were searched in this frame
+  Region region;                           // in which the light was received
+  std::optional<ReceivedFrame> received;   // where data is wanted or the frame was left out; phase: row of the picture
+  std::optional<LightGain> gain;           // where wanted
+  std::optional<BestExposure> suggestion;  // exposure for the light; absent while no frequency is known
+};
+
+class LightReceiver {
+ public:
+  // Throws std::invalid_argument.
+  LightReceiver(const Camera& camera, const LightOptions& options, std::size_t source);
+  LightReceiver(LightReceiver&&) = default;
+  LightReceiver& operator=(LightReceiver&&) = default;
+
+  // The light lies in `region` from the next frame on. `can_move`: the region follows it along the columns.
+  void place(const Region& region, bool can_move);
+
+  // Nothing of the frames before holds but the bytes that the packet has.
+  void forget();
+
+  // `colours`: a frame, one view a colour; the one in which the light stands out most is received.
+  LightFrame push(std::span<const AnyFramesView> colours, std::int64_t frame);
+
+  [[nodiscard]] const Region& region() const { return region_; }
+  [[nodiscard]] std::size_t unseen() const { return unseen_; }  // frames since data or a tone was received
+
+ private:
+  std::size_t receive_data(std::span<const AnyFramesView> rows, LightFrame& result);
+  void follow(const CombinedColumn& column, std::size_t columns);
+  void find_tone(const AnyFramesView& part);
+  [[nodiscard]] LightGain measure_gain(const AnyFramesView& part) const;
+  void suggest_exposure(const LightFrame& result);
+
+  Camera camera_;
+  LightOptions options_;
+  std::size_t source_;
+  std::optional<ChipReceiver> chips_;
+  Region region_;
+  bool can_move_ = false;
+  std::vector<ColumnFollower> followers_;  // one a colour
+  bool tone_known_ = false;                // frequency_ is of this region
+  double frequency_, frequency_std_;
+  Flags frequency_flags_ = 0;
+  double suggested_for_ = 0;  // Hz, 0: nothing yet
+  std::optional<BestExposure> suggestion_;
+  std::size_t unseen_ = 0;
+};
+
+}  // namespace ocisac

@@ -1,0 +1,60 @@
+// From a stream of frames to the gain and the data of the lights in it: Receiver and MultiReceiver of Python,
+// `ocisac receive --packets`, ocisac-rx and ocisac.h.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/core/views.hpp"
+#include "ocisac/receiver/frame_order.hpp"
+#include "ocisac/receiver/light_receiver.hpp"
+
+namespace ocisac {
+
+struct ReceiverOptions {
+  LightOptions light{};
+  std::vector<Region> regions{};  // of the lights; empty: searched
+  std::size_t max_sources = 8;    // that are searched
+  bool whole_picture = false;     // one light, not searched: all pixels are its own
+};
+
+// Frames come in time order; any may be missing. A frame is admitted once (FrameOrder), lights are searched in the
+// first one and where one was lost or may have joined, and each light is received by its LightReceiver. Memory is
+// bounded.
+class Receiver {
+ public:
+  // Throws std::invalid_argument.
+  explicit Receiver(const Camera& camera, ReceiverOptions options = {});
+
+  // `colours`: one frame, one view a colour, rows in time order. `frame`: its number, ascending; absent: one after the
+  // last. At least one result, the strongest light first; one without `region` where the frame was left out.
+  std::vector<LightFrame> push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {});
+
+ private:
+  void place_given(const Region& whole);
+  [[nodiscard]] bool must_search() const;
+  void begin_anew(const Region& whole);
+  void search(std::span<const AnyFramesView> colours);
+  void search_several(const AnyFramesView& frame);
+  void search_one(const AnyFramesView& frame);
+  void adopt(const std::vector<Region>& found);
+  void add(const Region& region, bool can_move);
+
+  Camera camera_;
+  ReceiverOptions options_;
+  FrameOrder order_;
+  std::vector<LightReceiver> lights_;
+  std::size_t next_source_ = 0;
+  std::vector<Region> proposed_;  // by the searches of the frames before
+  std::size_t agreed_ = 0;        // frames in a row that proposed them; 0: no proposal is open
+  std::size_t attempts_ = 0;      // frames in which the open proposal was searched
+  std::size_t since_search_ = 0;  // frames
+  std::size_t patience_;          // frames without a light before it is searched again
+  bool began_ = false;
+};
+
+}  // namespace ocisac

@@ -1,0 +1,156 @@
+#include "ocisac/receiver/light_receiver.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/tones/find_frequency.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMinWeight = 0.1;  // of the largest: columns below are beside the light
+
+double first_of(const std::vector<double>& values) { return values.empty() ? kNaN : values.front(); }
+
+// Columns from the middle of the weights to the light's.
+double offset_of(std::span<const double> weights) {
+  const double least = kMinWeight * *std::ranges::max_element(weights);
+  double sum = 0, moment = 0;
+  for (std::size_t column = 0; column < weights.size(); ++column) {
+    if (!(weights[column] >= least)) continue;
+    sum += weights[column];
+    moment += weights[column] * static_cast<double>(column);
+  }
+  return sum > 0 ? moment / sum - 0.5 * static_cast<double>(weights.size() - 1) : 0.0;
+}
+
+bool has_tone(const LightGain& gain) {
+  return std::isfinite(gain.gain) && !(gain.flags & (flag::weak | flag::no_tone | flag::no_light));
+}
+
+}  // namespace
+
+LightReceiver::LightReceiver(const Camera& camera, const LightOptions& options, std::size_t source)
+    : camera_(camera), options_(options), source_(source), frequency_(kNaN), frequency_std_(kNaN) {
+  check(camera);
+  if (options_.data) chips_.emplace(camera_, *options_.data);
+  if (options_.sense_frequency) require_positive("sense_frequency", *options_.sense_frequency);
+  if (!options_.gain) return;
+  if (options_.gain->frequency) require_positive("frequency", *options_.gain->frequency);
+  require_finite("background", options_.gain->background);
+  require(options_.gain->duty > 0 && options_.gain->duty < 1, "duty", options_.gain->duty, "inside (0, 1)");
+  frequency_ = options_.gain->frequency.value_or(kNaN);
+}
+
+void LightReceiver::place(const Region& region, bool can_move) {
+  const bool same_rows = region.y == region_.y && region.height == region_.height;
+  if (chips_ && region_.height > 0 && !same_rows) chips_->forget();
+  region_ = region;
+  can_move_ = can_move;
+  for (auto& follower : followers_) follower.forget();
+  tone_known_ = options_.gain && options_.gain->frequency;
+}
+
+void LightReceiver::forget() {
+  if (chips_) chips_->forget();
+  for (auto& follower : followers_) follower.forget();
+  tone_known_ = options_.gain && options_.gain->frequency;
+  unseen_ = 0;
+}
+
+// The region moves by half of what the light is off its middle.
+void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
+  const auto most_left = -static_cast<std::ptrdiff_t>(region_.x);
+  const auto most_right = static_cast<std::ptrdiff_t>(columns - region_.x - region_.width);
+  const auto step = std::clamp(static_cast<std::ptrdiff_t>(0.5 * offset_of(column.weights)), most_left, most_right);
+  if (step == 0) return;
+  region_.x = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(region_.x) + step);
+  for (auto& follower : followers_) follower.move(step);
+}
+
+// The colour that was received.
+std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, LightFrame& result) {
+  while (followers_.size() < colours.size()) followers_.emplace_back(camera_.tone_curve);
+  CombinedColumn best;
+  std::size_t colour = 0;
+  for (std::size_t k = 0; k < colours.size(); ++k) {
+    auto column = followers_[k].combine(part_of(colours[k], region_));
+    if (k > 0 && !(column.quality > best.quality)) continue;
+    best = std::move(column);
+    colour = k;
+  }
+  result.received = chips_->push(best, result.frame, region_.y);
+  result.received->colour = colour;
+  if (result.received->outcome != FrameOutcome::received)
+    for (auto& follower : followers_) follower.forget();
+  else if (can_move_)
+    follow(best, shape_of(colours[colour]).columns);
+  return colour;
+}
+
+void LightReceiver::find_tone(const AnyFramesView& part) {
+  tone_known_ = true;
+  FrequencySearch wanted;
+  wanted.saturation = saturation_level(part);
+  const FoundFrequency found = find_frequency(part, wanted);
+  const bool is_tone = (found.flags & flag::no_tone) == 0;
+  frequency_ = is_tone ? found.frequency / camera_.row_time : kNaN;
+  frequency_std_ = is_tone ? found.frequency_std / camera_.row_time : kNaN;
+  frequency_flags_ = found.flags;
+}
+
+LightGain LightReceiver::measure_gain(const AnyFramesView& part) const {
+  LightGain result{frequency_, frequency_std_, kNaN, kNaN, kNaN, kNaN, kNaN, frequency_flags_};
+  if (!std::isfinite(frequency_)) return result;
+  ToneGainOptions wanted;
+  wanted.waveform = options_.gain->waveform;
+  wanted.duty = options_.gain->duty;
+  wanted.background = {&options_.gain->background, 1};
+  const ToneGain measured = pooled_tone_gain(part, camera_, {&frequency_, 1}, wanted);
+  result.gain = first_of(measured.gain);
+  result.gain_std = first_of(measured.gain_std);
+  result.phase = first_of(measured.phase);
+  result.mean = first_of(measured.mean);
+  result.snr = first_of(measured.snr);
+  result.flags |= measured.flags.front();
+  return result;
+}
+
+// The fastest tone of chips is half the chip rate.
+void LightReceiver::suggest_exposure(const LightFrame& result) {
+  double comm = frequency_;
+  if (result.received && std::isfinite(result.received->rows_per_chip))
+    comm = 0.5 / (result.received->rows_per_chip * camera_.row_time);
+  else if (options_.data && options_.data->chip_rate)
+    comm = 0.5 * *options_.data->chip_rate;
+  if (!std::isfinite(comm) || !(comm > 0) || std::abs(comm - suggested_for_) <= 1e-4 * suggested_for_) return;
+  suggested_for_ = comm;
+  suggestion_ = options_.sense_frequency ? best_exposure_exact(comm, *options_.sense_frequency)
+                                         : best_exposure_exact(comm, comm, 1, 0);
+}
+
+LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int64_t frame) {
+  LightFrame result;
+  result.frame = frame;
+  result.source = source_;
+  const Region searched = region_;
+  const std::size_t colour = chips_ ? receive_data(colours, result) : 0;
+  result.region = region_;
+  if (options_.gain) {
+    if (!tone_known_) find_tone(part_of(colours[colour], searched));
+    result.gain = measure_gain(part_of(colours[colour], region_));
+  }
+  suggest_exposure(result);
+  result.suggestion = suggestion_;
+  const bool received = result.received && result.received->outcome == FrameOutcome::received;
+  unseen_ = received || (result.gain && has_tone(*result.gain)) ? 0 : unseen_ + 1;
+  return result;
+}
+
+}  // namespace ocisac

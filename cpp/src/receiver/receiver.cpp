@@ -1,0 +1,228 @@
+#include "ocisac/receiver/receiver.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/lights/detect_sources.hpp"
+#include "ocisac/lights/light_regions.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kFirstPatience = 8, kMaxPatience = 256;  // frames
+constexpr std::size_t kSearchInterval = 60;                    // frames, while further lights may join
+constexpr std::size_t kSearchedColumns = 640;                  // evenly spread, at most
+constexpr std::size_t kMinMargin = 8;                          // columns beside a light that belong to its region
+constexpr double kSamePlace = 0.5;
+constexpr std::size_t kFramesAgreed = 3, kMaxAttempts = 12;
+constexpr std::size_t kGivenUp = 90;  // frames in which a light was not received
+
+double share_of_smaller(const Region& a, const Region& b) {
+  const std::size_t smaller = std::min(a.width * a.height, b.width * b.height);
+  return static_cast<double>(shared_pixels(a, b)) / static_cast<double>(std::max<std::size_t>(smaller, 1));
+}
+
+double share_of_larger(const Region& a, const Region& b) {
+  return static_cast<double>(shared_pixels(a, b)) /
+         static_cast<double>(std::max(a.width * a.height, b.width * b.height));
+}
+
+// Every `step`-th column.
+AnyFramesView thinned(const AnyFramesView& frame, std::size_t step) {
+  return std::visit(
+      [&](auto view) -> AnyFramesView {
+        view.columns = (view.columns + step - 1) / step;
+        view.column_stride *= static_cast<std::ptrdiff_t>(step);
+        return view;
+      },
+      frame);
+}
+
+std::size_t thinning_of(std::size_t columns) { return (columns + kSearchedColumns - 1) / kSearchedColumns; }
+
+// The strongest light that is no reflection, with a margin beside it and all rows in which its columns swing: a light
+// that sends data is periodic in a part of them only.
+std::optional<Region> strongest_light(const AnyFramesView& frame, const Camera& camera) {
+  const Shape shape = shape_of(frame);
+  const std::size_t step = thinning_of(shape.columns);
+  for (const LightSource& light : detect_sources(thinned(frame, step), camera)) {
+    if (light.reflection_of) continue;
+    const std::size_t margin = std::max(kMinMargin, light.width * step / 4);
+    const std::size_t first = light.x * step - std::min(light.x * step, margin);
+    const std::size_t end = std::min(shape.columns, (light.x + light.width) * step + margin);
+    const Region rows = swinging_rows(frame, {first, 0, end - first, shape.rows}, camera.tone_curve);
+    return region_around(rows, {first, light.y, end - first, light.height});
+  }
+  return std::nullopt;
+}
+
+// Signal-to-noise ratio of the data, else of the tone.
+double strength(const LightFrame& light) {
+  const double snr = light.received ? light.received->snr : light.gain ? light.gain->snr : 0.0;
+  return std::isfinite(snr) ? snr : -1.0;
+}
+
+// Lights of their own; what overlaps with a larger one is a part of it.
+std::vector<Region> several_lights(const AnyFramesView& frame, const ToneCurve& curve) {
+  const std::size_t columns = shape_of(frame).columns, step = thinning_of(columns);
+  auto regions = light_regions(thinned(frame, step), curve);
+  for (Region& region : regions) {
+    region.x *= step;
+    region.width = std::min(region.width * step, columns - region.x);
+  }
+  std::ranges::stable_sort(regions, std::ranges::greater{}, [](const Region& r) { return r.width * r.height; });
+  std::vector<Region> apart;
+  for (const Region& region : regions)
+    if (std::ranges::none_of(apart, [&](const Region& r) { return share_of_smaller(r, region) > kSamePlace; }))
+      apart.push_back(region);
+  std::ranges::sort(apart, {}, [](const Region& r) { return std::pair(r.x, r.y); });
+  return apart;
+}
+
+}  // namespace
+
+Receiver::Receiver(const Camera& camera, ReceiverOptions options)
+    : camera_(camera), options_(std::move(options)), patience_(kFirstPatience) {
+  require(options_.max_sources >= 1, "max_sources", options_.max_sources, "1 or above");
+  const LightReceiver checked(camera_, options_.light, 0);  // refuses its arguments
+  for (const Region& region : options_.regions)
+    require(region.width > 0 && region.height > 0, "regions",
+            std::to_string(region.width) + " x " + std::to_string(region.height), "boxes that are not empty");
+}
+
+void Receiver::add(const Region& region, bool can_move) {
+  lights_.emplace_back(camera_, options_.light, next_source_++).place(region, can_move);
+}
+
+// Lights that are not searched.
+void Receiver::place_given(const Region& whole) {
+  if (!lights_.empty()) return;
+  if (options_.whole_picture) add(whole, false);
+  for (const Region& region : options_.regions) add(region, false);
+}
+
+// Nothing that came before holds.
+void Receiver::begin_anew(const Region& whole) {
+  agreed_ = attempts_ = 0;
+  patience_ = kFirstPatience;
+  if (options_.whole_picture && !lights_.empty()) lights_.front().place(whole, false);
+  if (options_.whole_picture || !options_.regions.empty())
+    for (auto& light : lights_) light.forget();
+  else
+    lights_.clear();
+}
+
+bool Receiver::must_search() const {
+  if (options_.whole_picture || !options_.regions.empty()) return false;
+  if (lights_.empty() || agreed_ > 0) return true;
+  const auto longest = std::ranges::max_element(lights_, {}, &LightReceiver::unseen)->unseen();
+  if (longest >= kFirstPatience) return longest >= patience_ && since_search_ >= patience_;
+  return lights_.size() < options_.max_sources && since_search_ >= kSearchInterval;
+}
+
+void Receiver::search(std::span<const AnyFramesView> colours) {
+  since_search_ = 0;
+  const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).second : 0;
+  const bool none_seen =
+      std::ranges::none_of(lights_, [](const auto& light) { return light.unseen() < kFirstPatience; });
+  if (none_seen && agreed_ == 0) {
+    if (!lights_.empty()) patience_ = std::min(2 * patience_, kMaxPatience);
+    search_one(colours[colour]);
+  }
+  if (options_.max_sources > 1) search_several(colours[colour]);
+}
+
+// At once: it costs no frames. Where nothing is found all rows that swing are received.
+void Receiver::search_one(const AnyFramesView& frame) {
+  const Shape shape = shape_of(frame);
+  const auto light = strongest_light(frame, camera_);
+  const Region region = light.value_or(swinging_rows(frame, {0, 0, shape.columns, shape.rows}, camera_.tone_curve));
+  if (lights_.size() == 1)
+    lights_.front().place(region, light.has_value());
+  else
+    add(region, light.has_value());
+}
+
+// Several lights are taken where frames in a row agree on their places; long runs of a light lie elsewhere in the next
+// one.
+void Receiver::search_several(const AnyFramesView& frame) {
+  auto found = several_lights(frame, camera_.tone_curve);
+  if (found.size() < 2) {
+    agreed_ = attempts_ = 0;
+    return;
+  }
+  const bool agrees = agreed_ > 0 && found.size() == proposed_.size() &&
+                      std::ranges::equal(found, proposed_, [](const Region& a, const Region& b) {
+                        return share_of_larger(a, b) > kSamePlace;
+                      });
+  agreed_ = agrees ? agreed_ + 1 : 1;
+  if (agrees)
+    std::ranges::transform(found, proposed_, proposed_.begin(), region_around);
+  else
+    proposed_ = std::move(found);
+  if (agreed_ >= kFramesAgreed) adopt(proposed_);
+  if (agreed_ >= kFramesAgreed || ++attempts_ >= kMaxAttempts) agreed_ = attempts_ = 0;
+}
+
+// Lights that were not there join; those that are received keep their place, others take the one found.
+void Receiver::adopt(const std::vector<Region>& found) {
+  std::erase_if(lights_, [&](const LightReceiver& light) {
+    const auto within = [&](const Region& region) { return share_of_smaller(light.region(), region) > kSamePlace; };
+    return light.unseen() >= kGivenUp || std::ranges::count_if(found, within) > 1;  // one that is several
+  });
+  for (const Region& region : found) {
+    const auto same = std::ranges::find_if(
+        lights_, [&](const auto& light) { return share_of_smaller(light.region(), region) > kSamePlace; });
+    if (same == lights_.end()) {
+      if (lights_.size() < options_.max_sources) add(region, true);
+    } else if (same->unseen() >= kFramesAgreed) {
+      same->place(region, true);
+    }
+  }
+}
+
+std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame) {
+  const std::int64_t number = frame.value_or(order_.next());
+  const auto lengths = lengths_of(colours);
+  const Region whole{0, 0, lengths[2], lengths[1]};
+  const auto outside = std::ranges::find_if_not(
+      options_.regions, [&](const Region& region) { return is_inside(region, whole.width, whole.height); });
+  const bool fits = outside == options_.regions.end();
+  if (!fits && !began_) require_inside("regions", *outside, whole.width, whole.height);
+  began_ = true;
+  const auto verdict = order_.admit(number, lengths);
+  auto outcome = verdict.outcome;
+  if (outcome == FrameOutcome::received && !fits) outcome = FrameOutcome::other_shape;
+  if (outcome == FrameOutcome::received && !are_numbers(colours)) outcome = FrameOutcome::not_finite;
+  if (outcome != FrameOutcome::received) {
+    LightFrame left_out;
+    left_out.frame = number;
+    left_out.region = whole;
+    left_out.received = nothing_received(number);
+    left_out.received->outcome = outcome;
+    left_out.received->missing = verdict.missing;
+    return {std::move(left_out)};
+  }
+  if (verdict.anew) begin_anew(whole);
+  ++since_search_;
+  place_given(whole);
+  const bool searched = must_search();
+  if (searched) search(colours);
+
+  std::vector<LightFrame> results;
+  for (LightReceiver& light : lights_) {
+    results.push_back(light.push(colours, number));
+    results.back().searched = searched;
+    if (results.back().received) results.back().received->missing = verdict.missing;
+  }
+  if (std::ranges::all_of(lights_, [](const auto& light) { return light.unseen() == 0; })) patience_ = kFirstPatience;
+  std::ranges::stable_sort(results, std::ranges::greater{}, strength);
+  return results;
+}
+
+}  // namespace ocisac
