@@ -93,44 +93,42 @@ void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> u
   }
 }
 
-// Mean light of each block in each row into `means`, (rows × blocks), whose memory is used again.
+// Light of each block in each row, summed over its columns, into `sums`, (rows × blocks), whose memory is used again.
+// Gives the dark level that every column still has.
 template <class T>
-void block_means(const FramesView<const T>& view, const ToneCurve& curve, std::span<const std::uint8_t> usable,
-                 const Blocks& blocks, Matrix& means) {
-  means.resize(static_cast<Index>(view.rows), static_cast<Index>(blocks.begin.size()));
+double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::span<const std::uint8_t> usable,
+                 const Blocks& blocks, Matrix& sums) {
+  sums.resize(static_cast<Index>(view.rows), static_cast<Index>(blocks.begin.size()));
   double dark = 0;
   const auto light = [&](auto value) { return linear_light(curve, static_cast<double>(value), sample_maximum<T>()); };
   if constexpr (std::is_integral_v<T>) {
     if (curve.kind == ToneCurve::Kind::linear) {
-      sum_stored(view, usable, blocks, means);
+      sum_stored(view, usable, blocks, sums);
       dark = curve.dark_level;
     } else {
       std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
       for (std::size_t value = 0; value < table.size(); ++value) table[value] = light(value);
       sum_blocks(
-          view, usable, blocks, [&](T value) { return table[value]; }, means);
+          view, usable, blocks, [&](T value) { return table[value]; }, sums);
     }
   } else {
-    sum_blocks(view, usable, blocks, light, means);
+    sum_blocks(view, usable, blocks, light, sums);
   }
-  Eigen::RowVectorXd scale(means.cols());
-  for (Index block = 0; block < means.cols(); ++block)
-    scale(block) = 1 / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]);
-  for (Index row = 0; row < means.rows(); ++row)
-    means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
+  return dark;
 }
 
 // The blocks' swings about their moving means over rows n − reach … n + reach: a gradient along the rows is not common
-// light. Running sums of all blocks at once.
-void take_swings(const Matrix& means, Matrix& swings) {
-  const Index rows = means.rows(), reach = rows / 16 + 1;
-  swings.resize(rows, means.cols());
-  Eigen::RowVectorXd sum = means.topRows(std::min(reach, rows)).colwise().sum();
-  Index count = std::min(reach, rows);
+// light. count·x − Σx is exact for integers, so that constant columns have no swing at all.
+void take_swings(const Matrix& sums, Matrix& swings) {
+  const Index rows = sums.rows(), reach = rows / 16 + 1;
+  swings.resize(rows, sums.cols());
+  Eigen::RowVectorXd window = sums.topRows(std::min(reach, rows)).colwise().sum();
+  Index length = std::min(reach, rows);
   for (Index row = 0; row < rows; ++row) {
-    if (row + reach < rows) sum += means.row(row + reach), ++count;
-    if (row > reach) sum -= means.row(row - reach - 1), --count;
-    swings.row(row) = means.row(row) - sum * (1 / static_cast<double>(count));
+    if (row + reach < rows) window += sums.row(row + reach), ++length;
+    if (row > reach) window -= sums.row(row - reach - 1), --length;
+    const auto count = static_cast<double>(length);
+    swings.row(row) = (count * sums.row(row) - window) * (1 / count);
   }
 }
 
@@ -147,8 +145,16 @@ struct BlockedFrame {
     clipped = saturated_share(frames, frame, curve);
     usable = usable_columns(clipped, saturated, columns);
     blocks = make_blocks(usable);
-    std::visit([&](const auto& view) { block_means(view.frame(frame), curve, usable, blocks, means); }, frames);
+    const double dark = std::visit(
+        [&](const auto& view) { return block_sums(view.frame(frame), curve, usable, blocks, means); }, frames);
     take_swings(means, swings);
+    Eigen::RowVectorXd scale(means.cols());
+    for (Index block = 0; block < means.cols(); ++block)
+      scale(block) = 1 / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]);
+    for (Index row = 0; row < means.rows(); ++row) {
+      means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
+      swings.row(row).array() *= scale.array();
+    }
   }
 };
 
