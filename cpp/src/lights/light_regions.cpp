@@ -1,4 +1,4 @@
-#include "ocisac/lights/light_regions.hpp"
+#include "lights/light_regions.hpp"
 
 #include <algorithm>
 #include <cmath>

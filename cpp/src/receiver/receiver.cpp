@@ -5,10 +5,10 @@
 #include <string>
 #include <utility>
 
+#include "lights/light_regions.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/lights/detect_sources.hpp"
-#include "ocisac/lights/light_regions.hpp"
 
 namespace ocisac {
 

@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "lights/light_regions.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
-#include "ocisac/lights/light_regions.hpp"
 #include "ocisac/packets/packets.hpp"
 #include "ocisac/receiver/receiver.hpp"
 

@@ -69,8 +69,8 @@ TEST_CASE("receive gives the bits sent, at any rate") {
 
 TEST_CASE("colours of different shapes are refused") {
   const Frame frame = make_frame(1, 5);
-  const std::array colours{
-      frame.view(), ocisac::AnyFramesView(ocisac::dense_view<const std::uint8_t>(frame.pixels.data(), 1, 9, 9))};
+  const std::array colours{frame.view(),
+                           ocisac::AnyFramesView(ocisac::dense_view<const std::uint8_t>(frame.pixels.data(), 1, 9, 9))};
   CHECK_THROWS_WITH_AS(ocisac::receive(colours, {1.0, {}, {}, {}}),
                        "colour: got colours of different shapes, allowed: one shape", std::invalid_argument);
 }
