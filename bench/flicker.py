@@ -6,7 +6,7 @@ import argparse
 import pathlib
 
 from ocisac_fast.exposure import FlickeringLight, flicker_free_exposure, mains_lights
-from ocisac_fast.plots.flicker import plot_flicker_front, plot_flicker_indices, plot_modulation
+from ocisac_fast.plots.flicker import plot_flicker_front, plot_flicker_indices, plot_lamp, plot_modulation
 
 _DATA_LIGHT = 35.0  # Hz; slow enough for exposures of 50 ms
 
@@ -19,6 +19,7 @@ def main() -> None:
     plot_modulation(directory / "exposure-bands.png", mains, 0.02, flicker_free_exposure(mains, 0.02))
     kept = flicker_free_exposure(mains, 0.02, f_comm=_DATA_LIGHT, min_gain=0.1)
     plot_flicker_front(directory / "exposure-bands-front.png", _DATA_LIGHT, mains, 0.02, kept)
+    plot_lamp(directory / "lamp.png", [1 / 60, 1 / 100], 0.02, (50.0, 5000.0))
     lamps = [FlickeringLight(90.0, duty=0.1), FlickeringLight(90.0, duty=0.5), FlickeringLight(500.0, duty=0.5)]
     plot_flicker_indices(
         directory / "flicker-indices.png",

@@ -128,8 +128,11 @@ def test_indices_of_lamps_under_exposures(facts, tmp_path):
     assert picture.stat().st_size > 10_000
 
 
-def test_lamps_for_shutters(facts):
-    (found,) = facts("lamp", "--exposures", "1/60s,1/100s", "--duty", "0.1", "--below", "2%", "--range", "50Hz,1kHz")
+def test_lamps_for_shutters(facts, tmp_path):
+    pytest.importorskip("matplotlib")
+    shutters = ("--exposures", "1/60s,1/100s", "--plot", str(tmp_path / "lamp.png"))
+    (found,) = facts("lamp", *shutters, "--duty", "0.1", "--below", "2%", "--range", "50Hz,1kHz")
+    assert (tmp_path / "lamp.png").stat().st_size > 10_000
     assert found["holds"]
     assert found["frequencies_hz"][0] == pytest.approx([298.82, 301.22], abs=0.01)
     assert found["no_missed_pulse_from_hz"] == pytest.approx(90)

@@ -8,7 +8,7 @@ import click
 
 from ocisac_fast.cli.lights import SHARE, TIMES
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
-from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.pictures import json_option, plot_option
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 
 
@@ -19,6 +19,7 @@ from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 @click.option("--range", "bounds", type=FREQUENCIES, default="50Hz,10kHz", help="Of frequencies; else 50Hz,10kHz.")
 @click.option("--spread", type=SHARE, default="0", help="Of each exposure, +-; else 0.")
 @click.option("--frequency", type=FREQUENCY, help="Of PWM: its least duty instead of its frequency.")
+@plot_option("the modulation over frequency and duty")
 @json_option
 def lamp(
     exposures: tuple[float, ...],
@@ -27,17 +28,23 @@ def lamp(
     bounds: tuple[Quantity, ...],
     spread: float,
     frequency: Quantity | None,
+    plot: str | None,
     as_json: bool,
 ) -> None:
     """Frequencies at which a lamp shows no bands to any of the shutters and none misses a pulse, and the chip rates
     from which a line code shows none; with --frequency the duties.
     """
+    if len(bounds) != 2:
+        raise click.UsageError(f"--range: got {len(bounds)} frequencies, allowed: LOWEST,HIGHEST")
+    span = float(bounds[0]), float(bounds[1])
     if frequency is not None:
         facts = _duties(exposures, below, float(frequency))
     else:
-        if len(bounds) != 2:
-            raise click.UsageError(f"--range: got {len(bounds)} frequencies, allowed: LOWEST,HIGHEST")
-        facts = _frequencies(exposures, below, duty, (float(bounds[0]), float(bounds[1])), spread)
+        facts = _frequencies(exposures, below, duty, span, spread)
+    if plot is not None:
+        from ocisac_fast.plots.flicker import plot_lamp
+
+        plot_lamp(plot, exposures, below, span)
     if as_json:
         emit_json(facts)
         return

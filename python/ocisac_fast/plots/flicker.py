@@ -113,3 +113,31 @@ def plot_flicker_indices(
         for axes, title in zip(panels, titles, strict=True):
             axes.set(xlabel="exposure time / ms", xscale="log", ylim=(-0.03, 1.03), title=title)
         panels[0].legend(fontsize=8)
+
+
+def plot_lamp(
+    path: str | os.PathLike[str], exposures: Sequence[float], below: float, bounds: tuple[float, float]
+) -> None:
+    """Largest modulation that any shutter sees of PWM over its frequency and duty, the bound, and missed pulses.
+
+    Args:
+        path: ``.png``, ``.pdf`` or ``.svg``.
+        exposures, below, bounds: as for ``flicker_free_frequencies``.
+    """
+    frequency, duty = np.geomspace(*bounds, 1200), np.linspace(0.01, 0.99, 99)
+    left = [
+        np.max([exposure_modulation(FlickeringLight(time, duty=float(d)), frequency) for time in exposures], axis=0)
+        for d in duty
+    ]
+    shown = np.log10(np.maximum(left, 1e-4))
+    with picture(path, 9.0, 5.0) as figure:
+        axes = figure.subplots()
+        image = axes.pcolormesh(frequency, duty, shown, cmap="viridis_r", vmin=-3, vmax=0, shading="nearest")
+        figure.colorbar(image, ax=axes, label="log10 of the largest modulation")
+        axes.contour(frequency, duty, shown, levels=[np.log10(below)], colors=RED, linewidths=1.0, linestyles="solid")
+        axes.plot((1.0 - duty) / min(exposures), duty, color=ORANGE, lw=1.6, label="pulses are missed to the left")
+        axes.plot([], [], color=RED, lw=1.0, label=f"modulation {below:.3g}")
+        shutters = ", ".join(f"{time * 1e3:.4g}" for time in exposures)
+        axes.set(xlabel="frequency of the lamp / Hz", ylabel="duty", xscale="log", xlim=bounds)
+        axes.set_title(f"Shutters of {shutters} ms")
+        axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2, fontsize=8)
