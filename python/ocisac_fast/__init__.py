@@ -1,7 +1,7 @@
 """Receiver for optical camera communication and sensing (OC-ISAC).
 
-The names at the top level stand in ``__init__.pyi``; each is imported from its room when it is first asked for, so that
-``import ocisac_fast`` costs little.
+``__init__.pyi`` lists the top-level names. Each is imported from its room on first access, which keeps
+``import ocisac_fast`` fast.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __version__ = _version()
 
 
 def _rooms_by_name() -> dict[str, str]:
-    """The room of each public name: the import statements of the stub."""
+    """The room of each public name, from the import statements of the stub."""
     stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
     return {alias.name: str(node.module) for node in imports for alias in node.names}

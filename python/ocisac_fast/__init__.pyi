@@ -1,4 +1,4 @@
-# The public names at the top level, each once; `__init__.py` reads this file.
+# Public names at the top level, each once; `__init__.py` reads this file.
 from ocisac_fast.camera import Camera as Camera
 from ocisac_fast.chips import detect_chips as detect_chips
 from ocisac_fast.cleaning import remove_bands as remove_bands, subtract_still as subtract_still

@@ -1,8 +1,6 @@
-"""``python -m ocisac_fast.smoke``: whether an installation works, with NumPy alone.
+"""``python -m ocisac_fast.smoke``: check of an installation with NumPy alone.
 
-A recording is made, measured and received.
-
-Prints one line and exits with 0, or with the exception that tells what is wrong.
+It simulates a recording, measures the gain and receives the payload. It prints one line and exits with 0, or raises.
 """
 
 from __future__ import annotations

@@ -17,19 +17,19 @@ class Camera:
     Row ``n`` of frame ``j`` ends its exposure at ``j * frame_time + n * row_time`` and begins it ``exposure`` earlier.
 
     Args:
-        row_time: time from one row to the next, T_r, in seconds; above 0. None where it is not known: rates are then
-            per row and times in rows, in arguments and results; exposure and frame time stay unknown.
-        exposure: exposure time of a row, T_e, in seconds; 0 (a point sample) or above, None where it is not known.
-        frame_time: time from one frame to the next in seconds; above 0, None where it is not known.
-        tone_curve: how stored values follow the light: ``"linear"``, ``"gamma"`` (power ``gamma``) or ``"srgb"``
+        row_time: time from one row to the next, T_r, in seconds; above 0. None: unknown; rates are then per row and
+            times in rows, in arguments and results, and exposure and frame time stay unknown.
+        exposure: exposure time of a row, T_e, in seconds; 0 (a point sample) or above; None: unknown.
+        frame_time: time from one frame to the next in seconds; above 0; None: unknown.
+        tone_curve: relation of stored values to light: ``"linear"``, ``"gamma"`` (power ``gamma``) or ``"srgb"``
             (IEC 61966-2-1).
         gamma: exponent from stored value to light for ``tone_curve="gamma"``; above 0.
         dark_level: stored value (DN) of no light; 16 for limited-range luma of 8 bits.
         white_level: stored value (DN) of full light; above ``dark_level``. None: the largest value of the array's
             type (255, 65535, 1.0 for floats); 235 for limited-range luma.
         scan_axis: direction in which the rows are read out, in pictures as stored: ``"y"`` down, ``"-y"`` up, ``"x"``
-            to the right, ``"-x"`` to the left. Pictures and boxes are given and come as stored; "rows" are those of
-            the camera and "columns" run across them.
+            to the right, ``"-x"`` to the left. Pictures and boxes in arguments and results are as stored; "rows" are
+            the camera's rows and "columns" are perpendicular to them.
 
     Raises:
         ValueError: a value that is not finite or outside its range; the message names it.
@@ -73,5 +73,5 @@ class Camera:
 
     @property
     def in_time_order(self) -> Camera:
-        """This camera for pictures whose rows are in time order already."""
+        """A copy of this camera for pictures whose rows are already in time order."""
         return self if self.scan_axis == "y" else replace(self, scan_axis="y")

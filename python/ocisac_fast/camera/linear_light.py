@@ -13,7 +13,7 @@ from ocisac_fast.core.checks import checked
 
 @checked
 def linear_light(stored: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:
-    """Light in DN above dark; of whole numbers through a table of all that can be stored."""
+    """Convert stored values to linear light, DN above dark; unsigned integers by a table of all values."""
     if camera.tone_curve == "linear":
         light = stored.astype(np.float64)
         light -= camera.dark_level

@@ -1,4 +1,4 @@
-"""From what the caller has to what the core reads: one place for the conversion of arrays."""
+"""Conversion of the caller's arrays to the arrays that the core reads."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy.typing as npt
 Columns = npt.NDArray[Any]
 Box = tuple[int, int, int, int]
 
-_COLOURS = 4  # at most, of a picture
+_COLOURS = 4  # maximum number of colours of a picture
 _KINDS = {np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32), np.dtype(np.float64)}
 
 
 def as_columns(columns: npt.ArrayLike, name: str = "columns", scan_axis: str = "y") -> Columns:
-    """An array that the core can view: the caller's own memory where its type and alignment allow it.
+    """Return an array that the core can view; it shares the caller's memory where type and alignment allow.
 
     Args:
-        columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, none of them empty.
-            uint8, uint16, float32 and float64 with any strides are taken without a copy; other real types, foreign
-            byte order and unaligned memory are copied.
+        columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, no empty dimension.
+            uint8, uint16, float32 and float64 with any strides are not copied; other real types, foreign byte order
+            and unaligned memory are copied.
         name: the argument's name in messages.
-        scan_axis: of the camera. The result is a view with rows in time order along axis -2; a (rows,) array is a
-            signal in time order already.
+        scan_axis: ``scan_axis`` of the camera. The result is a view with rows in time order along axis -2; a (rows,)
+            array is already in time order.
 
     Raises:
         ValueError: not a real-valued array of 1 to 3 dimensions, or without rows or columns.
@@ -44,17 +44,17 @@ def as_columns(columns: npt.ArrayLike, name: str = "columns", scan_axis: str = "
 
 
 def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y", *, single: bool = False) -> Columns:
-    """(frames, rows, columns, colours), rows in time order: a view where the core can take one.
+    """Return (frames, rows, columns, colours) with rows in time order; a view where the core can read one.
 
     Args:
         frames: (rows,), (rows, columns), (frames, rows, columns) or (frames, rows, columns, colours). Three dimensions
-            of which the last is 3 or 4 may be one colour picture or a stack of grey frames: they are refused.
+            with a last one of 3 or 4 are ambiguous (one colour picture or a stack of grey frames) and are rejected.
         name: the argument's name in messages.
-        scan_axis: of the camera.
-        single: one frame; then (rows, columns, colours) with at most 4 colours is clear, and taken.
+        scan_axis: ``scan_axis`` of the camera.
+        single: accept one frame only; (rows, columns, colours) with at most 4 colours is then unambiguous.
 
     Raises:
-        ValueError: a wrong shape or type; the message says how to write what is meant.
+        ValueError: a wrong shape or type; the message gives the unambiguous form.
     """
     array = np.asarray(frames)
     shape = array.shape
@@ -73,7 +73,7 @@ def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y",
         if array.size == 0:
             raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row, column and colour")
         rows = array.reshape(-1) if array.flags.c_contiguous else array
-        kept = as_columns(rows if rows.ndim == 1 else array[0], name)  # its type
+        kept = as_columns(rows if rows.ndim == 1 else array[0], name)  # gives the type that the core reads
         if kept.dtype != array.dtype or not array.flags.aligned or not _whole_strides(array):
             array = np.array(array, dtype=kept.dtype)
     else:
@@ -88,7 +88,7 @@ def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y",
 def as_grey_frames(
     frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y", *, single: bool = False
 ) -> Columns:
-    """(frames, rows, columns) of one colour, as :func:`as_frames`."""
+    """Return (frames, rows, columns) of one colour; arguments as in :func:`as_frames`."""
     stack = as_frames(frames, name, scan_axis, single=single)
     if stack.shape[3] != 1:
         raise ValueError(f"{name}: got {stack.shape[3]} colours, allowed: one of them, {name}[..., colour]")
@@ -96,7 +96,7 @@ def as_grey_frames(
 
 
 def split_colours(stack: Columns, colour: int | None) -> list[Columns]:
-    """(frames, rows, columns) of each colour of (frames, rows, columns, colours), or of the one asked for."""
+    """Split (frames, rows, columns, colours) into (frames, rows, columns) of each colour, or of ``colour`` alone."""
     if colour is None:
         return [stack[..., index] for index in range(stack.shape[3])]
     if not 0 <= colour < stack.shape[3]:
@@ -105,7 +105,7 @@ def split_colours(stack: Columns, colour: int | None) -> list[Columns]:
 
 
 def in_time_order(array: Columns, scan_axis: str) -> Columns:
-    """A view of (..., height, width) as stored with rows in time order along axis -2; (rows,) as it is."""
+    """View (..., height, width) as stored with rows in time order along axis -2; (rows,) is unchanged."""
     if array.ndim < 2:
         return array
     view = array.swapaxes(-1, -2) if scan_axis.endswith("x") else array
@@ -121,7 +121,7 @@ def in_stored_order(array: Columns, scan_axis: str) -> Columns:
 
 
 def stored_box(box: Box, shape: tuple[int, ...], scan_axis: str) -> Box:
-    """(x, y, width, height) in pixels as stored, of (column, row, columns, rows) in time order.
+    """Convert (column, row, columns, rows) in time order to (x, y, width, height) in pixels as stored.
 
     ``shape``: rows and columns in time order.
     """
@@ -131,7 +131,7 @@ def stored_box(box: Box, shape: tuple[int, ...], scan_axis: str) -> Box:
 
 
 def box_in_time_order(box: Box, shape: tuple[int, ...], scan_axis: str) -> Box:
-    """The inverse of :func:`stored_box`; ``shape`` is that in time order too."""
+    """The inverse of :func:`stored_box`; ``shape`` is in time order too."""
     x, y, width, height = (box[1], box[0], box[3], box[2]) if scan_axis.endswith("x") else box
     return x, shape[0] - y - height if scan_axis.startswith("-") else y, width, height
 

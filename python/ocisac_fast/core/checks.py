@@ -1,4 +1,4 @@
-"""Checks of arguments that all rooms share; every refusal reads ``name: got VALUE, allowed: …``."""
+"""Checks of arguments that all rooms share; every message reads ``name: got VALUE, allowed: …``."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _WHOLE = (int, np.integer)
 
 
 def count(name: str, value: Any, minimum: int, maximum: int = 255) -> int:
-    """A whole number in a range."""
+    """Return a whole number in the range from ``minimum`` to ``maximum``, else raise ValueError."""
     if isinstance(value, bool) or not isinstance(value, _WHOLE) or not minimum <= value <= maximum:
         raise ValueError(f"{name}: got {value!r}, allowed: {minimum} to {maximum}")
     return int(value)
 
 
 def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Refuses arguments whose type is not the annotated one, as a ValueError that names the argument.
+    """Raise a ValueError that names the argument where its type is not the annotated one.
 
-    Checked are numbers, truth values, texts, pairs and classes. Array-likes are checked where the call fails, since
-    their conversion belongs to the function.
+    Numbers, booleans, strings, tuples of numbers and classes are checked before the call. Array-likes are checked after
+    the call has failed, since the function converts them.
     """
     names = tuple(inspect.signature(function).parameters)
     tests: dict[str, _Test] = {}
@@ -55,7 +55,7 @@ def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
 
 
 def checked_class(kind: type[_Class]) -> type[_Class]:
-    """The same for the arguments that make an object."""
+    """:func:`checked` for the arguments of the constructor."""
     kind.__init__ = checked(kind.__init__)  # type: ignore[method-assign]
     return kind
 
@@ -93,7 +93,7 @@ def _is_union(hint: Any) -> bool:
 
 
 def _rule_of(hint: Any) -> tuple[Callable[[Any], bool], str] | None:
-    """A predicate and its description; None where every value may pass."""
+    """A predicate and its description; None where every value is accepted."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if hint is float:
         return _is_number, "a number"
@@ -127,7 +127,7 @@ def _is_row_of_numbers(value: Any, length: int) -> bool:
 
 
 def _refuse_arrays(function: Callable[..., Any], given: dict[str, Any]) -> None:
-    """Names the argument that NumPy could not make numbers of, if there is one."""
+    """Raise a ValueError for the first argument that NumPy cannot convert to real numbers."""
     for name, hint in typing.get_type_hints(function).items():
         if name in given and _is_array(str(inspect.signature(function).parameters[name].annotation)):
             value = given[name]

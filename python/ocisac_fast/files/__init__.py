@@ -1,4 +1,4 @@
-"""Recordings as files: pictures, videos and arrays read as the values that the camera stored, and written whole."""
+"""Recordings as files: pictures, videos and arrays, read as the camera stored them and written atomically."""
 
 from ocisac_fast.files.reading import open_recording, read_frames
 from ocisac_fast.files.recording import FileError, FileWarning, LightResponse, Recording, RecordingStream

@@ -21,11 +21,11 @@ MAGIC = b"\x93NUMPY"
 
 
 def open_array(path: Path) -> RecordingStream:
-    """The frames of a .npy file, read as they are asked for.
+    """Open a .npy file; frames are read on demand.
 
     (rows,) is one column, (rows, columns) one frame, (frames, rows, columns) several and
-    (frames, rows, columns, colours) several in colour. Pickled objects are refused. The file is read, not mapped: a
-    mapped file that another process cuts short ends this one (SIGBUS).
+    (frames, rows, columns, colours) several in colour. Pickled objects are rejected. The file is read, not mapped:
+    truncation of a mapped file by another process would end this one (SIGBUS).
     """
     with contextlib.ExitStack() as opened:
         file = opened.enter_context(path.open("rb"))
@@ -39,7 +39,7 @@ def open_array(path: Path) -> RecordingStream:
 
 
 def stream_arrays(file: BinaryIO) -> RecordingStream:
-    """The frames of a .npy file that comes through a pipe, each as it is whole; further files may follow the first."""
+    """Stream the frames of .npy files that arrive through a pipe, one after the other."""
     first = _read_header(file)
     return RecordingStream(_streamed(file, first), "array", LightResponse(), close=file.close)
 
@@ -56,7 +56,7 @@ class _Header:
 
 
 def _read_header(stream: BinaryIO) -> _Header:
-    """Refuse an array that is not numbers before any memory is asked for."""
+    """Read a header; an array that is not numeric is rejected before memory is allocated."""
     try:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -82,7 +82,7 @@ def _streamed(file: BinaryIO, header: _Header) -> Iterator[Frame]:
 
 
 def _array_frames(file: BinaryIO, header: _Header) -> Iterator[Frame]:
-    """One after the other; where the first axis is not the slowest, when all have come."""
+    """Frames in order; where the first axis is not the slowest, after all data has arrived."""
     several = len(header.shape) > 2 and not header.fortran_order
     count, shape = (header.shape[0], header.shape[1:]) if several else (1, header.shape)
     size = math.prod(shape) * header.dtype.itemsize

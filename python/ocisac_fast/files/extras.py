@@ -1,4 +1,4 @@
-"""The libraries that only files need, imported when a file is read or written."""
+"""Optional libraries for files, imported when a file is read or written."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Pictures: PNG, JPEG, TIFF, PNM, BMP, WebP; all bits that are stored, without colour management.
+"""Pictures: PNG, JPEG, TIFF, PNM, BMP, WebP, with all stored bits and without colour management.
 
-Pillow reads them, but reduces colour of 16 bits to 8: those pictures are decoded by FFmpeg (PyAV).
+Pillow reads them. It reduces 16-bit colour to 8 bits; FFmpeg (PyAV) decodes those pictures.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _BAND_PIXELS = 1 << 20
 
 
 def is_picture(head: bytes) -> bool:
-    """Whether a file that begins with these bytes (12 or more) is one of the pictures read here."""
+    """Return True if a file that begins with these bytes (12 or more) is a picture of a supported kind."""
     starts = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"BM")
     return (
         head.startswith(starts)
@@ -39,10 +39,10 @@ def is_picture(head: bytes) -> bool:
 
 
 def grey_levels(path: Path, max_pixels: int) -> Frame:
-    """(rows, columns) of a picture of one of `FORMATS`, 0 to 1, as they are stored; colour as its luma.
+    """Return a picture of one of `FORMATS` as (rows, columns), stored values scaled to 0 to 1; colour as luma.
 
     Raises:
-        FileError: no such picture, or one of more than ``max_pixels``.
+        FileError: no such picture, or more than ``max_pixels``.
     """
     data = path.read_bytes()
     with _refusals(), pillow().open(io.BytesIO(data), formats=FORMATS) as image:
@@ -52,7 +52,7 @@ def grey_levels(path: Path, max_pixels: int) -> Frame:
 
 
 def open_picture(source: Path | bytes) -> RecordingStream:
-    """A picture as one frame; the pages of a TIFF file as frames."""
+    """Open a picture as one frame, or the pages of a TIFF file as frames."""
     data = source.read_bytes() if isinstance(source, Path) else source
     if data[:2] in (b"P5", b"P6"):
         frames, response = _binary_pnm(data)
@@ -67,7 +67,7 @@ def open_picture(source: Path | bytes) -> RecordingStream:
 
 
 def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
-    """PGM and PPM, whose values are kept as stored, with the file's maximum as the white level."""
+    """Read PGM and PPM with their stored values; the file's maximum is the white level."""
     header = _PNM_HEADER.match(data)
     if header is None:
         raise FileError("damaged PNM header")
@@ -87,11 +87,11 @@ def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
 
 @contextlib.contextmanager
 def _refusals() -> Iterator[None]:
-    """Pillow's errors as those of a file."""
+    """Convert Pillow's errors to :class:`FileError`."""
     image_module = pillow()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # large pictures are what cameras make; Pillow still refuses absurd ones
+            warnings.simplefilter("ignore")  # cameras make large pictures; Pillow still rejects absurd sizes
             yield
     except image_module.DecompressionBombError as error:
         raise FileError("absurd size: more pixels than any camera has") from error
@@ -104,7 +104,7 @@ def _refusals() -> Iterator[None]:
 
 
 def _frames(image: Image, data: bytes, pages: int) -> Iterator[Frame]:
-    """One page at a time: of many, memory holds those alone that the caller keeps."""
+    """Decode one page at a time; pages that the caller drops are freed."""
     for page in range(pages):
         yield _page(image, data, page, pages)
 
@@ -113,7 +113,7 @@ def _page(image: Image, data: bytes, page: int, pages: int) -> Frame:
     with _refusals():
         if page:
             image.seek(page)
-        image.load()  # decodes all of it: FFmpeg below would fill in what a truncated file lacks
+        image.load()  # decodes everything: FFmpeg below would fill in the missing part of a truncated file
         deep = _is_deep_colour(image, data)
         if deep and pages > 1:
             raise FileError("several pages of 16-bit colour, allowed: one")
@@ -124,7 +124,7 @@ def _page(image: Image, data: bytes, page: int, pages: int) -> Frame:
 
 
 def _pixels(image: Image) -> Frame:
-    """Values of a loaded picture, taken a band of rows at a time: Pillow copies twice what it gives out."""
+    """Values of a loaded picture, copied one band of rows at a time since Pillow needs twice the size of its output."""
     width, height = image.size
     step = max(_BAND_PIXELS // width, 1)
     bands = (image.crop((0, top, width, min(top + step, height))) for top in range(0, height, step))
@@ -138,7 +138,7 @@ def _pixels(image: Image) -> Frame:
 
 
 def _values(image: Image, kind: str | None) -> Frame:
-    """Without alpha; a palette becomes colours."""
+    """Pixel values without alpha; a palette is converted to RGB."""
     mode = image.mode
     if mode == "1":
         image = image.convert("L")
@@ -149,13 +149,13 @@ def _values(image: Image, kind: str | None) -> Frame:
     elif mode not in ("L", "RGB", "F", "I", "I;16", "I;16B", "I;16L", "I;16N"):
         raise FileError(f"picture of mode {mode}, allowed: grey or RGB")
     values = np.asarray(image)
-    if mode == "I" and kind in ("PNG", "PPM"):  # older Pillows hold 16 bits in 32
+    if mode == "I" and kind in ("PNG", "PPM"):  # older Pillows store 16 bits in 32
         values = values.astype(np.uint16)
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
 def _is_deep_colour(image: Image, data: bytes) -> bool:
-    """Whether the file holds several colours of 16 bits, of which Pillow keeps 8."""
+    """Return True if the file holds several colours of 16 bits, of which Pillow keeps 8."""
     if image.format == "PNG":
         return data[24] == 16 and data[25] in (2, 4, 6)  # bit depth, colour type of IHDR
     if image.format == "TIFF":

@@ -1,8 +1,8 @@
-"""What a picture or a video says of its own range and tone curve.
+"""Range and tone curve that a picture or video file states.
 
-A file that says nothing is taken as linear: raw sensor values are stored so, and a curve that is not there would bend
-every gain. A PNG says it by its sRGB or gAMA chunk, a JPEG or TIFF by EXIF's ColorSpace, all by an ICC profile, a video
-by its transfer characteristics.
+A file without a statement is treated as linear: raw sensor values are stored so, and a wrong curve would bias every
+gain. PNG states the curve in its sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all of them in an ICC profile,
+a video in its transfer characteristics.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _EXIF_IFD, _EXIF_COLOR_SPACE, _EXIF_SRGB = 0x8769, 0xA001, 1
 
 # Transfer characteristics of ITU-T H.273. The camera curve of BT.709, BT.601 and BT.2020 is a power of 0.45 after a
-# linear piece; from stored value to light, a power of 1.95 is nearest to it (within 0.013 of full light).
+# linear segment. Its inverse is approximated by a power of 1.95 (error below 0.013 of full light).
 _BT709 = LightResponse("gamma", 1.95)
 _TRANSFERS = {
     1: _BT709,
@@ -55,7 +55,7 @@ def _power(gamma: float, told_by: str) -> LightResponse:
 
 
 def _response_of_icc(profile: bytes) -> LightResponse | None:
-    """The curve of an ICC profile where it is linear, a power, or sRGB's; None where it is another or unreadable."""
+    """The curve of an ICC profile if it is linear, a power or sRGB; None if it is another or unreadable."""
     try:
         (count,) = struct.unpack_from(">I", profile, 128)
         tags = {}
@@ -78,7 +78,7 @@ def _response_of_icc(profile: bytes) -> LightResponse | None:
 
 
 def response_of_video(transfer: int, limited: bool, bits: int, shift: int, stated: bool = True) -> LightResponse:
-    """Range and curve of luma of so many bits, stored in the upper bits of a word where ``shift`` is above 0.
+    """Range and curve of luma of ``bits`` bits; ``shift`` above 0: stored in the upper bits of a word.
 
     Limited range has black at 16 and white at 235, times 2**(bits - 8) (ITU-R BT.709, BT.2100).
     """
@@ -93,6 +93,6 @@ def response_of_video(transfer: int, limited: bool, bits: int, shift: int, state
 
 
 def transfer_of(context: Any) -> int:
-    """The transfer characteristics of a video stream (ITU-T H.273); 2 where it says nothing."""
+    """The transfer characteristics of a video stream (ITU-T H.273); 2 if unspecified."""
     value = getattr(context, "color_trc", None)
     return 2 if value is None else int(value)

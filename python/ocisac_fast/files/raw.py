@@ -1,4 +1,4 @@
-"""Frames without a header, one after the other, as a camera's pipe gives them."""
+"""Frames without headers, in sequence, as a camera's pipe delivers them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResp
 
 _FORMATS: dict[str, np.dtype[Any]] = {"gray8": np.dtype("u1"), "gray16le": np.dtype("<u2")}
 _FORMAT = re.compile(r"(\d{1,6})x(\d{1,6})(?::(\w+))?")
-_PIECE = 1 << 24  # bytes asked for at a time: what is announced may be absurd
+_PIECE = 1 << 24  # bytes per read: the announced size may be absurd
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class RawFormat:
         """``WIDTHxHEIGHT``, ``WIDTHxHEIGHT:gray8`` or ``WIDTHxHEIGHT:gray16le``.
 
         Raises:
-            ValueError: none of these.
+            ValueError: any other text.
         """
         match = _FORMAT.fullmatch(text.strip())
         name = match[3] or "gray8" if match else ""
@@ -40,12 +40,12 @@ class RawFormat:
 
     @property
     def frame_bytes(self) -> int:
-        """Of one frame."""
+        """Bytes of one frame."""
         return self.width * self.height * self.dtype.itemsize
 
 
 def open_raw(file: BinaryIO, form: RawFormat) -> RecordingStream:
-    """Frames as they come, to the end of the stream; a part of a frame at the end is left out with a warning."""
+    """Stream frames to the end of the stream; a partial frame at the end is dropped with a warning."""
     return RecordingStream(_frames(file, form), "video", LightResponse(), close=file.close)
 
 
@@ -65,7 +65,7 @@ def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:
 
 
 def read_bytes(file: BinaryIO, count: int) -> bytearray:
-    """As many bytes, or fewer where the stream ends."""
+    """Read ``count`` bytes, or fewer at the end of the stream."""
     data = bytearray()
     while len(data) < count and (piece := file.read(min(count - len(data), _PIECE))):
         data += piece

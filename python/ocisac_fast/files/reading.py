@@ -1,4 +1,4 @@
-"""Reading recordings: the kind of a file is told by its first bytes, never by its name."""
+"""Reading recordings: the first bytes of a file determine its kind, not its name."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ def read_frames(
             input. Pictures need Pillow (and PyAV for 16-bit colour), videos PyAV: ``ocisac-fast[files]``.
         colour: red, green and blue of a video instead of its luma plane.
         raw: frames without a header, ``"WIDTHxHEIGHT"`` (of bytes), ``"...:gray8"`` or ``"...:gray16le"``.
-        max_bytes: a recording of more is refused; read it with ``open_recording``.
+        max_bytes: larger recordings are rejected; read them with ``open_recording``.
 
     Returns:
-        ``Recording``; values as stored (uint8, uint16, ...), range and tone curve as far as the file tells.
+        ``Recording``: values as stored (uint8, uint16, ...), with the range and tone curve that the file states.
 
     Raises:
         FileError: a ValueError: empty, truncated, damaged, absurdly large, or none of these kinds.
-        OSError: missing, a directory, or not permitted.
+        OSError: the file is missing, a directory, or not permitted.
     """
     with open_recording(path, colour=colour, raw=raw) as stream, _named(_name(path)):
         return stream.read(max_bytes)
 
 
 def open_recording(path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None) -> RecordingStream:
-    """Open a recording for reading frame by frame; a video of any length takes the memory of a few frames.
+    """Open a recording for reading frame by frame; memory holds a few frames, whatever the length.
 
-    So do .npy files and raw frames through a pipe or standard input, each frame given as soon as it is whole; one .npy
-    file may follow the other there.
+    A pipe or standard input may carry raw frames or several .npy files in sequence; each frame is available once it is
+    complete.
 
-    Arguments and errors as ``read_frames``; to be used in a ``with`` statement and iterated once.
+    Arguments and errors as in ``read_frames``. Use it in a ``with`` statement and iterate once.
     """
     name = _name(path)
     form = None if raw is None else RawFormat.parse(raw)
@@ -68,7 +68,7 @@ def open_recording(path: str | os.PathLike[str], *, colour: bool = False, raw: s
 
 def _of_file(path: Path, name: str, colour: bool) -> RecordingStream:
     mode = path.stat().st_mode
-    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe or a device: its beginning comes only once
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe or a device cannot be rewound
         return _of_stream(path.open("rb"), name, colour)
     with path.open("rb") as file:
         head = file.read(_HEAD)
@@ -96,7 +96,7 @@ def _name(path: str | os.PathLike[str]) -> str:
 
 @contextlib.contextmanager
 def _named(name: str) -> Iterator[None]:
-    """Put the file's name before the messages about it."""
+    """Prefix error messages with the file's name."""
     try:
         yield
     except FileError as error:

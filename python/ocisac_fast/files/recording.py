@@ -1,4 +1,4 @@
-"""What a file of pictures holds: frames, and what the file says of the camera's response to light."""
+"""Contents of a recording: frames and the camera response that the file states."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ class FileError(ValueError):
 
 
 class FileWarning(UserWarning):
-    """A recording that was read, but not whole."""
+    """A recording that was read incompletely."""
 
 
 @dataclass(frozen=True, slots=True)
 class LightResponse:
-    """How stored values follow the light; the fields of the same names of ``Camera``.
+    """Relation of stored values to light; fields as in ``Camera``.
 
     Attributes:
         tone_curve: ``"linear"``, ``"gamma"`` or ``"srgb"``.
         gamma: exponent from stored value to light, for ``"gamma"``.
         dark_level: stored value of no light (DN).
         white_level: stored value of full light (DN); None: the largest value of the array's type.
-        told_by: what said so (``"PNG sRGB chunk"``), empty where the file says nothing and linear is assumed.
+        told_by: source of the statement (``"PNG sRGB chunk"``); empty where linear is assumed.
     """
 
     tone_curve: str = "linear"
@@ -49,8 +49,8 @@ class Recording:
         frames: (frames, rows, columns) or (frames, rows, columns, colours), as stored: EXIF orientation is ignored,
             alpha dropped, colours in the order red, green, blue.
         kind: ``"picture"``, ``"video"`` or ``"array"``.
-        response: what the file says of range and tone curve.
-        frame_rate: frames a second where the file says so.
+        response: range and tone curve that the file states.
+        frame_rate: frames per second where the file states it, else None.
     """
 
     frames: Frame
@@ -64,8 +64,8 @@ class RecordingStream:
 
     Attributes:
         kind, response, frame_rate: as in ``Recording``.
-        frame_count: frames that the file announces, None where it does not; a damaged file may hold fewer.
-        luma: whether the frames are the luma plane of a video.
+        frame_count: number of frames that the file announces, or None; a damaged file may hold fewer.
+        luma: True if the frames are the luma plane of a video.
     """
 
     def __init__(
@@ -90,11 +90,11 @@ class RecordingStream:
 
     @classmethod
     def of_array(cls, frames: Frame, kind: str, response: LightResponse) -> RecordingStream:
-        """Frames (frames, rows, columns[, colours]) that are in memory already."""
+        """Stream frames (frames, rows, columns[, colours]) from memory."""
         return cls(iter(frames), kind, response, frame_count=len(frames))
 
     def map_frames(self, function: Callable[[Iterator[Frame]], Iterator[Frame]]) -> RecordingStream:
-        """This stream, its frames passed through a function of their iterator."""
+        """Pass this stream's frames through a function of their iterator."""
         self._frames = function(self._frames)
         return self
 
@@ -114,7 +114,7 @@ class RecordingStream:
         self._cleanup.close()
 
     def read(self, max_bytes: int) -> Recording:
-        """All frames that are left; beside them, memory holds one frame at a time.
+        """Read all remaining frames; one further frame at a time is in memory.
 
         Raises:
             FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
@@ -130,7 +130,7 @@ class RecordingStream:
                 raise FileError(f"frame {count} is {frame.shape} after frames of {whole.shape[1:]}")
             elif frame.dtype != whole.dtype:
                 raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
-            elif count == 1:  # pages of the array count once they are written: what is announced may not come
+            elif count == 1:  # memory pages are committed when written: fewer frames may arrive
                 announced = min(self.frame_count or 2, max_bytes // frame.nbytes)
                 first, whole = whole, np.empty((max(announced, 2), *frame.shape), frame.dtype)
                 whole[0], whole[1] = first[0], frame

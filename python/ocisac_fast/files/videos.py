@@ -1,4 +1,4 @@
-"""Videos through FFmpeg (PyAV), one frame at a time: the luma plane as it is coded, without a colour conversion."""
+"""Videos through FFmpeg (PyAV), one frame at a time: the coded luma plane, without a colour conversion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResp
 _REFUSED_CONTAINERS = {"tty", "hls", "dash", "concat", "srt", "webvtt", "ass", "ansi", "bin", "xbin", "adf", "idf"}
 _LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp|gray|nv\d\d|[py][024]1[026](le|be)$")
 _PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}  # first of every second byte
-_UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and its kin keep their bits at the top of a word
+_UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and similar formats store their bits at the top of a word
 _FULL_RANGE = 2
 _INTERLACED = (
     "interlaced: the rows of a frame are of two times, allowed: progressive frames (ffmpeg -vf separatefields: each "
@@ -31,7 +31,7 @@ _MAX_PIXELS = 1 << 28
 
 
 def open_video(source: Path | BinaryIO, name: str, colour: bool = False) -> RecordingStream:
-    """The frames of a video, decoded as they are asked for.
+    """Open a video; frames are decoded on demand.
 
     Args:
         source: path, or a binary stream (spooled to a temporary file where its kind needs seeking).
@@ -54,7 +54,7 @@ def open_video(source: Path | BinaryIO, name: str, colour: bool = False) -> Reco
 
 
 def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
-    """MP4 may keep its index at its end; other kinds are read as they come."""
+    """Spool MP4, whose index may be at its end, to a seekable file; other kinds are read as a stream."""
     head = file.read(12)
     prefixed = Prefixed(head, file)
     if head[4:8] != b"ftyp":
@@ -66,7 +66,7 @@ def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
 
 
 class Prefixed:
-    """A stream of which the first bytes have been read already."""
+    """A stream whose first bytes have been read already."""
 
     def __init__(self, head: bytes, rest: BinaryIO) -> None:
         self._head = io.BytesIO(head)
@@ -95,7 +95,7 @@ def _stream(av: Any, container: Any, file: Any, name: str, colour: bool) -> Reco
         raise FileError(_UNKNOWN)
     stream = container.streams.video[0]
     context = stream.codec_context
-    if context is None:  # a codec that this FFmpeg does not know
+    if context is None:  # a codec unknown to this FFmpeg
         close()
         raise FileError(_UNKNOWN)
     pixels = context.width * context.height
@@ -122,14 +122,14 @@ def _has_luma(name: str) -> bool:
 
 
 def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[Any], Frame], LightResponse]:
-    """How the values of a frame of this pixel format are taken, and what they mean."""
+    """A function that extracts the values of a frame of this pixel format, and their response."""
     transfer = transfer_of(context)
     if not name or colour or not _has_luma(name):
         deep = bool(name) and av.VideoFormat(name).components[0].bits > 8
         target = "rgb48le" if deep else "rgb24"
         return lambda frame: frame.to_ndarray(format=target), response_of_video(transfer, False, 16 if deep else 8, 0)
     bits = av.VideoFormat(name).components[0].bits
-    # Without a word in the stream, YUV is of limited range by convention; grey is a sensor's own.
+    # Where the stream states no range, YUV is limited by convention; grey is assumed full (sensor values).
     stated_full = int(context.color_range or 0) == _FULL_RANGE
     stated_limited = int(context.color_range or 0) == 1
     limited = stated_limited or not (stated_full or name.startswith(("yuvj", "gray")))
@@ -142,7 +142,7 @@ def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[A
 
 
 def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
-    """A copy of the luma of plane 0, whose lines are padded; the decoder uses its memory again."""
+    """Copy the luma of plane 0 without line padding; the decoder reuses its memory."""
     plane = frame.planes[0]
     lines = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: frame.height]
     values = lines[:, : frame.width * step * dtype.itemsize].view(dtype)[:, first::step]
@@ -176,7 +176,7 @@ def _frames(av: Any, container: Any, stream: Any, name: str, values: Callable[[A
 
 
 def _ends_early(container: Any, stream: Any, count: int, end: float | None) -> bool:
-    """Whether fewer frames came than the file announces by their number or, failing that, by its duration."""
+    """Return True if there were fewer frames than the file announces, by their number or else by its duration."""
     if stream.frames:
         return bool(count < stream.frames)
     if container.duration is None or end is None or not stream.average_rate:

@@ -1,4 +1,4 @@
-"""Writing recordings: whole or not at all."""
+"""Atomic writing of recordings."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from ocisac_fast.files.recording import FileError, Frame
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF"}
 _VIDEOS = {".mkv": "ffv1", ".mp4": "libx264"}
 _FULL_RANGE, _LINEAR_TRANSFER = 2, 8
-_MAX_SUFFIX = 16  # bytes; longer ones are of no kind of file that is written
+_MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
 
 
 @contextlib.contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A temporary path with the suffix of ``path``, which takes its place on success and is removed on an error.
+    """Yield a temporary path with the suffix of ``path``; it replaces ``path`` on success and is removed on an error.
 
-    Links are written through. A file that is there keeps its mode and, where that is allowed, its owner; one that may
-    not be written is refused. What is no file, such as a FIFO or a device, gets the bytes once they are whole.
+    Links are followed. An existing file keeps its mode and, where permitted, its owner; a file without write permission
+    is rejected. A target that is not a regular file, such as a FIFO or a device, receives all bytes at the end.
     """
     target = Path(os.path.realpath(path))
     there = _status(Path(path))
@@ -43,7 +43,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     if not folder.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(Path(path).parent))
     suffix = Path(path).suffix
-    # Short, whatever the length of the name; created as open() does, so that the umask holds for new files.
+    # A short name for any length of `path`; created like open() does, so that the umask applies to new files.
     temporary = folder / f".{secrets.token_hex(8)}{suffix if len(os.fsencode(suffix)) <= _MAX_SUFFIX else ''}"
     os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if there else 0o666))
     try:
@@ -71,15 +71,15 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], frame_rate: float = 30.0) -> None:
-    """Write frames without loss; the suffix tells the kind, and no half file is ever left under that name.
+    """Write frames losslessly and atomically; the suffix selects the kind of file.
 
     Args:
-        path: ``.png`` (one frame), ``.tif``/``.tiff`` (a page a frame), ``.mkv`` (FFV1), ``.mp4`` (H.264 without loss,
-            8 bits) or ``.npy`` (any type). The directory must exist.
+        path: ``.png`` (one frame), ``.tif``/``.tiff`` (one page per frame), ``.mkv`` (FFV1), ``.mp4`` (lossless
+            H.264, 8 bits) or ``.npy`` (any type). The directory must exist.
         frames: any iterable of (rows, columns) or (rows, columns, 3), all of one shape and type, such as an array
-            (frames, rows, columns); an array (rows, columns) is one frame, and is saved so to .npy. uint8 or uint16;
-            float32 goes to TIFF and .npy as well, float64 to .npy.
-        frame_rate: frames a second of a video, above 0.
+            (frames, rows, columns); an array (rows, columns) is one frame, and .npy keeps this shape. uint8 or uint16;
+            also float32 for TIFF and .npy, float64 for .npy.
+        frame_rate: frames per second of a video, above 0.
 
     Raises:
         FileError: a ValueError: an unknown suffix, no frame, or a type or shape that the kind of file cannot hold.
@@ -128,7 +128,7 @@ def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
     _check(first, (np.uint8, np.uint16, np.float32) if kind == "TIFF" and first.ndim == 2 else (np.uint8, np.uint16))
     if len(frames) > 1 and kind != "TIFF":
         raise FileError(f"{len(frames)} frames, a {kind} picture holds one (use .tif, .mkv or .npy)")
-    if first.ndim == 3 and first.dtype == np.uint16:  # Pillow has no colour of 16 bits
+    if first.ndim == 3 and first.dtype == np.uint16:  # Pillow has no 16-bit colour
         if len(frames) > 1:
             raise FileError("several frames of 16-bit colour (use .mkv or .npy)")
         codec, pixels = ("png", "rgb48be") if kind == "PNG" else ("tiff", "rgb48le")
@@ -140,7 +140,7 @@ def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
 
 
 def _encode(frames: Iterable[Frame], codec: str, pixels: str, rate: Fraction, options: dict[str, str]) -> Iterator[Any]:
-    """Packets of frames through an encoder of its own, without a container."""
+    """Encode frames to packets, without a container."""
     av = pyav()
     context = None
     for frame in frames:
@@ -154,13 +154,13 @@ def _encode(frames: Iterable[Frame], codec: str, pixels: str, rate: Fraction, op
 
 
 def _write_video(path: Path, frames: Iterable[Frame], codec: str, frame_rate: float) -> None:
-    """One frame at a time; the stream says full range and linear, which `read_frames` understands."""
+    """Write one frame at a time; the stream states full range and linear transfer, which `read_frames` reads."""
     av = pyav()
     if not 0 < frame_rate < float("inf"):
         raise FileError(f"frame_rate: got {frame_rate}, allowed: above 0")
     shape: tuple[int, ...] = ()
     dtype: Any = None
-    index_first = {"movflags": "+faststart"} if path.suffix == ".mp4" else {}  # readable from a pipe, or when cut
+    index_first = {"movflags": "+faststart"} if path.suffix == ".mp4" else {}  # readable from a pipe or if truncated
     with av.open(str(path), "w", options=index_first) as container:
         stream = None
         for count, raw in enumerate(frames):

@@ -1,4 +1,4 @@
-"""Light over time, and what an exposure makes of it."""
+"""Light over time and its integration over an exposure."""
 
 from ocisac_fast.light.response import exposure_response as exposure_response
 from ocisac_fast.light.waveforms import (

@@ -1,4 +1,4 @@
-"""Light over time, and what the rows of a rolling shutter collect of it."""
+"""Light over time and the light that the rows of a rolling shutter integrate."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _comparable(value: object) -> object:
 
 
 class Waveform:
-    """Light over time: base of all waveforms, which are immutable, and add and multiply, with numbers too."""
+    """Light over time: immutable base class of all waveforms; ``+`` and ``*`` accept waveforms and numbers."""
 
     _handle: _core.Waveform
     __array_ufunc__ = None  # NumPy leaves the operators to this class
@@ -43,7 +43,7 @@ class Waveform:
         object.__setattr__(self, "_handle", handle)
 
     def _values(self) -> tuple[Any, ...]:
-        """The arguments that make this waveform again."""
+        """The arguments that construct this waveform."""
         return tuple(getattr(self, item.name) for item in fields(self) if item.init)  # type: ignore[arg-type]
 
     def __eq__(self, other: object) -> bool:
@@ -118,14 +118,14 @@ class Tone(Waveform):
 @checked_class
 @dataclass(frozen=True, eq=False)
 class SquareWave(Waveform):
-    """A square or PWM wave: bright while frequency * t + phase / (2 pi) is within duty/2 of a whole number, else 0.
+    """A square or PWM wave: bright where frequency * t + phase / (2 pi) is within duty/2 of a whole number, else 0.
 
     A pulse is centred where the tone of the same phase has its maximum: the fundamental is a positive multiple of
     cos(2 pi frequency t + phase) for any duty.
 
     Args:
         frequency: Hz, 0 or above.
-        duty: share of a period that is bright, above 0 and below 1.
+        duty: bright share of a period, above 0 and below 1.
         amplitude: the light of a pulse; finite, within 1e100 of 0.
         phase: rad at t = 0, finite.
 
@@ -153,7 +153,7 @@ class Chips(Waveform):
             Kept as a read-only float64 copy.
         chip_rate: chips per second, Hz, above 0.
         start: time at which the first chip begins, s, finite.
-        repeat: the chips go round for all time; otherwise it is dark before the first and after the last.
+        repeat: the chips repeat for all time; otherwise the light is 0 before the first and after the last.
         amplitude: finite, within 1e100 of 0.
 
     Raises:
@@ -188,13 +188,13 @@ class Chips(Waveform):
 @checked_class
 @dataclass(frozen=True, eq=False)
 class Samples(Waveform):
-    """A sampled waveform: values[k] at start + k/sample_rate and straight lines in between.
+    """A sampled waveform: values[k] at start + k/sample_rate, linearly interpolated.
 
     Args:
         values: (samples,) finite, at least one, within 1e100 of 0. Kept as a read-only float64 copy.
         sample_rate: Hz, above 0.
         start: time of the first sample, s, finite.
-        repeat: the samples go round with the period len(values)/sample_rate, linear from the last to the first;
+        repeat: the samples repeat with the period len(values)/sample_rate, linear from the last to the first;
             otherwise the first and the last value hold before and after.
 
     Raises:
@@ -225,7 +225,7 @@ class _Combination(Waveform):
             raise ValueError("parts: got none, allowed: at least one waveform")
         object.__setattr__(self, "parts", held)
         handles = [part._handle for part in held]
-        while len(handles) > 1:  # neighbours first, so that long sums are not copied part by part
+        while len(handles) > 1:  # pairwise, to avoid quadratic copying in long sums
             pairs = zip(handles[::2], handles[1::2], strict=False)
             handles = [self._operator()(a, b) for a, b in pairs] + handles[len(handles) & ~1 :]
         self._hold(handles[0])
@@ -236,10 +236,10 @@ class _Combination(Waveform):
 
 
 class Sum(_Combination):
-    """The sum of its parts, which are waveforms or numbers (steady light); also written ``a + b``.
+    """The sum of waveforms or numbers (steady light); also written ``a + b``.
 
     Raises:
-        ValueError: no parts, or more than 4096 terms once products are multiplied out.
+        ValueError: no parts, or more than 4096 terms after products are expanded.
     """
 
     @staticmethod
@@ -248,10 +248,10 @@ class Sum(_Combination):
 
 
 class Product(_Combination):
-    """The product of its parts, which are waveforms or numbers: light through or off something; also written ``a * b``.
+    """The product of waveforms or numbers, such as light through a filter or off a surface; also written ``a * b``.
 
     Raises:
-        ValueError: no parts, more than 4096 terms once multiplied out, two factors that are Samples, light above 1e300.
+        ValueError: no parts, more than 4096 terms after expansion, two factors that are Samples, light above 1e300.
     """
 
     @staticmethod
@@ -263,7 +263,7 @@ _AnyCombination = TypeVar("_AnyCombination", Sum, Product)
 
 
 def _combined(kind: type[_AnyCombination], *parts: Waveform | float) -> Waveform:
-    """Parts of the same kind flow together, so that long chains stay flat."""
+    """Flatten nested combinations of the same kind."""
     flat: list[Waveform | float] = []
     for part in parts:
         if isinstance(part, kind):
@@ -316,23 +316,23 @@ def integrate_exposure(
     """Mean light over the exposure of each row (eq. 4 divided by A T_e, so that steady light has gain 1).
 
     p_n = (1/T_e) * integral of the waveform over [t_n - T_e, t_n], t_n = start + j * frame_time + n * row_time; for
-    T_e = 0 the light at t_n. Exact by antiderivative, without oversampling, to about 1e-13 of the waveform's amplitude
-    however late the row: instants are formed from the row and frame numbers in double-double.
+    T_e = 0 the light at t_n. Evaluated by the antiderivative, without oversampling. The error is about 1e-13 of the
+    waveform's amplitude for any row number, since t_n is computed in double-double.
 
     Args:
         waveform: the light.
-        camera: its row time and exposure, and its frame time where frames are asked for.
+        camera: gives row time, exposure and, where ``frames`` is given, frame time.
         rows: N for rows 0 .. N-1, or (rows,) whole numbers in any order, negative ones too, within 2^52.
         start: the end of the exposure of row 0 of frame 0, s, finite.
         frames: None for frame 0 alone; J for frames 0 .. J-1, or (frames,) whole numbers in any order.
-        out: float64 array of the result's shape, any strides, that is filled and returned.
+        out: float64 array of the result's shape, any strides; filled and returned.
 
     Returns:
         float64 (rows,), or (frames, rows) where frames are given.
 
     Raises:
-        ValueError: the camera's exposure or frame time is not known, no rows, numbers that are not whole, an ``out``
-            that does not fit, or more than 2^50 cycles or chips of the waveform before or in an exposure.
+        ValueError: the camera's exposure or frame time is unknown, no rows, numbers that are not whole, an ``out``
+            of wrong shape or type, or more than 2^50 cycles or chips of the waveform before or in an exposure.
     """
     row_numbers = _as_numbers(rows, "rows")
     frame_numbers = np.zeros(1, np.int64) if frames is None else _as_numbers(frames, "frames")
