@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from ocisac_fast import Camera, Chips, integrate_exposure
+from ocisac_fast import Camera, Chips, integrate_exposure, reference
 from ocisac_fast.exposure import (
     DIGITAL_SUM_SPANS,
     FlickeringLight,
@@ -45,6 +45,17 @@ def test_frequencies_are_those_and_all_those(
     beyond = found.always_from * np.linspace(1.0 + 1e-9, 5.0, 5001)
     for t in exposures:
         assert np.all(exposure_modulation(FlickeringLight(t, t * spread, duty), beyond) <= below)
+
+
+@pytest.mark.parametrize("duty", [None, 0.1, 0.7])
+def test_frequencies_hold_by_the_exposure_integral(duty: float | None) -> None:
+    exposures = (1 / 60, 1 / 100)
+    found = flicker_free_frequencies(exposures, 0.05, (50.0, 1500.0), duty)
+    assert found.holds
+    for low, high in found.intervals[:6]:
+        for frequency, inside in ((low * 1.00001, True), (high * 0.99999, True), (low * 0.9999, False)):
+            light = FlickeringLight(float(frequency), duty=duty)
+            assert bool(np.max(reference.exposure_modulation(light, exposures)) <= 0.05) == inside
 
 
 @settings(deadline=None, max_examples=30)
