@@ -48,6 +48,7 @@ def test_row_time_exposure_and_pulses_from_two_duties(exposure: float, drift: fl
     assert abs(found.offset) < 3 * found.offset_std + 1e-6  # a box adds nothing at half height
     assert found.exposure == pytest.approx(exposure, abs=max(3 * found.exposure_std, 0.1 * exposure))
     assert found.misfit < 0.03
+    assert found.flags == ()
     assert np.allclose(found.pulse_widths, [0.1 / frequency, 0.3 / frequency], rtol=5e-3)
 
 
@@ -98,6 +99,13 @@ def test_real_webcam(recordings: object) -> None:
     for one, duty in zip(bands, duties, strict=True):
         alone = calibrate_pulses([one], 30.1, [duty])
         assert abs(alone.row_time - every.row_time) < alone.row_time_std
+
+
+def test_what_is_no_pulsed_lamp_is_flagged() -> None:
+    """A lamp that fades in and out over a dozen rows and more."""
+    light, frequency = recording(0.1)
+    slow = np.apply_along_axis(lambda row: np.convolve(row, np.ones(60) / 60, "same"), 1, light)
+    assert "model_misfit" in calibrate_pulses([slow], frequency, [0.1]).flags
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,6 @@ def _calibrate_pulses(
     if len(files) != len(duties):
         raise click.UsageError(f"--pulses: got {len(duties)} duties, allowed: one for each of {len(files)} files")
     result = calibrate_pulses([pulse_bands(_row_light(file, picture)) for file in files], frequency, duties)
-    flags = [] if len(set(duties)) > 1 else ["one_duty"]
     if as_json:
         emit_json(
             {
@@ -92,7 +91,7 @@ def _calibrate_pulses(
                         files, duties, result.rows, result.pulse_widths, result.bands, strict=True
                     )
                 ],
-                "flags": flags,
+                "flags": result.flags,
             }
         )
         return
@@ -100,7 +99,7 @@ def _calibrate_pulses(
         "row time": with_spread(result.row_time, result.row_time_std, "s"),
         "exposure": with_spread(result.exposure, result.exposure_std, "s", 4),
         "offset of pulses": with_spread(result.offset, result.offset_std, "s", 4),
-        "flags": ", ".join(flags) or "none",
+        "flags": ", ".join(result.flags) or "none",
     }
     for file, rows, width in zip(files, result.rows, result.pulse_widths, strict=True):
         facts[file] = f"{quantity(rows, '', 5)} rows lit, pulses of {quantity(width, 's', 5)}"

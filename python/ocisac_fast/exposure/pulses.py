@@ -23,6 +23,7 @@ _MIN_PULSES = 5
 _REACH = 12  # rows of a ramp looked at on either side of its middle
 _BOX_ROWS = np.arange(0.0, 16.01, 0.25)
 _BLUR_ROWS = np.concatenate([[1e-3], np.arange(0.1, 4.01, 0.1)])
+_MAX_MISFIT = 0.1  # of a ramp
 _erf = np.vectorize(math.erf, otypes=[float])
 
 
@@ -54,6 +55,7 @@ class PulseCalibration:
         rows: (recordings,) lit rows at half height; NaN where no pulse was within a frame.
         pulse_widths: (recordings,) rows * row_time - offset in s: t_on as measured.
         bands: of each recording.
+        flags: "one_duty": the row time is that without an offset; "model_misfit": the ramps are none of a lamp's edges.
     """
 
     row_time: float
@@ -67,6 +69,7 @@ class PulseCalibration:
     rows: Float64s
     pulse_widths: Float64s
     bands: tuple[PulseBands, ...]
+    flags: tuple[str, ...]
 
 
 def pulse_bands(light: npt.ArrayLike) -> PulseBands:
@@ -146,6 +149,7 @@ def calibrate_pulses(
         rows=seen,
         pulse_widths=seen * row_time - offset,
         bands=bands,
+        flags=("one_duty",) * (not jointly) + ("model_misfit",) * (ramp.misfit > _MAX_MISFIT),
     )
 
 
