@@ -1,11 +1,23 @@
 #include "bindings.hpp"
 #include "ocisac/core/flags.hpp"
+#include "ocisac/core/interrupt.hpp"
 #include "ocisac/core/version.hpp"
 
 namespace ocisac::bindings {
 
+namespace {
+
+// Ctrl-C: Python's handlers run in the main thread alone; elsewhere this does nothing.
+void check_signals() {
+  const py::gil_scoped_acquire acquired;
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+}
+
+}  // namespace
+
 void register_core(py::module_& module) {
   using py::arg;
+  set_interrupt_check(&check_signals);
   module.def("version", &version);
   module.def("commit", &commit);
   module.def("compiler", &compiler);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -116,6 +117,7 @@ bool TurnContext::may_try(RowRange range, const ChipClock& clock, double fits) c
 }
 
 std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
+  check_interrupt();
   if (!context.may_try(range, channel.clock, kLevelFits)) return std::nullopt;
   auto chips = detect_rows(context, channel, range);
   if (!chips) return std::nullopt;

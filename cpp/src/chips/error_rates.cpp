@@ -16,6 +16,8 @@ namespace {
 
 constexpr std::size_t kMaxEnumerated = 8;  // other chips whose signs are all tried
 constexpr double kNegligible = 1e-7;       // of the gain
+constexpr double kMinNoise = 1e-5;         // of the values' range: steps of the distribution are smoothed so far
+constexpr double kHopelessNoise = 1e6;     // swings: beyond, every rate is 1/2 to 1e-6
 constexpr int kPlaces = 4;                 // of the chips to the rows
 constexpr std::size_t kChips = 6;          // looked at for each
 
@@ -33,8 +35,9 @@ double by_all_signs(double gain, std::span<const double> others, double noise) {
 
 // The distribution of the value as a Fourier series over a period that holds it with eight deviations of noise.
 double by_series(double gain, std::span<const double> others, double noise) {
-  double reach = 0.5 * gain + 8 * noise;
+  double reach = 0.5 * std::abs(gain) + 8 * noise;
   for (const double other : others) reach += 0.5 * std::abs(other);
+  noise = std::max(noise, kMinNoise * reach);  // bounds the number of terms
   const double step = std::numbers::pi / reach;
   double sum = 0;
   for (double m = 1; m * step * noise < 8.5; m += 2) {
@@ -174,6 +177,7 @@ DetectorErrorRates detector_error_rates(double rows_per_chip, double exposure_ro
   require(exposure_rows >= 0 && exposure_rows <= kLongestReducedExposure * rows_per_chip, "exposure_rows",
           exposure_rows, "0 to 24 chips, in rows");
   require_positive("noise", noise);
+  if (noise > kHopelessNoise) return {0.5, 0.5, 0.5, 0.5, 0.5};
   DetectorErrorRates rates{};
   for (int place = 0; place < kPlaces; ++place) {
     const ChipClock clock{rows_per_chip, -0.5 * exposure_rows - rows_per_chip * (place + 0.5) / kPlaces, exposure_rows};

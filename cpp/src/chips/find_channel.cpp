@@ -6,6 +6,7 @@
 
 #include "chips/channel_growth.hpp"
 #include "chips/clock_search.hpp"
+#include "core/check_interrupt.hpp"
 #include "ocisac/chips/refine_channel.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -91,6 +92,7 @@ struct Guess {
 };
 
 std::optional<Guess> guess(const TurnContext& context, RowRange part, const ChipClock& clock) {
+  check_interrupt();
   if (!context.may_try(part, clock, 1)) return std::nullopt;
   const auto channel = first_channel(context.signal, part, clock);
   const auto chips = channel ? detect_rows(context, *channel, part) : std::nullopt;
@@ -127,10 +129,11 @@ bool is_other_rate(const ChannelEstimate& channel, const ChannelSearch& search) 
   return !(off <= search.tolerance + std::min(kRateErrors * error, kMaxRateError));
 }
 
-std::vector<double> exposures(const ChannelSearch& search) {
+std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
   if (search.exposure_rows) return {*search.exposure_rows};
   std::vector<double> result;
-  for (double length = 0.5; length <= search.max_exposure_chips; length += length < 2 ? 0.5 : 1)
+  const double max_chips = std::min(search.max_exposure_chips, static_cast<double>(rows) / search.rows_per_chip);
+  for (double length = 0.5; length <= max_chips; length += length < 2 ? 0.5 : 1)
     result.push_back(length * search.rows_per_chip);
   return result;
 }
@@ -139,7 +142,7 @@ std::vector<double> exposures(const ChannelSearch& search) {
 std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
   const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
-  for (const double exposure_rows : exposures(search)) {
+  for (const double exposure_rows : exposures(search, context.signal.size())) {
     const auto guessed = guesses(context, search, exposure_rows);
     for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), most)))
       if (auto start = try_start(context, made.part, made.clock)) starts.push_back(std::move(*start));
@@ -205,6 +208,8 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
   if (search.exposure_rows) require_not_negative("exposure_rows", *search.exposure_rows);
   for (double value : signal) require_finite("signal", value);
+  // Every row sees all chips of the frame: they cannot be told apart.
+  if (search.exposure_rows && *search.exposure_rows >= static_cast<double>(signal.size())) return std::nullopt;
   RefineOptions fixed = options;
   fixed.exposure_known = options.exposure_known || search.exposure_rows.has_value();
   const TurnContext context{signal, detect, fixed};

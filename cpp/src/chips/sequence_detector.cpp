@@ -8,6 +8,7 @@
 #include <limits>
 #include <span>
 
+#include "core/check_interrupt.hpp"
 #include "ocisac/chips/chip_equations.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -120,6 +121,7 @@ class Trellis {
     std::vector<float> costs(2 * states_);
     const std::size_t half = states_ / 2;
     for (std::size_t chip = 0; chip < question_.count; ++chip) {
+      check_interrupt();
       weigh(chip, costs);
       const float* from = &forward_[chip * states_];
       float* to = &forward_[(chip + 1) * states_];
@@ -137,6 +139,7 @@ class Trellis {
     SequenceDetection detection{std::vector<double>(question_.count)};
     std::vector<float> after(states_, 0.0F), before(states_), costs(2 * states_);
     for (std::size_t chip = question_.count; chip-- > 0;) {
+      check_interrupt();
       weigh(chip, costs);
       for (std::size_t history = 0; history < costs.size(); ++history) costs[history] += after[history % states_];
       const float* from = &forward_[chip * states_];
@@ -164,6 +167,16 @@ class Trellis {
   std::vector<float> forward_;
 };
 
+constexpr double kMaxSummedRows = 1 << 17;  // a chip: beyond, sums over rows are integrals to 1e-10
+
+// Of the rows of 01 and 10, exposures of `length` chips: the integral over chips of the squared differences,
+// 2·(C(0) − C(length))/length², C the autocorrelation of a triangle two chips wide (a cubic B-spline).
+double mean_square_difference(double length) {
+  if (length <= 1) return 2 - length;
+  const double apart = length < 2 ? std::pow(2 - length, 3) / 6 : 0;
+  return 2 * (2.0 / 3 - apart) / (length * length);
+}
+
 }  // namespace
 
 SequenceDetection detect_sequence(const ChipQuestion& question) {
@@ -177,19 +190,30 @@ double closest_pair_distance(double rows_per_chip, double exposure_rows) {
   require_positive("exposure_rows", exposure_rows);
   constexpr int kPlaces = 16;  // of a chip to the rows
   const double length = exposure_rows / rows_per_chip;
+  if (rows_per_chip > kMaxSummedRows) return std::sqrt(rows_per_chip * mean_square_difference(length));
   // Bright from 0 to 1, dark from 1 to 2, as an integral up to a place.
   const auto area = [](double place) { return std::clamp(place, 0.0, 1.0) - std::clamp(place - 1, 0.0, 1.0); };
+  // Rows see the chips while they enter the exposure and while they leave it; between, all of both.
+  const double changing = std::floor(2 * rows_per_chip) + 2, all = std::floor(exposure_rows) + changing;
   double least = std::numeric_limits<double>::infinity();
   for (int place = 0; place < kPlaces; ++place) {
     double squares = 0;
-    for (double row = static_cast<double>(place) / kPlaces; row < rows_per_chip * (length + 2); row += 1) {
-      const double end = row / rows_per_chip;
-      const double off = (area(end) - area(end - length)) / length;
-      squares += off * off;
+    const auto add = [&](double from, double count) {
+      for (int k = 0; k < static_cast<int>(count); ++k) {
+        const double end = (from + k + static_cast<double>(place) / kPlaces) / rows_per_chip;
+        const double off = (area(end) - area(end - length)) / length;
+        squares += off * off;
+      }
+    };
+    if (length > 2 + 2 / rows_per_chip) {
+      add(0, changing);
+      add(std::floor(exposure_rows), changing);
+    } else {
+      add(0, all);
     }
     least = std::min(least, squares);
   }
-  return std::sqrt(least);
+  return std::isfinite(length) ? std::sqrt(least) : 0.0;
 }
 
 }  // namespace ocisac

@@ -18,6 +18,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -70,7 +71,10 @@ class Job {
   // Runs blocks until none is left.
   void run() {
     try {
-      for (std::size_t block; (block = next_.fetch_add(1)) < blocks_;) work_(block);
+      for (std::size_t block; (block = next_.fetch_add(1)) < blocks_;) {
+        check_interrupt();
+        work_(block);
+      }
     } catch (...) {
       next_ = blocks_;
       const std::lock_guard lock(problem_mutex_);
@@ -83,7 +87,10 @@ class Job {
     do {
       if (now >= kClosed) return;
     } while (!at_work_.compare_exchange_weak(now, now + 1));
-    run();
+    {
+      const WithoutInterrupts helping;
+      run();
+    }
     if (at_work_.fetch_sub(1) == kClosed + 1) at_work_.notify_all();
   }
 
@@ -123,7 +130,10 @@ void call_helpers(const std::shared_ptr<Job>& job, std::size_t count) {
 void for_each_block(std::size_t blocks, int threads, const std::function<void(std::size_t)>& work) {
   require(threads >= 1 && threads <= 1024, "threads", threads, "1 to 1024");
   if (threads == 1 || blocks < 2) {
-    for (std::size_t block = 0; block < blocks; ++block) work(block);
+    for (std::size_t block = 0; block < blocks; ++block) {
+      check_interrupt();
+      work(block);
+    }
     return;
   }
   const auto job = std::make_shared<Job>(blocks, work);

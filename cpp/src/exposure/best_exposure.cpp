@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -217,6 +218,7 @@ BestExposure best_multiple(std::span<const double> frequencies, std::span<const 
   require_few(count, "step", "multiples");
   BestExposure best{0, -1};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    if (i % 1024 == 0) check_interrupt();
     const double exposure = (multiples.first + static_cast<double>(i)) * multiples.step;
     keep_better(best, {exposure, objective(frequencies, weights, exposure)});
   }

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <string>
 
+#include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -16,6 +17,7 @@ namespace {
 constexpr double pi = std::numbers::pi;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double max_lobes = 1e6;
+constexpr double kMaxMultiple = 0x1p53;
 constexpr double precision = 1e-12;  // relative, of the objective
 
 void check(std::span<const WeightedTone> tones, double noise_exposure) {
@@ -65,6 +67,8 @@ class Branching {
       : tones_(tones), noise_exposure_(noise_exposure), window_(window) {
     constexpr double slack = 8 * std::numeric_limits<double>::epsilon();
     if (window.step > 0) {
+      require(window.high / window.step <= kMaxMultiple, "step", window.step,
+              "0 (any exposure), or at least the longest exposure over 2^53: multiples differ from each other");
       first_ = std::max(std::ceil(window.low / window.step * (1 - slack)), 1.0);
       last_ = std::floor(window.high / window.step * (1 + slack));
       require(first_ <= last_, "step", window.step,
@@ -86,6 +90,7 @@ class Branching {
       double high = window_.high;
       for (std::size_t i = 0; i < tones_.size(); ++i)
         if (tones_[i].weight > 0) high = std::min(high, next_zero(i));
+      check_interrupt();
       if (low < high) search_lobe(low, high);
       for (std::size_t i = 0; i < tones_.size(); ++i)
         while (tones_[i].weight > 0 && next_zero(i) <= high) ++zeros_[i];

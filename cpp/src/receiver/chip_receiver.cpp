@@ -14,20 +14,21 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFrameTimeError = 1e-4;            // standard error of a nominal frame time, a share
-constexpr double kSurePrediction = 0.15;            // chips; standard error up to which a predicted clock is begun with
-constexpr double kNarrowTolerance = 2e-3;           // of a rate that frames have told
-constexpr double kWideTolerance = 0.02;             // of a nominal one
+constexpr double kFrameTimeError = 1e-4;   // standard error of a nominal frame time, a share
+constexpr double kSurePrediction = 0.15;   // chips; standard error up to which a predicted clock is begun with
+constexpr double kNarrowTolerance = 2e-3;  // of a rate that frames have told
+constexpr double kWideTolerance = 0.02;    // of a nominal one
 constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // times the frame before
-constexpr double kLittleNoise = 0.06;               // of the swing: the clock can have been lost in no part
+constexpr double kLittleNoise = 0.06;                 // of the swing: the clock can have been lost in no part
 constexpr double kNoNoise = 0.005;
-constexpr double kNoiseKept = 0.9;   // from frame to frame: it changes where the light fills a part of the rows only
+constexpr double kNoiseKept = 0.9;  // from frame to frame: it changes where the light fills a part of the rows only
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
-constexpr std::size_t kPhases = 6;   // tried in a chip where it cannot be predicted
-constexpr double kMinChips = 12;  // in a frame
+constexpr std::size_t kPhases = 6;  // tried in a chip where it cannot be predicted
+constexpr double kMinChips = 12;    // in a frame
 constexpr double kWeakSnr = 9;
-constexpr std::size_t kMaxWait = 7;    // frames
-constexpr std::size_t kForgotten = 60;  // frames in which nothing was found: another light may come
+constexpr std::size_t kMaxWait = 7;      // frames
+constexpr double kMaxSearchRows = 4096;  // of a frame that count for the bound of its search
+constexpr std::size_t kForgotten = 60;   // frames in which nothing was found: another light may come
 
 double mean_error_rate(std::span<const double> llr) {
   double sum = 0;
@@ -44,8 +45,7 @@ ChipReceiver::ChipReceiver(const Camera& camera, ChipOptions options)
     require_positive("chip_rate", *options_.chip_rate);
     require(*options_.chip_rate * camera.row_time <= 1, "chip_rate", *options_.chip_rate, "at most the row rate");
   }
-  if (options_.search_passes)
-    require(*options_.search_passes > 0, "search_passes", *options_.search_passes, "above 0");
+  if (options_.search_passes) require(*options_.search_passes > 0, "search_passes", *options_.search_passes, "above 0");
   const auto chips = preamble_chips(options_.format.preamble);
   preamble_.assign(chips.begin(), chips.end());
   forget();
@@ -73,7 +73,7 @@ std::optional<double> ChipReceiver::nominal_rows_per_chip(const CombinedColumn& 
 
 // With what the frames before told: levels, rate and exposure, and the phase where it can be predicted, else several.
 std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal, std::int64_t frame,
-                                             SearchEffort& effort) const {
+                                                 SearchEffort& effort) const {
   if (!channel_) return std::nullopt;
   ChannelEstimate start = *channel_;
   const auto predicted = tracker_ ? tracker_->predict(frame) : std::nullopt;
@@ -183,7 +183,7 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
   if (column.saturated) result.flags |= flag::saturated;
   const double passes =
       options_.search_passes.value_or(camera_.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
-  SearchEffort effort{.rows = passes * static_cast<double>(column.signal.size())};
+  SearchEffort effort{.rows = passes * std::min(static_cast<double>(column.signal.size()), kMaxSearchRows)};
   auto reading = follow(column.signal, frame, effort);
   const bool searched = !reading && wait_ == 0;
   if (searched) reading = search(column, effort);

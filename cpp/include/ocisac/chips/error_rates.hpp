@@ -8,7 +8,8 @@
 namespace ocisac {
 
 // Share of wrong decisions where a value is gain·x + Σ others_j·x_j + noise, all x = ±½ at random: the mean of
-// Q((gain/2 + Σ ±others_j/2)/noise) over the signs, by Beaulieu's series (1990) where there are many. Exact to 1e-13.
+// Q((gain/2 + Σ ±others_j/2)/noise) over the signs, by Beaulieu's series (1990) where there are many. Exact to 1e-13;
+// of many others, noise counts as at least 1e-5 of the range of the sum.
 double sliced_error_rate(double gain, std::span<const double> others, double noise);
 
 // Each of its own detector; all for chips that lie an exposure or more from the frame's ends, mean over their places.
