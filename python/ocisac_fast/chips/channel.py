@@ -1,8 +1,7 @@
 """The channel from light to rows, estimated from known chips: clock, exposure, levels. All lengths are in rows.
 
-Row n sees the mean over rows n - exposure/2 ... n + exposure/2 of the chips; chip k lies between
-``phase + k rows_per_chip`` and ``phase + (k + 1) rows_per_chip``. With that mean s_n it reads dark_n + swing_n s_n plus
-noise.
+Row n integrates the chips over rows n - exposure/2 ... n + exposure/2; chip k lies between ``phase + k rows_per_chip``
+and ``phase + (k + 1) rows_per_chip``. With the mean s_n of the chips, row n is dark_n + swing_n s_n plus noise.
 """
 
 from __future__ import annotations
@@ -34,34 +33,34 @@ class ClockErrors:
 
     @property
     def phase_std(self) -> float:
-        """Of the beginning of chip ``chip``, rows."""
+        """Standard error of the beginning of chip ``chip``, rows."""
         return float(np.sqrt(self.covariance[0, 0]))
 
     @property
     def rows_per_chip_std(self) -> float:
-        """Of the length of a chip, rows."""
+        """Standard error of the length of a chip, rows."""
         return float(np.sqrt(self.covariance[1, 1]))
 
     @property
     def exposure_rows_std(self) -> float:
-        """Of the exposure, rows."""
+        """Standard error of the exposure, rows."""
         return float(np.sqrt(self.covariance[2, 2]))
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelEstimate:
-    """A channel found by least squares.
+    """A channel estimated by least squares.
 
     Attributes:
         rows_per_chip: length of a chip, rows.
         phase: row at which chip 0 begins, fractional: the middle of its edge's ramp.
-        exposure_rows: rows.
-        errors: standard errors, from the rows' residual.
-        dark: Legendre coefficients of the light of steady 0 along the frame, from -1 (first row) to 1 (last row).
+        exposure_rows: exposure, rows.
+        errors: standard errors, from the residual of the rows.
+        dark: Legendre coefficients of the level of steady 0 along the frame, from -1 (first row) to 1 (last row).
         swing: Legendre coefficients of the step from steady 0 to steady 1.
         noise: standard deviation of a row about the model.
-        rows: first row that was used, and the one after the last: those that see known chips only.
-        converged: whether the search came to rest.
+        rows: first row of the fit and the one after the last; only rows that see known chips are used.
+        converged: True if the iteration converged.
     """
 
     rows_per_chip: float
@@ -75,7 +74,7 @@ class ChannelEstimate:
     converged: bool
 
     def levels(self, rows: int) -> FloatArray:
-        """(2, rows): light of steady 0 and of steady 1 in each of a frame's ``rows`` rows."""
+        """(2, rows): level of steady 0 and of steady 1 in each of the ``rows`` rows of a frame."""
         along = np.linspace(-1, 1, rows) if rows > 1 else np.zeros(1)
         dark = np.polynomial.legendre.legval(along, self.dark)
         return np.stack([dark, dark + np.polynomial.legendre.legval(along, self.swing)])
@@ -83,12 +82,12 @@ class ChannelEstimate:
 
 @dataclass(frozen=True, slots=True)
 class PreambleMatch:
-    """A place where a preamble was seen.
+    """A detected preamble.
 
     Attributes:
-        channel: the channel there; ``channel.phase`` is where the preamble's first chip begins.
+        channel: the channel there; ``channel.phase`` is the row at which the preamble's first chip begins.
         explained: share of the variance of its rows that the preamble explains.
-        certainty: ln of the odds against random chips of the same rate, less the places tried.
+        certainty: ln of the odds against random chips of the same rate, minus ln of the number of places tried.
     """
 
     channel: ChannelEstimate
@@ -98,7 +97,7 @@ class PreambleMatch:
 
 @dataclass(frozen=True, slots=True)
 class Pooled:
-    """One value from many: their mean weighted by the inverse squares of their errors, its error, how many counted."""
+    """Mean of several values weighted by the inverse squares of their errors, its standard error, number of values."""
 
     value: float
     std: float
@@ -107,14 +106,14 @@ class Pooled:
 
 @dataclass(frozen=True, slots=True)
 class RefinedChannel:
-    """The channel of a whole frame with the chips it was found from.
+    """The channel of a whole frame and the chips that it was estimated from.
 
     Attributes:
         channel: the channel.
-        chips: (chips,) 0 and 1, all that any row of the frame sees; those at the ends are seen by a few rows only.
+        chips: (chips,) 0 and 1, all chips that any row of the frame sees; only a few rows see the first and last ones.
         first: number of the first of them.
-        settled: the last detection changed none of them.
-        even: no part of the frame is explained worse than the others; where it is, the clock was lost there.
+        settled: True if the last detection changed no chip.
+        even: False if a part of the frame has a larger residual than the others: the clock was lost there.
     """
 
     channel: ChannelEstimate
@@ -129,12 +128,12 @@ class TrackedClock:
     """The clock predicted for a frame.
 
     Attributes:
-        rows_per_chip: rows.
-        phase: row at which chip ``chip`` begins; of all chips it begins nearest row 0.
-        exposure_rows: rows.
-        chip: its number, counted from the first frame.
+        rows_per_chip: length of a chip, rows.
+        phase: row at which chip ``chip`` begins, the chip beginning nearest row 0.
+        exposure_rows: exposure, rows.
+        chip: number of this chip, counted from the first frame.
         covariance: (3, 3) of that phase, rows per chip and exposure.
-        chips_lost: standard error of the count of chips since the last update; below 0.2 it can be relied on.
+        chips_lost: standard error of the count of chips since the last update; the count is reliable below 0.2.
     """
 
     rows_per_chip: float
@@ -145,7 +144,7 @@ class TrackedClock:
     chips_lost: float
 
     def channel(self, earlier: ChannelEstimate, rows: int) -> ChannelEstimate:
-        """What to begin a frame with: this clock, the levels and the noise of an earlier frame.
+        """Initial channel of a frame: this clock with the levels and noise of an earlier frame.
 
         Args:
             earlier: the channel of a frame before.
@@ -165,22 +164,22 @@ class TrackedClock:
         )
 
 
-# detect(rows, rows_per_chip, phase, exposure_rows, noise, first, count): levels of chips first ... first + count - 1,
-# all that `rows` (0 steady dark, 1 steady bright) see; the phase is that of chip 0 relative to the first of the rows.
+# detect(rows, rows_per_chip, phase, exposure_rows, noise, first, count) returns the levels of chips first ... first +
+# count - 1, all chips that `rows` (0 steady dark, 1 steady bright) see; `phase` is relative to the first of the rows.
 Detect = Callable[[FloatArray, float, float, float, float, int, int], npt.ArrayLike]
 
 
 @checked_class
 class ClockTracker:
-    """The clock of a light from frame to frame: a Kalman filter of phase, rows per chip and rows per frame.
+    """Kalman filter of a light's clock from frame to frame: phase, rows per chip and rows per frame.
 
-    What one frame told predicts the next, across the rows that are not read between; the exposure is pooled beside it.
+    The filter predicts across the rows between frames that are not read out. The exposure is pooled separately.
 
     Args:
-        frame_rows: rows from the beginning of a frame to that of the next: frame time / row time.
-        frame_rows_std: standard error of that; it is estimated along with the clock.
-        drift: share by which the rate wanders from one frame to the next.
-        exposure_wander: the same of the exposure.
+        frame_rows: rows from the beginning of a frame to the next: frame time / row time.
+        frame_rows_std: standard error of ``frame_rows``, which is estimated along with the clock.
+        drift: relative random walk of the chip rate from one frame to the next.
+        exposure_wander: relative random walk of the exposure.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -195,11 +194,11 @@ class ClockTracker:
 
     @checked
     def update(self, frame: int, channel: ChannelEstimate) -> bool:
-        """Takes in the channel of a frame; frames in ascending order, any of them may be missing.
+        """Update with the channel of a frame; frames in ascending order, any of them may be missing.
 
         Returns:
-            False where the count of chips began anew: it could not be relied on after so long (a standard error above
-            0.2 chips), or the clock is off by more than six standard errors (another light, a jump).
+            False if the count of chips restarted: the prediction was unreliable (a standard error above 0.2 chips), or
+            the clock deviates by more than six standard errors (another light, a jump).
 
         Raises:
             ValueError: a frame that is not after the last one.
@@ -210,7 +209,7 @@ class ClockTracker:
 
     @checked
     def predict(self, frame: int) -> TrackedClock | None:
-        """The clock in a frame not before the last update; None before the first.
+        """Predict the clock in a frame not before the last update; None before the first update.
 
         Raises:
             ValueError: a frame before the last update.
@@ -222,7 +221,7 @@ class ClockTracker:
         return TrackedClock(rows_per_chip, phase, exposure_rows, chip, np.array(covariance).reshape(3, 3), lost)
 
     def reset(self) -> None:
-        """Forgets everything."""
+        """Discard the state."""
         self._handle.reset()
 
 
@@ -230,14 +229,14 @@ class ClockTracker:
 def expose_chips(
     chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure_rows: float, first: int = 0
 ) -> FloatArray:
-    """What the rows of a frame see of chips: s_n = (1/exposure) times the integral of the chips over the exposure.
+    """Chips integrated over the exposure of each row: s_n = (1/exposure) times their integral over the exposure.
 
     Args:
-        chips: (chips,) levels, 0 dark to 1 bright; the first and the last go on for ever.
+        chips: (chips,) levels, 0 dark to 1 bright; the first and the last extend to infinity.
         rows: rows of the frame.
         rows_per_chip: rows, above 0.
         phase: row at which chip 0 begins, in the middle of the exposure.
-        exposure_rows: rows, 0 or above; below 0.001 rows taken as that.
+        exposure_rows: rows, 0 or above; values below 0.001 rows are raised to it.
         first: number of the first of ``chips``.
 
     Returns:
@@ -265,21 +264,21 @@ def fit_channel(
     dark_degree: int = 1,
     swing_degree: int = 0,
 ) -> ChannelEstimate | None:
-    """Clock, exposure and levels from a column whose chips are known, by Gauss-Newton on the exact model.
+    """Estimate clock, exposure and levels from a column with known chips, by Gauss-Newton on the exact model.
 
     Args:
         signal: (rows,) a column, or columns combined.
-        chips: (chips,) levels, 0 dark to 1 bright. Rows that see other chips than these are left out.
-        rows_per_chip: where to start, rows; with ``phase`` good to half a chip anywhere in the chips.
-        phase: where to start.
-        exposure_rows: where to start, or the exposure itself, rows.
+        chips: (chips,) levels, 0 dark to 1 bright. Rows that see other chips are excluded.
+        rows_per_chip: initial value, rows; with ``phase`` accurate to half a chip at every chip.
+        phase: initial value, rows.
+        exposure_rows: initial value or known exposure, rows.
         first: number of the first of ``chips``.
-        exposure_known: keep the exposure as it is.
+        exposure_known: keep the exposure fixed.
         dark_degree: degree of the polynomial of the dark level along the frame, 0 to 6.
-        swing_degree: that of the step from dark to bright.
+        swing_degree: degree of the polynomial of the step from dark to bright.
 
     Returns:
-        The channel; None where the rows are fewer than the unknowns, or the chips (all alike) do not determine it.
+        The channel; None if there are fewer rows than unknowns, or the chips (all alike) do not determine it.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -311,7 +310,7 @@ def clock_bounds(
     dark_degree: int = 1,
     swing_degree: int = 0,
 ) -> ClockErrors | None:
-    """Cramer-Rao bounds of rows per chip, phase and exposure for white noise, the levels being unknown too.
+    """Cramer-Rao bounds of rows per chip, phase and exposure for white noise and unknown levels.
 
     Args:
         chips: (chips,) levels, 0 dark to 1 bright.
@@ -321,12 +320,12 @@ def clock_bounds(
         exposure_rows: rows.
         noise: standard deviation of a row, in the unit of ``swing``.
         first: number of the first of ``chips``.
-        exposure_known: the exposure is no unknown.
+        exposure_known: the exposure is not estimated.
         dark_degree: as in :func:`fit_channel`.
         swing_degree: as in :func:`fit_channel`.
 
     Returns:
-        The bounds; None where the chips do not determine the channel.
+        The bounds; None if the chips do not determine the channel.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -356,22 +355,22 @@ def find_preamble(
     max_exposure_chips: float = 14.0,
     max_matches: int = 1,
 ) -> list[PreambleMatch]:
-    """Places of a known sequence of chips in a column, at any exposure, with the channel there.
+    """Detect a known sequence of chips in a column, at any exposure, and estimate the channel there.
 
-    All places are correlated with the exposed sequence over a grid of exposures and rates, mean and slope taken out;
-    from the best of them the channel is fitted.
+    The column, without mean and slope, is correlated at every place with the exposed sequence over a grid of exposures
+    and rates. The channel is fitted from the best places.
 
     Args:
-        signal: (rows,) a column, or columns combined; the sequence lies whole in it.
+        signal: (rows,) a column, or columns combined, that contains the whole sequence.
         preamble: (chips,) levels, 0 dark to 1 bright, at least two.
         rows_per_chip: nominal, rows.
-        tolerance: the true one lies within this share of it, 0 to 0.5.
-        exposure_rows: rows, where it is known; None: estimated.
-        max_exposure_chips: chips, where it is estimated. The sequence must be 6 chips longer than the exposure.
-        max_matches: matches to give.
+        tolerance: maximum relative deviation of the true rows per chip, 0 to 0.5.
+        exposure_rows: known exposure, rows; None: estimated.
+        max_exposure_chips: upper bound of an estimated exposure, chips. The sequence must be 6 chips longer.
+        max_matches: maximum number of matches.
 
     Returns:
-        The matches, the surest first; empty where nothing like the sequence is seen.
+        The matches, the most certain first; empty if the sequence is not detected.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -401,21 +400,21 @@ def refine_channel(
     exposure_known: bool = False,
     highest_degree: int = 4,
 ) -> RefinedChannel | None:
-    """From the rows where a channel was found to the whole frame, by detection and least squares in turn.
+    """Extend a channel estimate to the whole frame by alternate detection and least squares.
 
-    Rows are added outwards, only as far at a time as the clock is sure.
+    Rows are added outwards, in each step only as far as the predicted clock is accurate.
 
     Args:
         signal: (rows,) a column, or columns combined.
         start: from :func:`find_preamble` or :func:`fit_channel`.
-        detect: a detector for exposed chips, as :data:`Detect` says; None: ``"auto"`` of :func:`detect_chips`.
-        known: chips that need not be detected: the preamble.
+        detect: a detector of exposed chips as :data:`Detect`; None: ``"auto"`` of :func:`detect_chips`.
+        known: chips that are not detected: the preamble.
         known_first: number of the first of them.
         exposure_known: keep the exposure of ``start``.
-        highest_degree: of the polynomials of dark and swing along the frame, 0 to 6; the data decide up to it.
+        highest_degree: maximum degree of the polynomials of dark and swing along the frame, 0 to 6; the data decide.
 
     Returns:
-        The channel with all chips of the frame; None where the chips found do not determine one.
+        The channel with all chips of the frame; None if the detected chips do not determine one.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -446,23 +445,23 @@ def find_channel(
     exposure_known: bool = False,
     highest_degree: int = 4,
 ) -> RefinedChannel | None:
-    """The channel without a preamble, from a nominal chip rate.
+    """Estimate the channel without a preamble, from a nominal chip rate.
 
-    Several phases, rates and exposures are starts on a short part of the frame; the one whose chips leave the least
+    The fit starts from several phases, rates and exposures on a short part of the frame; the result with the least
     residual is refined over the frame.
 
     Args:
         signal: (rows,) a column, or columns combined.
-        detect: a detector for exposed chips, as :data:`Detect` says; None: ``"auto"`` of :func:`detect_chips`.
+        detect: a detector of exposed chips as :data:`Detect`; None: ``"auto"`` of :func:`detect_chips`.
         rows_per_chip: nominal, rows.
-        tolerance: the true one lies within this share of it, 0 to 0.5.
-        exposure_rows: rows, where it is known; None: estimated.
-        max_exposure_chips: chips, where it is estimated.
-        exposure_known: keep ``exposure_rows`` to the end; otherwise it is a start.
+        tolerance: maximum relative deviation of the true rows per chip, 0 to 0.5.
+        exposure_rows: known exposure, rows; None: estimated.
+        max_exposure_chips: upper bound of an estimated exposure, chips.
+        exposure_known: keep ``exposure_rows`` fixed; otherwise it is an initial value.
         highest_degree: as in :func:`refine_channel`.
 
     Returns:
-        The channel with all chips of the frame, numbered from an arbitrary one; None where no start leads to one.
+        The channel with all chips of the frame, numbered from an arbitrary one; None if no start leads to one.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -493,20 +492,20 @@ def chip_llr(
     count: int,
     method: str = "mlse",
 ) -> FloatArray:
-    """Maximum-likelihood detection of chips that the exposure has run into each other, with soft outputs.
+    """Maximum-likelihood detection of chips with intersymbol interference from the exposure, with soft outputs.
 
-    The exposure is a box, so each row is a known weighted sum of the chips it sees, and all rows together are likeliest
-    for one sequence of chips. Forward and backward over the trellis of the last ceil(exposure/rows_per_chip) chips give
-    for every chip the likeliest sequences with it bright and with it dark (max-log; Viterbi 1967, Bahl et al. 1974).
+    The exposure is a box, so each row is a known weighted sum of the chips it sees. Forward and backward passes over
+    the trellis of the last ceil(exposure/rows_per_chip) chips give for every chip the most likely sequences with it
+    bright and with it dark (max-log; Viterbi 1967, Bahl et al. 1974).
 
     Args:
         rows: (rows,) light of consecutive rows, 0 for steady dark and 1 for steady bright.
         rows_per_chip: above 0, need not be whole.
         phase: row at which chip 0 begins, in the middle of its edge's ramp.
-        exposure_rows: rows, at most 15 chips; time grows with 2^(exposure in chips). Other methods: 24 chips.
+        exposure_rows: rows, at most 15 chips; time grows as 2^(exposure in chips). Other methods: 24 chips.
         noise: standard deviation of ``rows``, above 0.
         first: number of the first chip that the rows see.
-        count: of the chips that they see, all of them.
+        count: number of chips that the rows see.
         method: another detector, as in :func:`detect_chips`.
 
     Returns:
@@ -531,10 +530,10 @@ def chip_llr(
 
 @checked
 def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
-    """How far apart, in swings, the rows of the two sequences are that are hardest to tell: 01 against 10.
+    """Distance, in swings, between the rows of the two closest sequences of chips: 01 and 10.
 
-    The least over where chips lie to the rows; the closest pair there is for exposures from about two chips on. Noise
-    sigma of a row then makes about Q(distance/(2 sigma)) errors a chip, whatever the receiver.
+    It is the minimum over the phase of the chips relative to the rows. From exposures of about two chips on, no other
+    pair is closer. Noise sigma of a row gives about Q(distance/(2 sigma)) errors per chip for any receiver.
 
     Args:
         rows_per_chip: above 0.
@@ -548,17 +547,17 @@ def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
 
 @checked
 def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
-    """The mean of values weighted by the inverse squares of their standard errors: an exposure from several frames.
+    """Mean of values weighted by the inverse squares of their standard errors, such as an exposure from several frames.
 
     Args:
-        values: (values,) those that are not finite do not count.
-        errors: (values,) standard errors; those that are not finite or not above 0 do not count.
+        values: (values,) those that are not finite are ignored.
+        errors: (values,) standard errors; those that are not finite or not above 0 are ignored.
 
     Returns:
-        Value, standard error (at least what the scatter tells) and how many counted; NaN where none does.
+        Value, standard error (at least the one from the scatter) and number of values used; NaN if there are none.
 
     Raises:
-        ValueError: not two vectors of one length.
+        ValueError: the arguments are not two vectors of equal length.
     """
     value, std, count = _core.pool_estimates(_vector(values, "values"), _vector(errors, "errors"))
     return Pooled(value, std, count)
@@ -601,7 +600,7 @@ def _channel(values: tuple[Any, ...]) -> ChannelEstimate:
 
 
 def as_tuple(channel: ChannelEstimate) -> tuple[Any, ...]:
-    """As the core gives and takes a channel."""
+    """The channel in the form that the core reads."""
     errors = (channel.errors.chip, [float(value) for value in channel.errors.covariance.ravel()])
     clock = (channel.rows_per_chip, channel.phase, channel.exposure_rows)
     return (*clock, errors, list(channel.dark), list(channel.swing), channel.noise, *channel.rows, channel.converged)

@@ -1,4 +1,4 @@
-"""Detectors of chips behind one interface, and the errors each is bound to make."""
+"""Detectors of chips behind one interface, and their theoretical error rates."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ DetectorMethod = Literal["auto", "slicer", "inverse", "wiener", "dfe", "reduced"
 
 @dataclass(frozen=True, slots=True)
 class DetectedChips:
-    """All chips that any row of a frame sees; those at its ends are seen by a few rows only.
+    """All chips that any row of a frame sees; only a few rows see the first and last ones.
 
     Attributes:
         llr: (chips,), (chips, columns) or (frames, chips, columns): ln p(rows | bright) - ln p(rows | dark), above 0
-            for a bright chip, 0 where no row tells.
+            for a bright chip, 0 for a chip that no row sees.
         first: number of the first chip, as the channel counts them.
-        method: the detector that was used; for ``"auto"`` the one chosen.
+        method: the detector used; for ``"auto"`` the selected one.
     """
 
     llr: FloatArray
@@ -35,18 +35,18 @@ class DetectedChips:
 
     @property
     def bits(self) -> npt.NDArray[np.uint8]:
-        """1 where a chip is bright; shape of ``llr``."""
+        """1 for a bright chip; shape of ``llr``."""
         return (self.llr > 0).astype(np.uint8)
 
     @property
     def error_rate(self) -> float:
-        """Share of wrong chips to be expected, as the detector itself sees it: the mean of 1/(1 + exp|llr|)."""
+        """Expected share of wrong chips from the detector's own output: the mean of 1/(1 + exp|llr|)."""
         return float(np.mean(1 / (1 + np.exp(np.abs(self.llr))))) if self.llr.size else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class DetectorErrorRates:
-    """Share of wrong chips of each detector, away from the frame's ends; ``reduced`` makes those of ``mlse``."""
+    """Share of wrong chips of each detector, away from the frame's ends; for ``reduced`` use ``mlse``."""
 
     slicer: float
     inverse: float
@@ -59,29 +59,29 @@ class DetectorErrorRates:
 def detect_chips(
     columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: DetectorMethod = "auto"
 ) -> DetectedChips:
-    """Chips of columns whose channel is known, at any exposure up to 24 chips.
+    """Detect the chips of columns whose channel is known, at any exposure up to 24 chips.
 
     ======== ============================================================================================
-    slicer   the rows in the middle of each chip against a threshold half way between dark and bright
-    inverse  :func:`equalize` (inverse sinc), then as the slicer
-    wiener   the best linear estimate of each chip from all rows (least mean square error), and a threshold
-    dfe      the same with the chips before it decided and their part in the exposure's box taken away
-    reduced  the likeliest sequences of chips, as far as they are not hopeless (M-algorithm): nearly mlse
-    mlse     all sequences (:func:`chip_llr`), up to 15 chips; time doubles with every chip
-    auto     slicer where it makes at most 1.5 times the errors of mlse, or hardly any (1e-9); else reduced
+    slicer   threshold half way between dark and bright on the rows in the middle of each chip
+    inverse  :func:`equalize` (inverse sinc), then the slicer
+    wiener   linear estimate of each chip from all rows with least mean square error, then a threshold
+    dfe      wiener after the decided chips before it are subtracted (decision feedback)
+    reduced  M-algorithm: search over the most likely sequences of chips; error rate close to mlse
+    mlse     search over all sequences (:func:`chip_llr`), up to 15 chips; time doubles with every chip
+    auto     slicer if its predicted error rate is at most 1.5 times that of mlse, or 1e-9; else reduced
     ======== ============================================================================================
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order: light of one channel.
-        camera: its tone curve and dark level are undone; clock and exposure are those of the channel.
-        channel: clock, levels and noise, as :func:`fit_channel`, :func:`refine_channel` or :func:`find_channel` give.
+        camera: gives tone curve and dark level, which are inverted; clock and exposure are those of ``channel``.
+        channel: clock, levels and noise from :func:`fit_channel`, :func:`refine_channel` or :func:`find_channel`.
         method: the detector.
 
     Returns:
-        Log-likelihood ratios; those of slicer, inverse, wiener and dfe take the other chips as Gaussian noise.
+        Log-likelihood ratios; slicer, inverse, wiener and dfe model the other chips as Gaussian noise.
 
     Raises:
-        ValueError: an argument outside its range or shape; an exposure longer than the detector takes.
+        ValueError: an argument outside its range or shape; an exposure longer than the detector supports.
     """
     array = as_columns(columns, scan_axis=camera.scan_axis)
     llr, first, used = _core.detect_chips(array, camera._handle, as_tuple(channel), method)
@@ -94,11 +94,11 @@ def detect_chips(
 
 @checked
 def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: float) -> DetectorErrorRates:
-    """What each detector gets wrong where the channel is known: formulae in docs/receiver.md.
+    """Theoretical error rate of each detector for a known channel; formulas in docs/receiver.md.
 
-    Exact for slicer, inverse and wiener (the mean of Q((g_0/2 + sum of +-g_j/2)/noise) over the signs, for the weights
-    g of the chips in the value that is compared), for dfe without the errors that follow from a wrong decision; for
-    mlse a union bound over the sequences that are likeliest taken for each other.
+    Exact for slicer, inverse and wiener: the mean of Q((g_0/2 + sum of +-g_j/2)/noise) over the signs, where g are the
+    weights of the chips in the value that is compared. For dfe without the errors that follow from a wrong decision.
+    For mlse a union bound over the closest pairs of sequences.
 
     Args:
         rows_per_chip: above 0.

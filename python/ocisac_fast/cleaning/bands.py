@@ -1,4 +1,4 @@
-"""The picture without the bands of a modulated light, and the bands without the picture."""
+"""Separation of a picture and the bands of a modulated light."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ _NEAR_WHITE = 0.98
 
 
 class Mark(IntEnum):
-    """What became of a pixel."""
+    """State of a pixel after the removal of bands."""
 
     RESTORED = 0
-    """As if the light had shone steadily."""
+    """Restored to steady light."""
     SATURATED = 1
-    """At the top of the scale, or within 2 % of it: left as it was."""
+    """At the top of the scale, or within 2 % of it: unchanged."""
     DARK = 2
-    """Its row was too dark: what the file holds of it cannot be brought back, or is the mean of rows around (fill)."""
+    """The row was too dark to restore the pixel: amplified by ``max_gain``, or interpolated from other rows (fill)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CleanedFrames:
-    """Pictures without bands, or the bands.
+    """Pictures without bands, or the bands alone.
 
     Attributes:
-        frames: as given: same shape and type.
+        frames: shape and type of the argument.
         marks: :class:`Mark` of each pixel, uint8, of the shape of ``frames``.
-        light: (frames, rows) or (rows,): the light of each row that was taken out, mean 1.
-        share: what share of a pixel's mean light is the modulated one, float32, of the shape of ``frames``.
+        light: (frames, rows) or (rows,): the estimated or given light of each row, mean 1.
+        share: share of the modulated light in a pixel's mean light, float32, of the shape of ``frames``.
         model: for each frame ``"tone"``, ``"chips"``, ``"rows"``, or ``"given"``.
         frequency: (frames,) of the tone, or the chip rate, Hz; NaN for rows and given light.
-        toe: (frames,) of the tone curve, as share of white: dim light is stored darker by up to that; mostly 0.
+        toe: (frames,) toe of the tone curve, as share of white; mostly 0.
     """
 
     frames: npt.NDArray[Any]
@@ -87,35 +87,35 @@ def remove_bands(
     fill: bool = False,
     toe: float | None = None,
 ) -> CleanedFrames:
-    """The picture as if the modulated light had shone steadily.
+    """Restore a picture to steady light.
 
-    A pixel reads, in linear light, v = c (1 + q (L_n - 1)): L_n the light of row n, mean 1; q the light's share of the
-    pixel; c what it would read at the light's mean. q is found where neighbouring rows, divided by 1 + q (L_n - 1),
-    differ least, texture and edges allowed for, over surroundings that end at the edges of the picture. The answer is
-    v (1 + q (L_full - 1)) / (1 + q (L_n - 1)): fully lit rows stay as they are.
+    In linear light a pixel is v = c (1 + q (L_n - 1)), where L_n is the light of row n with mean 1, q the light's share
+    and c the value at mean light. q minimises the difference of neighbouring rows after division by
+    1 + q (L_n - 1), with texture and edges modelled, averaged over surroundings that end at the edges of the picture.
+    The result is v (1 + q (L_full - 1)) / (1 + q (L_n - 1)): fully lit rows are unchanged.
 
     Args:
         frames: (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour; rows in
             time order, at least 8.
-        camera: row time; tone curve, dark and white level where known: light adds up in linear light alone.
-        light: of each row, 0 or above: (rows,) or (frames, rows), any scale; or a waveform, which is put through the
-            exposure of ``camera``. None: found in the picture.
+        camera: row time; tone curve, dark and white level where known, since only linear light is additive.
+        light: of each row, 0 or above: (rows,) or (frames, rows), any scale; or a waveform, which is integrated over
+            the exposure of ``camera``. None: estimated from the picture.
         start: end of the first row's exposure, s, for a waveform; frames follow at ``camera.frame_time``.
-        model: what is taken for a light that is not given. ``"tone"``: a tone with its harmonics; ``"chips"``: the
-            chips that :func:`ocisac_fast.receive` finds, with the response that the rows show; ``"rows"``: any course;
+        model: model of a light that is not given. ``"tone"``: a tone with its harmonics; ``"chips"``: the chips that
+            :func:`ocisac_fast.receive` detects, with the response that the rows show; ``"rows"``: arbitrary;
             ``"auto"``: a tone that explains 90 % of the swing that rows have in common, else chips that explain 92 %,
-            else a tone that explains 50 %, else any course. Changes slower than 128 rows are the picture's.
+            else a tone that explains 50 %, else arbitrary. Changes slower than 128 rows are attributed to the picture.
         keep: ``"picture"``, or ``"bands"``: the modulated light alone, c q L_n.
         level: of the steady light: ``"full"``: the brightest rows'; ``"mean"``: its mean over the rows.
-        still: the frames show one scene that does not move: shares are found from all of them together. A frame
-            without the light may be among them, with ``light`` 0.
-        noise: standard deviation of a pixel, DN; None: measured, at least half a step of integers.
-        max_gain: rows that would have to be amplified more than this are too dark, and marked; above 1.
-        fill: put the interpolation of the rows above and below in place of what was too dark; it stays marked.
-            Otherwise that is amplified ``max_gain`` times.
-        toe: light x is stored as x^2/(x + toe white) put through the tone curve of ``camera``; 0 to 1. None: found
-            where the light found is chips and the tone curve is not linear, if chips then leave 40 % less of the rows'
-            swing unexplained; else 0.
+        still: the frames show one static scene: shares are estimated from all of them together. A frame without the
+            light may be among them, with ``light`` 0.
+        noise: standard deviation of a pixel, DN; None: estimated, at least half a step of integers.
+        max_gain: rows that need a larger gain are too dark, and marked; above 1.
+        fill: replace pixels that were too dark by interpolation between the rows above and below; they stay marked.
+            Otherwise they are amplified ``max_gain`` times.
+        toe: toe t of the tone curve: light x is stored as x^2/(x + t white), then by the tone curve of ``camera``; 0 to
+            1. None: estimated where the light is chips, the tone curve is not linear and the toe reduces the share of
+            the rows' swing that chips leave unexplained by 40 %; else 0.
 
     Returns:
         :class:`CleanedFrames`.
@@ -150,19 +150,19 @@ def remove_bands(
 def subtract_still(
     frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: int = 8
 ) -> FloatArray:
-    """Frames less the picture that stays the same, so that a faint light over a busy background can be received.
+    """Subtract the static picture from frames, so that a faint light over a textured background can be received.
 
-    light(frame) - light(still) + mean of light(still), in linear light above dark: for :func:`ocisac_fast.receive` and
-    the others, with a camera of the same times and no tone curve. The chips of the light should differ from frame to
-    frame; where the clock is the same in all, it is subtracted as well.
+    The result is light(frame) - light(still) + mean of light(still), in linear light above dark. Use it with a camera
+    of the same timing and no tone curve. The chips of the light should differ from frame to frame: chips at the same
+    rows in all frames are subtracted as well.
 
     Args:
         frames: (frames, rows, columns) or (frames, rows, columns, colours), or (rows, columns) where ``still`` is
-            given; of a scene that does not move.
+            given; of a static scene.
         camera: tone curve, dark and white level.
         still: (rows, columns[, colours]) the picture without the light, or with it steady, of the type of ``frames``.
-            None: of each frame the mean of its ``neighbours``, itself left out.
-        neighbours: frames to take, the nearest in time; 1 or more.
+            None: for each frame the mean of its ``neighbours``, itself excluded.
+        neighbours: number of frames averaged, the nearest in time; 1 or more.
 
     Returns:
         float64 array of the shape of ``frames``.
@@ -192,7 +192,7 @@ def _mean_of_others(light: FloatArray, index: int, neighbours: int) -> FloatArra
 
 
 def _stacked(frames: npt.ArrayLike, name: str, scan_axis: str) -> npt.NDArray[Any]:
-    """(frames, rows, columns, colours) in time order, of a type that the core knows."""
+    """Return (frames, rows, columns, colours) in time order, of a type that the core reads."""
     stack = as_frames(frames, name, scan_axis)
     if np.ndim(frames) == 1 or stack.shape[1] < 8:
         raise ValueError(
@@ -205,7 +205,7 @@ def _stacked(frames: npt.ArrayLike, name: str, scan_axis: str) -> npt.NDArray[An
 
 
 def _as_given(stack: npt.NDArray[Any], scan_axis: str, dimensions: int) -> npt.NDArray[Any]:
-    """The inverse of :func:`_stacked` for frames of so many dimensions."""
+    """The inverse of :func:`_stacked` for an argument of ``dimensions`` dimensions."""
     if scan_axis != "y":
         stack = np.moveaxis(in_stored_order(np.moveaxis(stack, -1, 1), scan_axis), 1, -1)
     return stack if dimensions == 4 else stack[..., 0] if dimensions == 3 else stack[0, ..., 0]
@@ -241,7 +241,7 @@ def _given_light(
     mean = values.mean(axis=1)
     if not (mean > 0).any():
         raise ValueError("light: got no light at all, allowed: rows of which some are lit")
-    common = mean[mean > 0].mean()  # one scale for all frames: one of them may be without the light
+    common = mean[mean > 0].mean()  # one scale for all frames, since a frame may be without the light
     return [RowLight(row / common, float((values / common).max()), "given", float("nan")) for row in values]
 
 
@@ -249,7 +249,7 @@ _Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], 
 
 
 def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None, options: Options) -> _Done:
-    """Frames (frames, rows, columns, colours) of one scene."""
+    """Clean frames (frames, rows, columns, colours) of one scene."""
     stored_light = linear_light(stack, camera)
     saturated = _saturated(stack, camera)
     noise = _noise_variance(stack, camera, options.noise)
@@ -280,7 +280,7 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
 
 
 def _saturated(stack: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.bool_]:
-    """Within 2 % of white: lossy files and sharpening scatter what was clipped. Floats without a white level: never."""
+    """Pixels within 2 % of white, since compression scatters clipped values; none for floats without a white level."""
     if camera.white_level is None and stack.dtype.kind == "f":
         return np.zeros(stack.shape, bool)
     dark = camera.dark_level
@@ -288,7 +288,7 @@ def _saturated(stack: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.bool_]
 
 
 def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None) -> FloatArray:
-    """In linear light. Measured from second differences along the rows, which bands leave alone."""
+    """Noise variance in linear light, estimated from second differences along the rows, where bands cancel."""
     if noise is None:
         step = 0.5 if stack.dtype.kind == "u" else 1e-4 * max(float(np.abs(stack).max()), 1e-300)
         noise = step
@@ -300,7 +300,7 @@ def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None
 
 
 def _found(light: FloatArray, variance: FloatArray, camera: Camera, options: Options) -> RowLight:
-    """The row light of one frame (rows, columns, colours), from the colours that show it."""
+    """Estimate the row light of one frame (rows, columns, colours) from the colours that show it."""
     lit = lit_colours(light, variance)
     return find_row_light(light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, options.model)
 
@@ -308,9 +308,9 @@ def _found(light: FloatArray, variance: FloatArray, camera: Camera, options: Opt
 def _restored(
     light: FloatArray, saturated: npt.NDArray[np.bool_], share: FloatArray, row_light: RowLight, options: Options
 ) -> tuple[FloatArray, npt.NDArray[np.uint8]]:
-    """One colour of one frame: linear light and marks."""
+    """Restore one colour of one frame; returns linear light and marks."""
     level = row_light.full if options.level == "full" else 1.0
-    rows = np.minimum(row_light.light, row_light.full)[:, None]  # rows above are lit fully, and noisy
+    rows = np.minimum(row_light.light, row_light.full)[:, None]  # brighter rows are fully lit rows with noise
     left = np.maximum(1 + share * (rows - 1), 1e-9)
     gain = (1 + share * (level - 1)) / left
     dark = (gain > options.max_gain) & ~saturated
@@ -323,7 +323,7 @@ def _restored(
 
 
 def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:
-    """Lost pixels between the nearest kept ones of their column, in a straight line."""
+    """Interpolate lost pixels linearly between the nearest valid pixels of their column."""
     rows = len(values)
     place = np.arange(rows)[:, None]
     above = np.maximum.accumulate(np.where(lost, -1, place), axis=0)

@@ -1,4 +1,4 @@
-"""The light of every row of a banded picture where it is chips: on or off, each with the same response."""
+"""Estimation of the light of each row of a banded picture as chips: on or off, with one response."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, scaled
 from ocisac_fast.core.flags import Flag
 
-_ENOUGH = 0.92  # share of the rows' swing, tops levelled, that chips explain before they are taken for the light
-_TOP_REACH, _LONGEST_RUN = 3, 48  # rows: within which a top is the largest; beyond which tops are not compared
-_MIN_TOP = 0.3  # of the largest row within the longest run
-_KNOT_ROWS = 0.8  # from one knot of the response to the next, at most; and a quarter of a chip at most
-_OWN_SWING = 0.015  # deviation of a row from what the chips say: sharpening and the like follow no response
+_ENOUGH = 0.92  # min. share of the rows' swing, after `levelled`, that chips explain
+_TOP_REACH, _LONGEST_RUN = 3, 48  # rows: half width of a top; half width of the window in which tops are compared
+_MIN_TOP = 0.3  # share of the largest row within the longest run
+_KNOT_ROWS = 0.8  # max. spacing of the knots of the response; at most a quarter of a chip
+_OWN_SWING = 0.015  # deviation of a row from the chips' model: sharpening follows no response
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,10 +36,10 @@ class _Fit:
 def chip_light(
     picture: Columns, rows: FloatArray, weight: FloatArray, row_time: float, *, always: bool
 ) -> ChipLight | None:
-    """From the rows found with nothing known of them; None where chips are not the light.
+    """Refine the estimated ``rows`` with a model of chips; None if chips do not explain them.
 
-    Such rows drift: what they are relative to rows far off is the picture's as much as the light's. The chips are not
-    touched by that, and with them the response is fitted to the picture itself, row against row.
+    The rows drift: the picture contributes to their slow changes. Chips are detected without its influence, and their
+    response is then fitted to the differences of neighbouring rows of the picture.
     """
     fits = [fit for fit in (_fit(levelled(rows), weight), _fit(rows, weight)) if fit is not None]
     if not fits or (fits[0].explained < _ENOUGH and not always):
@@ -54,16 +54,16 @@ def chip_light(
 
 
 def unexplained(rows: FloatArray, weight: FloatArray) -> float:
-    """Share of the rows' swing, tops levelled, that is left when chips of one response are taken out; 1 without chips.
+    """Share of the rows' swing, after :func:`levelled`, that chips of one response leave unexplained; 1 without chips.
 
-    Chips add up in light alone: a wrong tone curve leaves more.
+    Chips are additive in linear light only: a wrong tone curve increases the share.
     """
     fit = _fit(levelled(rows), weight)
     return 1.0 if fit is None else 1.0 - fit.explained
 
 
 def levelled(rows: FloatArray) -> FloatArray:
-    """Divided by the line through the tops of bright runs, all of which a light that is on or off reaches."""
+    """Divide the rows by the line through the tops of bright runs, which all reach the level of full light."""
     low = np.minimum(rows, 1.5 * np.quantile(rows, 0.95))
     tops = np.flatnonzero((low >= _largest(low, _TOP_REACH)) & (low > _MIN_TOP * _largest(low, _LONGEST_RUN)))
     if len(tops) == 0:
@@ -77,10 +77,10 @@ def _largest(values: FloatArray, reach: int) -> FloatArray:
 
 
 def _fit(rows: FloatArray, weight: FloatArray) -> _Fit | None:
-    """Chips received, those cut by the picture's ends guessed, and the response that the rows show best.
+    """Detect chips, estimate those cut by the ends of the picture, and fit the response by least squares.
 
-    With a response of its own for each two bright chips in a row: lights rise otherwise than they fall. What is
-    explained is counted without it.
+    A second response for pairs of consecutive bright chips allows for different rise and fall of the light. The
+    explained share excludes it.
     """
     from ocisac_fast.receiver.blind import receive
 
@@ -114,7 +114,7 @@ def _fit(rows: FloatArray, weight: FloatArray) -> _Fit | None:
 
 
 def _responses(chips: int, rows: int, rows_per_chip: float, start: float) -> FloatArray:
-    """(rows, chips, knots): tents over the time since a chip's ramp begins, from one chip before to two after."""
+    """(rows, chips, knots): triangular basis of the time since a chip's ramp begins, from -1 to 2 chips."""
     step = 1.0 / np.ceil(max(4.0, rows_per_chip / _KNOT_ROWS))
     knots = np.arange(round(3.0 / step) + 1) * step - 1.0
     since = (np.arange(rows)[:, None, None] - start) / rows_per_chip - np.arange(chips)[:, None]

@@ -1,4 +1,4 @@
-"""A picture in bundles of columns, and the light of its rows that fits them best."""
+"""Estimation of the row light from a picture in bundles of columns."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ocisac_fast import _core
 FloatArray = npt.NDArray[np.float64]
 
 _MAX_COLUMNS = 192
-_SLOWEST_ROWS = 128  # a light that changes slower than this cannot be told from the picture
-_TEXTURE = 0.05  # relative difference of neighbours below which nothing is told
-_MIN_LEFT = 0.02  # of a light, where it is divided by
+_SLOWEST_ROWS = 128  # rows; slower changes of the light cannot be distinguished from the picture
+_TEXTURE = 0.05  # relative difference of neighbours that texture causes
+_MIN_LEFT = 0.02  # lower bound of a light that is a divisor
 
 
 class Columns:
-    """A picture in at most 192 bundles of columns, and the light of its rows that fits them best."""
+    """A picture in at most 192 bundles of columns, and least-squares estimates of its row light."""
 
     def __init__(self, light: FloatArray, variance: FloatArray) -> None:
         self.light, self.variance = _bundled(light, variance)
@@ -24,19 +24,20 @@ class Columns:
     def refined(
         self, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf, steps: int = 6
     ) -> tuple[FloatArray, FloatArray]:
-        """Light of each row from a light of mean 1, scaled like it, and the certainty of each, at most 1.
+        """Refine a row light of mean 1; returns it with its scale kept, and the weight of each row, at most 1.
 
-        ``basis`` (rows, terms): nothing else is added; ``deviation``: from ``rows``, about.
+        ``basis`` (rows, terms) restricts the result to its span; ``deviation``: expected deviation from ``rows``.
         """
         of_columns = self._share_of_columns(rows)
         most = max(float(np.quantile(of_columns, 0.95)), 1e-3)
-        # One for a column: with a share of its own, a group of rows could have any swing.
+        # One share per column: with a share per pixel, a group of rows could have any swing.
         share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)
         return self._refined(share, np.maximum(1 + most * (rows - 1), 0.0), basis, deviation, steps)
 
     def misfit(self, rows: FloatArray, lag: int) -> float:
-        """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart, divided by a light of mean 1: lower is
-        likelier. Edges of the picture are few and count little."""
+        """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart after division by a light of mean 1.
+
+        A lower value is more likely. The logarithm limits the influence of edges."""
         left = np.maximum(1 + self._share_of_columns(rows) * (rows[:, None] - 1), _MIN_LEFT)
         light, variance = self.light / left, self.variance / left**2
         difference, mean = light[lag:] - light[:-lag], 0.5 * (light[lag:] + light[:-lag])
@@ -49,9 +50,9 @@ class Columns:
         return np.asarray(_core.light_share(self.light[None], self.variance[None], lit, False).mean(axis=0))
 
     def free(self) -> tuple[FloatArray, FloatArray]:
-        """The same with nothing known of the rows."""
+        """Estimate the row light without a model or initial value."""
         rows = _without_trend(_row_means(self.light, self.variance))
-        share = np.ones(self.light.shape)  # relative to the columns that show the light most
+        share = np.ones(self.light.shape)  # relative to the columns with the largest share
         rows, certainty = self._refined(share, rows / rows.mean())
         for _ in range(2):
             rows, certainty = self.refined(scaled(_without_trend(rows)))
@@ -72,7 +73,7 @@ class Columns:
 
 
 def lit_colours(light: FloatArray, variance: FloatArray) -> list[int]:
-    """Of (rows, columns, colours) those to add up: the one that swings most, and those that swing with it as deep."""
+    """Colours of (rows, columns, colours) to add: the one of the largest swing, and those of nearly the same swing."""
     rows = np.stack([_row_means(light[..., k], variance[..., k]) for k in range(light.shape[2])])
     basis = slow_terms(rows.shape[1])
     swings = rows - (basis @ np.linalg.lstsq(basis, rows.T, rcond=None)[0]).T
@@ -84,8 +85,8 @@ def lit_colours(light: FloatArray, variance: FloatArray) -> list[int]:
 
 
 def scaled(rows: FloatArray) -> FloatArray:
-    """Mean 1 and the darkest rows dark: as much of the light as is sure to be modulated."""
-    rows = np.minimum(rows, 1.5 * np.quantile(rows, 0.95))  # no single row is brighter than the light
+    """Scale rows to mean 1 and the darkest ones to 0: the part of the light that is certainly modulated."""
+    rows = np.minimum(rows, 1.5 * np.quantile(rows, 0.95))  # limits outliers above full light
     low, mean = float(np.quantile(rows, 0.02)), float(rows.mean())
     if mean - low < 1e-9 * max(abs(mean), 1e-300):
         return np.ones_like(rows)
@@ -94,20 +95,20 @@ def scaled(rows: FloatArray) -> FloatArray:
 
 
 def explained(rows: FloatArray, model: FloatArray, weight: FloatArray) -> float:
-    """Share of the rows' swing."""
+    """Share of the rows' weighted variance that the model explains."""
     mean = float(np.average(rows, weights=weight))
     swing = float(weight @ (rows - mean) ** 2)
     return 1.0 - float(weight @ (rows - model) ** 2) / swing if swing > 0.0 else 0.0
 
 
 def slow_terms(rows: int) -> FloatArray:
-    """(rows, terms) cosines of periods above the slowest that the light may have."""
+    """(rows, terms) cosines of the periods above `_SLOWEST_ROWS`, with a constant."""
     place = (np.arange(rows) + 0.5) / rows
     return np.cos(np.pi * np.outer(place, np.arange(1 + 2 * rows // _SLOWEST_ROWS)))
 
 
 def _bundled(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Neighbouring columns added: the light of a row is the same in all."""
+    """Average neighbouring columns, since all columns of a row have the same light."""
     width = -(-light.shape[1] // _MAX_COLUMNS)
     if width == 1:
         return np.ascontiguousarray(light), np.ascontiguousarray(variance)
@@ -117,7 +118,7 @@ def _bundled(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, Float
 
 
 def _row_means(light: FloatArray, variance: FloatArray) -> FloatArray:
-    """Of the columns that tell something in most rows."""
+    """Row means over the columns that are valid in most rows."""
     useful = np.isfinite(variance)
     columns = useful.mean(axis=0) >= min(0.9, float(useful.mean(axis=0).max()))
     kept = useful & columns
@@ -128,7 +129,7 @@ def _row_means(light: FloatArray, variance: FloatArray) -> FloatArray:
 
 
 def _without_trend(rows: FloatArray) -> FloatArray:
-    """Divided by what changes slowly along the column: the picture, not the light."""
+    """Divide by the slow changes along the column, which are attributed to the picture."""
     if not float(rows.mean()) > 0.0:
         return np.ones_like(rows)
     basis = slow_terms(len(rows))

@@ -1,4 +1,4 @@
-"""The light of every row of a banded picture, found from the picture itself."""
+"""Estimation of the light of each row of a banded picture from the picture itself."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ocisac_fast.cleaning.columns import Columns, FloatArray
 from ocisac_fast.cleaning.tone_light import tone_light
 
 MODELS = ("auto", "tone", "chips", "rows")
-_ENOUGH_OF_TONE = 0.5  # share of the rows' swing that a tone explains before it is taken for the light
-_SURELY_TONE = 0.9  # the same before chips are looked for
+_ENOUGH_OF_TONE = 0.5  # min. share of the rows' swing that a tone explains
+_SURELY_TONE = 0.9  # the same where chips are not tried
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowLight:
-    """Light of each row, mean 1; how bright a row is that is fully lit; which model, its frequency (Hz) or NaN."""
+    """Light of each row, mean 1; light of a fully lit row; model; its frequency (Hz) or NaN."""
 
     light: FloatArray
     full: float
@@ -27,7 +27,7 @@ class RowLight:
 
 
 def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str) -> RowLight:
-    """From one colour of linear light (rows, columns) and its noise variance (infinite: tells nothing)."""
+    """Estimate the row light from one colour of linear light (rows, columns) and its noise variance (inf: no data)."""
     picture = Columns(light, variance)
     rows, weight = picture.free()
     tries = {

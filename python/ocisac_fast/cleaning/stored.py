@@ -1,4 +1,4 @@
-"""From linear light back to stored values, and what a stored step is in light."""
+"""Conversion of linear light to stored values, and the slope of the tone curve."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def to_stored(light: FloatArray, camera: Camera, dtype: np.dtype[Any]) -> npt.ND
 
 
 def light_per_step(stored: npt.NDArray[Any], camera: Camera) -> FloatArray:
-    """Change of linear light for a change of the stored value by 1: the tone curve's slope, at least 1/50 of its mean.
+    """Slope of the tone curve: change of linear light per stored step, at least 1/50 of its mean.
 
-    The floor keeps the noise of black pixels, where a power has no slope, above 0.
+    The lower bound keeps the noise variance of black pixels, where a power has slope 0, above 0.
     """
     if camera.tone_curve == "linear":
         return np.ones(stored.shape)

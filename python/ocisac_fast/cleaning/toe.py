@@ -1,7 +1,7 @@
-"""The toe of a tone curve: dim light stored darker than the curve says, found from chips, which add up in light alone.
+"""The toe of a tone curve, which stores dim light darker than the curve; estimated from chips, additive in light only.
 
-Light x is stored as s = x^2/(x + t W), W full light: as x where it is bright, less t W; as a power of two where it is
-dim. No light stays none.
+Light x is stored as s = x^2/(x + t W), where W is full light and t the toe: s is about x - t W for bright light and
+x^2/(t W) for dim light; s(0) = 0.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import numpy as np
 from ocisac_fast.cleaning.chip_light import unexplained
 from ocisac_fast.cleaning.columns import Columns, FloatArray, lit_colours
 
-_LADDER = (1 / 32, 1 / 8)  # tried in turn; what is cleaned hardly differs in between
-_LESS_LEFT = 0.6  # of what chips leave unexplained without a toe: noise of the rows alone may leave 0.64
+_LADDER = (1 / 32, 1 / 8)  # candidates in order; values in between give nearly the same picture
+_LESS_LEFT = 0.6  # max. ratio of the unexplained shares with and without toe; noise of the rows alone may give 0.64
 
 
 def lifted(stored: FloatArray, toe: float, white: float) -> FloatArray:
-    """Light of what is stored of it; below dark mirrored."""
+    """Light of a stored value; odd symmetry below dark."""
     if toe == 0.0:
         return stored
     s = np.abs(stored)
@@ -31,7 +31,7 @@ def lowered(light: FloatArray, toe: float, white: float) -> FloatArray:
 
 
 def slope(stored: FloatArray, toe: float, white: float) -> FloatArray:
-    """Change of light for one of what is stored; finite in black."""
+    """Derivative of :func:`lifted`, finite in black."""
     if toe == 0.0:
         return np.ones_like(stored)
     s = np.maximum(np.abs(stored), 2e-4 * white)
@@ -39,12 +39,12 @@ def slope(stored: FloatArray, toe: float, white: float) -> FloatArray:
 
 
 def with_toe(light: FloatArray, variance: FloatArray, toe: float, white: float) -> tuple[FloatArray, FloatArray]:
-    """Light and its noise variance, both without the toe that they were stored with."""
+    """Light and its noise variance after removal of the toe."""
     return lifted(light, toe, white), variance * slope(light, toe, white) ** 2 if toe > 0.0 else variance
 
 
 def find_toe(light: FloatArray, variance: FloatArray, white: float) -> float:
-    """Toe of one frame (rows, columns, colours) under chips: the one with which they explain most, or 0."""
+    """Estimate the toe of one frame (rows, columns, colours) under chips: the candidate with the best fit, or 0."""
 
     colours = lit_colours(light, variance)
     light, variance = light[..., colours], variance[..., colours]

@@ -1,4 +1,4 @@
-"""The light of every row of a banded picture where it is a tone with harmonics."""
+"""Estimation of the light of each row of a banded picture as a tone with harmonics."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, slow_terms
 from ocisac_fast.core.flags import Flag
 
-_MUCH_LIKELIER = 0.01  # less of the misfit
+_MUCH_LIKELIER = 0.01  # min. decrease of the misfit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,11 +24,11 @@ class ToneLight:
 def tone_light(
     picture: Columns, rows: FloatArray, weight: FloatArray, row_time: float, enough: float | None
 ) -> ToneLight | None:
-    """Mean, harmonics and slow terms by least squares at the frequency found; None where that is not the light.
+    """Fit mean, harmonics and slow terms at the estimated frequency; None if they do not explain the rows.
 
-    ``enough``: share of the rows' swing that it must explain, or None for always.
+    ``enough``: min. share of the rows' swing that the tone explains, or None for no bound.
 
-    Texture that repeats is in the rows as well; its edges are few, so the tone is fitted to the picture itself then.
+    Periodic texture contributes to the rows too. It has few edges, so the tone is then fitted to the picture itself.
     """
     from ocisac_fast.tones.frequency import find_frequency
 
@@ -51,8 +51,9 @@ def tone_light(
 def _likeliest(
     picture: Columns, all_of_rows: FloatArray, fundamental: FloatArray, harmonics: int, frequency: float
 ) -> tuple[FloatArray, float]:
-    """The fundamental alone, or with harmonics where these are much likelier: texture that repeats may pass for them,
-    and does where the fit starts with those of the rows."""
+    """The fundamental alone, or with harmonics if these decrease the misfit clearly.
+
+    Periodic texture resembles harmonics if the fit starts with those of the rows, so both starts are tried."""
     best = _fitted_to(picture, fundamental, 1, frequency)
     if harmonics == 1:
         return best
@@ -74,7 +75,7 @@ def _fitted_to(picture: Columns, start: FloatArray, harmonics: int, frequency: f
 
 
 def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
-    """(rows, terms) cosines, and then sines, of those below half the row rate, phases from the middle row."""
+    """(rows, terms) cosines, then sines, of the harmonics below half the row rate, phases from the middle row."""
     order = np.arange(1, harmonics + 1)
     order = order[order * frequency < 0.5]
     cycles = 2 * np.pi * (np.outer(np.arange(rows) - 0.5 * (rows - 1), order * frequency) % 1.0)
@@ -82,7 +83,7 @@ def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
 
 
 def _tone_of_picture(picture: Columns, light: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
-    """The tone that fits the picture best, and its frequency by one Gauss-Newton step: d/df of a tone is t times it."""
+    """Fit the tone to the picture, and its frequency f by one Gauss-Newton step; d/df is proportional to t."""
     rows = len(light)
     periodic = _harmonics(rows, harmonics, frequency)
     half, time = periodic.shape[1] // 2, np.arange(rows) - 0.5 * (rows - 1)
@@ -91,14 +92,14 @@ def _tone_of_picture(picture: Columns, light: FloatArray, harmonics: int, freque
     fitted = np.linalg.lstsq(basis, picture.refined(light, basis, steps=24)[0], rcond=None)[0]
     cosine, sine = fitted[1], fitted[1 + half]
     change = (fitted[-2] * sine - fitted[-1] * cosine) / (2 * np.pi * rows * max(cosine**2 + sine**2, 1e-300))
-    if abs(change) * rows > 0.25:  # cycles: beyond what a step can tell
+    if abs(change) * rows > 0.25:  # cycles: outside the range of a linear step
         change = 0.0
     basis[:, 1:-2] = _harmonics(rows, harmonics, frequency + change)
     return _fully_modulated(basis[:, 1:-2] @ fitted[1:-2]), frequency + change
 
 
 def _fully_modulated(tone: FloatArray) -> FloatArray:
-    """Mean 1 and the darkest row dark."""
+    """Scale to mean 1 and a minimum of 0."""
     swing = tone - tone.mean()
     darkest = -float(swing.min())
     return 1.0 + swing / darkest if darkest > 1e-9 else np.ones_like(tone)

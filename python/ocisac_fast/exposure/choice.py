@@ -1,4 +1,4 @@
-"""The exposure time that keeps most of the communication and the sensing tone."""
+"""The exposure time that maximises the gains of communication and sensing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Float64s = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BestExposure:
-    """What :func:`best_exposure` found.
+    """Result of :func:`best_exposure`.
 
     Attributes:
         exposure: T_e in seconds; a float for scalar frequencies, else an array of their broadcast shape.
@@ -45,8 +45,8 @@ def best_exposure(
     ``"exact"`` is the true maximum: in constant time for two tones without bounds and step, otherwise lobe by lobe
     between the zeros of the sines. ``"search"`` is the paper's grid. ``"closed-form"`` is the paper's algorithm
     (eqs. 19-23), T = (gamma + 1/2) / f_max with gamma = max(floor(eps/2 - 1/2), 0) and eps = f_max / f_min; its weights
-    count in the objective alone. ``"rounded"`` is the same with eps/2 - 1/2 rounded: the middle of the lobe that holds
-    the maximum.
+    affect the returned objective alone. ``"rounded"`` is the same with eps/2 - 1/2 rounded: the middle of the lobe that
+    contains the maximum.
 
     Args:
         f_comm: frequency of the communication light in Hz, finite, above 0; any shape.
@@ -55,17 +55,17 @@ def best_exposure(
         weights: one for each frequency (2 + len(more)), finite, 0 or above, not all 0.
         bounds: (shortest, longest) exposure in seconds, 0 <= shortest <= longest, for all problems; None: (0, 1/f] with
             f the smallest of a problem's frequencies. An exposure of 0 is never chosen. Not for the closed forms.
-        step: only whole multiples of it (s, above 0), the camera's row time for example. Not for the closed forms.
+        step: restrict T to whole multiples of it (s, above 0), for example the row time. Not for the closed forms.
         more: further frequencies in Hz, each broadcasting with ``f_comm``. Not for the closed forms.
-        points: grid points of ``"search"`` from end to end of the bounds, 2 to 10 million; with ``step`` the grid is
-            that of the step.
+        points: grid points of ``"search"`` between the bounds, 2 to 10 million; with ``step`` the grid consists of its
+            multiples.
 
     Returns:
-        :class:`BestExposure`; of equally good exposures the shortest.
+        :class:`BestExposure`; of equally good exposures, the shortest.
 
     Raises:
         ValueError: an argument outside its range; no multiple of ``step`` within ``bounds``; more than 10 million lobes
-            or multiples to look at.
+            or multiples to evaluate.
     """
     frequencies, shape = _problems(f_comm, f_sense, *more)
     pair = None if bounds is None else _pair(bounds)
@@ -83,7 +83,7 @@ def exposure_objective(
 ) -> float | Float64s:
     """Y(T) = sum_i w_i |sin(pi f_i T)| / (pi f_i) in seconds (eq. 18, with magnitudes).
 
-    Y(T)/T is the weighted sum of the gains |sinc(f_i T)|. Right to the last digits next to the zeros of the sines too.
+    Y(T)/T is the weighted sum of the gains |sinc(f_i T)|. The relative precision holds next to the zeros of the sines.
 
     Args:
         exposure: T in seconds, finite, 0 or above; any shape that broadcasts with the frequencies.
@@ -105,7 +105,7 @@ def exposure_objective(
 
 
 def _problems(*arrays: npt.ArrayLike) -> tuple[Float64s, tuple[int, ...]]:
-    """(problems, tones) and the shape that the arrays broadcast to."""
+    """Return (problems, tones) and the broadcast shape of the arrays."""
     values = np.broadcast_arrays(*(np.asarray(array, dtype=np.float64) for array in arrays))
     return np.stack(values, axis=-1).reshape(-1, len(values)), values[0].shape
 

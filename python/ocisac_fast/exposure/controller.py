@@ -1,4 +1,4 @@
-"""The next exposure of a camera, chosen from what the receiver and the sensing side measured in the last frame."""
+"""Control of a camera's exposure by measurements of the receiver and the sensing side in the last frame."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NAN = math.nan
 
 
 class ExposureReason(enum.IntFlag):
-    """Why an exposure was chosen; several at once."""
+    """Reasons for the choice of an exposure; several may apply."""
 
     FIRST = 1 << 0
     HELD = 1 << 1
@@ -54,13 +54,13 @@ _TEXTS = {
 
 @dataclass(frozen=True, slots=True)
 class MeasuredTone:
-    """A light's tone or a motion's, as measured; NaN: not known.
+    """A measured tone of a light or a motion; NaN: unknown.
 
     Attributes:
-        frequency: f_c or f_x v in Hz, above 0; NaN leaves the tone out.
-        share: of the weight of all tones of its kind, in proportion to the others' shares; 0 or above.
+        frequency: f_c or f_x v in Hz, above 0; NaN: the tone is ignored.
+        share: weight relative to the other tones of its kind; 0 or above.
         snr: power ratio at the frame's exposure, 0 or above.
-        gain, gain_std: at the frame's exposure, as of :func:`ocisac_fast.tone_gain`.
+        gain, gain_std: at the frame's exposure, as in :func:`ocisac_fast.tone_gain`.
     """
 
     frequency: float
@@ -72,15 +72,15 @@ class MeasuredTone:
 
 @dataclass(frozen=True, slots=True)
 class ExposureMeasurement:
-    """What was measured in one frame; levels are shares of the full scale above dark, NaN: not known.
+    """Measurements of one frame; levels are shares of the full scale above dark, NaN: unknown.
 
     Attributes:
-        lights: tones of communication, plain frequencies (Hz) or :class:`MeasuredTone`; 32 with the motions at most.
-        motions: those of sensing.
-        exposure, gain: the frame was taken with; NaN: as suggested last.
+        lights: tones of communication, plain frequencies (Hz) or :class:`MeasuredTone`; at most 32 with the motions.
+        motions: tones of sensing.
+        exposure, gain: settings of the frame; NaN: those suggested last.
         level: mean, 0 or above.
-        peak: of the brightest parts that must not saturate, such as a percentile; 0 or above.
-        saturated: share of the pixels, 0 to 1.
+        peak: level of the brightest parts that must not saturate, such as a percentile; 0 or above.
+        saturated: share of saturated pixels, 0 to 1.
     """
 
     lights: Sequence[float | MeasuredTone] = ()
@@ -94,7 +94,7 @@ class ExposureMeasurement:
 
 @dataclass(frozen=True, slots=True)
 class ExposureSuggestion:
-    """What :class:`ExposureController` suggests for the next frame.
+    """Suggestion of :class:`ExposureController` for the next frame.
 
     Attributes:
         exposure: s.
@@ -102,11 +102,11 @@ class ExposureSuggestion:
         objective: J(exposure) in s; NaN without tones.
         best_exposure, best_objective: the maximum, without hysteresis; NaN without tones.
         bounds: (shortest, longest) exposure that brightness and camera allow, s.
-        noise_exposure: T_n, s; infinite where noise is not looked at.
-        level: mean to be expected; NaN where unknown.
-        reasons: why, as :class:`ExposureReason`.
-        tones: (kind, frequency, gain, snr) of the tones measured, at the exposure suggested; "light" or "motion", the
-            gain by theory, the signal-to-noise ratio from the one measured (NaN where there was none).
+        noise_exposure: T_n, s; infinite where noise is ignored.
+        level: expected mean; NaN: unknown.
+        reasons: reasons of the choice, :class:`ExposureReason`.
+        tones: (kind, frequency, gain, snr) of the measured tones at the suggested exposure; kind is "light" or
+            "motion", the gain is theoretical, the signal-to-noise ratio is scaled from the measured one (else NaN).
     """
 
     exposure: float
@@ -122,7 +122,7 @@ class ExposureSuggestion:
 
     @property
     def explain(self) -> str:
-        """The choice and its reasons in a few lines of plain English."""
+        """Describe the choice and its reasons in a few lines of text."""
         low, high = self.bounds
         lines = [f"exposure {self.exposure * 1e6:.1f} us, gain {self.gain:.3g}"]
         if not math.isnan(self.best_objective):
@@ -141,32 +141,32 @@ class ExposureSuggestion:
 
 @checked_class
 class ExposureController:
-    """Suggests exposure and gain of the next frame.
+    """Suggest exposure and gain of the next frame.
 
-    It maximises, over what the camera and the brightness allow,
+    Maximises, within the limits of camera and brightness,
 
         J(T) = sum_i w_i |sin(pi f_i T)| / (pi f_i) / sqrt(1 + T / T_n),
 
     the paper's objective (eq. 18, with magnitudes) over the noise: read noise, and shot noise that grows with the
     light and equals it at T_n = ``noise_level`` / (level per second at gain 1). Without ``noise_level`` or a measured
-    level it is the paper's objective. The maximum is global, to 1e-12 of J. It stays at the last exposure while that
-    costs no more than the hysteresis: J(suggested) (1 + hysteresis) >= J(T) of every allowed T, by the tones as
-    measured.
-    Exposure and gain together keep the mean above ``level_floor`` and the peak below ``level_ceiling``; where both
-    cannot be, the ceiling counts. The gain then brings the mean to ``level_aim`` as far as these allow.
+    level it is the paper's objective. The maximum is global, to 1e-12 of J. The last exposure is kept while its loss is
+    within the hysteresis: J(suggested) (1 + hysteresis) >= J(T) for every allowed T and the measured tones.
+
+    Exposure and gain together keep the mean above ``level_floor`` and the peak below ``level_ceiling``; in a conflict
+    the ceiling has priority. Within these limits the gain brings the mean to ``level_aim``.
 
     Args:
-        exposures: (shortest, longest) the camera can, s, 0 < shortest <= longest.
-        step: only whole multiples of it, s, such as the row time; 0: any.
-        gains: (lowest, highest) of its amplifier, linear, above 0.
+        exposures: (shortest, longest) exposure of the camera, s, 0 < shortest <= longest.
+        step: restrict exposures to whole multiples of it, s, such as the row time; 0: any.
+        gains: (lowest, highest) gain of its amplifier, linear, above 0.
         weights: of all lights together and of all motions together; 0 or above, not both 0.
-        hysteresis: 0 or above; 0 moves to the best at every update.
+        hysteresis: 0 or above; 0 selects the maximum at every update.
         level_floor, level_aim, level_ceiling: shares of the full scale.
-        max_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Then exposure times
-            gain goes to 0.7 of what it was, and the limit, relative to the scene's brightness, recovers by 0.2 % a
+        max_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Exposure times gain is
+            then reduced to 0.7 of its value, and the limit, relative to the scene's brightness, recovers by 0.2 % per
             frame.
-        min_snr: tones of a lower signal-to-noise ratio (power) are left out; 0 or above.
-        noise_level: mean level at gain 1 where shot noise equals read noise, above 0; None: noise does not depend on
+        min_snr: tones with a lower signal-to-noise ratio (power) are ignored; 0 or above.
+        noise_level: mean level at gain 1 where shot noise equals read noise, above 0; None: noise is independent of
             the exposure.
 
     Raises:
@@ -211,10 +211,10 @@ class ExposureController:
 
     @checked
     def update(self, measurement: ExposureMeasurement) -> ExposureSuggestion:
-        """The next exposure after a frame.
+        """Suggest the next exposure after a frame.
 
         Raises:
-            ValueError: a measurement without meaning (negative, infinite) or more than 32 tones.
+            ValueError: a measurement that is negative or infinite, or more than 32 tones.
         """
         measured = [("light", _tone(tone)) for tone in measurement.lights]
         measured += [("motion", _tone(tone)) for tone in measurement.motions]
@@ -234,7 +234,7 @@ class ExposureController:
         )
 
     def reset(self) -> None:
-        """Forget what was suggested and where it saturated."""
+        """Discard the last suggestion and the saturation limit."""
         self._controller.reset()
         self._last = _NAN
 
@@ -255,7 +255,7 @@ def best_noisy_exposure(
         weights: one for each, finite, 0 or above, not all 0.
         bounds: (shortest, longest) in s, 0 < shortest <= longest, with at most a million lobes between.
         noise_exposure: T_n in s, above 0, where shot noise equals read noise; infinite: eq. 18.
-        step: only whole multiples of it, s; 0: any exposure.
+        step: restrict exposures to whole multiples of it, s; 0: any.
 
     Returns:
         The maximum, to 1e-12 of J.
@@ -276,7 +276,7 @@ def _tone(tone: float | MeasuredTone) -> MeasuredTone:
 
 
 def _expected(tone: MeasuredTone, before: float, after: float, noise: float) -> tuple[float, float]:
-    """Gain and signal-to-noise ratio at the exposure ``after``, the latter from that at ``before``."""
+    """Gain and signal-to-noise ratio at the exposure ``after``; the latter is scaled from that at ``before``."""
     was, gain = (abs(float(np.sinc(tone.frequency * exposure))) for exposure in (before, after))
     if not was > 0.0:
         return gain, _NAN

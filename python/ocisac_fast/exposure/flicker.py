@@ -1,8 +1,8 @@
-"""Exposures at which flickering lights leave no bands: modulation over any phase, and where it stays below a bound.
+"""Exposures at which flickering lights leave no bands: modulation over all phases, and intervals where it is bounded.
 
 With x = f T_e cycles in an exposure, a light's modulation is (max - min) / (max + min) of the mean light over the
-exposure, over all phases: |sinc(x)| for a raised cosine of full depth. It is 0 at whole x, has one maximum between
-neighbouring whole x, and these maxima fall with x, for tones and for PWM of any duty. So the exposures below a bound
+exposure, over all phases: |sinc(x)| for a raised cosine of full depth. It is 0 at whole x and has one maximum between
+neighbouring whole x. These maxima decrease with x for tones and for PWM of any duty. So the exposures below a bound
 are intervals about the nulls, found by bisection of monotone pieces.
 """
 
@@ -19,12 +19,12 @@ from ocisac_fast.exposure.choice import best_exposure, exposure_objective
 
 Float64s = npt.NDArray[np.float64]
 
-LONGEST_EXPOSURE = 0.1  # s, of the default bounds
+LONGEST_EXPOSURE = 0.1  # s, upper default bound
 MAINS_DRIFT = 0.01  # share; EN 50160: 50 Hz +- 1 % during 99.5 % of a year
 _MAX_VALUES = 10_000_000
 _MAX_NULLS = 1_000_000
-_HALVINGS = 60  # of a bracket: to the last digit
-_SHRINK = 2.0**-50  # of interval ends, so that their modulation is within the bound in spite of rounding
+_HALVINGS = 60  # of a bracket: to float64 precision
+_SHRINK = 2.0**-50  # relative reduction of intervals, which keeps their ends within the bound despite rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,9 @@ class FlickeringLight:
 
     Attributes:
         frequency: Hz, above 0.
-        uncertainty: the frequency is within +- this, Hz, 0 to below ``frequency``.
+        uncertainty: half width of the interval that contains the frequency, Hz, 0 to below ``frequency``.
         duty: bright share of a PWM period, above 0 and below 1 (0.5: a square wave); None: a raised cosine. The
-            modulation falls with the duty: a duty stands for all longer ones.
+            modulation decreases with the duty, so a bound for one duty holds for all larger ones.
         depth: (max - min) / (max + min) of the light itself, above 0, at most 1.
 
     Raises:
@@ -59,23 +59,23 @@ class FlickeringLight:
 
 
 def mains_lights(*frequencies: float, drift: float = MAINS_DRIFT) -> tuple[FlickeringLight, ...]:
-    """Lamps on the mains: raised cosines of twice the mains' frequency (50 and 60 Hz by default), full depth.
+    """Mains lamps: raised cosines of twice the mains' frequency (50 and 60 Hz by default), full depth.
 
-    Within ``drift`` of a null they bound full-wave rectified sines too, whose harmonics 2/(4n^2 - 1) add up to 1.
+    Within ``drift`` of a null they also bound full-wave rectified sines, whose harmonics 2/(4n^2 - 1) add up to 1.
     """
     return tuple(FlickeringLight(2.0 * f, 2.0 * f * drift) for f in frequencies or (50.0, 60.0))
 
 
 @dataclass(frozen=True, slots=True)
 class FlickerFreeExposure:
-    """What :func:`flicker_free_exposure` found.
+    """Result of :func:`flicker_free_exposure`.
 
     Attributes:
         exposure: s.
-        modulation: the largest that is left of any light.
-        holds: no modulation is above the bound, and the data light keeps its gain.
+        modulation: the largest modulation of any light.
+        holds: True if no modulation is above the bound and the data light keeps its gain.
         modulations: of each light.
-        objective: Y(exposure) of eq. 18 in s; NaN where nothing was maximised.
+        objective: Y(exposure) of eq. 18 in s; NaN if it was not maximised.
         gain: |sinc(f_comm exposure)|; NaN without a data light.
     """
 
@@ -118,27 +118,27 @@ def flicker_free_exposure(
     min_gain: float | None = None,
     weights: tuple[float, float] = (1, 1),
 ) -> FlickerFreeExposure:
-    """Exposure at which no light's modulation is above a bound: the nearest, the shortest or the one that serves best.
+    """Exposure at which no light's modulation exceeds a bound: the nearest, the shortest, or the maximum of eq. 18.
 
     Args:
         lights: at least one.
         below: bound of the modulation, above 0 and below 1.
-        near: the exposure asked for, s, above 0: the nearest that holds. None: the shortest, or that of the largest
-            eq. 18 where ``f_sense``, or ``f_comm`` without ``min_gain``, is given.
+        near: requested exposure, s, above 0; the nearest that satisfies the bound is returned. None: the shortest, or
+            the one that maximises eq. 18 where ``f_sense``, or ``f_comm`` without ``min_gain``, is given.
         bounds: (shortest, longest) in s; None: above 0 and up to 0.1 s. An exposure of 0 is never chosen.
-        step: only whole multiples of it (s): the row time, for example.
+        step: restrict exposures to whole multiples of it (s), for example the row time.
         f_comm: frequency of a data light in Hz, above 0.
-        f_sense: f_x v in Hz; it joins ``f_comm`` in eq. 18 and needs it.
-        min_gain: of the data light, |sinc(f_comm T)|, above 0 and below 1; needs ``f_comm``.
+        f_sense: f_x v in Hz; a second frequency of eq. 18, needs ``f_comm``.
+        min_gain: min. |sinc(f_comm T)| of the data light, above 0 and below 1; needs ``f_comm``.
         weights: of communication and sensing.
 
     Returns:
-        :class:`FlickerFreeExposure`. Where no exposure holds: the smallest modulation among those that keep the data
-        light's gain; where none keeps it, the smallest of all.
+        :class:`FlickerFreeExposure`. If no exposure satisfies the bound: the smallest modulation among those that keep
+            the data light's gain; if none keeps it, the smallest of all.
 
     Raises:
-        ValueError: an argument outside its range, no multiple of ``step`` within the bounds, the data light
-            is one to avoid, or every exposure holds and so there is no shortest.
+        ValueError: an argument outside its range, no multiple of ``step`` within the bounds, a data light of the
+            frequency to avoid, or a bound that every exposure satisfies, so that none is the shortest.
     """
     _check(lights, below, near, f_comm, f_sense, min_gain)
     low, high = _checked_bounds(bounds)
@@ -167,13 +167,13 @@ def flicker_free_exposure(
 
 @dataclass(frozen=True, slots=True)
 class FlickerFront:
-    """Gain of a data light against the modulation left of others.
+    """Gain of a data light and modulation of other lights.
 
     Attributes:
         exposure: (points,) s.
         gain: (points,) |sinc(f_comm exposure)|.
-        modulation: (points,) the largest of any light.
-        efficient: (points,) no other exposure has as much gain and less modulation.
+        modulation: (points,) the largest modulation of any light.
+        efficient: (points,) True if no other exposure has as much gain and less modulation.
     """
 
     exposure: Float64s
@@ -188,7 +188,7 @@ def flicker_front(
     bounds: tuple[float, float] | None = None,
     points: int = 20001,
 ) -> FlickerFront:
-    """The data light's gain and the modulation of other lights over exposures, and which exposures are efficient.
+    """Gain of the data light and modulation of other lights over exposures, and the efficient exposures.
 
     Args:
         f_comm: Hz, above 0.
@@ -228,7 +228,7 @@ def cycles_below(light: FlickeringLight, below: float, most: float) -> Float64s:
     nulls = np.arange(1.0, math.ceil(most) + 1.0)
     peaks = _peak(light, np.concatenate(([0.0], nulls)))
     under = np.flatnonzero(_modulation(light, peaks) <= below)
-    if under.size:  # from this peak on everything is
+    if under.size:  # all later peaks are lower
         nulls = nulls[: under[0]]
 
     def inside(cycles: Float64s) -> npt.NDArray[np.bool_]:
@@ -242,7 +242,7 @@ def cycles_below(light: FlickeringLight, below: float, most: float) -> Float64s:
 
 
 def intersection(first: Float64s, second: Float64s) -> Float64s:
-    """(intervals, 2) common to two ascending lists of disjoint intervals."""
+    """(intervals, 2) of the intersection of two ascending lists of disjoint intervals."""
     begin = np.searchsorted(second[:, 1], first[:, 0], side="left")
     count = np.maximum(np.searchsorted(second[:, 0], first[:, 1], side="right") - begin, 0)
     which = np.repeat(np.arange(len(first)), count)
@@ -252,7 +252,7 @@ def intersection(first: Float64s, second: Float64s) -> Float64s:
 
 
 def _modulation(light: FlickeringLight, cycles: Float64s) -> Float64s:
-    """At one frequency. PWM: the overlap of parts d and r of a period moves by min(r, d, 1 - r, 1 - d)."""
+    """Modulation at one frequency. PWM: the overlap of parts d and r of a period varies by min(r, d, 1 - r, 1 - d)."""
     if light.duty is None:
         return np.asarray(light.depth * np.abs(np.sinc(cycles)))
     whole = np.floor(cycles)
@@ -275,7 +275,7 @@ def _peak(light: FlickeringLight, whole: Float64s) -> Float64s:
 
 
 def _boundary(inside: Float64s, outside: Float64s, holds: Callable[[Float64s], npt.NDArray[np.bool_]]) -> Float64s:
-    """Last points that hold on the way from inside to outside."""
+    """Bisect between points inside and outside; returns the last points that satisfy ``holds``."""
     for _ in range(_HALVINGS):
         middle = 0.5 * (inside + outside)
         good = holds(middle)
@@ -284,7 +284,7 @@ def _boundary(inside: Float64s, outside: Float64s, holds: Callable[[Float64s], n
 
 
 def clipped(intervals: Float64s, low: float, high: float) -> Float64s:
-    """The parts of the intervals within ``low`` .. ``high``."""
+    """Intersect the intervals with ``low`` .. ``high``."""
     kept = np.column_stack([np.maximum(intervals[:, 0], low), np.minimum(intervals[:, 1], high)])
     return kept[kept[:, 0] <= kept[:, 1]]
 
@@ -298,7 +298,7 @@ def _all_below(lights: Sequence[FlickeringLight], below: float, every: Float64s)
 
 
 def smallest_level(below: float, found_at: Callable[[float], Float64s]) -> tuple[bool, Float64s]:
-    """Whether something is found at the level, and what is found there or else at the smallest level that has any."""
+    """Return True and the items found at ``below``, or False and those at the smallest level that has any."""
     found = found_at(below)
     if found.size:
         return True, found
@@ -313,7 +313,7 @@ def smallest_level(below: float, found_at: Callable[[float], Float64s]) -> tuple
 def _multiples_allowed(
     lights: Sequence[FlickeringLight], below: float, every: Float64s, step: float
 ) -> tuple[Float64s, bool]:
-    """The same among the multiples of the step, each an interval of no length."""
+    """Multiples of the step that satisfy the bound, as intervals of length 0, or those of the smallest modulation."""
     grid = _multiples(every, step)
     if grid.size == 0:
         raise ValueError(f"step: got {step}, allowed: a step with a multiple between {every[0, 0]} and {every[-1, 1]}")
@@ -334,11 +334,11 @@ def _multiples(every: Float64s, step: float) -> Float64s:
 
 
 def _keeping(f_comm: float, min_gain: float, low: float, high: float, step: float | None) -> tuple[Float64s, bool]:
-    """Exposures that keep the gain of the data light: those between its valleys; all where there are none."""
+    """Exposures that keep the gain of the data light: those between its valleys; all if there are none."""
     every = np.array([[low, high]])
     valleys = cycles_below(FlickeringLight(f_comm), min_gain, f_comm * high + 1.0) / f_comm
     between = np.column_stack([np.concatenate(([0.0], valleys[:, 1])), np.append(valleys[:, 0], math.inf)])
-    widened = between * [1.0 - 4 * _SHRINK, 1.0 + 4 * _SHRINK]  # undoes the shrinking: the ends keep the gain
+    widened = between * [1.0 - 4 * _SHRINK, 1.0 + 4 * _SHRINK]  # undoes `_SHRINK`: the ends keep the gain
     kept = clipped(widened[between[:, 0] < between[:, 1]], low, high)
     reachable = kept.size > 0 and (step is None or _multiples(kept, step).size > 0)
     return (kept, True) if reachable else (every, False)
@@ -366,7 +366,7 @@ def _objective(exposure: Float64s, tones: Sequence[float], weights: Sequence[flo
 def _largest_objective(
     allowed: Float64s, tones: Sequence[float], weights: Sequence[float], step: float | None
 ) -> float:
-    """Exposure of the largest eq. 18 within the intervals; the shortest of equals."""
+    """Exposure that maximises eq. 18 within the intervals; of equals, the shortest."""
     exposures = allowed[:, 0]
     if step is None:
         pair = weights if len(tones) == 2 else (1.0, 0.0)

@@ -1,8 +1,8 @@
 """The flicker indices of IEEE P2020, in closed form, for a lamp of any phase under an exposure.
 
-FMI, FDI and MMP as Deegan defines them (Electronic Imaging 2018, AVM-146, and 2020, AVM-001) and the working group's
-calculator (github.com/CARpublic/P2020-flicker) computes them from frames, with the average over frames replaced by that
-over all phases: the frame rate and the lamp are not locked.
+FMI, FDI and MMP as defined by Deegan (Electronic Imaging 2018, AVM-146, and 2020, AVM-001). The working group's
+calculator (github.com/CARpublic/P2020-flicker) averages over frames; here the average is over all phases, since frame
+rate and lamp are not synchronised.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class FlickerIndices:
 
     Attributes:
         modulation_index: FMI = (max - min) / (max + min) over all phases, 0 to 1.
-        detection_index: FDI, the probability that the lamp stands out of the background.
+        detection_index: FDI, the probability that the lamp exceeds the background by the contrast.
         mitigation_probability: MMP, the probability of a level near the mean.
-        missed: probability that an exposure sees nothing of the lamp.
+        missed: probability that an exposure receives no light of the lamp.
     """
 
     modulation_index: Float64s
@@ -50,7 +50,7 @@ def flicker_indices(
     MMP = P(|y - mean y| < tolerance (B + mean y)).
 
     Args:
-        light: of known frequency (an ``uncertainty`` is not looked at).
+        light: of known frequency; its ``uncertainty`` is ignored.
         exposure: s, above 0, any shape.
         background: steady light on the same pixels in units of the lamp's peak, 0 or above.
         contrast: (y + B - B) / B above which the lamp is detected, 0 or above.
@@ -79,7 +79,7 @@ def flicker_indices(
 
 
 class _ToneLevels:
-    """The mean of a raised cosine over the exposure: a cosine of the phase about its mean, so arcsine distributed."""
+    """Distribution of the mean of a raised cosine over the exposure: arcsine about its mean."""
 
     def __init__(self, light: FlickeringLight, cycles: Float64s) -> None:
         self._swing = light.depth / (1.0 + light.depth) * np.abs(np.sinc(cycles))
@@ -96,7 +96,7 @@ class _ToneLevels:
 
 
 class _PulseLevels:
-    """PWM over n + r cycles: n duty + o cycles of light, o the overlap of parts r and duty of a period at any phase.
+    """PWM over n + r cycles: n duty + o cycles of light, where o is the overlap of parts r and duty of a period.
 
     o has an atom |1 - r - duty| at its minimum, an atom |r - duty| at its maximum, and is uniform in between.
     """
@@ -104,7 +104,7 @@ class _PulseLevels:
     def __init__(self, light: FlickeringLight, duty: float, cycles: Float64s) -> None:
         whole = np.floor(cycles)
         rest = cycles - whole
-        floor = (1.0 - light.depth) / (1.0 + light.depth)  # dark level, the peak being 1
+        floor = (1.0 - light.depth) / (1.0 + light.depth)  # dark level for a peak of 1
         scale = (1.0 - floor) / cycles
         self._atoms = np.abs(1.0 - rest - duty), np.abs(rest - duty)
         self.low = floor + scale * (whole * duty + np.maximum(rest + duty - 1.0, 0.0))
@@ -118,7 +118,7 @@ class _PulseLevels:
         return self._share(low, np.greater) - self._share(high, np.greater_equal)
 
     def _share(self, level: Float64s, passes: np.ufunc) -> Float64s:
-        """Probability of a value above the level, or above or at it."""
+        """Probability of a value above the level, or at or above it, by ``passes``."""
         at_low, at_high = self._atoms
         span = self.high - self.low
         ramp = np.clip(np.divide(self.high - level, span, out=np.zeros_like(span), where=span > 0.0), 0.0, 1.0)

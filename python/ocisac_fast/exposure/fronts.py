@@ -1,4 +1,4 @@
-"""What an exposure gives to communication against what it gives to sensing."""
+"""Trade-off of an exposure between communication and sensing."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Float64s = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ExposureFront:
-    """Both sides over the exposure, shortest first.
+    """Signals of communication and sensing over the exposure, shortest first.
 
     Attributes:
         exposure: T, s.
         comm, sense: T |sinc(f T)| / sqrt(1 + T / T_n) of the two, s; their weighted sum is the objective of
-            :func:`best_noisy_exposure`, their squares are signal-to-noise ratios but for a factor.
-        efficient: no exposure of these gives more to one without giving less to the other.
+            :func:`best_noisy_exposure`, their squares are proportional to signal-to-noise ratios.
+        efficient: True if no other exposure improves one without reducing the other.
     """
 
     exposure: Float64s
@@ -39,7 +39,7 @@ def exposure_front(
     noise_exposure: float = math.inf,
     points: int = 4001,
 ) -> ExposureFront:
-    """The curve that the exposure runs through between communication and sensing, and its efficient part.
+    """Signals of communication and sensing over the exposure, with the efficient (Pareto-optimal) exposures.
 
     Args:
         f_comm, f_sense: Hz, finite, above 0.
@@ -67,8 +67,8 @@ def exposure_front(
 
 
 def efficient_points(first: Float64s, second: Float64s) -> npt.NDArray[np.bool_]:
-    """Points of which no other is as large in one and larger in the other."""
-    order = np.lexsort((-second, -first))  # the largest of the first, among equals the largest of the second
+    """True for points that no other equals in one and exceeds in the other."""
+    order = np.lexsort((-second, -first))  # descending by first, then by second
     best = np.maximum.accumulate(second[order])
     before = np.concatenate(([-math.inf], best[:-1]))
     efficient = np.zeros(first.size, np.bool_)

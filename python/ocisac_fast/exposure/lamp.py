@@ -1,4 +1,4 @@
-"""The lamp's side of flicker: frequencies, duties and chip rates that suit given shutters."""
+"""Lamps without flicker: frequencies, duties and chip rates for given exposures."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _HALVINGS = 60
 
 @dataclass(frozen=True, slots=True)
 class LampFrequencies:
-    """What :func:`flicker_free_frequencies` found; Hz.
+    """Result of :func:`flicker_free_frequencies`; Hz.
 
     Attributes:
-        intervals: (intervals, 2) ascending, in which no shutter shows bands; else the best frequency twice.
-        modulation: the largest that is left at the lowest of them.
-        holds: there are some.
-        always_from: from here on every frequency holds, beyond the bounds too.
+        intervals: (intervals, 2) ascending, in which no exposure shows bands; else the best frequency twice.
+        modulation: the largest modulation at the lowest of them.
+        holds: True if such intervals exist.
+        always_from: every frequency from here on satisfies the bound, outside the bounds too.
     """
 
     intervals: Float64s
@@ -50,15 +50,15 @@ def flicker_free_frequencies(
     depth: float = 1.0,
     exposure_spread: float = 0.0,
 ) -> LampFrequencies:
-    """Frequencies of a lamp at which no shutter sees a modulation above a bound, harmonics included.
+    """Frequencies of a lamp at which its modulation stays below a bound for all exposures, harmonics included.
 
     Args:
-        exposures: of the shutters, s, above 0, at least one.
+        exposures: of the cameras, s, above 0, at least one.
         below: bound of (max - min) / (max + min), above 0 and below 1.
         bounds: (lowest, highest) frequency in Hz, above 0.
-        duty: of PWM, above 0 and below 1, which holds for longer ones too; None: a raised cosine.
+        duty: of PWM, above 0 and below 1; the result also holds for larger ones. None: a raised cosine.
         depth: (max - min) / (max + min) of the lamp itself.
-        exposure_spread: each shutter is within +- this share of its exposure, 0 to below 1.
+        exposure_spread: relative tolerance of each exposure, +-, 0 to below 1.
 
     Raises:
         ValueError: an argument outside its range.
@@ -84,22 +84,22 @@ def flicker_free_frequencies(
 
     holds, found = smallest_level(below, frequencies_at)
     found = found if holds else np.repeat(found[:1, :1], 2, axis=1)
-    shutters = [FlickeringLight(time, exposure_spread * time, duty, depth) for time in times]  # f and T_e are alike
+    shutters = [FlickeringLight(time, exposure_spread * time, duty, depth) for time in times]  # f and T_e interchange
     left = max(float(exposure_modulation(shutter, found[0, 0])) for shutter in shutters)
-    settled = cycles_below(light, below, 1.0 / below + 2.0)[-1, 0]  # the maxima fall as 1/(2n + 1) or faster
+    settled = cycles_below(light, below, 1.0 / below + 2.0)[-1, 0]  # the maxima decrease as 1/(2n + 1) or faster
     return LampFrequencies(found, left, holds, float(settled / (shorter * times.min())))
 
 
 def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], below: float) -> float:
-    """Smallest duty of PWM at which no shutter sees a modulation above a bound; longer ones hold too.
+    """Smallest duty of PWM at which the modulation stays below a bound for all exposures; larger ones satisfy it too.
 
     Args:
         frequency: Hz, above 0.
-        exposures: of the shutters, s, above 0, at least one.
+        exposures: of the cameras, s, above 0, at least one.
         below: bound of (max - min) / (max + min), above 0 and below 1.
 
     Returns:
-        Above 0 and below 1; 0 where every duty holds.
+        Above 0 and below 1; 0 if every duty satisfies the bound.
 
     Raises:
         ValueError: an argument outside its range.
@@ -123,19 +123,19 @@ def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], bel
 
 
 def unmissed_frequency(exposures: Sequence[float], duty: float) -> float:
-    """Lowest frequency in Hz of PWM of which each exposure sees a pulse whatever its phase: T_e = (1 - duty) / f."""
+    """Lowest frequency in Hz of PWM at which every exposure contains light at any phase: T_e = (1 - duty) / f."""
     FlickeringLight(1.0, duty=duty)
     return (1.0 - duty) / float(_checked_exposures(exposures).min())
 
 
 def flicker_free_chip_rate(exposures: Sequence[float], below: float, digital_sum_span: float = 2) -> float:
-    """Chip rate in Hz from which chips show no bands whatever the data, given the span of their running digital sum.
+    """Chip rate in Hz from which chips show no bands for any data, given the span of their running digital sum.
 
-    Over x chips the digital sum changes by the span S at most, so that the share of bright chips is 1/2 +- S/(2x) and
-    the modulation S/x at most.
+    Over x chips the digital sum changes by at most the span S. So the share of bright chips is within 1/2 +- S/(2x),
+    and the modulation is at most S/x.
 
     Args:
-        exposures: of the shutters, s, above 0, at least one.
+        exposures: of the cameras, s, above 0, at least one.
         below: bound of (max - min) / (max + min), above 0 and below 1.
         digital_sum_span: of the line code, as in ``DIGITAL_SUM_SPANS``; 1 or above.
 

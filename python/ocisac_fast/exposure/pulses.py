@@ -1,9 +1,9 @@
 """Row time, exposure and pulse width from a lamp that is lit about once a frame.
 
-Such a lamp shows a band of lit rows. At half height the band is (t_on + offset) / T_r rows long, t_on = duty / f; the
-offset holds what exposure, tone curve and the lamp's own rise and fall add, and is the same for all duties. So duties
-tell the row time from the offset, and one recording alone does not. Where a pulse begins in one frame and ends in
-the next, the lit rows at both ends of a frame add up to (t_on + another offset) / T_r.
+Such a lamp shows a band of lit rows. At half height the band is (t_on + offset) / T_r rows long, t_on = duty / f. The
+offset combines exposure, tone curve and the lamp's rise and fall, and is equal for all duties. Several duties separate
+row time and offset; one recording does not. Where a pulse begins in one frame and ends in the next, the lit rows at
+both ends of a frame add up to (t_on + another offset) / T_r.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 Float64s = npt.NDArray[np.float64]
 
-_DARK_SHARE = 5.0  # percentile over the frames that counts as dark
-_MIN_LIGHT = 0.05  # of the brightest row: darker rows are left out
+_DARK_SHARE = 5.0  # percentile over the frames that estimates the dark level
+_MIN_LIGHT = 0.05  # of the brightest row; darker rows are ignored
 _MIN_PULSES = 5
-_REACH = 12  # rows of a ramp looked at on either side of its middle
+_REACH = 12  # rows of a ramp on either side of its middle
 _BOX_ROWS = np.arange(0.0, 16.01, 0.25)
 _BLUR_ROWS = np.concatenate([[1e-3], np.arange(0.1, 4.01, 0.1)])
 _MAX_MISFIT = 0.1  # of a ramp
@@ -33,8 +33,8 @@ class PulseBands:
 
     Attributes:
         whole: (bands,) lit rows at half height of bands within a frame.
-        split: (frames,) lit rows of frames that begin and end lit, with one dark stretch in between.
-        ramps: (ramps, points) light on the way into a band at -12 .. 12 rows from half height, steps of 1/2; 0 to 1.
+        split: (frames,) lit rows of frames that begin and end lit, with one dark interval in between.
+        ramps: (ramps, points) light at -12 .. 12 rows from half height into a band, steps of 1/2; 0 to 1.
     """
 
     whole: Float64s
@@ -44,16 +44,16 @@ class PulseBands:
 
 @dataclass(frozen=True, slots=True)
 class PulseCalibration:
-    """What :func:`calibrate_pulses` found.
+    """Result of :func:`calibrate_pulses`.
 
     Attributes:
-        row_time, row_time_std: s. From one duty: with an error that covers the unknown offset.
+        row_time, row_time_std: s. From one duty, the error includes the unknown offset.
         offset, offset_std: of bands within a frame, T_e + c in s; NaN from one duty or without such bands.
         exposure, exposure_std: length of the ramps as a box blurred by a Gaussian, s.
-        blur: its standard deviation in rows: lens, scaling and compression.
-        misfit: largest difference of a mean ramp and the fit, the swing being 1.
-        rows: (recordings,) lit rows at half height; NaN where no pulse was within a frame.
-        pulse_widths: (recordings,) rows * row_time - offset in s: t_on as measured.
+        blur: standard deviation of the Gaussian in rows: lens, scaling and compression.
+        misfit: largest difference between a mean ramp and the fit, relative to the swing.
+        rows: (recordings,) lit rows at half height; NaN if no pulse was within a frame.
+        pulse_widths: (recordings,) rows * row_time - offset in s: the measured t_on.
         bands: of each recording.
         flags: "one_duty": the row time is that without an offset; "model_misfit": the ramps are none of a lamp's edges.
     """
@@ -73,11 +73,11 @@ class PulseCalibration:
 
 
 def pulse_bands(light: npt.ArrayLike) -> PulseBands:
-    """Lit rows of a recording of a lamp whose pulses last longer than the exposure.
+    """Measure the lit rows in a recording of a lamp whose pulses are longer than the exposure.
 
     Args:
         light: (frames, rows) linear light of each row, the mean over columns. Each row is lit in some frames and dark
-            in at least one of twenty.
+            in at least 5 % of them.
 
     Raises:
         ValueError: a wrong shape, values that are not finite, or no row that changes.
@@ -106,16 +106,16 @@ def pulse_bands(light: npt.ArrayLike) -> PulseBands:
 def calibrate_pulses(
     recordings: Sequence[npt.ArrayLike | PulseBands], frequency: float, duties: Sequence[float]
 ) -> PulseCalibration:
-    """Row time, exposure and pulse width from a lamp lit about once a frame, from several duties jointly.
+    """Estimate row time, exposure and pulse width from a lamp lit about once a frame, jointly from several duties.
 
     Args:
-        recordings: of the same camera and exposure, each (frames, rows) as for :func:`pulse_bands`, or its answer.
+        recordings: of the same camera and exposure, each (frames, rows) or the result of :func:`pulse_bands`.
         frequency: of the lamp in Hz, above 0.
         duties: lit share of the period of each recording, above 0 and below 1.
 
     Returns:
-        :class:`PulseCalibration`. Standard errors take the scatter of a recording's bands as that of their mean: it
-        comes from the place in the picture, not from noise.
+        :class:`PulseCalibration`. Standard errors equate the error of a recording's mean with the scatter of its bands,
+        which is systematic (it depends on the place in the picture), not noise.
 
     Raises:
         ValueError: an argument outside its range, no pulses, or only split ones at a single duty.
@@ -154,12 +154,12 @@ def calibrate_pulses(
 
 
 def box_ramp(offsets: npt.ArrayLike, box: float, blur: float) -> Float64s:
-    """Light at rows from half height on the way into a band: a box of ``box`` rows, blurred by a Gaussian."""
+    """Light at rows from half height into a band: a box of ``box`` rows blurred by a Gaussian of ``blur`` rows."""
     return np.asarray(_box_ramps(np.asarray(offsets, dtype=np.float64), np.array([box]), np.array([blur]))[0])
 
 
 def _lit_share(signal: Float64s) -> tuple[Float64s, bool]:
-    """Each row's light from 0 (dark) to 1 (lit), of the longest stretch of rows bright enough; whether that is all."""
+    """Light of each row from 0 (dark) to 1 (lit) in the longest run of bright rows; True if these are all rows."""
     above = signal - np.percentile(signal, _DARK_SHARE, axis=0)
     top = above.max(axis=0)
     if not top.max() > 0.0:
@@ -174,7 +174,7 @@ def _lit_share(signal: Float64s) -> tuple[Float64s, bool]:
 
 
 def _crossings(row: Float64s) -> Float64s:
-    """Where the light rises through 1/2, between rows."""
+    """Positions, between rows, where the light rises through 1/2."""
     before = np.flatnonzero((row[:-1] <= 0.5) & (row[1:] > 0.5))
     return np.asarray(before + (0.5 - row[before]) / (row[before + 1] - row[before]))
 
@@ -194,7 +194,7 @@ class _Ramp:
 
 
 def _fitted_ramp(ramps: Sequence[Float64s]) -> _Ramp:
-    """A box and a Gaussian fitted to the mean of the recordings' median ramps; the error is the scatter of these."""
+    """Fit a box and a Gaussian to the mean of the recordings' median ramps; the error is the scatter of these."""
     if not ramps:
         return _Ramp(math.nan, math.nan, math.nan, math.nan, math.nan)
     middles = [np.median(each[side::2], axis=0) for each in ramps for side in (0, 1)]
@@ -224,7 +224,7 @@ def _box_ramps(offsets: Float64s, box: Float64s, blur: Float64s) -> Float64s:
 def _joint_fit(
     times: Float64s, rows: Float64s, spreads: Float64s, kinds: npt.NDArray[np.int_], _: float
 ) -> tuple[float, float, float, float]:
-    """rows = times / T_r + a of whole bands or b of split ones, weighted least squares."""
+    """Weighted least squares of rows = times / T_r + a for whole bands or + b for split ones."""
     present = [kind for kind in (0, 1) if np.any(kinds == kind)]
     model = np.column_stack([times, *(kinds == kind for kind in present)]) / spreads[:, np.newaxis]
     inverse = np.linalg.inv(model.T @ model)
@@ -233,14 +233,14 @@ def _joint_fit(
     row_time_std = math.sqrt(inverse[0, 0]) * row_time**2
     if present[0] != 0:
         return row_time, row_time_std, math.nan, math.nan
-    gradient = np.array([-constants[0] * row_time**2, row_time])  # of a * T_r by slope and a
+    gradient = np.array([-constants[0] * row_time**2, row_time])  # derivatives of a * T_r by slope and a
     return row_time, row_time_std, constants[0] * row_time, math.sqrt(gradient @ inverse[:2, :2] @ gradient)
 
 
 def _single_fit(
     times: Float64s, rows: Float64s, spreads: Float64s, kinds: npt.NDArray[np.int_], reach: float
 ) -> tuple[float, float, float, float]:
-    """t_on / rows, as if the offset were 0; it is within the length of a ramp, on either side."""
+    """Estimate T_r as t_on / rows with the offset 0; the true offset is within +- the length of a ramp."""
     whole = kinds == 0
     if not np.any(whole):
         raise ValueError("recordings: got pulses split across frames at one duty, allowed: two duties or whole pulses")

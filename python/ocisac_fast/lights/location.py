@@ -1,4 +1,4 @@
-"""Where the camera is, from lights whose places are known (OpenCV's solvePnP, ``ocisac-fast[locate]``)."""
+"""Camera position from lights at known places (OpenCV's solvePnP, ``ocisac-fast[locate]``)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ocisac_fast.core.checks import checked
 Float64s = npt.NDArray[np.float64]
 
 _COLLINEAR = 1e-3  # second over first singular value of the lights' places
-_LIKELIHOOD = 9.2  # difference of the sums of squares up to which another place is believed: 1 % for two degrees
+_LIKELIHOOD = 9.2  # max. difference of the sums of squares of alternatives: 1 % for two degrees of freedom
 _MAX_TRIPLES = 20
-_MAX_STARTS = 12  # of the best fit, that are refined
-_WORST_STD = 0.3  # of the distance to the lights; beyond it nothing is located
+_MAX_STARTS = 12  # number of best initial poses that are refined
+_WORST_STD = 0.3  # of the distance to the lights; above it no location is returned
 
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """Where the camera was found.
+    """Estimated position and orientation of the camera.
 
     Attributes:
         position: (3,) of its centre, in the coordinates of the lights; NaN where status is "degenerate".
@@ -34,8 +34,8 @@ class Location:
         residual: root mean square distance between lights seen and expected, pixels.
         status: "ok"; "ambiguous": other places fit as well; "degenerate": the lights do not determine a place;
             "inconsistent": no place fits within the noise, so an ID, a place or the lens is wrong.
-        reason: why it is not "ok", in words; "" otherwise.
-        alternatives: (places, 3) that fit as well, without ``position``.
+        reason: text that explains a status other than "ok"; "" otherwise.
+        alternatives: (places, 3) other positions that fit within the noise.
     """
 
     position: Float64s
@@ -59,12 +59,12 @@ def locate_camera(
     noise: float = 1.0,
     inside: tuple[Sequence[float], Sequence[float]] | None = None,
 ) -> Location:
-    """The place and direction of a camera that sees three or more lights at known places.
+    """Estimate position and orientation of a camera that sees three or more lights at known places.
 
-    Every set of three lights gives up to four poses (P3P), all lights together some more (SQPnP, IPPE for lights in a
-    plane); each is refined over all lights by least squares. The best is the answer, the others that fit as well within
-    the noise are its alternatives. The covariance is noise^2 (J^T J)^-1 with the Jacobian J of the projection,
-    carried over to the camera's centre -R^T t.
+    Every set of three lights gives up to four poses (P3P), all lights together further ones (SQPnP, IPPE for lights in
+    a plane); each is refined over all lights by least squares. The best is the result; the others that fit within the
+    noise are its alternatives. The covariance is noise^2 (J^T J)^-1 with the Jacobian J of the projection,
+    transformed to the camera's centre -R^T t.
 
     Args:
         places: (lights, 3) in metres, finite; three or more.
@@ -73,10 +73,10 @@ def locate_camera(
         centre: principal point in pixels.
         distortion: OpenCV's coefficients k1, k2, p1, p2[, k3]; none: no distortion.
         noise: standard error of each coordinate of ``pixels``, above 0.
-        inside: (lowest x, y, z) and (highest x, y, z) of where the camera can be: resolves what else is ambiguous.
+        inside: (lowest x, y, z) and (highest x, y, z) of the possible camera positions; resolves ambiguity.
 
     Raises:
-        ValueError: an argument of wrong shape or without meaning, or OpenCV is missing.
+        ValueError: an argument of wrong shape or outside its range, or OpenCV is missing.
     """
     world, image = _checked("places", places, 3), _checked("pixels", pixels, 2)
     if len(world) != len(image):
@@ -144,7 +144,7 @@ def _checked(name: str, values: npt.ArrayLike, width: int) -> Float64s:
 
 
 def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[_Pose]:
-    """All that least squares ends at, one of a kind, the best first."""
+    """All distinct poses to which least squares converges, the best first."""
     cv2 = _opencv()
     starts: list[tuple[Any, Any]] = []
     triples = list(itertools.combinations(range(len(world)), 3))
@@ -169,7 +169,7 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
 
 
 def _refined(world: Float64s, image: Float64s, lens: _Lens, noise: float, turn: Any, shift: Any) -> _Pose | None:
-    """Least squares over all lights; None where a light ends behind the camera."""
+    """Least squares over all lights; None if a light is behind the camera."""
     cv2 = _opencv()
     turn, shift = cv2.solvePnPRefineLM(world, image, lens.matrix, lens.distortion, turn.copy(), shift.copy())
     if not (np.all(np.isfinite(turn)) and np.all(np.isfinite(shift))):
@@ -218,14 +218,14 @@ def _judged(poses: list[_Pose], world: Float64s, lens: _Lens, noise: float) -> L
 
 
 def _largest_squares(freedoms: int) -> float:
-    """The 99.9 % quantile of chi-square (Wilson and Hilferty); without freedoms, what rounding leaves."""
+    """99.9 % quantile of chi-square (Wilson and Hilferty); with 0 degrees of freedom, a bound of rounding errors."""
     if freedoms < 1:
         return 1e-3
     return float(freedoms * (1.0 - 2.0 / (9.0 * freedoms) + 3.09 * math.sqrt(2.0 / (9.0 * freedoms))) ** 3)
 
 
 def _covariance(pose: _Pose, world: Float64s, lens: _Lens, noise: float) -> Float64s:
-    """Of the camera's centre -R^T t, from the Jacobian of the projection over rotation vector and shift."""
+    """Covariance of the camera's centre -R^T t, from the Jacobian of the projection over rotation vector and shift."""
     cv2 = _opencv()
     jacobian = cv2.projectPoints(world, pose.turn, pose.shift, lens.matrix, lens.distortion)[1][:, :6]
     scale = np.linalg.norm(jacobian, axis=0)

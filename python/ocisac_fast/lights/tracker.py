@@ -1,4 +1,4 @@
-"""Lights followed from frame to frame: one identity while they move, fade or are hidden for a while."""
+"""Tracking of lights from frame to frame through motion, fading and short occlusion."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from ocisac_fast.lights.sources import LightSource, detect_sources, source_of
 
 Region = tuple[int, int, int, int]
 
-_SMOOTHING = 0.5  # weight of the newest step in a track's velocity, and of the newest frequency
-_SETTLED, _SETTLED_REACH = 3, 0.5  # frames after which a track's velocity is known, and how far it may err then
-_DEVIATIONS = 4.0  # standard errors within which two frequencies are one
+_SMOOTHING = 0.5  # weight of the latest step in a track's velocity, and of the latest frequency
+_SETTLED, _SETTLED_REACH = 3, 0.5  # frames after which a track's velocity is reliable, and its reach from then on
+_DEVIATIONS = 4.0  # standard errors within which two frequencies are equal
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Track:
-    """A light as it stands after a frame.
+    """State of a tracked light after a frame.
 
     Attributes:
-        identity: a number of its own from 0; never given again.
+        identity: unique number from 0, never reused.
         frame: count of the frame, from 0.
-        source: what was last found of it.
-        visible: it was found in this frame.
-        hidden: frames since it was last found; 0 where it is visible.
-        age: frames since it was first found.
-        velocity: of its box's centre, columns and rows a frame.
-        frequency: Hz, over the frames in which it was found.
+        source: its last detection.
+        visible: True if it was detected in this frame.
+        hidden: frames since its last detection; 0 if visible.
+        age: frames since its first detection.
+        velocity: of its box's centre, columns and rows per frame.
+        frequency: Hz, averaged over the frames in which it was detected.
         frequency_std: its standard error, Hz.
         region: (x, y, width, height) in which it is expected in the next frame; within the frame.
     """
@@ -53,24 +53,24 @@ class Track:
 
 @checked_class
 class SourceTracker:
-    """Keeps the identity of lights over the frames of a video.
+    """Track the identity of lights over the frames of a video.
 
-    A light found is the one expected nearest to it among those of its frequency, or of those that send data if it does;
-    a track that is hidden goes on with its velocity for ``patience`` frames, its region growing. Between full looks a
-    light that was just seen is looked for where its velocity takes it, to within two of its cycles; only where it is
-    not, or sends data, is its region searched.
+    A detection is assigned to the nearest predicted track of its frequency, or of tracks that carry data if it does. A
+    hidden track moves on with its velocity for ``patience`` frames while its region grows. Between searches of the
+    whole frame, a visible light is measured at its predicted place, to within two of its cycles; its region is searched
+    only if this fails or the light carries data.
 
     Args:
         camera: as for :func:`detect_sources`.
-        patience: frames for which a hidden light is waited for; 0 or above.
-        reach: largest distance from where a light is expected, in sizes of its box, for each frame since it was seen;
+        patience: frames after which a hidden track ends; 0 or above.
+        reach: largest distance from the predicted place, in sizes of the box, for each frame since the last detection;
             above 0.
-        full_every: frames from one look at the whole frame to the next, 1 or above; in between, new lights are not
-            seen: one that appears is known at most so many frames later.
+        full_every: frames between searches of the whole frame, 1 or above. New lights are detected only by these, so
+            at most that many frames late.
         false_alarms, min_cycles: as for :func:`detect_sources`.
 
     Raises:
-        ValueError: a value out of range; those of the detection at the first frame.
+        ValueError: a value out of range; errors of the detection are raised at the first frame.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class SourceTracker:
 
     @checked
     def update(self, frame: npt.ArrayLike) -> list[Track]:
-        """Look at the next frame, (rows, columns), and give all tracks that are still followed, the oldest first."""
+        """Process the next frame, (rows, columns); returns all active tracks, the oldest first."""
         if np.ndim(frame) == 1:
             raise ValueError("frame: got 1 dimension, allowed: (rows, columns)")
         axis = self._camera.scan_axis
@@ -120,7 +120,7 @@ class SourceTracker:
 
     @checked
     def follow(self, sources: list[LightSource], shape: tuple[int, int]) -> list[Track]:
-        """The same with the lights of the next frame already found; reflections are left out.
+        """:meth:`update` with the lights of the next frame already detected; reflections are ignored.
 
         Args:
             sources: lights of one frame.
@@ -144,9 +144,9 @@ class SourceTracker:
         return self.tracks
 
     def _distance(self, track: Track, source: LightSource) -> float:
-        """From where the track is expected, as a share of what is allowed; infinite for another frequency.
+        """Distance from the predicted place, as a share of the allowed one; infinite for another frequency.
 
-        Data have none: between data and a tone half of what is allowed is added.
+        Lights that carry data have no frequency: between data and a tone half of the allowed distance is added.
         """
         spread = _DEVIATIONS * math.hypot(track.frequency_std, source.frequency_std) + 0.005 * track.frequency
         data = track.source.carries_data, source.carries_data
@@ -168,7 +168,7 @@ class SourceTracker:
         steps = track.hidden + 1
         (x0, y0), (x1, y1) = _centre(track.source), _centre(source)
         newest = ((x1 - x0) / steps, (y1 - y0) / steps)
-        kept = 0.0 if track.age == 0 else 1.0 - _SMOOTHING  # the first step is all there is
+        kept = 0.0 if track.age == 0 else 1.0 - _SMOOTHING  # the first step has no predecessor
         velocity = tuple(kept * a + (1.0 - kept) * b for a, b in zip(track.velocity, newest, strict=True))
         share = _SMOOTHING
         track = dataclasses.replace(
@@ -200,7 +200,7 @@ class SourceTracker:
         return dataclasses.replace(track, region=self._expected(track, shape))
 
     def _expected(self, track: Track, shape: tuple[int, int]) -> Region:
-        """Where the light will be next: its box moved on, wider by its reach for every frame since it was seen."""
+        """Region of the next frame: the box moved by its velocity, widened by the reach for each hidden frame."""
         source, steps = track.source, track.hidden + 1
         settled = track.visible and track.age >= _SETTLED
         reach = min(self._reach, _SETTLED_REACH) if settled else self._reach
@@ -216,7 +216,7 @@ class SourceTracker:
 def _looked_for(
     track: Track, shape: tuple[int, int], turned: tuple[int, ...], scan_axis: str
 ) -> tuple[Region, float, Region, bool, bool]:
-    """Box, frequency and region in the next frame, whether it was just seen, and whether it sends data."""
+    """Box, frequency and region in the next frame; True if visible; True if it carries data."""
     source = track.source
     x, y = round(source.x + track.velocity[0]), round(source.y + track.velocity[1])
     box = box_in_time_order(_within((x, y, source.width, source.height), shape), turned, scan_axis)
@@ -225,7 +225,7 @@ def _looked_for(
 
 
 def _within(region: Region, shape: tuple[int, int]) -> Region:
-    """Moved to the frame, and cut where it is larger."""
+    """Move a region into the frame, and crop it if it is larger."""
     x, y, width, height = region
     rows, columns = shape
     width, height = min(width, columns), min(height, rows)

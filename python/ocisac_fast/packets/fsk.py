@@ -1,4 +1,4 @@
-"""CM-FSK: one tone out of a set for each frame, for lights and cameras that chips do not suit."""
+"""CM-FSK: one tone out of a set per frame, for lights and cameras unsuited to chips."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class FskTransmission:
-    """A packet as tones, one a symbol time, over and over.
+    """A packet as tones, one per symbol time, repeated.
 
     Attributes:
-        symbols: (symbols,) uint8, index of the tone, read-only: log2(tones) bits of the packet each, the first one
-            most significant.
+        symbols: (symbols,) uint8, index of the tone, read-only; each holds log2(tones) bits of the packet, the most
+            significant first.
         tones: Hz.
-        payload: the bytes in it.
+        payload: its bytes.
         number: of the packet.
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
@@ -40,7 +40,7 @@ class FskTransmission:
     preamble: str
 
     def waveform(self, symbol_time: float, *, start: float = 0.0, amplitude: float = 1.0) -> Waveform:
-        """The light, for all time: amplitude * (1 + cos(2 pi f t)) / 2 with another f each ``symbol_time`` (s).
+        """The light for all time: amplitude * (1 + cos(2 pi f t)) / 2 with the next f every ``symbol_time`` (s).
 
         Symbol 0 begins at ``start`` (s).
         """
@@ -54,14 +54,14 @@ class FskTransmission:
 
 @dataclass(frozen=True, slots=True)
 class FskSymbol:
-    """Which of the tones a frame shows.
+    """Detected tone of a frame.
 
     Attributes:
-        symbol: index of the likeliest tone.
-        log_likelihoods: (tones,) ln p(rows | tone), the likeliest at 0.
+        symbol: index of the most likely tone.
+        log_likelihoods: (tones,) ln p(rows | tone), maximum 0.
         llr: (bits,) ln P(1)/P(0) of the symbol's bits, nats, the most significant first.
         snr: symbol energy over noise density, a plain ratio.
-        error_rate: of symbols, by theory at that ratio.
+        error_rate: theoretical symbol error rate at that ratio.
         amplitude: of the tone in the rows, in their unit.
         noise: standard deviation of a row.
     """
@@ -84,15 +84,15 @@ def fsk_transmit(
     preamble: str = "standard",
     number: int = 0,
 ) -> FskTransmission:
-    """A payload as tones: the chips of :func:`transmit` with line code "none", log2(tones) of them a symbol.
+    """Encode a payload as tones: the chips of :func:`transmit` with line code "none", log2(tones) of them per symbol.
 
-    One symbol lasts one frame of the receiver, so that the payload comes at log2(tones) bits a frame.
+    One symbol lasts one frame of the receiver, so the data rate is log2(tones) bits per frame.
 
     Args:
-        payload, preamble, number: as of :func:`transmit`.
-        tones: Hz; 2, 4, 8, ... 256 of them, all different. Orthogonal where they lie apart by multiples of
+        payload, preamble, number: as in :func:`transmit`.
+        tones: Hz; 2, 4, 8, ... 256 of them, all different. Orthogonal if spaced by multiples of
             1 / (rows * row_time); away from the nulls of the exposure, f = k / exposure.
-        block_bytes: coded bytes of a block; short ones show a header soon.
+        block_bytes: coded bytes of a block; shorter blocks repeat the header more often.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -110,7 +110,7 @@ def fsk_transmit(
 def fsk_demodulate(
     column: npt.ArrayLike, camera: Camera, tones: Sequence[float], *, amplitude: float | None = None
 ) -> FskSymbol:
-    """Which tone a column shows: noncoherent detection, mean and slope along the column unknown.
+    """Detect the tone of a column noncoherently; mean and slope along the column are unknown.
 
     With r_m the length of the projection on tone m and e_m the one expected,
     ln p(rows | m) = ln I0(e_m r_m / noise^2) - e_m^2 / (2 noise^2) + const,
@@ -119,8 +119,8 @@ def fsk_demodulate(
     Args:
         column: (rows,) linear light.
         camera: row time; exposure where known.
-        tones: Hz, as of :func:`fsk_transmit`, below half the row rate, at least one cycle in the column.
-        amplitude: of the light's tone before the exposure, in the unit of the rows; None: by the strongest tone.
+        tones: Hz, as in :func:`fsk_transmit`, below half the row rate, at least one cycle in the column.
+        amplitude: of the light's tone before the exposure, in the unit of the rows; None: estimated.
 
     Raises:
         ValueError: a wrong shape, values that are not finite, tones out of range.
@@ -136,7 +136,7 @@ def fsk_demodulate(
 
 @checked
 def fsk_symbol_error_rate(tones: int, snr: float) -> float:
-    """Probability that noncoherent detection takes one of M orthogonal tones for another at E_s/N_0 = ``snr``.
+    """Symbol error rate of noncoherent detection of one of M orthogonal tones at E_s/N_0 = ``snr``:
 
     sum over k = 1 ... M - 1 of (-1)^(k+1) C(M - 1, k) / (k + 1) exp(-k / (k + 1) snr). Raises ValueError for fewer than
     two tones and a ratio below 0.

@@ -1,4 +1,4 @@
-"""What of a light's chips can reach a payload: gap between frames, line code and packets take their part."""
+"""Upper bounds of goodput after the gap between frames, line code and packet overhead."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from ocisac_fast.packets.transmission import encode_line_code, transmit
 
 @dataclass(frozen=True, slots=True)
 class Goodput:
-    """Bits of payload a second, and how many frames one payload takes at that rate.
+    """Bits of payload per second at three stages, and the number of frames per payload.
 
     Attributes:
-        sent: the light's chips through its line code, nothing else: chip_rate times bits a chip.
-        gap: of those what falls on rows that are read: sent * rows * row_time / frame_time.
-        code: of those what preambles, headers, the packet's number, its CRC-32 and filling leave: no receiver can do
-            better with these packets, and a byte that the edge of a frame cuts is lost to it.
-        gap_frames: frames for the payload at the rate ``gap``.
-        code_frames: the same at ``code``.
+        sent: of the light's chips through its line code: chip_rate times bits per chip.
+        gap: share of these in rows that are read out: sent * rows * row_time / frame_time.
+        code: after the overhead of preambles, headers, packet number, CRC-32 and padding, and without the bytes that
+            the edges of frames cut: an upper bound for any receiver of these packets.
+        gap_frames: frames per payload at the rate ``gap``.
+        code_frames: frames per payload at the rate ``code``.
     """
 
     sent: float
@@ -44,13 +44,13 @@ def possible_goodput(
     block_bytes: int = 16,
     preamble: str = "standard",
 ) -> Goodput:
-    """The most that a packet of ``payload_bytes`` can bring.
+    """Upper bounds of the goodput of packets with ``payload_bytes``.
 
     Args:
-        payload_bytes: as of :func:`ocisac_fast.transmit`, like ``line_code``, ``block_bytes`` and ``preamble``.
+        payload_bytes: as in :func:`ocisac_fast.transmit`, like ``line_code``, ``block_bytes`` and ``preamble``.
         camera: row time and frame time.
         chip_rate: Hz.
-        rows: of a frame, at least 1 and no longer than the frame time.
+        rows: rows of a frame, at least 1, not longer than the frame time.
 
     Raises:
         ValueError: an argument outside its range, or a camera without a frame time.

@@ -1,4 +1,4 @@
-"""What several receivers made of the same lights, as one line a light and moment."""
+"""Merging of the results of several receivers into one line per light and time."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: float 
     """Merge the results of several receivers by light and time.
 
     A line is a JSON object with ``light`` (its ID, a string or a whole number) and ``time_s``; it may have
-    ``receiver`` (a name), ``payload`` and ``snr_db``. Lines of one light within ``window`` of the first of them are of
-    one moment; a second line of the same receiver begins the next moment.
+    ``receiver`` (a name), ``payload`` and ``snr_db``. Lines of one light within ``window`` of the first of them form a
+    group; a second line of the same receiver begins the next group.
 
     Args:
-        lines: JSON texts or mappings, in any order; blank texts are passed over.
+        lines: JSON texts or mappings, in any order; blank texts are skipped.
         window: s, finite, 0 or above.
 
     Returns:
-        An object a light and moment, by time and then by light: ``light``; ``time_s``, the mean with the
-        signal-to-noise ratios (power; 1 where none is told) as weights; ``receivers``, their names or None;
-        ``payload``, the one of the largest weight, and ``agreement``, its share of the weight of all payloads (None
-        without payloads); ``snr_db`` of all together (None without any).
+        One object per group, sorted by time, then by light: ``light``; ``time_s``, the mean weighted by the
+        signal-to-noise ratios (power; 1 where none is given); ``receivers``, their names or None; ``payload``, the one
+        of the largest weight, and ``agreement``, its share of the weight of all payloads (None without payloads);
+        ``snr_db`` of all together (None without any).
 
     Raises:
-        ValueError: a line that is no JSON object, lacks ``light`` or ``time_s``, or has a value without meaning.
+        ValueError: a line that is no JSON object, lacks ``light`` or ``time_s``, or has an invalid value.
     """
     if not (math.isfinite(window) and window >= 0.0):
         raise ValueError(f"window: got {window}, allowed: a finite number, 0 or above (s)")

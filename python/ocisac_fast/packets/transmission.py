@@ -1,4 +1,4 @@
-"""Payloads as chips for a light: line codes and packets, and their way back from soft chips."""
+"""Payloads as chips of a light, and their recovery from soft chips: line codes and packets."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ ByteArray = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """A packet as the light sends it: one cycle of blocks, over and over. See docs/packets.md.
+    """A packet as the light sends it: one cycle of blocks, repeated. See docs/packets.md.
 
     Attributes:
         chips: (chips,) uint8, 1 = bright, read-only.
-        payload: the bytes in it.
+        payload: its bytes.
         number: of the packet.
         line_code: name, or the words of a table.
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
         codewords: Reed-Solomon words of 255 bytes.
         codeword_data: bytes of data in each.
-        blocks: of the cycle.
+        blocks: number of blocks in the cycle.
         block_chips: chips of a block.
     """
 
@@ -47,18 +47,18 @@ class Transmission:
     block_chips: int
 
     def waveform(self, chip_rate: float, *, start: float = 0.0, amplitude: float = 1.0) -> Chips:
-        """The light, for all time: ``Chips`` that repeat, of this many a second (Hz), block 0 at ``start`` (s)."""
+        """The light for all time: repeating ``Chips`` of ``chip_rate`` (Hz), block 0 at ``start`` (s)."""
         return Chips(self.chips, chip_rate, start=start, repeat=True, amplitude=amplitude)
 
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """A payload that arrived whole, its CRC-32 right.
+    """A complete payload with a correct CRC-32.
 
     Attributes:
         data: the bytes.
         number: of the packet, 0 to 255.
-        corrected: coded bytes that had been read wrong.
+        corrected: number of corrected coded bytes.
     """
 
     data: bytes
@@ -68,18 +68,18 @@ class Payload:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """What became of a stretch of chips.
+    """Result of the decoding of a stretch of chips.
 
     Attributes:
-        outcome: "placed": its bytes are in the packet; "waiting": kept until its place and the packet's length are
-            known; "repeated": begins before the end of an earlier one, left out; "unreadable": nothing seen, left out.
+        outcome: "placed": its bytes are in the packet; "waiting": stored until its place and the packet's length are
+            known; "repeated": begins before the end of an earlier one, ignored; "unreadable": no chip visible, ignored.
         blocks: preambles with a header.
-        bytes: coded bytes seen, of the stretches placed now.
-        cut: coded bytes of which an end of the stretch left a part, of the stretches placed now.
-        doubtful: coded bytes with a bit that is not sure, of the stretches placed now.
-        violations: words that are none of the line code, of the stretches placed now.
-        share: of the bytes needed that are there, by the scarcest codeword; from 1 on the packet may be decoded.
-        payload: where it is whole now.
+        bytes: coded bytes received, of the stretches placed now.
+        cut: coded bytes that an end of the stretch cuts, of the stretches placed now.
+        doubtful: coded bytes with an uncertain bit, of the stretches placed now.
+        violations: words that are not in the line code, of the stretches placed now.
+        share: received share of the bytes needed, minimum over the codewords; from 1 on decoding is possible.
+        payload: the payload if it was completed now.
     """
 
     outcome: str
@@ -93,7 +93,7 @@ class Stretch:
 
     @classmethod
     def _of(cls, values: tuple[Any, ...]) -> Stretch:
-        """From the core's values."""
+        """Convert the core's values."""
         outcome, blocks, seen, cut, doubtful, violations, share, payload = values
         whole = None if payload is None else Payload(*payload)
         return cls(outcome, blocks, seen, cut, doubtful, violations, share, whole)
@@ -108,18 +108,18 @@ def transmit(
     preamble: str = "standard",
     number: int = 0,
 ) -> Transmission:
-    """Chips of on-off keying that carry a payload through the gaps between frames.
+    """Encode a payload as chips of on-off keying that survive the gaps between frames.
 
-    Sent over and over; a receiver may begin anywhere. The payload, its number and a CRC-32 fill Reed-Solomon words of
-    which about a third is data, interleaved over short blocks, each with a preamble and a sequence number: as soon as
-    the bytes seen, whichever they are, are as many as the data, the payload is there.
+    The chips are sent repeatedly; a receiver may begin anywhere. The payload, its number and a CRC-32 fill Reed-Solomon
+    words of which about a third is data. They are interleaved over short blocks, each with a preamble and a sequence
+    number: any received bytes, as many as the data, recover the payload.
 
     Args:
         payload: bytes, or (bytes,) uint8; at least 1, at most :func:`longest_payload`.
         line_code: "none" (NRZ), "manchester", "4b6b", "8b10b", or a table: 2, 4, 16 or 256 words of 0 and 1.
-        block_bytes: coded bytes of a block, 1 to 255. Short blocks show a preamble in every frame, long ones cost less.
+        block_bytes: coded bytes of a block, 1 to 255. Short blocks have more preambles, long ones have less overhead.
         preamble: "standard" (14 chips), or "lengthened" (42) for exposures above 8 chips.
-        number: of the packet, 0 to 255; one more (modulo 256) for each packet that follows.
+        number: of the packet, 0 to 255; increased by 1 (modulo 256) for each following packet.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -141,13 +141,13 @@ def transmit(
 def longest_payload(
     *, line_code: str | Sequence[str] = "manchester", block_bytes: int = 16, preamble: str = "standard"
 ) -> int:
-    """Bytes that one packet can hold; at most 4095. Arguments and errors as those of :func:`transmit`."""
+    """Maximum bytes of one packet; at most 4095. Arguments and errors as in :func:`transmit`."""
     return _core.longest_payload(as_line_code(line_code)[1], count("block_bytes", block_bytes, 1), preamble)
 
 
 @checked
 def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> ByteArray:
-    """Chips of a line code, 1 = bright.
+    """Encode bits as chips of a line code, 1 = bright.
 
     Args:
         bits: (bits,) of 0 and 1, whole words: 1 bit ("none", "manchester"), 4 ("4b6b"), 8 ("8b10b"), or log2 of the
@@ -155,7 +155,7 @@ def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> Byt
         line_code: as in :func:`transmit`. "8b10b" begins at running disparity -1.
 
     Raises:
-        ValueError: other values than 0 and 1, a length that is no whole number of words, an unknown code.
+        ValueError: values other than 0 and 1, a length that is no whole number of words, an unknown code.
     """
     values = np.asarray(bits)
     if values.ndim != 1 or (values.size and values.dtype.kind not in "bui"):
@@ -169,15 +169,15 @@ def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> Byt
 def decode_line_code(
     llr: npt.ArrayLike, line_code: str | Sequence[str]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-    """Soft bits of soft chips.
+    """Decode soft chips to soft bits.
 
     Args:
-        llr: (chips,) log-likelihood ratios ln P(bright)/P(dark), nats; 0: not seen. Whole words.
+        llr: (chips,) log-likelihood ratios ln P(bright)/P(dark), nats; 0: unknown. Whole words.
         line_code: as in :func:`transmit`.
 
     Returns:
-        Log-likelihood ratios of the bits, (bits,): the difference of the best words with a 1 and with a 0 there; and
-        violations, (words,): True where the hard decisions of a wholly seen word are none of the code.
+        Log-likelihood ratios of the bits, (bits,): the difference between the best words with a 1 and with a 0; and
+        violations, (words,): True if the hard decisions of a completely received word are not in the code.
 
     Raises:
         ValueError: a wrong shape, NaN, a length that is no whole number of words, an unknown code.
@@ -188,13 +188,13 @@ def decode_line_code(
 
 @checked_class
 class PacketAssembler:
-    """Payloads out of stretches of soft chips, each at its place on the sender's clock.
+    """Assemble payloads from stretches of soft chips at known positions on the sender's clock.
 
-    Bounded memory; packets follow each other by their numbers, and a packet that goes on is given out again whenever
-    it has arrived anew.
+    Memory is bounded. Packets are distinguished by their numbers; a repeated packet is returned each time it is
+    completed again.
 
     Args:
-        line_code: as in :func:`transmit`, and as the sender's, like ``block_bytes`` and ``preamble``.
+        line_code: of the sender, as in :func:`transmit`; so are ``block_bytes`` and ``preamble``.
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
     """
@@ -212,12 +212,12 @@ class PacketAssembler:
 
     @checked
     def push(self, first: int, llr: npt.ArrayLike) -> Stretch:
-        """The next stretch, in time order.
+        """Process the next stretch, in time order.
 
         Args:
-            first: index of its first chip on a clock that counts the chips sent, from any origin. A slip by a chip or
-                two is healed by the next header.
-            llr: (chips,) ln P(bright)/P(dark), nats; 0: not seen.
+            first: index of its first chip on a clock that counts the chips sent, from any origin. The next header
+                corrects a slip by one or two chips.
+            llr: (chips,) ln P(bright)/P(dark), nats; 0: unknown.
 
         Raises:
             ValueError: a wrong shape, or NaN.
@@ -225,12 +225,12 @@ class PacketAssembler:
         return Stretch._of(self._handle.push(int(first), _as_ratios(llr)))
 
     def lose_clock(self) -> None:
-        """The clock has jumped: what is in the packet stays, the next header gives the place anew."""
+        """Reset the position after a jump of the clock: received bytes are kept, the next header gives the position."""
         self._handle.lose_clock()
 
 
 def as_line_code(line_code: str | Sequence[str]) -> tuple[str | tuple[str, ...], str | list[str]]:
-    """As an attribute, and as the core takes it."""
+    """The line code as an attribute and in the form that the core reads."""
     if isinstance(line_code, str):
         return line_code, line_code
     words = tuple(line_code)

@@ -1,4 +1,4 @@
-"""Undoing what the exposure does to the columns of a picture."""
+"""Compensation of the exposure's low-pass response in the columns of a picture."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ Float64s = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class EqualizerReport:
-    """What :func:`equalize` could and could not restore.
+    """Limits of a result of :func:`equalize`.
 
     Attributes:
-        frequencies_lost: (bands, 2), Hz; from and to, rising, of which less than half of the amplitude came back (mean
-            over the columns). The last band ends at infinity: nothing above half the row rate can be told.
-        noise_gain: RMS noise of the result over that of the rows, away from the ends; one value a column.
-        noise: RMS noise of the rows that ``"wiener"`` reckoned with, in linear light; one value a column, 0 for
+        frequencies_lost: (bands, 2), Hz; ascending lower and upper ends of the bands restored to less than half of
+            their amplitude (mean over the columns). The last band ends at infinity: frequencies above half the row rate
+            are lost.
+        noise_gain: RMS noise of the result over that of the rows, away from the ends; one value per column.
+        noise: RMS noise of the rows assumed by ``"wiener"``, in linear light; one value per column, 0 for
             ``"inverse"``.
-        rows_extrapolated: last rows of the result, half an exposure of them, whose light no row saw in full.
+        rows_extrapolated: number of rows at the end, half an exposure, whose light no row integrated completely.
     """
 
     frequencies_lost: Float64s
@@ -70,30 +71,30 @@ def equalize(
 ) -> Float64s | tuple[Float64s, EqualizerReport]:
     """Light at the end of every row's exposure, from rows that hold its mean over the exposure.
 
-    Each column loses its least-squares line, is continued beyond its ends by linear prediction, multiplied in the
-    frequency domain by
+    The least-squares line of each column is subtracted. The rest is extended beyond its ends by linear prediction and
+    multiplied in the frequency domain by
 
         G(f) = H / max(|H|^2 + noise^2 / S(f), 1 / max_boost^2) * exp(j pi f T_e),   H = sinc(f T_e)
 
-    and gets its line back, half an exposure earlier. For ``"inverse"`` the noise term is 0, so that G = 1/H wherever
+    and the line, shifted by half an exposure, is added. For ``"inverse"`` the noise term is 0, so that G = 1/H wherever
     |H| >= 1/max_boost, and G falls to 0 at the nulls of H. For ``"wiener"`` S(f) is the light's power density, a
     constant over 1 + (f/corner)^2 fitted to each column. Constants and ramps are exact.
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order; finite.
-        camera: row time, exposure and tone curve. An exposure of 0 leaves the light as it is; one as long as all rows
-            leaves the mean of the column.
+        camera: row time, exposure and tone curve. An exposure of 0 returns the light unchanged; an exposure of all rows
+            or more returns the mean of the column.
         method: ``"inverse"`` or ``"wiener"``.
         noise: RMS noise of a row for ``"wiener"``, in linear light (DN above dark), 0 or above: a scalar or one value
-            a column ((columns,) or (frames, columns)); None: from second differences along each column, which takes
-            light that changes from row to row for noise. 0 gives the inverse.
+            per column ((columns,) or (frames, columns)); None: estimated from second differences along each column,
+            which include fast changes of the light. 0 gives the inverse.
         max_boost: largest factor at any frequency, 1 to 1e6: 20 log10(max_boost) dB.
-        out: float64 array of the same shape that takes the result; it may be ``columns`` itself.
+        out: float64 array of the same shape for the result; it may be ``columns`` itself.
         report: also return an :class:`EqualizerReport`.
 
     Returns:
         float64 array of the same shape: linear light above the dark level on the scale of DN, row n at the time n T_r
-        when its exposure ends. The last half exposure is extrapolated. With ``report`` a tuple of it and the report.
+        when its exposure ends. The last half exposure is extrapolated. With ``report`` a tuple (array, report).
 
     Raises:
         ValueError: no exposure in ``camera``, columns that are not finite, an argument outside its range or shape.
@@ -117,7 +118,7 @@ def equalize(
 
 @checked
 def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> Float64s:
-    """Bands of which ``equalize(..., method="inverse")`` gives back less than half of the amplitude.
+    """Bands that ``equalize(..., method="inverse")`` restores to less than half of their amplitude.
 
     These are |sinc(f T_e)| < 1 / (sqrt(2) max_boost), and everything above half the row rate.
 
@@ -126,7 +127,7 @@ def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> Float64s:
         max_boost: 1 to 1e6.
 
     Returns:
-        (bands, 2) float64, Hz, rising; the last band ends at infinity.
+        (bands, 2) float64, Hz, ascending; the last band ends at infinity.
 
     Raises:
         ValueError: no exposure in ``camera``, or ``max_boost`` outside its range.
@@ -135,7 +136,7 @@ def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> Float64s:
 
 
 def _noise(noise: npt.ArrayLike | None, per_column: tuple[int, ...]) -> Float64s:
-    """Empty for None, one value, or one a column."""
+    """The noise in the form that the core reads: empty for None, one value, or one per column."""
     if noise is None:
         return np.empty(0)
     values: npt.NDArray[Any] = np.asarray(noise, dtype=np.float64)

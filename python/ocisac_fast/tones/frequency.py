@@ -1,4 +1,4 @@
-"""The frequency of a periodic light and the row time, found from pictures."""
+"""Estimation of the frequency of a periodic light and of the row time from pictures."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ocisac_fast.core.flags import Flag
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToneColumns:
-    """Which columns show a periodic light.
+    """Selection of the columns that show a periodic light.
 
     Attributes:
-        used: (columns,) bool, True where the column serves.
-        strength: (columns,) share of the column's variation that is periodic, 0 to 1; neighbours that were summed
-            share one value.
-        saturated: more than a tenth of the pixels of the used columns are saturated: no better ones were found.
+        used: (columns,) bool, True if the column is selected.
+        strength: (columns,) periodic share of the column's variation, 0 to 1; columns that were summed share one value.
+        saturated: True if more than a tenth of the pixels of the selected columns are saturated and no better columns
+            exist.
     """
 
     used: npt.NDArray[np.bool_]
@@ -34,20 +34,20 @@ class ToneColumns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundFrequency:
-    """A frequency found from the rows, one for all columns and frames.
+    """A frequency estimated from the rows, common to all columns and frames.
 
     Attributes:
         frequency: Hz; cycles per row where the camera has no row time.
         frequency_std: its standard error in Hz, from the residual (see :func:`find_frequency`).
         cycles_per_row: ``frequency * camera.row_period``, at most 0.5.
         cycles_per_row_std: its standard error.
-        snr: power of the periodic part over the power of the residual, of the sums of columns that were fitted.
+        snr: power of the periodic part over the power of the residual, in the fitted sums of columns.
         harmonics: number of the highest harmonic in the fit; 1 for the fundamental alone.
-        columns: the columns used, and how strong the tone is in each.
-        flags: ``NO_TONE`` (nothing periodic stands out of the noise: a best guess, or NaN where nothing varies or
-            there are fewer than 8 rows), ``FEW_CYCLES`` (less than two in the frame: gradients and harmonics pass for
-            parts of the tone, which the standard error does not know), ``AT_BOUND``, ``SATURATED`` (more than a tenth
-            of the pixels used, and no better columns were found).
+        columns: the selected columns, and the strength of the tone in each.
+        flags: ``NO_TONE`` (no periodic component exceeds the noise: the best candidate, or NaN without variation or
+            with fewer than 8 rows), ``FEW_CYCLES`` (less than two in the frame: gradients and harmonics resemble parts
+            of the tone, an error that the standard error excludes), ``AT_BOUND``, ``SATURATED`` (more than a tenth of
+            the selected pixels, and no better columns exist).
     """
 
     frequency: float
@@ -67,7 +67,7 @@ class Calibration:
     Attributes:
         row_time: T_r in seconds.
         row_time_std: its standard error in seconds, for an exact frequency.
-        found: the tone behind it, in cycles per row.
+        found: the estimated tone, in cycles per row.
         flags: those of ``found``.
     """
 
@@ -86,34 +86,34 @@ def find_frequency(
     waveform: str = "auto",
     select: bool = True,
 ) -> FoundFrequency:
-    """Find the frequency of a periodic light, much finer than a bin of a spectrum.
+    """Estimate the frequency of a periodic light to a small fraction of a bin of the spectrum.
 
-    The strongest lines of the spectrum (OpenCV's DFT) and a grid over the first four cycles are candidates; the one
-    whose tone and first harmonics explain the columns best is the fundamental. It is then refined by least squares of
+    The strongest lines of the spectrum (OpenCV's DFT) and a grid over the first four cycles are candidates. The
+    candidate whose tone and first harmonics explain the columns best is the fundamental; least squares refine it by
 
         y_k(n) = trend_k(n) + sum_h [a_kh cos(2 pi h f T_r n) + b_kh sin(2 pi h f T_r n)]
 
     over all columns k with one f. The trend is a constant below 2 cycles in the frame, a line below 4, else a
-    parabola. Frames wider than 64 columns are summed in up to 64 groups of neighbours first; stored values are taken
-    as they are, since a tone curve keeps the period.
+    parabola. Frames wider than 64 columns are first summed in up to 64 groups of neighbours. Stored values are not
+    linearised, since a tone curve preserves the period.
 
     The standard error comes from the residual and allows noise that neighbouring columns share, that grows with the
     light, or that is correlated from row to row (speckle, text). In white noise the error of f is at the Cramer-Rao
     bound of the model above.
 
     Args:
-        columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, all of one light; frames need
-            no common phase. Finite.
-        camera: its row time sets the unit; without one frequencies are in cycles per row.
-            ``white_level`` is where pixels saturate.
-        bounds: lowest and highest frequency to look at, Hz. By default from one cycle in the frame to half the row
-            rate; above that a tone shows as its alias.
-        waveform: ``"auto"`` fits the harmonics that stand out of the noise, ``"tone"`` the fundamental alone,
+        columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, all of one light; the phase
+            may differ between frames. Finite.
+        camera: its row time sets the unit; without one, frequencies are in cycles per row.
+            ``white_level`` is the level of saturated pixels.
+        bounds: lowest and highest frequency of the search, Hz. By default from one cycle in the frame to half the row
+            rate; a tone above that is found at its alias.
+        waveform: ``"auto"`` fits the harmonics that exceed the noise, ``"tone"`` the fundamental alone,
             ``"square"`` all harmonics below half the row rate; at most 31.
-        select: leave out columns that do not show the light (:func:`tone_columns`).
+        select: use only the columns that show the light (:func:`tone_columns`).
 
     Returns:
-        The frequency with its standard error; a result without meaning carries a flag.
+        The frequency with its standard error; flags mark unreliable results.
 
     Raises:
         ValueError: wrong shape or type, samples that are not finite, bounds that are not 0 <= low < high with low below
@@ -144,18 +144,18 @@ def calibrate(
     select: bool = True,
     scan_axis: Literal["y", "-y", "x", "-x"] = "y",
 ) -> Calibration:
-    """Measure the row time with a light of known frequency: T_r = (cycles per row) / frequency.
+    """Estimate the row time from a light of known frequency: T_r = (cycles per row) / frequency.
 
     Args:
-        columns: as for :func:`find_frequency`; the columns that show the light are found among them.
+        columns: as for :func:`find_frequency`; the columns that show the light are selected among them.
         frequency: of the light, Hz, above 0 and below half the row rate.
-        bounds: shortest and longest row time to consider, seconds; None: at least one cycle in the frame.
+        bounds: shortest and longest row time, seconds; None: at least one cycle in the frame.
         waveform: as for :func:`find_frequency`.
         select: as for :func:`find_frequency`.
-        scan_axis: direction of the read-out, as of :class:`ocisac_fast.Camera`.
+        scan_axis: direction of the read-out, as in :class:`ocisac_fast.Camera`.
 
     Returns:
-        The row time with its standard error; a result without meaning carries a flag.
+        The row time with its standard error; flags mark unreliable results.
 
     Raises:
         ValueError: a frequency that is not finite and above 0, or as for :func:`find_frequency`.
@@ -174,16 +174,16 @@ def calibrate(
 
 @checked
 def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None = None) -> ToneColumns:
-    """Tell which columns show a periodic light, free of text, boxes, darkness and saturation.
+    """Select the columns that show a periodic light, without text, boxes, dark and saturated areas.
 
-    A column serves when its ratio of periodic to other energy (beyond a slow trend; fundamental and two harmonics) is
-    at least an eighth of the best. Where columns with at most a tenth of saturated pixels reach that, only those serve.
-    Frames wider than 64 columns are judged in up to 64 groups of neighbours.
+    A column is selected if its ratio of periodic to other energy (without a slow trend; fundamental and two harmonics)
+    is at least an eighth of the best. If columns with at most a tenth of saturated pixels reach that, only those are
+    selected. Frames wider than 64 columns are evaluated in up to 64 groups of neighbours.
 
     Args:
         columns: as for :func:`find_frequency`.
         camera: row time and, optionally, ``white_level``, at which pixels saturate.
-        frequency: of the light in Hz, above 0; None: found first.
+        frequency: of the light in Hz, above 0; None: estimated first.
 
     Raises:
         ValueError: as for :func:`find_frequency`, or a frequency that is not finite and above 0.
@@ -201,7 +201,7 @@ def pick_colour(
     bounds: tuple[float, float] | None = None,
     waveform: str = "auto",
 ) -> int:
-    """Of several pictures of one scene, such as the colours of one picture, the index of the best for a frequency.
+    """Index of the picture, among several of one scene (such as its colours), with the most precise frequency.
 
     Args:
         colours: one or more arrays as for :func:`find_frequency`. For a picture of shape (rows, columns, colours):
@@ -211,7 +211,7 @@ def pick_colour(
         waveform: as for :func:`find_frequency`.
 
     Returns:
-        The index of the colour whose frequency has the smallest standard error; 0 where none shows a tone.
+        The index of the colour whose frequency has the smallest standard error; 0 if none shows a tone.
 
     Raises:
         ValueError: no colours, or as for :func:`find_frequency`.

@@ -1,4 +1,4 @@
-"""The gain of a tone while light and tone vary along the column, and whether they do."""
+"""The gain of a tone in light that varies along the column, and a test of constancy."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from ocisac_fast.tones.gain import FloatArray, background_values, result_shape
 
 @dataclass(frozen=True)
 class VaryingToneGain:
-    """Gains of a tone that may vary, one value a column, in arrays like those of :class:`ocisac_fast.ToneGain`.
+    """Gains of a tone that may vary, one value per column, in arrays like those of :class:`ocisac_fast.ToneGain`.
 
     Attributes:
         gain: the tone's amplitude, mean over the rows, over the mean light and the waveform's ratio at full depth.
-        gain_std: its standard error, from the residual; several times that of ``tone_gain`` at few cycles, nearly the
-            same at many.
+        gain_std: its standard error, from the residual; several times that of ``tone_gain`` at few cycles, nearly equal
+            at many.
         mean: mean light of the source, DN above dark and background.
-        bias: gain of :func:`ocisac_fast.tone_gain` less this one.
-        bias_std: standard error of ``bias`` where the assumptions of ``tone_gain`` hold.
-        flags: uint32 masks of :class:`ocisac_fast.Flag`; MODEL_MISFIT where ``bias`` is above four ``bias_std`` and
-            above the standard error that ``tone_gain`` gives.
+        bias: gain of :func:`ocisac_fast.tone_gain` minus this one.
+        bias_std: standard error of ``bias`` under the assumptions of ``tone_gain``.
+        flags: uint32 masks of :class:`ocisac_fast.Flag`; MODEL_MISFIT if ``bias`` is above four ``bias_std`` and above
+            the standard error of ``tone_gain``.
     """
 
     gain: FloatArray
@@ -49,17 +49,17 @@ def varying_tone_gain(
     background: npt.ArrayLike = 0.0,
     threads: int = 1,
 ) -> VaryingToneGain:
-    """Gain of a tone in light with a gradient, or of a frequency that drifts or is not quite the given one.
+    """Gain of a tone in light with a gradient, or of a frequency that drifts or differs slightly from the given one.
 
-    ``tone_gain`` assumes a mean and a tone that stay the same down the column. Where they do not, its gain is biased
-    and its standard error does not know it. This fits, by least squares,
+    ``tone_gain`` assumes a mean and a tone that are constant along the column. Otherwise its gain is biased by more
+    than its standard error expresses. The model here, fitted by least squares, is
 
         y(n) = s(x) + sum_h [a_h(x) cos(2 pi h f T_r n) + b_h(x) sin(2 pi h f T_r n)],   x from -1 to 1 along the rows
 
-    with polynomials s, a_h and b_h, and tells by how much ``tone_gain`` differs. A gradient of the light, of the tone
-    or of both is exact while it is a polynomial of the degree. Of frequencies, degree 2 follows half a cycle in the
-    frame of error, or a drift of two from its first row to its last, to 1 % of the gain; beyond, and with less than two
-    cycles in the frame, it is flagged but not right.
+    with polynomials s, a_h and b_h; the difference from ``tone_gain`` is returned too. The gain is exact for gradients
+    of light and tone that are polynomials of the degree. With degree 2 a frequency error of half a cycle in the frame,
+    or a drift of two cycles from the first row to the last, changes the gain by up to 1 %. Beyond that, and with less
+    than two cycles in the frame, the gain is flagged but wrong.
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), as for ``tone_gain``.
@@ -68,12 +68,12 @@ def varying_tone_gain(
         degree: of the polynomials, 0 to 4.
         waveform: ``"tone"``, or ``"square"``: with its harmonics below half the row rate.
         duty: share of the period in which the square wave is bright, inside (0, 1).
-        background: light that is not the source's, DN above dark: one value, or (columns,) or (frames, columns).
-        threads: to use at most, 1 to 1024, and never more than processors; the result does not depend on it.
+        background: light of other origin, DN above dark: one value, or (columns,) or (frames, columns).
+        threads: maximum number, 1 to 1024, at most that of processors; the result does not depend on it.
 
     Returns:
-        :class:`VaryingToneGain`. Values that cannot be told are NaN and flagged: UNRESOLVABLE where the rows are too
-        few for the model or do not tell its parts apart.
+        :class:`VaryingToneGain`. Values that cannot be estimated are NaN and flagged: UNRESOLVABLE if the rows are too
+        few for the model or its terms are collinear.
 
     Raises:
         ValueError: an argument outside its range or of the wrong shape; the message names it.
