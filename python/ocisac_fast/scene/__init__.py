@@ -1,4 +1,4 @@
-"""Scenes: what a rolling-shutter camera sees of lights and moving surfaces, computed no further than needed."""
+"""Scenes: frames of lights and moving surfaces by a rolling-shutter camera, computed to a given tolerance."""
 
 from ocisac_fast.scene.description import Ambient, Sensor, Voxels
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring

@@ -1,4 +1,4 @@
-"""The lens's point-spread function: a Gaussian over the pixels, cut off where next to nothing is left."""
+"""The lens's point-spread function: a truncated Gaussian over the pixels."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ _REACH = 6.0  # standard deviations
 
 
 def margin(lens: Pinhole) -> int:
-    """Pixels from which light reaches another."""
+    """Radius of the point-spread function in pixels."""
     return math.ceil(_REACH * lens.blur)
 
 
 def left_out(lens: Pinhole) -> float:
-    """Largest error by the light beyond the reach, which is given to the pixels within it: a share of the brightest."""
+    """Bound on the error of the truncation, whose light is added to the rest, as a share of the brightest pixel."""
     if not lens.blur:
         return 0.0
-    return 4.0 * math.erfc((margin(lens) + 0.5) / (math.sqrt(2.0) * lens.blur))  # lost and given, on both axes
+    return 4.0 * math.erfc((margin(lens) + 0.5) / (math.sqrt(2.0) * lens.blur))  # removed and added, on both axes
 
 
 def widened(lens: Pinhole) -> Pinhole:
-    """The lens with as many more pixels on every side as light reaches: its pixel (margin, margin) is (0, 0)."""
+    """The lens extended by the margin on every side: its pixel (margin, margin) is (0, 0) of the original."""
     more = margin(lens)
     if not more:
         return lens
@@ -36,7 +36,7 @@ def widened(lens: Pinhole) -> Pinhole:
 
 
 def spread(lens: Pinhole, light: Array, top: int, left: int) -> tuple[Array, int, int]:
-    """Light on pixels of the widened lens as it falls on those of the lens, and where its rectangle is."""
+    """Convolve light on pixels of the widened lens; returns it on pixels of the lens with top and left."""
     more = margin(lens)
     edges = (np.arange(-more, more + 2) - 0.5) / (math.sqrt(2.0) * lens.blur)
     weights = np.diff([math.erf(edge) for edge in edges])

@@ -1,4 +1,4 @@
-"""Values of a scene, checked by name."""
+"""Checks of the values of a scene, by name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def number(
     *,
     open_low: bool = False,
 ) -> float:
-    """A finite number in [low, high], or above ``low`` where that end is open."""
+    """Return a finite number in [low, high], or above ``low`` if ``open_low``, else raise ValueError."""
     good = isinstance(value, (int, float)) or hasattr(value, "__float__")
     held = float(value) if good and not isinstance(value, (str, bool)) else math.nan
     if not math.isfinite(held) or held > high or held < low or (open_low and held == low):
@@ -25,14 +25,14 @@ def number(
 
 
 def whole(name: str, value: int, low: int, high: int) -> int:
-    """A whole number in [low, high]."""
+    """Return a whole number in [low, high], else raise ValueError."""
     if isinstance(value, bool) or not hasattr(value, "__index__") or not low <= value <= high:
         raise ValueError(f"{name}: got {value!r}, allowed: a whole number from {low} to {high}")
     return int(value)
 
 
 def numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
-    """As many finite numbers as ``count``."""
+    """Return ``count`` finite numbers, else raise ValueError."""
     try:
         held = tuple(values)
     except TypeError:
@@ -43,13 +43,13 @@ def numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]
 
 
 def instance(name: str, value: object, kinds: type | tuple[type, ...]) -> None:
-    """One of the given types."""
+    """Raise ValueError unless the value has one of the given types."""
     if not isinstance(value, kinds):
         names = kinds.__name__ if isinstance(kinds, type) else ", ".join(kind.__name__ for kind in kinds)
         raise ValueError(f"{name}: got {value!r}, allowed: {names}")
 
 
 def hold(target: object, **values: object) -> None:
-    """Sets attributes of a frozen object while it is made."""
+    """Set attributes of a frozen object during its construction."""
     for name, value in values.items():
         object.__setattr__(target, name, value)

@@ -1,4 +1,4 @@
-"""What is known of a waveform before it is integrated: its limits, its mean, and how far an exposure strays from it."""
+"""Bounds of a waveform before its integration: limits, mean, and deviation of the exposure's mean from it."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ Lines = list[tuple[float, complex]]  # waveform = sum of Re(a * exp(2j pi f t))
 
 @dataclass(frozen=True)
 class Course:
-    """A waveform as a plan sees it.
+    """Bounds of a waveform.
 
     Attributes:
         low, high: limits.
-        mean: over all time; the middle of the limits where there is none.
+        mean: over all time; the middle of the limits if there is none.
         stray: bound on |mean over an exposure - mean|.
         swing: bound on the range of the antiderivative of waveform - mean, divided by the exposure; infinite: unknown.
-        slope: largest, 1/s; infinite: there are edges, or it is unknown.
-        lines: as a sum of cosines, None where it is not one.
+        slope: largest, 1/s; infinite: edges, or unknown.
+        lines: the waveform as a sum of cosines; None if it is not one.
     """
 
     low: float
@@ -58,7 +58,7 @@ class Course:
 
 
 def check_light(waveform: Waveform) -> None:
-    """Refuses what is not a waveform, and light below 0."""
+    """Raise ValueError for an object that is not a waveform, and for light below 0."""
     instance("waveform", waveform, Waveform)
     low = limits(waveform)[0]
     if not low >= -1e-12:
@@ -132,7 +132,7 @@ def _product_lines(first: Lines, second: Lines) -> Lines:
 
 
 def _one_period(waveform: Waveform, exposure: float) -> tuple[float, float] | None:
-    """Mean, and range of the antiderivative of waveform - mean over the exposure, of what repeats."""
+    """Mean of a periodic waveform, and range of the antiderivative of waveform - mean over the exposure."""
     if isinstance(waveform, SquareWave):
         if waveform.frequency == 0:
             return float(sample_waveform(waveform, 0.0)), 0.0
@@ -145,13 +145,13 @@ def _one_period(waveform: Waveform, exposure: float) -> tuple[float, float] | No
     if isinstance(waveform, Samples) and waveform.repeat:
         values = waveform.values - waveform.values.mean()
         sums = np.concatenate([[0.0], np.cumsum((values + np.roll(values, -1)) / 2)])
-        between = float(np.ptp(values)) / 4  # how far a parabola leaves the line between its ends, at the most
+        between = float(np.ptp(values)) / 4  # max. distance of a parabola from its chord
         return float(waveform.values.mean()), (float(np.ptp(sums)) + 2 * between) / (waveform.sample_rate * exposure)
     return None
 
 
 def course(waveform: Waveform, exposure: float) -> Course:
-    """What is known of a waveform under an exposure (s)."""
+    """Compute the bounds of a waveform under an exposure (s)."""
     low, high = limits(waveform)
     lines = _lines(waveform)
     middle, half = (low + high) / 2, (high - low) / 2

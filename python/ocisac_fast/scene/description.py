@@ -1,4 +1,4 @@
-"""What a camera sees: lens, lights, surfaces, masks."""
+"""Contents of a scene: lens, lights, surfaces, masks."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _Item = TypeVar("_Item", Source, Surface, Mask)
 
 @dataclass(frozen=True)
 class Sensor:
-    """What becomes of light in the pixels: v = gain * T_e * p (DN above dark), eq. 4.
+    """Conversion of light to stored values: v = gain * T_e * p (DN above dark), eq. 4.
 
     Args:
         gain: A, DN of linear light per unit of light and second; above 0.
         bit_depth: 1 to 16 bits: values are rounded and clipped; None: floating point.
-        full_well: electrons at the white level, above 0, where pixels saturate; None: no saturation before the bit
-            depth's, and no shot noise.
+        full_well: electrons at the white level, where pixels saturate, above 0; None: only the bit depth saturates, and
+            there is no shot noise.
         read_noise: electrons, standard deviation; 0 or above. Needs ``full_well``.
-        shot_noise: whether electrons arrive at random (Poisson). Needs ``full_well``.
+        shot_noise: simulate the Poisson statistics of electrons. Needs ``full_well``.
     """
 
     gain: float
@@ -57,11 +57,11 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Ambient:
-    """Light I_e that falls on all surfaces alike, steady or not.
+    """Light I_e that illuminates all surfaces equally.
 
     Args:
         intensity: I_e, 0 or above.
-        waveform: its course, such as mains flicker.
+        waveform: its variation, such as mains flicker.
     """
 
     intensity: float = 0.0
@@ -74,12 +74,12 @@ class Ambient:
 
 @dataclass(frozen=True)
 class Voxels:
-    """What pixels see.
+    """Points of the scene that pixels see.
 
     Attributes:
-        index: (...) of the voxel's object in ``scene.sources + scene.surfaces``; -1: nothing.
-        points: (..., 3) in the world, m; NaN where nothing is.
-        distance: (...) from the camera, m; infinite where nothing is.
+        index: (...) of the voxel's object in ``scene.sources + scene.surfaces``; -1: none.
+        points: (..., 3) in the world, m; NaN without an object.
+        distance: (...) from the camera, m; infinite without an object.
     """
 
     index: npt.NDArray[np.int64]
@@ -89,17 +89,17 @@ class Voxels:
 
 @dataclass(frozen=True)
 class SceneDescription:
-    """A camera and what it sees; a pixel takes the nearest source or surface on the ray through its centre.
+    """A camera and its scene; a pixel sees the nearest source or surface on the ray through its centre.
 
     Args:
         lens: geometry of the camera.
         camera: its timing and tone response; the exposure must be above 0.
         sensor: gain, bit depth and noise.
-        sources, surfaces, masks: what is there, kept as tuples. Light passes masks before what it comes from.
+        sources, surfaces, masks: stored as tuples. A mask attenuates the light of the objects behind it.
         ambient: light on all surfaces.
 
     Raises:
-        ValueError: an object whose middle is not before the camera, or no exposure; the message names it.
+        ValueError: an object whose middle is not in front of the camera, or no exposure; the message names it.
     """
 
     lens: Pinhole
@@ -141,7 +141,7 @@ class SceneDescription:
 
     @property
     def white_level(self) -> float:
-        """DN of full light: the camera's, or the largest value of the bit depth (of 8 bits where there is none)."""
+        """DN of full light: the camera's, or the largest value of the bit depth (8 bits if there is none)."""
         return self.camera.white_level or float(2 ** (self.sensor.bit_depth or 8) - 1)
 
     @property
@@ -150,7 +150,7 @@ class SceneDescription:
         return self.sensor.gain * self.exposure
 
     def voxels(self, pixels: npt.ArrayLike) -> Voxels:
-        """What pixels see at frame 0: the inverse of ``lens.pixels_of``.
+        """Points that pixels see at frame 0: the inverse of ``lens.pixels_of``.
 
         Args:
             pixels: (..., 2) pixel coordinates (x, y).
@@ -170,9 +170,9 @@ class SceneDescription:
 
 
 def crossing(item: Source | Surface | Mask, origin: Array, rays: Array) -> tuple[Array, Array, Array]:
-    """Where rays from ``origin`` (3,) along ``rays`` (..., 3) meet an object's plane: distance and its x, y.
+    """Intersections of rays from ``origin`` (3,) along ``rays`` (..., 3) with an object's plane: distance, x, y.
 
-    The distance is infinite where they do not.
+    The distance is infinite without an intersection.
     """
     start = item.pose.to_object(origin)
     along = rays @ item.pose.matrix

@@ -1,4 +1,4 @@
-"""Where things are: poses, shapes, and the pinhole camera that maps voxels to pixels and back.
+"""Geometry: poses, shapes, and the pinhole camera that maps voxels to pixels and back.
 
 Coordinates are those of OpenCV: x to the right, y down, z away from the camera, in metres; pixel (x, y) has its centre
 at whole numbers, (0, 0) in the middle of the top left pixel.
@@ -22,11 +22,11 @@ _MAX_PIXELS = 2**28
 
 @dataclass(frozen=True)
 class Pose:
-    """Where an object stands and how it is turned.
+    """Position and orientation of an object.
 
     Args:
         position: of its origin in the world, (x, y, z) in metres.
-        rotation: axis times angle in rad (Rodrigues): turns the object's coordinates into the world's.
+        rotation: axis times angle in rad (Rodrigues) of the rotation from the object's to the world's coordinates.
     """
 
     position: Vector = (0.0, 0.0, 0.0)
@@ -64,8 +64,8 @@ class Pinhole:
         pixel_pitch: m, above 0.
         principal_point: (x, y) in pixels where the axis meets the sensor; None: the middle.
         pose: of the camera; it looks along its own z.
-        velocity: of the camera in the world, m/s. The geometry stands still within a frame, at the camera's place at
-            the frame's time.
+        velocity: of the camera in the world, m/s. The geometry is constant within a frame, with the camera at its
+            position at the frame's time.
         blur: standard deviation of the Gaussian point-spread function in pixels, 0 (sharp) to 100.
     """
 
@@ -104,20 +104,20 @@ class Pinhole:
         return self.principal_point or ((self.columns - 1) / 2, (self.rows - 1) / 2)
 
     def pixels_of(self, points: npt.ArrayLike) -> Array:
-        """Where voxels appear.
+        """Project voxels to pixels.
 
         Args:
             points: (..., 3) in the world, m.
 
         Returns:
-            (..., 2) pixel coordinates (x, y), not limited to the sensor; NaN for points not before the camera.
+            (..., 2) pixel coordinates (x, y), not limited to the sensor; NaN for points not in front of the camera.
         """
         seen = self.pose.to_object(points)
         depth = np.where(seen[..., 2:] > 0, seen[..., 2:], np.nan)
         return np.asarray(seen[..., :2] / depth * self.focal_pixels + np.array(self.centre))
 
     def rays_of(self, pixels: npt.ArrayLike) -> Array:
-        """Where pixels look: the inverse of `pixels_of` up to the distance.
+        """Directions of pixels: the inverse of `pixels_of` up to the distance.
 
         Args:
             pixels: (..., 2) pixel coordinates (x, y).
@@ -168,7 +168,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class Ring:
-    """Ring between two circles about its origin; patterns run round it and `speed` is that of its middle circle.
+    """Ring between two circles about its origin; patterns run along it, and `speed` is that at the middle circle.
 
     Args:
         diameter: of the middle circle, m, above 0.

@@ -1,4 +1,4 @@
-"""What a scene is made of: sources, surfaces, masks, and the patterns on them."""
+"""Objects of a scene: sources, surfaces, masks, and the patterns on them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from ocisac_fast.scene.geometry import Array, Disc, Pose, Rectangle, Ring, Shape
 class PathLoss:
     """Path loss beta(d) = (reference / d)^exponent * exp(-attenuation * d), d the distance to the camera.
 
-    The light on a pixel that an extended source fills does not depend on its distance: exponent 0, the default. A
-    source smaller than a pixel has exponent 2.
+    The light on a pixel that an extended source fills is independent of its distance: exponent 0, the default. A source
+    smaller than a pixel has exponent 2.
 
     Args:
         exponent: 0 or above.
@@ -50,7 +50,7 @@ def _check_levels(low: float, high: float) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Plain:
-    """The same reflectance (or transmittance of a mask) everywhere, 0 to 1."""
+    """Uniform reflectance (or transmittance of a mask), 0 to 1."""
 
     level: float = 1.0
 
@@ -63,8 +63,8 @@ class Cosine:
     """Stripes, eq. 7: low + (high - low) * (1/2 + 1/2 * cos(2 pi frequency * (x - speed * t) - phase)).
 
     Args:
-        frequency: spatial frequency f_x in periods a metre, above 0. A ring takes the nearest whole number of periods.
-        low, high: reflectance in the dark and the bright stripes, 0 to 1.
+        frequency: spatial frequency f_x in periods per metre, above 0. A ring uses the nearest whole number of periods.
+        low, high: minimum and maximum reflectance, 0 to 1.
         phase: rad.
     """
 
@@ -80,10 +80,10 @@ class Cosine:
 
 @dataclass(frozen=True)
 class Grating:
-    """Bars: ``high`` for a share ``duty`` of each period, centred where `Cosine` is brightest, else ``low``.
+    """Bars: ``high`` for a share ``duty`` of each period, centred at the maximum of `Cosine`, else ``low``.
 
     Args:
-        frequency: periods a metre, above 0; a slot and a bar make a period. A ring takes the nearest whole number.
+        frequency: periods per metre, above 0; a slot and a bar are one period. A ring uses the nearest whole number.
         duty: above 0 and below 1.
         low, high: reflectance (or transmittance) of bar and slot, 0 to 1.
         phase: rad.
@@ -105,13 +105,13 @@ class Grating:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture that repeats along x (round a ring) and y; one of them has its middle at the object's.
+    """A picture that repeats along x (around a ring) and y; the middle of one repetition is at the object's middle.
 
-    On a ring, its middle is at the ring's x axis, and on the middle circle.
+    On a ring, its middle is at the ring's x axis and on the middle circle.
 
     Args:
         levels: (rows, columns) reflectances, 0 to 1; kept as a read-only float64 copy.
-        width, height: of one repetition, m, above 0. A ring takes the nearest whole number of repetitions.
+        width, height: of one repetition, m, above 0. A ring uses the nearest whole number of repetitions.
     """
 
     levels: npt.NDArray[np.float64]
@@ -130,7 +130,7 @@ class Picture:
 
     @property
     def frequency(self) -> float:
-        """Repetitions a metre."""
+        """Repetitions per metre."""
         return 1 / self.width
 
 
@@ -147,8 +147,8 @@ class Source:
         waveform: the luminous factor eta(t), 0 to 1 for eq. 5.
         intensity: I_c, 0 or above.
         path_loss: beta(d) on the way to the camera.
-        directivity: light towards a surface at an angle a from its axis (its own z, either way) is cos(a)^directivity;
-            0: alike in all directions; 1: a Lambert radiator.
+        directivity: light towards a surface at an angle a from its axis (its own z, both directions) is
+            cos(a)^directivity; 0: isotropic; 1: a Lambertian radiator.
     """
 
     shape: Shape
@@ -182,7 +182,7 @@ class _Patterned:
 
     @property
     def spatial_frequency(self) -> float:
-        """True f_x of the pattern in periods a metre: on a ring a whole number of periods goes round; 0: plain."""
+        """Actual f_x of the pattern in periods per metre; a ring has a whole number of periods; 0: plain."""
         if isinstance(self.pattern, Plain):
             return 0.0
         if not isinstance(self.shape, Ring):
@@ -192,17 +192,17 @@ class _Patterned:
 
     @property
     def rate(self) -> float:
-        """Periods of the pattern that pass a place in a second, f_x * speed in Hz, signed."""
+        """Periods of the pattern that pass a point per second, f_x * speed in Hz, signed."""
         return self.spatial_frequency * self.speed
 
     def across(self, x: Array, y: Array) -> Array:
-        """The other coordinate of a picture on it: y, or the way out from a ring's middle circle."""
+        """Second coordinate of a picture on it: y, or the radial distance from a ring's middle circle."""
         return np.asarray(np.hypot(x, y) - self.shape.diameter / 2) if isinstance(self.shape, Ring) else y
 
     def periods(self, x: Array, y: Array) -> Array:
-        """Periods of the pattern from its phase 0 to the places (x, y) of the object, at time 0.
+        """Periods of the pattern from its phase 0 to the points (x, y) of the object, at time 0.
 
-        A picture has its middle at x = 0, as `across` has it at y = 0; its phase 0 is its left edge.
+        A picture has its middle at x = 0 and `across` = 0; its phase 0 is its left edge.
         """
         along = np.arctan2(y, x) * (self.shape.diameter / 2) if isinstance(self.shape, Ring) else x
         if isinstance(self.pattern, Picture):
@@ -213,16 +213,16 @@ class _Patterned:
 
 @dataclass(frozen=True)
 class Surface(_Patterned):
-    """A diffuse reflector, eq. 7, opaque, lit by the ambient light and by the sources (one bounce).
+    """A diffuse, opaque reflector, eq. 7, illuminated by the ambient light and by the sources (one bounce).
 
     Args:
         shape: a plate, or a ring.
         pose: of its middle; its plane is its own x and y.
         pattern: its reflectance.
-        speed: of the pattern along x (round a ring), m/s; the outline stays.
+        speed: of the pattern along x (around a ring), m/s; the outline does not move.
         path_loss: beta(d) on the way to the camera.
-        lit_by_sources: whether sources that are not behind it light it (non-line-of-sight): a source of intensity I
-            and area S at distance d adds I * S * cos(a)^directivity * cos(b) / (pi * d^2) to the ambient light.
+        lit_by_sources: sources that are not behind it illuminate it (non-line-of-sight): a source of intensity I and
+            area S at distance d adds I * S * cos(a)^directivity * cos(b) / (pi * d^2) to the ambient light.
     """
 
     path_loss: PathLoss = PathLoss()
@@ -236,11 +236,11 @@ class Surface(_Patterned):
 
 @dataclass(frozen=True)
 class Mask(_Patterned):
-    """A plate that lets light through, as a turning grating before a light: transmittance ``pattern``, else dark.
+    """A transmissive plate, such as a rotating grating in front of a light; opaque where ``pattern`` is 0.
 
     Args:
         shape: its outline.
         pose: of its middle.
         pattern: its transmittance.
-        speed: of the pattern along x (round a ring), m/s.
+        speed: of the pattern along x (around a ring), m/s.
     """

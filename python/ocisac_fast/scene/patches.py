@@ -1,4 +1,4 @@
-"""Which pixels see what: every pixel belongs to one patch, an object with the masks before it."""
+"""Patches of pixels: every pixel belongs to one patch, an object with the masks in front of it."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Patch:
     Attributes:
         name: of the object.
         item: the object.
-        masks: numbers of the masks before it.
+        masks: indices of the masks in front of it.
         top, left: of its rectangle.
-        inside: (height, width) the pixels of the rectangle that belong to it.
+        inside: (height, width) True for the pixels of the rectangle that belong to it.
         distance: (height, width) from the camera, m.
         rays: (height, width, 3) unit vectors.
-        origin: of the camera.
+        origin: position of the camera.
     """
 
     name: str
@@ -42,13 +42,13 @@ class Patch:
     origin: Array
 
     def places(self, item: Source | Surface | Mask) -> tuple[Array, Array]:
-        """(x, y) in an object's plane where the rays of the pixels meet it."""
+        """(x, y) of the pixels' rays in an object's plane."""
         _, x, y = crossing(item, self.origin, self.rays)
         return x, y
 
 
 def lens_at(scene: SceneDescription, time: float) -> Pinhole:
-    """The lens where the camera is at a time."""
+    """The lens with the camera's position at a time."""
     lens = scene.lens
     if not any(lens.velocity):
         return lens
@@ -57,7 +57,7 @@ def lens_at(scene: SceneDescription, time: float) -> Pinhole:
 
 
 def _window(lens: Pinhole, item: Source | Surface | Mask) -> tuple[slice, slice]:
-    """Rows and columns that may see an object: around its corners, or all where one is beside or behind the camera."""
+    """Rows and columns that may see an object: around its corners, or all if one is beside or behind the camera."""
     half_x, half_y = item.shape.half_size
     corners = item.pose.to_world([(x, y, 0.0) for x, y in product((-half_x, half_x), (-half_y, half_y))])
     pixels = lens.pixels_of(corners)

@@ -1,8 +1,8 @@
-"""What has to be computed of a scene, and what may be left out: `Plan`.
+"""Selection of the terms of a scene that are computed: `Plan`.
 
-Every light on a patch of pixels (a term) is kept, or replaced by something cheaper whose distance from it is bounded.
-For a waveform of cosines a_i at f_i, the exposure leaves |a_i| * |sinc(f_i T_e)| of each; any waveform of range
-[low, high] is within (high - low)/2 of its middle; a pattern moved by s periods is wrong over the edges it passes.
+Every light on a patch of pixels (a term) is computed, or replaced by a cheaper one with a bounded error. A waveform of
+cosines a_i at f_i contributes |a_i| * |sinc(f_i T_e)| of each after the exposure; a waveform of range [low, high] is
+within (high - low)/2 of its middle; a pattern displaced by s periods is wrong over the edges that it passes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ocisac_fast.scene.profile import Profile
 from ocisac_fast.scene.signals import LineSignal, PixelProfile, ProfileTable, RowSignal, Signal
 from ocisac_fast.scene.terms import Moving, Term, levels_at, terms
 
-_DROPPING_SHARE = 0.7  # of the tolerance, for what is left out; the rest is for tables
+_DROPPING_SHARE = 0.7  # of the tolerance, for replaced terms; the rest is for tables
 _ROUNDING = 1e-6  # of the light: float32 gains, tables and sums
 _MAX_PHASES = 65535
 _MAX_STEPS = 1 << 17
@@ -36,14 +36,14 @@ _MAX_STEPS = 1 << 17
 
 @dataclass(frozen=True)
 class Part:
-    """What a plan does about one term.
+    """Treatment of one term by a plan.
 
     Attributes:
-        name: the term.
-        kept: what is computed in each frame; empty: nothing.
-        dropped: what is left out; empty: nothing.
-        bound: on the error that this part adds to a pixel, DN.
-        pixels: how many it reaches.
+        name: of the term.
+        kept: text: the part computed in each frame; empty: nothing.
+        dropped: text: the neglected part; empty: nothing.
+        bound: bound on the error of this part in a pixel, DN.
+        pixels: number of pixels of the term.
     """
 
     name: str
@@ -61,17 +61,17 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What `render` computes.
+    """Computation of `render`.
 
     Attributes:
-        scene: that it is for.
-        tolerance: that was asked for, DN.
-        bound: on the error of linear light v in every pixel of every frame, DN. Above the tolerance only where that is
-            out of reach: rounding to float32, or sharp light through sharp edges at a tolerance near it. A moving
-            camera is planned anew at each frame: then that of frame 0.
-        parts: what is kept and what is dropped, term by term.
-        changing_pixels: how many are computed in each frame.
-        frames, start: that it is for.
+        scene: its scene.
+        tolerance: requested tolerance, DN.
+        bound: bound on the error of linear light v in every pixel of every frame, DN. It exceeds the tolerance only if
+            that cannot be reached: rounding to float32, or light with edges on patterns with edges. For a moving
+            camera, which is planned again at each frame, it is the bound of frame 0.
+        parts: computed and neglected parts, term by term.
+        changing_pixels: number of pixels computed in each frame.
+        frames, start: range of validity.
     """
 
     scene: SceneDescription
@@ -81,7 +81,7 @@ class Plan:
     changing_pixels: int
     frames: int
     start: float
-    _base: npt.NDArray[np.float32] | None = field(repr=False)  # light that stays (DN above dark); None: none
+    _base: npt.NDArray[np.float32] | None = field(repr=False)  # steady light (DN above dark); None: none
     _kept: tuple[tuple[_core.ScenePart, Signal], ...] = field(repr=False)
     _by_pixel: tuple[PixelProfile, ...] = field(repr=False)
 
@@ -94,7 +94,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class _Option:
-    """A cheaper stand-in for a term."""
+    """A cheaper replacement of a term."""
 
     bound: float  # DN
     dropped: str
@@ -105,11 +105,11 @@ class _Option:
 
 @dataclass
 class _Drawing:
-    """A plan in the making."""
+    """A plan under construction."""
 
     scene: SceneDescription
     start: float
-    middle: float  # s, of the time that the plan is for
+    middle: float  # s, of the time span of the plan
     half: float  # s, from its middle to its ends
     base: npt.NDArray[np.float32] | None = None
     kept: list[tuple[_core.ScenePart, Signal]] = field(default_factory=list)
@@ -133,7 +133,7 @@ def make_plan(
 
 
 def plan_at(scene: SceneDescription, tolerance: float, frames: int, start: float, frame: int) -> Plan:
-    """A plan with the lens where it is at a frame."""
+    """A plan with the lens at its position in a frame."""
     frame_time = scene.camera.frame_time or 0.0
     moving_lens = any(scene.lens.velocity)
     lens = lens_at(scene, start + frame * frame_time)
@@ -154,7 +154,7 @@ def plan_at(scene: SceneDescription, tolerance: float, frames: int, start: float
 
 
 def _noise(scene: SceneDescription) -> float:
-    """DN of the noise in the dark."""
+    """Noise in the dark, DN."""
     sensor = scene.sensor
     if not sensor.read_noise or sensor.full_well is None:
         raise ValueError("unit: got 'noise', allowed: 'DN' for a sensor without read noise")
@@ -178,7 +178,7 @@ def _plan_patch(drawing: _Drawing, patch: Patch, tolerance: float) -> tuple[list
 
 
 def _options(drawing: _Drawing, term: Term) -> Iterator[_Option]:
-    """Stand-ins from the cheapest to the term itself, which has bound 0."""
+    """Replacements in ascending order of cost, the last one being the term itself with bound 0."""
     light = course(term.waveform, drawing.scene.exposure)
     most = float(term.gains.max())
     if term.moving is None:
@@ -216,7 +216,7 @@ def _moving_options(drawing: _Drawing, term: Term, moving: Moving, light: Course
 
 
 def _steps_seen(moving: Moving, exposure: float) -> float:
-    """Largest level plus all upward steps of the pattern in an exposure."""
+    """Largest level plus the sum of upward steps of the pattern in an exposure."""
     if isinstance(moving.pattern, Cosine):
         high, spread = max(moving.pattern.low, moving.pattern.high), abs(moving.pattern.high - moving.pattern.low)
         return high + spread * math.ceil(abs(moving.rate) * exposure + 1)
@@ -225,7 +225,7 @@ def _steps_seen(moving: Moving, exposure: float) -> float:
 
 
 def _reflectance(moving: Moving) -> tuple[Array | float, float, float]:
-    """Mean for each pixel, lowest and highest."""
+    """Mean reflectance of each pixel, lowest and highest."""
     pattern = moving.pattern
     if isinstance(pattern, Cosine):
         return (pattern.low + pattern.high) / 2, min(pattern.low, pattern.high), max(pattern.low, pattern.high)
@@ -234,7 +234,7 @@ def _reflectance(moving: Moving) -> tuple[Array | float, float, float]:
 
 
 def _blurred(moving: Moving, light: Course, exposure: float) -> tuple[float, float]:
-    """Bounds on what a pattern's texture leaves under light, and on what the light's modulation leaves at its mean."""
+    """Bounds on a pattern's texture under the light, and on the light's modulation at the pattern's mean."""
     pattern, rate = moving.pattern, abs(moving.rate)
     if isinstance(pattern, Cosine):
         half, mean = abs(pattern.high - pattern.low) / 2, (pattern.low + pattern.high) / 2
@@ -252,7 +252,7 @@ def _blurred(moving: Moving, light: Course, exposure: float) -> tuple[float, flo
 
 
 def _still(drawing: _Drawing, moving: Moving) -> tuple[float, Array] | None:
-    """Error of a pattern held where it is in mid-time, and its levels there; None where edges pass."""
+    """Error of a pattern held at its mid-time position, and its levels there; None if edges pass."""
     pattern, rate = moving.pattern, moving.rate
     phase = moving.periods - rate * drawing.middle
     sweep = abs(rate) * drawing.half
@@ -268,7 +268,7 @@ def _still(drawing: _Drawing, moving: Moving) -> tuple[float, Array] | None:
 
 
 def _keep(drawing: _Drawing, patch: Patch, term: Term, option: _Option, share: float) -> Part:
-    """Enters what an option leaves to be computed into the drawing."""
+    """Add the computed part of an option to the plan."""
     gains = term.gains * option.factor
     pixels = int(patch.inside.sum())
     kept, bound = "", option.bound
@@ -297,7 +297,7 @@ def _add_base(drawing: _Drawing, patch: Patch, light: Array) -> None:
 
 
 def _on_sensor(drawing: _Drawing, patch: Patch, light: Array) -> tuple[Array, npt.NDArray[np.bool_], int, int]:
-    """Light of a patch as the lens spreads it, the pixels it falls on, and where their rectangle is."""
+    """Light of a patch after the lens's blur, its pixels, and top and left of its rectangle."""
     lens = drawing.scene.lens
     if not lens.blur:
         return light, patch.inside, patch.top, patch.left
@@ -306,7 +306,7 @@ def _on_sensor(drawing: _Drawing, patch: Patch, light: Array) -> tuple[Array, np
 
 
 def _add_rows(drawing: _Drawing, patch: Patch, gains: Array, signal: Callable[[int, int], Signal]) -> None:
-    """A gain map times a row integral; ``signal`` takes the first row and how many."""
+    """Add a gain map times a row integral; ``signal`` is called with the first row and the number of rows."""
     seen, inside, top, left = _on_sensor(drawing, patch, gains)
     if seen.size:
         _add_part(drawing, seen, inside, top, left, signal(top, seen.shape[0]))
@@ -343,7 +343,7 @@ def _add_part(
 
 
 def _spans(inside: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint32] | None:
-    """First pixel of each row and the one after the last; None where a row has gaps."""
+    """First pixel of each row and the one after the last; None if a row has gaps."""
     count = inside.sum(axis=1)
     first = np.where(count > 0, inside.argmax(axis=1), 0)
     last = np.where(count > 0, inside.shape[1] - inside[:, ::-1].argmax(axis=1), 0)
@@ -355,7 +355,7 @@ def _spans(inside: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint32] | None:
 def _add_cosine(
     drawing: _Drawing, patch: Patch, gains: Array, waveform: Waveform, moving: Moving, pattern: Cosine
 ) -> None:
-    """low + (high - low) * (1/2 + 1/2 * cos(a - b)) with cos(a - b) = cos a * cos b + sin a * sin b."""
+    """Add low + (high - low) * (1/2 + 1/2 * cos(a - b)) with cos(a - b) = cos a * cos b + sin a * sin b."""
     mean, half = (pattern.low + pattern.high) / 2, (pattern.high - pattern.low) / 2
     if isinstance(waveform, Constant):
         _add_base(drawing, patch, gains * mean * waveform.level)
@@ -367,10 +367,10 @@ def _add_cosine(
 
 
 def _steps(light: Course, exposure: float, weight: float, error: float) -> tuple[int, float]:
-    """Steps of `Light` in an exposure, and the error they leave.
+    """Steps of `Light` in an exposure, and the resulting error.
 
-    Light in [low, high] takes its antiderivative (high - low) * step / 4 off the chord at the most, and light of slope
-    s takes it s * step^2 / 8 off.
+    For light in [low, high] the antiderivative deviates from the chord by at most (high - low) * step / 4, for light of
+    slope s by at most s * step^2 / 8.
     """
     rough, smooth = weight * (light.high - light.low) / 4, weight * light.slope * exposure / 8
     steps = max(1, min(math.ceil(rough / error), math.ceil(math.sqrt(min(smooth, 1e200) / error)), _MAX_STEPS))
@@ -380,7 +380,7 @@ def _steps(light: Course, exposure: float, weight: float, error: float) -> tuple
 def _add_profile(
     drawing: _Drawing, patch: Patch, gains: Array, waveform: Waveform, moving: Moving, share: float
 ) -> tuple[str, float]:
-    """A table where one is small enough for its share of the error, else pixel by pixel."""
+    """Use a table if one within its share of the error is small enough, else compute pixel by pixel."""
     assert not isinstance(moving.pattern, Cosine)
     if drawing.scene.lens.blur:
         got = f"got {drawing.scene.lens.blur} before {patch.name}"

@@ -1,4 +1,4 @@
-"""Moving patterns with sharp edges under an exposure: exact, edge by edge."""
+"""Exact exposure integrals of moving patterns with sharp edges."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FEW_CELLS = 8.0
 
 
 def cycles(rate: float, frame_time: float, frame: int, start: float) -> float:
-    """Periods that have passed at the end of a frame's row 0, without the whole ones."""
+    """Fractional part of the periods that have passed at the end of a frame's row 0."""
     passed = Fraction(rate) * (Fraction(start) + frame * Fraction(frame_time))
     return float(passed % 1)
 
@@ -51,12 +51,12 @@ class Profile:
 
     @property
     def rise(self) -> float:
-        """Sum of the upward steps in a period, which is that of the downward steps; the largest of all lines."""
+        """Sum of the upward steps in a period, equal to that of the downward steps; maximum over the lines."""
         return float(np.abs(self.levels - np.roll(self.levels, 1, axis=1)).sum(axis=1).max()) / 2
 
     @property
     def spread(self) -> float:
-        """Range of the antiderivative of level - mean, in periods; the largest of all lines."""
+        """Range of the antiderivative of level - mean, in periods; maximum over the lines."""
         sums = np.cumsum((self.levels - self.means[:, np.newaxis]) * np.diff(self.edges), axis=1)
         return float(np.ptp(np.concatenate([np.zeros((len(sums), 1)), sums], axis=1), axis=1).max())
 
@@ -64,7 +64,7 @@ class Profile:
         return Profile(1 - self.edges[::-1], self.levels[:, ::-1], 0.0)
 
     def cell_of(self, place: Array) -> npt.NDArray[np.int64]:
-        """Cells from the pattern's edge 0, whole periods counted on."""
+        """Cell indices from the pattern's edge 0, counted across whole periods."""
         whole = np.floor(place)
         inside = np.searchsorted(self.edges, place - whole, side="right") - 1
         cells = self.levels.shape[1]
@@ -72,7 +72,7 @@ class Profile:
 
 
 class Light:
-    """Antiderivative of a waveform from the beginning of a frame's first exposure, linear between steps of a grid."""
+    """Antiderivative of a waveform from the beginning of a frame's first exposure, linear between grid points."""
 
     def __init__(self, waveform: Waveform, camera: Camera, rows: int, steps: int, start: float, frame: int) -> None:
         assert camera.exposure is not None
@@ -88,7 +88,7 @@ class Light:
             self._step, self._sums = step, np.concatenate([[0.0], np.cumsum(light * step)])
 
     def until(self, time: Array) -> Array:
-        """Light up to a time (s) after the end of row 0's exposure."""
+        """Integral of the light up to a time (s) after the end of row 0's exposure."""
         if self._level is not None:
             return np.asarray(self._level * time)
         place = (time + self._exposure) / self._step
@@ -144,7 +144,7 @@ def expose_profile(
 
 
 def _area(profile: Profile, line: npt.NDArray[np.int64], place: Array) -> Array:
-    """Integral of a line from edge 0 to a place in periods."""
+    """Integral of a line from edge 0 to a position in periods."""
     cells = profile.levels.shape[1]
     cell = profile.cell_of(place)
     inside = cell % cells

@@ -25,22 +25,22 @@ def render(
     seed: int = 0,
     threads: int = 1,
 ) -> Iterator[Frame]:
-    """Frames of a scene: dark level + v, v = A * T_e * p (eq. 4) within the plan's tolerance.
+    """Render frames of a scene: dark level + v, v = A * T_e * p (eq. 4) within the plan's tolerance.
 
-    Then, where the sensor has them: noise (only on demand), saturation, tone curve, rounding.
+    Sensor effects follow in this order: noise (if requested), saturation, tone curve, rounding.
 
     Args:
-        plan: of `Scene.plan`.
-        frames: how many, up to those of the plan; None: all of them.
-        noise: draw the sensor's shot and read noise.
+        plan: from `Scene.plan`.
+        frames: number of frames, up to that of the plan; None: all.
+        noise: simulate the sensor's shot and read noise.
         seed: of the noise, 0 or above; the same seed gives the same frames.
-        threads: 1 or more; the frames do not depend on them.
+        threads: 1 or more; the frames do not depend on it.
 
     Yields:
-        (rows, columns): uint8 up to 8 bits, uint16 above, float32 where the sensor has no bit depth.
+        (rows, columns): uint8 up to 8 bits, uint16 above, float32 for a sensor without bit depth.
 
     Raises:
-        ValueError: more frames than planned, or noise of a sensor that has none, at the call.
+        ValueError: more frames than planned, or noise of a sensor without noise, at the call.
     """
     count = plan.frames if frames is None else frames
     if not 1 <= count <= plan.frames:
@@ -84,7 +84,7 @@ def _fill(plan: Plan, number: int, dark: float, white: float, threads: int, out:
 
 
 def respond(scene: SceneDescription, light: npt.NDArray[np.float32], random: np.random.Generator | None) -> Frame:
-    """What the sensor makes of linear light (DN above dark)."""
+    """Convert linear light (DN above dark) to stored values."""
     sensor, dark = scene.sensor, scene.camera.dark_level
     span = scene.white_level - dark
     if random is not None and sensor.full_well is not None:
@@ -105,7 +105,7 @@ def respond(scene: SceneDescription, light: npt.NDArray[np.float32], random: np.
 
 
 def _encoded(scene: SceneDescription, light: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Stored share of full scale for a share of full light: the tone curve's inverse, odd below dark."""
+    """Stored share of full scale for a share of full light: the tone curve's inverse, odd symmetry below dark."""
     curve = scene.camera.tone_curve
     if curve == "linear":
         return light

@@ -16,12 +16,12 @@ class Scene(SceneDescription):
     def plan(
         self, tolerance: float = 0.5, unit: Literal["DN", "noise"] = "DN", frames: int = 1, start: float = 0.0
     ) -> Plan:
-        """Selects the terms to compute so that every pixel is within ``tolerance`` of the full model.
+        """Select the terms to compute so that every pixel is within ``tolerance`` of the full model.
 
         Args:
             tolerance: largest error of linear light v, before saturation, tone curve and rounding; above 0.
-            unit: of the tolerance: ``"DN"``, or shares of the noise in the dark, ``"noise"``.
-            frames: number of frames that the plan serves.
+            unit: of the tolerance: ``"DN"``, or ``"noise"``: standard deviations of the noise in the dark.
+            frames: number of frames that the plan covers.
             start: end of the exposure of row 0 of frame 0, s.
         """
         return make_plan(self, tolerance, unit, frames, start)

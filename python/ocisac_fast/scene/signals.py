@@ -1,4 +1,4 @@
-"""What changes from frame to frame: the row integrals of a part, as tables for the core or as light on its pixels."""
+"""Row integrals that change from frame to frame: tables for the core, or light pixel by pixel."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Table = npt.NDArray[np.float32]
 
 
 class Signal(Protocol):
-    """Rows of a part in one frame."""
+    """Row integrals of a part in one frame."""
 
     def table(self, camera: Camera, start: float, frame: int) -> Table:
         """(height, phases) mean light over each row's exposure."""
@@ -31,7 +31,7 @@ def _integrate(waveform: Waveform, camera: Camera, rows: npt.NDArray[np.int64], 
 
 @dataclass(frozen=True)
 class RowSignal:
-    """One row integral for all pixels of a row: a source, or light on a steady surface."""
+    """One row integral for all pixels of a row: a source, or light on a static surface."""
 
     waveform: Waveform
     top: int
@@ -44,7 +44,7 @@ class RowSignal:
 
 @dataclass(frozen=True)
 class LineSignal:
-    """Mean of waveform * cos(2 pi rate t), or of its sine: what a moving cosine adds to `RowSignal`."""
+    """Mean of waveform * cos(2 pi rate t), or of its sine: the moving part of a cosine pattern."""
 
     waveform: Waveform
     rate: float
@@ -92,8 +92,8 @@ class PixelProfile:
     """A moving pattern with edges, pixel by pixel.
 
     Attributes:
-        rows, columns: (pixels,) which they are.
-        gains, phase, line: (pixels,) of each.
+        rows, columns: (pixels,) coordinates.
+        gains, phase, line: (pixels,) values.
     """
 
     waveform: Waveform

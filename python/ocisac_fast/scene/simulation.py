@@ -1,4 +1,4 @@
-"""Recordings of a modulated light, made rather than measured."""
+"""Simulated recordings of a modulated light."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def simulate_frames(
     dtype: npt.DTypeLike = np.uint8,
     seed: int = 0,
 ) -> Iterator[npt.NDArray[Any]]:
-    """Frames of a light that fills the picture: dark_level + swing * p_n + noise, p_n of ``integrate_exposure``.
+    """Simulate frames filled by a light: dark_level + swing * p_n + noise, with p_n from ``integrate_exposure``.
 
     Args:
         waveform: the light.
@@ -39,11 +39,11 @@ def simulate_frames(
         swing: stored values (DN) from no light to light 1; finite.
         dark_level: stored value (DN) of no light; finite.
         noise: standard deviation of the noise, DN, normal, independent in every pixel; 0 or above.
-        dtype: uint8 and uint16 round to the nearest and clip at their range, float32 and float64 keep all.
+        dtype: uint8 and uint16 are rounded to nearest and clipped; float32 and float64 are neither.
         seed: of the noise; the same seed gives the same frames.
 
     Yields:
-        (rows, columns) arrays of ``dtype``; the memory is that of one frame.
+        (rows, columns) arrays of ``dtype``; one frame at a time is in memory.
 
     Raises:
         ValueError: a value outside its range, at the call.

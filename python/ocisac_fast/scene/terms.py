@@ -18,10 +18,10 @@ from ocisac_fast.scene.patches import Patch
 
 @dataclass(frozen=True)
 class Moving:
-    """A pattern that moves before the pixels of a patch: its phase at time t is ``periods - rate * t``.
+    """A pattern that moves in front of the pixels of a patch: its phase at time t is ``periods - rate * t``.
 
     Attributes:
-        pattern: what moves.
+        pattern: the pattern.
         rate: Hz, signed, not 0.
         periods: (height, width) phase at time 0.
         line: (height, width) rows of a picture; 0 for other patterns.
@@ -35,13 +35,13 @@ class Moving:
 
 @dataclass(frozen=True)
 class Term:
-    """Light (DN above dark) ``gains`` * waveform(t) * moving pattern(t), before the exposure's mean.
+    """Light (DN above dark) ``gains`` * waveform(t) * moving pattern(t), before integration over the exposure.
 
     Attributes:
-        name: in the plan's words.
+        name: its name in the plan.
         gains: (height, width), 0 outside the patch.
         waveform: of the light.
-        moving: None where nothing on the way moves.
+        moving: the moving pattern, or None.
     """
 
     name: str
@@ -65,7 +65,7 @@ def levels_at(pattern: Plain | Cosine | Grating | Picture, periods: Array, line:
 
 
 def picture_line(pattern: Plain | Cosine | Grating | Picture, y: Array) -> npt.NDArray[np.int64]:
-    """Row of a picture at the height y of its object."""
+    """Row of a picture at the coordinate y of its object."""
     if not isinstance(pattern, Picture):
         return np.zeros(np.shape(y), np.int64)
     rows = pattern.levels.shape[0]
@@ -81,7 +81,7 @@ def _area(shape: Shape) -> float:
 
 
 def bounce(source: Source, surface: Surface, points: Array, origin: Array) -> Array:
-    """Light of a source that a white surface would send back from ``points`` (..., 3), per unit of its waveform."""
+    """Light of a source reflected by a white surface at ``points`` (..., 3), per unit of its waveform."""
     away = points - np.array(source.pose.position)
     distance = np.linalg.norm(away, axis=-1)
     normal = surface.pose.matrix[:, 2]
@@ -94,7 +94,7 @@ def bounce(source: Source, surface: Surface, points: Array, origin: Array) -> Ar
 
 
 def _way(scene: SceneDescription, patch: Patch) -> tuple[Array, Moving | None]:
-    """Product of the patterns that stand still, and the one that moves."""
+    """Product of the static patterns, and the moving one."""
     steady = patch.inside.astype(np.float64)
     moving: list[Moving] = []
     way: list[Surface | Mask] = [scene.masks[index] for index in patch.masks]
@@ -113,7 +113,7 @@ def _way(scene: SceneDescription, patch: Patch) -> tuple[Array, Moving | None]:
 
 
 def terms(scene: SceneDescription, patch: Patch) -> Iterator[Term]:
-    """The terms of a patch, brightness v = A * T_e * p included."""
+    """The terms of a patch, scaled to v = A * T_e * p."""
     steady, moving = _way(scene, patch)
     seen = scene.scale * steady * patch.item.path_loss.at(patch.distance)
     if isinstance(patch.item, Source):

@@ -1,6 +1,6 @@
-"""Scenes as TOML files: the keys are the arguments of the classes, a `kind` names the class where there is a choice.
+"""Scenes as TOML files: keys are the arguments of the classes; `kind` names the class where several are possible.
 
-Poses are written as `position` and `rotation` of their object.
+`position` and `rotation` of an object define its pose.
 """
 
 from __future__ import annotations
@@ -45,24 +45,24 @@ _LISTS: Kinds = {"sources": Source, "surfaces": Surface, "masks": Mask}
 
 
 class SceneFileError(ValueError):
-    """A file that does not describe a scene; says the file, the line and the key."""
+    """A file that does not describe a scene; the message names file, line and key."""
 
 
 @dataclasses.dataclass(frozen=True)
 class _Folder:
-    """Where the pictures of a scene lie."""
+    """Folder of a scene's pictures."""
 
     path: Path
     any_folder: bool
 
 
-# The parts of a dotted key, what ends one, and what may hold dots that are none of it: strings and comments.
+# Separators of a dotted key, terminators, and tokens whose dots are not separators: strings and comments.
 _KEY_TOKEN = re.compile(r"""#[^\n]*|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[.,\[\]{}=\n]""")
 _MAX_KEY_PARTS = 100
 
 
 def _check_keys(text: str) -> None:
-    """Refuse dotted keys of absurd length: the parser's time grows with the square of their parts."""
+    """Reject dotted keys of absurd length: the parser's time grows with the square of their parts."""
     parts = 1
     for token in _KEY_TOKEN.finditer(text):
         if token[0] == ".":
@@ -82,12 +82,12 @@ class _BadKey(ValueError):
 
 
 def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Scene:
-    """A scene from a TOML file.
+    """Load a scene from a TOML file.
 
     Args:
         path: of the file.
-        any_folder: pictures (``file = "..."``) may lie anywhere; otherwise only in the folder of ``path`` and below, so
-            that a scene from elsewhere reads nothing of this machine's.
+        any_folder: allow pictures (``file = "..."``) in any folder; otherwise only in the folder of ``path`` and below,
+            so that an untrusted scene cannot read other files.
 
     Raises:
         SceneFileError: a ValueError: not TOML, unknown or missing keys, bad values; names the file, line and key.
@@ -115,10 +115,10 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
 
 
 def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Writes a scene to a TOML file that `load_scene` reads; what has its default value is left out.
+    """Write a scene to a TOML file that `load_scene` reads; arguments with their default value are omitted.
 
     Raises:
-        ImportError: tomli-w is not there: pip install 'ocisac-fast[scene]'.
+        ImportError: tomli-w is missing: pip install 'ocisac-fast[scene]'.
         OSError: the file cannot be written.
     """
     import tomli_w
@@ -137,8 +137,8 @@ def _dotted(keys: Keys) -> str:
 
 
 def _line_of(text: str, keys: Keys) -> int:
-    """Line of a key, or of the table that lacks it: the first after its table's header that has the name."""
-    counts: dict[Keys, int] = {}  # items so far of the list of tables at these keys
+    """Line of a key, or of the table that lacks it: the first line with the name after the table's header."""
+    counts: dict[Keys, int] = {}  # number of items so far in the list of tables at these keys
     section: Keys = ()
     best, depth = 1, -1
     for number, line in enumerate(text.splitlines(), 1):
@@ -153,14 +153,14 @@ def _line_of(text: str, keys: Keys) -> int:
             if isinstance(key, str) and re.search(rf"(^|[{{,\s]){re.escape(key)}\s*=", line):
                 found = place + 1
             elif isinstance(key, str) and place >= depth:
-                break  # an inner key counts only after those around it
+                break  # an inner key counts only after its outer keys
         if found > depth:
             best, depth = number, found
     return best
 
 
 def _section(header: str, counts: dict[Keys, int]) -> Keys:
-    """Keys of the table that [header] or [[header]] begins; names of lists stand for their last item."""
+    """Keys of the table that [header] or [[header]] opens; names of lists denote their last item."""
     of_list = header.startswith("[[")
     names = [name.strip(" \t\"'") for name in header.lstrip("[").partition("]")[0].split(".")]
     keys: Keys = ()
@@ -194,7 +194,7 @@ def _scene(document: dict[str, Any], folder: _Folder) -> Scene:
 
 
 def _of_argument(error: ValueError, keys: Keys) -> _BadKey:
-    """An error "argument: got ..." at the argument's key."""
+    """Attach an error "argument: got ..." to the key of the argument."""
     name, _, problem = str(error).partition(": ")
     parts = re.findall(r"\w+", name) if re.fullmatch(r"[\w.\[\]]+", name) else []
     own = tuple(int(part) if part.isdigit() else part for part in parts)
@@ -211,7 +211,7 @@ def _fields(maker: Callable[..., Any]) -> dict[str, dataclasses.Field[Any]]:
 
 
 def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: _Folder) -> Any:
-    """An object from its table."""
+    """Construct an object from its table."""
     if not isinstance(table, dict):
         raise _BadKey(keys, f"got {table!r}, allowed: a table")
     fields = _fields(maker)
@@ -273,7 +273,7 @@ def _choice(name: str, table: Any, keys: Keys, folder: _Folder) -> Any:
 
 
 def _picture(name: Any, keys: Keys, folder: _Folder) -> Any:
-    """Grey levels of a picture file of the scene, 0 to 1."""
+    """Grey levels, 0 to 1, of a picture file of the scene."""
     from ocisac_fast.files.pictures import grey_levels
 
     if not isinstance(name, str):
@@ -290,7 +290,7 @@ def _picture(name: Any, keys: Keys, folder: _Folder) -> Any:
 
 
 def _plain(item: Any) -> Any:
-    """An object as TOML has it."""
+    """Convert an object to TOML types."""
     if isinstance(item, np.ndarray):
         return item.tolist()
     if isinstance(item, tuple):
