@@ -1,4 +1,4 @@
-"""The contrast of a moving texture, given back by the equaliser."""
+"""Restoration of a moving texture's contrast by the equaliser."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ class RestoredContrast:
     """Contrast gain of columns before and after equalisation.
 
     Attributes:
-        before, before_std: gain along the columns as they are; |sinc(f T_e)| in theory.
+        before, before_std: gain along the columns before equalisation; |sinc(f T_e)| in theory.
         after, after_std: gain of the equalised columns, away from their ends.
         theory: of ``after`` in long columns, for ``"inverse"``: |H|^2 / max(|H|^2, 1/max_boost^2), 1 where the boost
             suffices; NaN for ``"wiener"``.
-        expected: of ``after`` in columns of so many rows without noise, whose ends keep the equaliser from telling the
-            texture from a null that is less than a cycle in the frame away; NaN for ``"wiener"``.
-        snr_before, snr_after: power of the tone over that of the noise, of the columns as they are and equalised: below
-            1 the eye sees noise.
-        columns: float64 array of the shape of the columns given: the equalised columns.
-        flags: NEAR_NULL: |sinc| < 0.05; WEAK: noise has ended it, ``after`` is below three standard errors.
+        expected: of ``after`` in columns of this length without noise, where the equaliser cannot separate the texture
+            from a null less than a cycle in the frame away; NaN for ``"wiener"``.
+        snr_before, snr_after: power ratio of tone to noise before and after equalisation; noise dominates the picture
+            below 1.
+        columns: float64 array of the equalised columns, of the shape of the argument.
+        flags: NEAR_NULL: |sinc| < 0.05; WEAK: ``after`` is below three standard errors.
     """
 
     before: float
@@ -61,12 +61,12 @@ def restore_contrast(
     max_boost: float = 10.0,
     depth: float = 1.0,
 ) -> RestoredContrast:
-    """Equalise the columns of a moving texture and tell how much of its contrast came back.
+    """Equalise the columns of a moving texture and measure its contrast before and after.
 
-    The exposure leaves |sinc(f_x v T_e)| of the contrast (eq. 16); :func:`equalize` multiplies by its inverse, up to
-    ``max_boost``, and noise with it: tone and noise at f_x v grow alike, so that the relative standard error of the
-    contrast stays what it was, while the noise of all other frequencies decides what a column looks like. For motion
-    across the rows; along them a column holds another frequency than the light of a pixel.
+    The exposure reduces the contrast to |sinc(f_x v T_e)| (eq. 16). :func:`equalize` multiplies by the inverse, up to
+    ``max_boost``. It amplifies tone and noise at f_x v equally, so the relative standard error of the contrast does not
+    change; noise at other frequencies dominates the look of a column. Valid for motion across the rows: along them, the
+    frequency in a column differs from that of the light in a pixel.
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order; at least four exposures and
@@ -87,7 +87,7 @@ def restore_contrast(
     if camera.exposure is None:
         raise ValueError("camera.exposure: got None, allowed: the exposure time in seconds")
     rows = array.shape[0 if array.ndim < 3 else 1]
-    ends = math.ceil(2.0 * camera.exposure / camera.row_period)  # rows that the frame's ends disturb
+    ends = math.ceil(2.0 * camera.exposure / camera.row_period)  # rows affected by the ends of the frame
     inner = min(ends, rows // 4)
     if not (
         rows * camera.row_period >= 4.0 * camera.exposure and (rows - 2 * inner) * camera.row_period * frequency >= 1.0
@@ -99,7 +99,7 @@ def restore_contrast(
     middle = found[..., inner : rows - inner, :] if found.ndim > 1 else found[inner : rows - inner]
     after = sense_region(_grey(middle), light, frequency, depth=depth, motion="across")
     response = abs(float(np.sinc(frequency * camera.exposure)))
-    share = math.sqrt(rows / (rows - 2 * inner))  # of the standard error, for rows left out
+    share = math.sqrt(rows / (rows - 2 * inner))  # increase of the standard error by the excluded rows
     relative = min(before.gain_std / before.gain, 1.0) if before.gain > 0.0 else 1.0
     after_std = max(after.gain_std, after.gain * relative * share)
     row_noise = _row_noise(array, camera, before.contrast, before.mean, before.snr * depth**2)
@@ -123,12 +123,12 @@ def restore_contrast(
 
 
 def _grey(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """As frames of one colour: a stack of three columns is no colour picture here."""
+    """Add the axis of one colour, since three columns would resemble a colour picture."""
     return columns[..., np.newaxis] if columns.ndim == 3 else columns
 
 
 def _expected(camera: Camera, frequency: float, rows: int, inner: int, max_boost: float) -> float:
-    """What the equaliser makes of a full-depth texture without noise, over all phases."""
+    """Gain of an equalised full-depth texture without noise, over all phases."""
     phases = 2.0 * np.pi * np.arange(_PHASES) / _PHASES
     columns = [integrate_exposure(Tone(frequency, 2.0, phase), camera, rows) for phase in phases]
     restored = equalize(np.stack(columns, axis=1), camera, max_boost=max_boost)

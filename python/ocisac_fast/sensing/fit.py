@@ -1,4 +1,4 @@
-"""The fit behind :mod:`ocisac_fast.sensing`: one frequency for all columns of a region, amplitudes and phases free."""
+"""Least-squares fit of :mod:`ocisac_fast.sensing`: one frequency for all columns, free amplitudes and phases."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ocisac_fast.camera.linear_light import linear_light
 Float64s = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
 
-_SEARCHED = 8  # blocks of 64 columns that a search looks at
+_SEARCHED = 8  # max. number of blocks of 64 columns in a search
 _STEPS = 12
 _RIDES = 3
 _SETTLED = 1e-3  # of the mean light
@@ -23,17 +23,17 @@ _SETTLED = 1e-3  # of the mean light
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Slow light, and on it a tone with harmonics and other tones, over the rows of a column.
+    """Slow light and, modulating it, a tone with harmonics and other tones, over the rows of a column.
 
     Attributes:
         cycles: of the tone per row.
         harmonics: of the tone, 1 first.
-        shape: (rows,) brightness that the tones ride on, mean 1.
+        shape: (rows,) envelope of the tones, mean 1.
         design: (rows, parameters): Legendre polynomials, then ``shape`` times cosine and sine of each harmonic, then of
             each other tone, phases from the middle row.
         weights: its pseudo-inverse.
-        steering: harmonics that the frequency is found by; those that noise hides would feign information.
-        slope: derivative of ``design`` by ``cycles``, of those.
+        steering: harmonics that estimate the frequency; those below the noise would add spurious information.
+        slope: derivative of ``design`` by ``cycles`` for these harmonics.
         first: index of the fundamental's cosine.
     """
 
@@ -48,23 +48,23 @@ class Model:
 
     @property
     def stiffening(self) -> Float64s:
-        """(rows, parameters): ``slope`` without what amplitudes can make up for."""
+        """(rows, parameters): ``slope`` projected onto the complement of ``design``."""
         return self.slope - self.design @ (self.weights @ self.slope)
 
     @property
     def covariance(self) -> Float64s:
-        """Of the parameters, for noise of variance 1."""
+        """Covariance of the parameters for noise of variance 1."""
         return self.weights @ self.weights.T
 
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """What the columns of a region hold.
+    """Fit of the columns of a region.
 
     Attributes:
         parameters: (frames, parameters, columns).
         noise: (frames, columns), variance of a row.
-        cycles_std: standard error of ``model.cycles``; 0 where it was given.
+        cycles_std: standard error of ``model.cycles``; 0 for a given frequency.
     """
 
     model: Model
@@ -74,7 +74,7 @@ class Fitted:
 
     @property
     def mean(self) -> Float64s:
-        """(frames, columns)."""
+        """(frames, columns) mean light."""
         return np.asarray(self.parameters[:, 0])
 
     @property
@@ -84,16 +84,16 @@ class Fitted:
 
 
 def trend_degree(cycles: float) -> int:
-    """A constant below 2 cycles in the frame, a line below 4, a parabola below 8, as ``find_frequency`` has it, and
-    beyond what a lamp near a wall needs, degree 4."""
+    """Degree of the slow light: 0 below 2 cycles in the frame, 1 below 4, 2 below 8, as in ``find_frequency``; else 4,
+    which fits a lamp near a wall."""
     return 0 if cycles < 2 else 1 if cycles < 4 else 2 if cycles < 8 else 4
 
 
 def harmonics_of(waveform: str, duty: float, cycles: float, rows: int) -> tuple[int, ...]:
-    """Of a square wave those below half the row rate that it has, as many as half the rows can tell."""
+    """Harmonics of a square wave below half the row rate, limited to the number that half the rows can resolve."""
     if waveform == "tone":
         return (1,)
-    below = range(2, int(0.5 / max(cycles, 0.25 / rows)) + 1)  # none where the tone itself is above
+    below = range(2, int(0.5 / max(cycles, 0.25 / rows)) + 1)  # empty where the tone itself is above
     kept = [h for h in below if h * cycles < 0.5 - 1.0 / rows and abs(np.sinc(h * duty)) > 1e-9]
     return (1, *kept[: max(0, rows // 4 - 4)])
 
@@ -107,8 +107,8 @@ def make_model(
     steering: Sequence[int] | None = None,
     shape: Float64s | None = None,
 ) -> Model:
-    """``others``: cycles per row of other tones; ``degree`` of the slow light: by the cycles, unless it is given;
-    ``steering``: all harmonics, unless given; ``shape``: even, unless given."""
+    """Make a model. ``others``: cycles per row of other tones; ``degree`` of the slow light, by default from the
+    cycles; ``steering``: by default all harmonics; ``shape``: by default constant."""
     degree = trend_degree(cycles * rows) if degree is None else degree
     steering = tuple(harmonics) if steering is None else tuple(steering)
     shape = np.ones(rows) if shape is None else shape
@@ -130,10 +130,10 @@ def make_model(
 def with_tones_shaped_by_light(
     frames: npt.NDArray[Any], camera: Camera, model: Model, background: float, others: Sequence[float]
 ) -> Model:
-    """The model, its tones riding on the slow light that all columns and frames share: where the light falls off along
-    the rows, so do its tones. Even where that light comes near 0.
+    """The model with tones modulated by the slow light that all columns and frames share: where the light decreases
+    along the rows, the tones do too. ``shape`` is constant if that light comes near 0.
 
-    Tones that are fitted with a wrong shape pull at the slow light; three rounds settle a fall of 7 to 1.
+    Tones fitted with a wrong shape bias the slow light; three iterations converge for a ratio of 7 to 1.
     """
     for _ in range(_RIDES if model.first > 1 else 0):
         parameters, _squares = project(frames, camera, model.weights)
@@ -149,7 +149,7 @@ def with_tones_shaped_by_light(
 
 
 def with_harmonics_above_noise(fitted: Fitted, others: Sequence[float]) -> Model:
-    """The model, its frequency found by the harmonics that stand out of the noise."""
+    """The model with its frequency estimated by the harmonics that exceed the noise."""
     model = fitted.model
     spread = np.diagonal(model.covariance)
     chance = 1.0 + max(1.0, 4.0 / np.sqrt(fitted.noise.size))
@@ -163,7 +163,7 @@ def with_harmonics_above_noise(fitted: Fitted, others: Sequence[float]) -> Model
 
 
 def pseudo_inverse(design: Float64s) -> Float64s:
-    """By QR, or by singular values where the parts of the model are all but alike."""
+    """Pseudo-inverse by QR, or by singular values if the columns of the design are nearly collinear."""
     q, r = np.linalg.qr(design)
     scale = np.abs(np.diagonal(r))
     if design.shape[0] < design.shape[1] or scale.min() < 1e-9 * scale.max():
@@ -172,7 +172,7 @@ def pseudo_inverse(design: Float64s) -> Float64s:
 
 
 def light_of(frames: npt.NDArray[Any], camera: Camera, index: int) -> Float64s:
-    """Frame ``index`` of (frames, rows, columns) in linear light, float64."""
+    """Linear light of frame ``index`` of (frames, rows, columns), float64."""
     return linear_light(frames[index], camera)
 
 
@@ -187,7 +187,7 @@ def project(frames: npt.NDArray[Any], camera: Camera, weights: Float64s) -> tupl
 
 
 def fit(frames: npt.NDArray[Any], camera: Camera, model: Model, cycles_std: float = 0.0) -> Fitted:
-    """Amplitudes and noise of every column at the model's frequency."""
+    """Fit amplitudes and noise of every column at the model's frequency."""
     parameters, squares = project(frames, camera, model.weights)
     gram = model.design.T @ model.design
     explained = np.einsum("jpk,pq,jqk->jk", parameters, gram, parameters)
@@ -197,10 +197,10 @@ def fit(frames: npt.NDArray[Any], camera: Camera, model: Model, cycles_std: floa
 
 
 def refine(frames: npt.NDArray[Any], camera: Camera, model: Model, others: Sequence[float]) -> Model:
-    """The frequency of least squares over all columns and frames, by Gauss-Newton from a start within its basin.
+    """Refine the frequency by least squares over all columns and frames: Gauss-Newton from a start within its basin.
 
-    With the amplitudes of each column projected out (variable projection), a step needs the products of a few row
-    weights with the columns, and nothing else.
+    The amplitudes of each column are projected out (variable projection), so a step needs only the products of a few
+    row weights with the columns.
     """
     rows, best = frames.shape[1], model
     reach = 0.25 / (rows * model.steering[-1])
@@ -218,12 +218,12 @@ def refine(frames: npt.NDArray[Any], camera: Camera, model: Model, others: Seque
 
 
 def frequency_std(frames: npt.NDArray[Any], camera: Camera, fitted: Fitted) -> float:
-    """Standard error of the cycles per row: that of white noise, or from the residual row by row where that is more, as
-    columns may share their noise."""
+    """Standard error of the cycles per row: that of white noise or that of the residual row by row, whichever is
+    larger, since columns may share their noise."""
     model = fitted.model
     away = model.stiffening
     spread = energy = 0.0
-    stiffness = -float(fitted.noise.sum() * np.einsum("np,nq,pq->", away, away, model.covariance))  # what noise feigns
+    stiffness = -float(fitted.noise.sum() * np.einsum("np,nq,pq->", away, away, model.covariance))  # bias by noise
     for index, parameters in enumerate(fitted.parameters):
         residual = light_of(frames, camera, index) - model.design @ parameters
         force = away @ parameters
@@ -238,8 +238,8 @@ def frequency_std(frames: npt.NDArray[Any], camera: Camera, fitted: Fitted) -> f
 
 
 def search_columns(frames: npt.NDArray[Any], camera: Camera, others: Sequence[float]) -> npt.NDArray[Any]:
-    """Frames for a search, up to eight blocks of 64 columns without the other tones. Columns are not summed, as
-    ``find_frequency`` does with more than 64: a moving texture would cancel."""
+    """Frames for a search: up to eight blocks of 64 columns without the other tones. Columns are not summed, unlike in
+    ``find_frequency`` above 64, since a moving texture would cancel."""
     count = min(len(frames), _SEARCHED)
     columns = frames.shape[2]
     blocks = max(1, min(columns // 64, _SEARCHED // count))
@@ -258,10 +258,10 @@ def search_columns(frames: npt.NDArray[Any], camera: Camera, others: Sequence[fl
 
 @dataclass(frozen=True, slots=True)
 class PhaseAdvance:
-    """How the tone's phase advances from one series to the next (columns or frames).
+    """Advance of the tone's phase from one series to the next (columns or frames).
 
     Attributes:
-        cycles: per step, in (-1/2, 1/2]; NaN where there is one series only.
+        cycles: per step, in (-1/2, 1/2]; NaN for a single series.
         std: its standard error.
     """
 
@@ -296,8 +296,8 @@ def phase_advance(tones: Complexes, component_variance: float) -> PhaseAdvance:
 
 
 def phase_spread(tones: Complexes, component_variance: float) -> tuple[float, bool]:
-    """Phases of (frames, columns) about that common to a frame's columns: RMS in rad beyond the noise, and whether it
-    exceeds the noise by four standard errors."""
+    """Spread of the phases of (frames, columns) about their common phase in each frame: RMS in rad after subtraction of
+    the noise, and True if it exceeds the noise by four standard errors."""
     frames, columns = tones.shape
     freedom = frames * (columns - 1)
     if freedom < 1 or not np.abs(tones).any():

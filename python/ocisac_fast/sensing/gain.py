@@ -1,4 +1,4 @@
-"""Gains of a region: amplitudes over means of many columns or pixels, pooled without the bias that noise brings."""
+"""Gains of a region: amplitude over mean, pooled over many columns or pixels without bias by noise."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _MAX_DRAWN = 64  # columns
 
 @dataclass(frozen=True, slots=True)
 class Ambient:
-    """Light that is not the source's: (frames, columns) or one value, its standard error, and whether all columns share
-    one measurement."""
+    """Light of other origin: (frames, columns) or one value, its standard error; ``shared``: one measurement for all
+    columns."""
 
     mean: Float64s
     std: Float64s
@@ -39,11 +39,11 @@ class PooledGain:
 
 
 def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
-    """sqrt(sum |z|^2 / sum m^2) over columns and frames, with the noise's share taken out of both sums.
+    """sqrt(sum |z|^2 / sum m^2) over columns and frames, with the noise's expectation subtracted from both sums.
 
-    This weighs each column by its light, as least squares of one gain would, and stays unbiased where single columns
-    drown in noise. The standard error comes from the residual of each column and holds for noise that columns do not
-    share.
+    This weights each column by its light, as least squares of one gain does, and is unbiased even if the noise of a
+    column exceeds its tone. The standard error comes from the residual of each column and is valid for noise that is
+    independent between columns.
     """
     covariance = fitted.model.covariance
     first = fitted.model.first
@@ -66,7 +66,7 @@ def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
 
 
 def _by_cycles(fitted: Fitted, by: Float64s) -> float:
-    """Half the derivative of gain^2 by the frequency, whose error is independent of those at a given frequency."""
+    """Half the derivative of gain^2 by the frequency, whose error is independent of the other errors."""
     model = fitted.model
     follow = (-model.weights @ model.slope)[[0, model.first, model.first + 1]]
     return float(np.einsum("ajk,ap,jpk->", by, follow, fitted.parameters))
@@ -76,7 +76,7 @@ def _ambient_variance(by_mean: Float64s, ambient: Ambient) -> float:
     std = np.broadcast_to(ambient.std, by_mean.shape)
     if ambient.shared:
         return float((by_mean * std).sum() ** 2)
-    return float(((by_mean * std).sum(axis=0) ** 2).sum())  # a column's measurement serves all frames
+    return float(((by_mean * std).sum(axis=0) ** 2).sum())  # one measurement per column for all frames
 
 
 def contrast_range(fitted: Fitted) -> float:
@@ -93,10 +93,11 @@ def contrast_range(fitted: Fitted) -> float:
 
 
 def over_frames(region: npt.NDArray[Any], camera: Camera, advance: float, fitted: Fitted) -> Fitted | None:
-    """The fit of every pixel's course over the frames, at ``advance`` cycles a frame; None where that is no tone there:
-    fewer than 6 frames, less than a cycle, or less than half of one from half the frame rate.
+    """Fit of every pixel's course over the frames at ``advance`` cycles per frame.
 
-    Harmonics and other tones fold there to anywhere; they are taken off as the columns show them.
+    None where the tone cannot be resolved: fewer than 6 frames, less than a cycle, or less than half a cycle from half
+    the frame rate. Harmonics and other tones alias to arbitrary frequencies; they are subtracted as fitted in the
+    columns.
     """
     count, rows, columns = region.shape
     at = abs(advance)

@@ -1,4 +1,4 @@
-"""What a region shows, told from its phases: a light, a moving texture or a still one, and its motion."""
+"""Classification of a region by its phases: a light, a moving or a still texture, and its motion."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ocisac_fast.sensing.motion import Motion, MotionKnowledge, Seen, across_row
 
 Kind = Literal["light", "moving", "still", "unknown"]
 
-_NEAR_MISS = 10.0  # timing tolerances within which a light is not ruled out
+_NEAR_MISS = 10.0  # timing tolerances within which a light is not excluded
 
 
 def seen_by(fitted: Fitted, advance: PhaseAdvance, camera: Camera) -> Seen:
-    """What the motion is worked out from."""
+    """Phases from which the motion is computed."""
     frame_time = math.nan if camera.frame_time is None else camera.frame_time
     return Seen(fitted.model.cycles, fitted.cycles_std, advance.cycles, advance.std, camera.row_period, frame_time)
 
@@ -24,7 +24,7 @@ def seen_by(fitted: Fitted, advance: PhaseAdvance, camera: Camera) -> Seen:
 def kind_of(
     seen: Seen, common: bool, doubt: bool, motion: str | None, tolerance: float
 ) -> tuple[Kind, str | None, Flag]:
-    """Light, moving or still, the axis of the motion where it is known, and what is not sure."""
+    """Kind of the region, axis of the motion where known, and flags of uncertainty."""
     flags = Flag.AMBIGUOUS_KIND if doubt else Flag(0)
     if seen.frames_known:
         expected = seen.per_row * seen.frame_time / seen.row_time
@@ -52,14 +52,14 @@ def kind_of(
 def motion_facts(
     kind: Kind, axis: str | None, seen: Seen, known: MotionKnowledge, advance: PhaseAdvance
 ) -> dict[str, Any]:
-    """Fields of ``SensedRegion`` that tell of the motion, and flags."""
+    """Fields of ``SensedRegion`` that describe the motion, and flags."""
     if kind == "still":
         motion = along_rows(seen, known)
         if not abs(motion.frequency) > 4.0 * motion.std + 1e-6 / seen.frame_time:
             std = seen.per_frame_std / seen.frame_time
             rest = {"motion_frequency": 0.0, "motion_frequency_std": std, "motion_candidates": motion.candidates}
             return {"kind": kind, "speed": 0.0, "flags": motion.flags, **rest}
-        kind = "moving"  # by whole cycles a frame
+        kind = "moving"  # by whole cycles per frame
     if kind != "moving":
         return {"kind": kind, "flags": Flag(0)}
     if axis == "along":
@@ -83,7 +83,7 @@ def motion_facts(
 
 
 def _speed(motion: Motion, known: MotionKnowledge, per_pixel: float, pixel_std: float) -> dict[str, float]:
-    """Speed and spatial frequency: one told and the other from f_x v; or the texture's cycles over the pitch."""
+    """Speed and spatial frequency: one is given and the other follows from f_x v; or from cycles over pitch."""
     frequency = abs(motion.frequency)
     if known.spatial_frequency is not None:
         texture, texture_std = known.spatial_frequency, 0.0

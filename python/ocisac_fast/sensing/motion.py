@@ -1,4 +1,4 @@
-"""From what a column and its frames show of a moving texture to the motion: which answers there are."""
+"""Motion of a texture from its phases in a column and between frames: all possible solutions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Seen:
     Attributes:
         per_row, per_row_std: cycles, above 0.
         per_frame, per_frame_std: cycles, in (-1/2, 1/2]; NaN for a single frame.
-        row_time, frame_time: s; NaN where the frame time is not known.
+        row_time, frame_time: s; NaN if the frame time is unknown.
     """
 
     per_row: float
@@ -30,13 +30,13 @@ class Seen:
 
     @property
     def frames_known(self) -> bool:
-        """Whether the advance from frame to frame can be used."""
+        """True if the advance from frame to frame can be used."""
         return math.isfinite(self.per_frame) and math.isfinite(self.frame_time)
 
 
 @dataclass(frozen=True, slots=True)
 class MotionKnowledge:
-    """What the caller knows; None where unknown.
+    """Information given by the caller; None where unknown.
 
     Attributes:
         direction: +1 with the read-out, -1 against it, 0 unknown.
@@ -57,12 +57,12 @@ class MotionKnowledge:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """An answer, signed: phases 2 pi (still n + frequency t), t = n T_r + j T_f.
+    """A solution, signed: phases 2 pi (still n + frequency t), t = n T_r + j T_f.
 
     Attributes:
-        frequency, std: Hz; NaN where there is no telling.
+        frequency, std: Hz; NaN if not determined.
         still: cycles per row of the texture at rest, signed.
-        candidates: all frequencies (magnitudes, Hz, rising) that fit, at most 16.
+        candidates: all frequencies (magnitudes, Hz, ascending) that fit, at most 16.
         flags: AMBIGUOUS_MOTION, MODEL_MISFIT.
     """
 
@@ -80,13 +80,13 @@ class Motion:
 
 
 def across_rows(seen: Seen) -> Motion:
-    """Motion across the rows: nothing of the still texture is in a column."""
+    """Motion across the rows: a column shows nothing of the texture at rest."""
     frequency, std = seen.per_row / seen.row_time, seen.per_row_std / seen.row_time
     return Motion(frequency, std, 0.0, (frequency,), Flag(0))
 
 
 def along_rows(seen: Seen, known: MotionKnowledge) -> Motion:
-    """Motion along the rows: per_row = still + frequency T_r, where the row pitch makes the still part."""
+    """Motion along the rows: per_row = still + frequency T_r, where still depends on the row pitch."""
     solutions = _from_one_frame(seen, known)
     if solutions is None:
         solutions = _from_frames_alone(seen, known) if seen.frames_known else []
@@ -116,7 +116,7 @@ def _allowed(seen: Seen, known: MotionKnowledge, frequency: float, std: float) -
 
 
 def _from_one_frame(seen: Seen, known: MotionKnowledge) -> list[tuple[float, float]] | None:
-    """Signed frequencies and standard errors that a column alone allows; None where pitch and texture are unknown."""
+    """Signed frequencies and standard errors that fit one column; None if pitch and texture are unknown."""
     if known.pitch is None or (known.spatial_frequency is None and known.speed is None):
         return None
     if known.spatial_frequency is not None:
@@ -124,7 +124,7 @@ def _from_one_frame(seen: Seen, known: MotionKnowledge) -> list[tuple[float, flo
         std = seen.per_row_std / seen.row_time
         return [((seen.per_row - side * still) / seen.row_time, std) for side in (1, -1)]
     assert known.speed is not None
-    per_row_time = known.pitch / known.speed  # the texture's way from one row to the next takes so long
+    per_row_time = known.pitch / known.speed  # time in which the texture moves by one row
     spans = [seen.row_time + side * per_row_time for side in (1, -1)]
     return [(seen.per_row / span, seen.per_row_std / abs(span)) for span in spans if span]
 
@@ -132,7 +132,7 @@ def _from_one_frame(seen: Seen, known: MotionKnowledge) -> list[tuple[float, flo
 def _checked_by_frames(
     seen: Seen, known: MotionKnowledge, solutions: list[tuple[float, float]]
 ) -> tuple[list[tuple[float, float]], bool]:
-    """Solutions moved to the nearest frequency that also advances the phase from frame to frame as seen."""
+    """Move the solutions to the nearest frequency that also fits the advance from frame to frame."""
     fine = seen.per_frame_std / seen.frame_time
     kept, nearest = [], []
     for frequency, std in solutions:
@@ -149,7 +149,7 @@ def _checked_by_frames(
 
 
 def _from_frames_alone(seen: Seen, known: MotionKnowledge) -> list[tuple[float, float]]:
-    """Every frequency that advances the phase as seen, slow ones first."""
+    """All frequencies that fit the advance, slow ones first."""
     std = seen.per_frame_std / seen.frame_time
     turns = sorted(range(-_MAX_TURNS, _MAX_TURNS + 1), key=abs)
     frequencies = ((seen.per_frame + k) / seen.frame_time for k in turns)

@@ -1,4 +1,4 @@
-"""The sensing side of whole pictures: every light and every texture that is periodic along the rows."""
+"""Sensing of whole pictures: every light and every texture that is periodic along the rows."""
 
 from __future__ import annotations
 
@@ -40,26 +40,26 @@ def sense(
     motion_bounds: tuple[float, float] | None = None,
     timing_tolerance: float = 1e-4,
 ) -> list[SensedRegion]:
-    """Find every modulated light and every moving periodic texture in a picture, and measure them.
+    """Detect every modulated light and every moving periodic texture in a picture, and measure them.
 
-    Lights are those of :func:`detect_sources`. Beside them, boxes are looked for whose columns are periodic in the
-    first frame less the mean of up to 8, with one frequency and phases of their own: at least 64 rows, 2.5 cycles,
-    about 16 columns, and 0.6 of the energy in the fundamental. What stands still cancels; in a single frame it does
-    not, and 5 cycles and 0.8 are asked for. Each box is measured by :func:`sense_region`, which tells what it is; boxes
-    where nothing is found are left out.
+    Lights come from :func:`detect_sources`. Textures are detected as boxes whose columns are periodic, with one
+    frequency and free phases, in the first frame minus the mean of up to 8 frames: at least 64 rows, 2.5 cycles, about
+    16 columns, and 0.6 of the energy in the fundamental. Static content cancels. In a single frame it does not, and the
+    bounds are 5 cycles and 0.8. :func:`sense_region` measures and classifies each box; boxes without a periodic
+    component are dropped.
 
     Args:
         frames: (rows, columns) or (frames, rows, columns), rows in time order, successive frames.
         camera: row time; frame time to compare frames; exposure for ``theory``.
         waveform, duty, depth: of textures and lights, as for ``sense_region``.
-        unlit: (rows, columns) or (frames, rows, columns) of the same view without the lights, by which their background
-            is measured.
+        unlit: (rows, columns) or (frames, rows, columns) of the same view without the lights, which gives their
+            background.
         beside: measure the background of lights in the columns left and right of their boxes instead.
         motion, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance: of textures, as for
             ``sense_region``.
 
     Returns:
-        Regions, the strongest (by ``snr``) first.
+        Regions in descending order of ``snr``.
 
     Raises:
         ValueError: frames or ``unlit`` of wrong shape or type, or as for ``sense_region``.
@@ -74,7 +74,7 @@ def sense(
     options |= {"motion_bounds": motion_bounds, "timing_tolerance": timing_tolerance}
     sense_region(
         np.zeros((1, 1)), camera, 0.25 / camera.row_period, **options
-    )  # refuses bad options if nothing is found
+    )  # raises for invalid options even if nothing is detected
 
     lights = [
         Box(one.x, one.y, one.width, one.height, *_per_row(one, camera))
@@ -97,7 +97,7 @@ def _per_row(light: LightSource, camera: Camera) -> tuple[float, float]:
 
 
 def _changing(pictures: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:
-    """The first frame less the mean of up to 8 frames; all of it where there is only one."""
+    """The first frame minus the mean of up to 8 frames; a single frame is unchanged."""
     first = linear_light(pictures[0], camera)
     if len(pictures) == 1:
         return first
@@ -125,8 +125,8 @@ def _measured(
     every: list[Box],
     options: dict[str, Any],
 ) -> SensedRegion:
-    """The region, at the frequency of ``detect_sources`` where that is the better one (it knows of envelopes), and
-    where it is a light with its background."""
+    """Measure a region, at the frequency of ``detect_sources`` if that is more precise (it models envelopes), and with
+    its background if it is a light."""
     region = sense_region(_cut(pictures, box), camera, **options)
     if not (math.isnan(box.cycles_std) or region.frequency_std <= box.cycles_std / camera.row_period):
         options |= {"frequency": box.cycles / camera.row_period, "frequency_std": box.cycles_std / camera.row_period}
@@ -142,7 +142,7 @@ def _measured(
 
 
 def _beside(pictures: npt.NDArray[Any], camera: Camera, box: Box, every: list[Box]) -> BackgroundLight | None:
-    """Light left and right of a box, a few columns off, where no other box is; None without four such columns."""
+    """Light left and right of a box, a few columns away, outside all other boxes; None without four such columns."""
     gap = max(2, box.width // 4)
     reach = gap + max(box.width // 2, _MIN_BESIDE)
     left = range(box.x - reach, box.x - gap)

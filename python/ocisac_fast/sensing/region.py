@@ -1,4 +1,4 @@
-"""The sensing side: what a moving texture and a modulated light show in a region of a picture."""
+"""Sensing of a region of a picture: gain, frequency, kind and motion of a texture or a modulated light."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from ocisac_fast.tones.varying_tone import varying_tone_gain
 
 Float64s = npt.NDArray[np.float64]
 
-_COMMON_PHASE = 0.1  # rad RMS over the columns that a light's picture may have of its own
+_COMMON_PHASE = 0.1  # rad; max. RMS spread of a light's phase over the columns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BackgroundLight:
-    """Light that is not a source's, measured without it.
+    """Light of other origin than the source, measured without the source.
 
     Attributes:
         mean: DN above dark; one value, or (columns,).
@@ -55,20 +55,20 @@ class BackgroundLight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensedRegion:
-    """What a region of a picture shows, pooled over its columns and frames. NaN: not known, or not of this kind.
+    """Measurements of a region of a picture, pooled over its columns and frames. NaN: unknown or not of this kind.
 
     Attributes:
         kind: ``"light"``: modulated in time, one phase in all columns; ``"moving"``: a texture whose phase follows its
-            motion; ``"still"``: a texture that is the same in all frames (or moves by whole cycles a frame:
+            motion; ``"still"``: a texture that is equal in all frames (or moves by whole cycles per frame:
             AMBIGUOUS_MOTION); ``"unknown"``: nothing periodic.
         x, y, width, height: of the region, pixels as stored.
-        frames: that were used.
-        frequency, frequency_std: of what a column shows, Hz: cycles per row over the row time. The standard error is
-            that given with it, where the frequency was given.
-        motion_frequency, motion_frequency_std: f_x v, Hz, of a moving texture: that of the light in a pixel. Across the
-            rows it is ``frequency``; along them the row pitch adds to it. 0 for a still texture.
-        motion_candidates: all that fit, Hz, rising; more than one with the flag AMBIGUOUS_MOTION (at most 16 are
-            listed).
+        frames: number of frames used.
+        frequency, frequency_std: in a column, Hz: cycles per row over the row time. For a given frequency the standard
+            error is the given one.
+        motion_frequency, motion_frequency_std: f_x v, Hz, of a moving texture: the frequency of the light in a pixel.
+            Across the rows it equals ``frequency``; along them the row pitch contributes. 0 for a still texture.
+        motion_candidates: all values that fit, Hz, ascending; more than one with the flag AMBIGUOUS_MOTION (at most 16
+            are listed).
         direction: of the motion: +1 with the read-out (across the rows: to higher columns), -1 against it, 0 unknown.
         cycles_per_column, cycles_per_column_std: of the texture in a row, signed; 0 within its error for a light.
         cycles_per_frame, cycles_per_frame_std: advance from frame to frame, in (-1/2, 1/2].
@@ -76,14 +76,15 @@ class SensedRegion:
             the waveform's ratio and ``depth``.
         frames_gain, frames_gain_std: the same from each pixel's course over the frames; NaN below 6 frames, below one
             cycle of the advance over all of them, or less than half a cycle from half the frame rate.
-        theory: |sinc(f T_e)|, f that of the light in a pixel.
+        theory: |sinc(f T_e)| at the frequency f of the light in a pixel.
         contrast: amplitude of the fundamental over the mean: gain times ratio times depth.
         contrast_range: (max - min)/(max + min) of the fitted rows, for display.
         mean: mean light, DN above dark and background.
         snr: G^2 mean^2 / (noise variance of a row), a plain ratio (eqs. 13-14).
-        speed, speed_std: m/s, of the motion at right angles to the stripes.
-        spatial_frequency, spatial_frequency_std: of the texture along the motion, 1/m; std 0 where it was given.
-        background_given: the background was told; without it, a light's gain is its share of the light times |sinc|.
+        speed, speed_std: m/s, of the motion perpendicular to the stripes.
+        spatial_frequency, spatial_frequency_std: of the texture along the motion, 1/m; std 0 for a given value.
+        background_given: True if a background was given; otherwise a light's gain is its share of the light times
+            |sinc|.
         flags: of :class:`ocisac_fast.Flag`.
     """
 
@@ -141,42 +142,43 @@ def sense_region(
     motion_bounds: tuple[float, float] | None = None,
     timing_tolerance: float = 1e-4,
 ) -> SensedRegion:
-    """Contrast gain, motion and kind of the one periodic thing in a region of a picture.
+    """Measure contrast gain, motion and kind of the one periodic component in a region of a picture.
 
-    All columns and frames share one frequency, found by least squares of slow light (a polynomial of degree 0 to 4),
-    tone and harmonics with amplitudes and phases free in each column, brighter and darker along the rows as the
-    region's slow light is; in white noise its standard error is at the
-    Cramer-Rao bound of that model. The phases tell the rest:
+    All columns and frames share one frequency, estimated by least squares of slow light (a polynomial of degree 0 to
+    4), tone and harmonics. Amplitudes and phases are free in each column; the tones are modulated along the rows by the
+    region's slow light. In white noise the standard error is at the Cramer-Rao bound of that model. The phases give
+    kind and motion:
 
         2 pi (c n + s k + d j),   row n, column k, frame j
 
     A light has s = 0 and d = c T_f/T_r; a texture with the spatial frequencies f_x along the columns' axis, f_y along
     the rows and the motion-induced frequency f_x v has s = f_x pitch, d = f_x v T_f and c = f_x v T_r + f_y pitch. d is
-    known but for whole cycles. So a moving texture is told from a light by s, or by d where its stripes lie along the
-    rows, and motion along the rows needs the pitch and either the texture or the speed, or frames and bounds that leave
-    one answer; with less it is flagged AMBIGUOUS_MOTION. See docs/sensing.md.
+    known modulo 1. So a moving texture differs from a light in s, or in d if its stripes are parallel to the rows.
+    Motion along the rows needs the pitch and either the texture or the speed, or frames and bounds that leave one
+    solution; otherwise it is flagged AMBIGUOUS_MOTION. See docs/sensing.md.
 
     Args:
         frames: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, successive frames.
         camera: row time; frame time to compare frames; exposure for ``theory``.
-        frequency: that a column shows, Hz, where it is known, as for a light: then held fixed. Above half the row
-            rate it is seen at its alias.
+        frequency: in a column, Hz, where known, such as that of a light; it is then fixed. Above half the row rate it
+            is measured at its alias.
         frequency_std: standard error of a frequency that was measured elsewhere, Hz, 0 or above.
         waveform: ``"tone"``, or ``"square"`` with the harmonics below half the row rate.
         duty: bright share of the square wave, inside (0, 1).
         depth: contrast of the texture or the light itself, above 0: amplitude over that of full depth.
-        background: light that is not this thing's: DN above dark, one value or (columns,) or (frames, columns), or
-            what :func:`background_light` measured.
-        others: frequencies of other tones in the same pixels, Hz, fitted beside it.
+        background: light of other origin: DN above dark, one value or (columns,) or (frames, columns), or the result of
+            :func:`background_light`.
+        others: frequencies of other tones in the same pixels, Hz, included in the fit.
         motion: of the texture: ``"across"`` the rows or ``"along"`` them (or oblique), where known.
         direction: of motion along the rows: 1 with the read-out, -1 against it, 0 unknown.
         pitch: distance of neighbouring pixels in the scene, m, above 0.
         spatial_frequency: of the texture along the motion, 1/m, above 0.
         speed: of the texture, m/s, above 0.
-        bounds: lowest and highest frequency to search in the columns, Hz, as for ``find_frequency``.
+        bounds: lowest and highest frequency of the search in the columns, Hz, as for ``find_frequency``.
         motion_bounds: lowest and highest f_x v of motion along the rows, Hz; by default 0 to half the row rate.
-        timing_tolerance: relative error of the frame time over the row time, inside (0, 0.01]. What keeps time within
-            it is a light, or moves across the rows; up to ten times of it that is flagged; beyond, it moves along them.
+        timing_tolerance: relative error of the frame time over the row time, inside (0, 0.01]. A component whose
+            advance fits c T_f/T_r within it is a light, or moves across the rows; up to ten times the tolerance this is
+            flagged; beyond, it moves along the rows.
 
     Returns:
         :class:`SensedRegion`.
@@ -232,14 +234,15 @@ def sense_region(
 def background_light(
     frames: npt.ArrayLike, camera: Camera, tones: npt.ArrayLike = (), *, pooled: bool = False
 ) -> BackgroundLight:
-    """Mean light of pixels without the source: the same pixels in an unlit frame, or others beside it.
+    """Mean light of pixels without the source: the same pixels in an unlit frame, or pixels beside the source.
 
     Args:
         frames: (rows,), (rows, columns) or (frames, rows, columns), rows in time order.
         camera: row time and response.
-        tones: frequencies in the columns, Hz, such as that of a moving texture: fitted, so that parts of cycles do not
-            pull the mean.
-        pooled: one value for all columns, for light measured beside the source; its standard error is from the columns.
+        tones: frequencies in the columns, Hz, such as that of a moving texture, included in the fit so that incomplete
+            cycles do not bias the mean.
+        pooled: one value for all columns, for light beside the source; its standard error is from the scatter of the
+            columns.
 
     Raises:
         ValueError: wrong shapes or types, or frequencies that are not finite and above 0.
@@ -335,7 +338,7 @@ def _fitted(
     bounds: tuple[float, float] | None,
     background: float,
 ) -> tuple[Fitted | None, Flag]:
-    """The fit at the frequency given or found; None and why where there is none."""
+    """The fit at the given or estimated frequency; None and flags if there is none."""
     rows = region.shape[1]
     flags = Flag(0)
     if frequency is None:
@@ -363,20 +366,20 @@ def _fitted(
 
 
 def _component_variance(fitted: Fitted) -> float:
-    """Of the real and imaginary part of a column's tone, mean over the columns."""
+    """Variance of the real and imaginary part of a column's tone, mean over the columns."""
     first = fitted.model.first
     c = fitted.model.covariance
     return float(np.nan_to_num(fitted.noise).mean() * 0.5 * (c[first, first] + c[first + 1, first + 1]))
 
 
 def _phase_advances(fitted: Fitted) -> tuple[PhaseAdvance, PhaseAdvance]:
-    """From column to column and from frame to frame."""
+    """Phase advances from column to column and from frame to frame."""
     variance = _component_variance(fitted)
     return phase_advance(fitted.tone.T, variance), phase_advance(fitted.tone, variance)
 
 
 def _common_phase(fitted: Fitted, advance: PhaseAdvance) -> tuple[bool, bool]:
-    """Whether all columns have one phase, and whether that is in doubt."""
+    """True if all columns have one phase; True if that is uncertain."""
     spread, significant = phase_spread(fitted.tone, _component_variance(fitted))
     common = not (significant and spread > _COMMON_PHASE)
     unsure = not (4.0 * advance.std * fitted.tone.shape[1] < 0.25)
@@ -423,7 +426,7 @@ def _gains(
 
 
 def _per_pixel(values: Float64s, region: npt.NDArray[Any]) -> Float64s:
-    """Values of columns as those of the pixels of a frame: the mean over the frames."""
+    """Expand values of columns to the pixels of a frame, averaged over the frames."""
     if values.ndim == 0:
         return values
     per_column = np.broadcast_to(values, (len(region), region.shape[2])).mean(axis=0)
@@ -431,9 +434,9 @@ def _per_pixel(values: Float64s, region: npt.NDArray[Any]) -> Float64s:
 
 
 def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tones: list[float]) -> Flag:
-    """What ``tone_gain`` and ``varying_tone_gain`` flag in at least half of the columns of the first frame; saturation
+    """Flags of ``tone_gain`` and ``varying_tone_gain`` in at least half of the columns of the first frame; saturation
     in a tenth."""
-    timing = dataclasses.replace(camera, exposure=None)  # the light's own frequency may be another
+    timing = dataclasses.replace(camera, exposure=None)  # the frequency of the light in a pixel may differ
     step = max(1, region.shape[2] // _JUDGED)
     columns = region[0][:, ::step]
     frequency = fitted.model.cycles / camera.row_period

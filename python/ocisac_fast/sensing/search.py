@@ -1,4 +1,4 @@
-"""Where a picture is periodic along its columns: boxes for :func:`ocisac_fast.sense`."""
+"""Detection of regions that are periodic along their columns: boxes for :func:`ocisac_fast.sense`."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ Float64s = npt.NDArray[np.float64]
 
 _STRIP = 16  # columns
 _MAX_SKIPPED = 4
-_ENOUGH = 1 << 21  # pixels to look at in a picture
+_ENOUGH = 1 << 21  # max. number of pixels evaluated in a picture
 _MIN_ROWS = 64
-_MIN_CYCLES = {False: 2.5, True: 5.0}  # in a tile; where still things are in the picture
-_MIN_SHARE = {False: 0.6, True: 0.8}  # of a tile's energy, slow light taken off
+_MIN_CYCLES = {False: 2.5, True: 5.0}  # in a tile; True: static content is in the picture
+_MIN_SHARE = {False: 0.6, True: 0.8}  # of a tile's energy, without slow light
 _LOBE = 4  # half the width of a Hann window's main lobe, in half bins
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Part of a picture, and the cycles per row that its columns show; their standard error where it is known."""
+    """A rectangle of a picture and the cycles per row of its columns, with the standard error where known."""
 
     x: int
     y: int
@@ -39,13 +39,13 @@ class Box:
 
 
 def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
-    """Boxes of (rows, columns) whose columns are periodic with one frequency and phases of their own.
+    """Boxes of (rows, columns) whose columns are periodic with one frequency and free phases.
 
-    ``still``: the picture holds what does not change from frame to frame too, much of which passes for periodic.
+    ``still``: the picture contains static content, much of which resembles a periodic component.
 
-    Tiles of 16 columns and of all rows, a half and a quarter of them are judged by the share of their energy that lies
-    in one line of the spectrum, summed over the columns' powers; neighbours of like frequency are joined, and
-    trimmed to where the line is above half of its height. What shows the same again is dropped.
+    Tiles of 16 columns and of all rows, a half and a quarter of them are evaluated by the share of their energy in one
+    line of the spectrum, with the columns' powers summed. Neighbours of similar frequency are joined and trimmed to the
+    area where the line is above half of its height. Repeated detections are dropped.
     """
     rows = light.shape[0]
     step = min(_MAX_SKIPPED, max(1, light.size // _ENOUGH))
@@ -64,7 +64,7 @@ def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
 
 
 def without_repeats(boxes: list[Box]) -> list[Box]:
-    """Largest boxes first, less those that show the same as one of them once more."""
+    """Boxes in descending order of size without those that repeat a larger one."""
     kept: list[Box] = []
     for box in sorted(boxes, key=lambda one: -one.width * one.height):
         if not any(_again(box, larger) for larger in kept):
@@ -73,14 +73,14 @@ def without_repeats(boxes: list[Box]) -> list[Box]:
 
 
 def _again(box: Box, larger: Box) -> bool:
-    """The same once more, or a small piece at its edge."""
+    """True if the box repeats the larger one, or is a small piece at its edge."""
     small = 4 * box.width * box.height < larger.width * larger.height
     inside = larger.overlap(box.x, box.y, box.width, box.height) > 0.5
     return (small or inside) and _alike(box, larger, 1.0)
 
 
 def _tiles(light: Float64s, top: int, still: bool, step: int) -> list[Box]:
-    """The strips of some rows that are periodic, from every ``step``-th column."""
+    """The periodic strips of some rows, from every ``step``-th column."""
     height, columns = light.shape
     place = np.linspace(-1.0, 1.0, height)[:, None]
     level = light - light.mean(axis=0)
@@ -106,7 +106,7 @@ def _tiles(light: Float64s, top: int, still: bool, step: int) -> list[Box]:
 
 
 def _joined(tiles: list[Box]) -> list[Box]:
-    """Bounding boxes of tiles that touch and show like frequencies."""
+    """Bounding boxes of tiles that touch and have similar frequencies."""
     groups: list[list[Box]] = []
     for tile in tiles:
         touching = [group for group in groups if any(_alike(tile, other) for other in group)]
@@ -129,7 +129,7 @@ def _around(group: list[Box]) -> Box:
 
 
 def _trimmed(light: Float64s, box: Box) -> Box:
-    """The box less ends where the line is below half of its median: columns first, then rows, a cycle at a time."""
+    """Trim the ends where the line is below half of its median: columns first, then rows, one cycle at a time."""
     part = light[box.y : box.y + box.height, box.x : box.x + box.width]
     turned = (part - part.mean(axis=0)) * np.exp(-2j * np.pi * box.cycles * np.arange(box.height))[:, None]
     first, last = _inside(np.abs(turned.mean(axis=0)))
@@ -143,6 +143,6 @@ def _trimmed(light: Float64s, box: Box) -> Box:
 
 
 def _inside(height: npt.NDArray[Any]) -> tuple[int, int]:
-    """From the first to behind the last place above half of what a tenth of all exceed."""
+    """First index above half of the 90 % quantile, and the one after the last."""
     above = np.flatnonzero(height >= 0.5 * np.quantile(height, 0.9))
     return int(above[0]), int(above[-1]) + 1
