@@ -108,7 +108,7 @@ def test_what_is_delivered_is_what_was_sent(
     channel = Channel(sent, rows_per_chip, exposure, noise, seed)
     receiver = Receiver(channel.camera, chip_rate=channel.chip_rate * (1.0 + rate_error), line_code=line_code)
     for got in receive(channel, receiver, 10, faults):
-        assert (got.payload, got.number) == (payload, seed % 256)
+        assert (got.data, got.number) == (payload, seed % 256)
 
 
 @given(
@@ -131,4 +131,4 @@ def test_a_mild_channel_delivers(payload, line_code, rows_per_chip, exposure, no
     )
     payloads = receive(channel, receiver, 40, faults)
     assert payloads
-    assert {(got.payload, got.number) for got in payloads} == {(payload, seed % 256)}
+    assert {(got.data, got.number) for got in payloads} == {(payload, seed % 256)}

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/version.hpp"
@@ -17,6 +18,7 @@
 struct ocisac_receiver {
   ocisac::Receiver receiver;
   double row_time;
+  std::vector<ocisac::Region> regions;  // the one given, or none
   ocisac::LightFrame latest{};
   bool polled = true;
   std::optional<std::array<std::int64_t, 3>> kind{};  // width, height and format of the first frame
@@ -184,7 +186,8 @@ int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
     ocisac::require(receiver != nullptr, "receiver", "NULL", "a place for it");
     *receiver = nullptr;
     const ocisac_options all = completed(options, default_options(), "options");
-    *receiver = new ocisac_receiver{ocisac::Receiver(camera_of(all), receiver_options(all)), all.row_time};
+    const auto wanted = receiver_options(all);
+    *receiver = new ocisac_receiver{ocisac::Receiver(camera_of(all), wanted), all.row_time, wanted.regions};
     return static_cast<int>(OCISAC_OK);
   });
 }
@@ -198,6 +201,7 @@ int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame) {
     ocisac::require(receiver->kind.value_or(kind) == kind, "frame",
                     std::to_string(frame->width) + "x" + std::to_string(frame->height),
                     "one picture as large as the first, of its type");
+    for (const auto& region : receiver->regions) ocisac::require_inside("region", region, frame->width, frame->height);
     receiver->kind = kind;
     receiver->latest = std::move(receiver->receiver.push({&view, 1}, frame->number).front());
     receiver->polled = false;

@@ -149,7 +149,9 @@ LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int6
   suggest_exposure(result);
   result.suggestion = suggestion_;
   const bool received = result.received && result.received->outcome == FrameOutcome::received;
-  unseen_ = received || (result.gain && has_tone(*result.gain)) ? 0 : unseen_ + 1;
+  // A tone in the whole picture, where no light was found, does not say where it is.
+  const bool tone = can_move_ && result.gain && has_tone(*result.gain);
+  unseen_ = received || tone ? 0 : unseen_ + 1;
   return result;
 }
 
