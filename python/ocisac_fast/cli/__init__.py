@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; the exit code: 0, 2 for a refused input, 130 or 143 interrupted, 141 for a closed pipe."""
+    """Run the command line; exit code 0, 2 for invalid input, 130 or 143 if interrupted, 141 for a closed pipe."""
     try:
         from ocisac_fast.cli.application import run
 

@@ -1,4 +1,4 @@
-"""The group of commands, each imported when it is called, and the one place where errors become a line and a code."""
+"""The group of commands, imported on demand, and the conversion of errors to one line and an exit code."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ocisac_fast.cli.text import one_line, write_any_text
 
 _COMMANDS = {
     "calibrate": "Row time of a camera, from a light of known frequency.",
-    "gain": "Gain of a tone in a recording, against theory.",
+    "gain": "Gain of a tone in a recording, and its theoretical value.",
     "exposure": "Best exposure time for communication and sensing, or without bands of lights.",
-    "flicker": "What flickering lamps do to frames: the indices of IEEE P2020.",
-    "lamp": "Frequencies, duties and chip rates of a lamp that suit given shutters.",
-    "locate": "Where the camera is, from lights whose places are known.",
+    "flicker": "Flicker indices of IEEE P2020 for lamps and exposures.",
+    "lamp": "Frequencies, duties and chip rates of a lamp for given exposures.",
+    "locate": "Position of the camera from lights at known places.",
     "receive": "Bits of the lights in a recording.",
     "transmit": "Chips that carry a payload.",
     "detect": "Modulated lights in a recording.",
     "sense": "Moving textures and lights in a recording: gain, motion, speed.",
     "clean": "The picture without the light's bands, or the bands alone.",
-    "simulate": "Make a recording of a modulated light.",
+    "simulate": "Simulate a recording of a modulated light.",
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",
 }
@@ -71,11 +71,11 @@ def ocisac(ctx: click.Context) -> None:
 
 
 def run(arguments: list[str], command: click.Command = ocisac) -> int:
-    """Run a command; errors as one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
+    """Run a command; errors are one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
     warnings.showwarning = _warn
     write_any_text()
     terminate = signal.getsignal(signal.SIGTERM)
-    with contextlib.suppress(ValueError):  # not the main thread: signals are not ours
+    with contextlib.suppress(ValueError):  # not the main thread: no signal handlers
         if terminate == signal.SIG_DFL:
             signal.signal(signal.SIGTERM, _stop)
     try:
@@ -86,7 +86,7 @@ def run(arguments: list[str], command: click.Command = ocisac) -> int:
 
 
 class _Terminated(BaseException):
-    """SIGTERM: what is half written is removed on the way out."""
+    """SIGTERM as an exception: incomplete files are removed during unwinding."""
 
 
 def _stop(*_: Any) -> None:
@@ -108,7 +108,7 @@ def _run(arguments: list[str], command: click.Command) -> int:
     except _Terminated:
         return 143
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the last flush has somewhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # a target for the last flush
         return 141
     except OSError as error:
         name = f"{error.filename}: " if error.filename is not None else ""

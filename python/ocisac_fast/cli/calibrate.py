@@ -19,8 +19,8 @@ from ocisac_fast.cli.units import FREQUENCY, Quantity
 
 @click.command(short_help="Row time of a camera, from a light of known frequency.")
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
-@click.option("--frequency", type=FREQUENCY, required=True, help="Of the light, below half the row rate.")
-@click.option("--pulses", type=SHARES, help="Duty of a lamp lit once a frame, one for each FILE: 5%,10%.")
+@click.option("--frequency", type=FREQUENCY, required=True, help="Frequency of the light, below half the row rate.")
+@click.option("--pulses", type=SHARES, help="Duty of a lamp lit once per frame, one for each FILE: 5%,10%.")
 @picture_options
 @json_option
 def calibrate(
@@ -32,11 +32,11 @@ def calibrate(
 ) -> None:
     """Measure the row time T_r with a light of known frequency in FILE (a picture, a video, a .npy array, or -).
 
-    All frames that fit into 64 MiB are used together. With --pulses the light is lit once in a frame or more seldom:
-    each FILE is a video at a duty, all of one camera and exposure, used whole; two duties or more give T_r whatever the
+    All frames that fit into 64 MiB are used together. With --pulses the light is lit at most once per frame; each FILE
+    is a video at one duty, all of one camera and exposure, and all frames are used. Two or more duties give T_r at any
     exposure.
     """
-    unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the one is sought, the other not needed
+    unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the row time is estimated
     if pulses is not None:
         _calibrate_pulses(files, float(frequency), pulses, unknown, as_json)
         return

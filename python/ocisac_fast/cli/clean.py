@@ -27,20 +27,22 @@ _HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturate
     type=click.Choice(["auto", "tone", "chips", "rows"]),
     default="auto",
     show_default=True,
-    help="What the light is taken for; rows: any course.",
+    help="Model of the light; rows: arbitrary.",
 )
 @click.option(
     "--level",
     type=click.Choice(["full", "mean"]),
     default="full",
     show_default=True,
-    help="The steady light: as bright as the brightest rows, or as their mean.",
+    help="Level of the steady light: that of the brightest rows, or the mean.",
 )
-@click.option("--fill", is_flag=True, help="Interpolate what was too dark to restore.")
-@click.option("--still", is_flag=True, help="The frames show a scene that does not move: clean them together.")
-@click.option("--max-gain", type=float, default=8.0, show_default=True, help="Rows that need more are too dark.")
+@click.option("--fill", is_flag=True, help="Interpolate pixels that are too dark to restore.")
+@click.option("--still", is_flag=True, help="Static scene: clean all frames together.")
 @click.option(
-    "--toe", type=float, help="Of the tone curve, 0 to 1: dim light stored darker than it says. Default: found."
+    "--max-gain", type=float, default=8.0, show_default=True, help="Rows that need a larger gain are too dark."
+)
+@click.option(
+    "--toe", type=float, help="Toe of the tone curve, 0 to 1: dim light is stored darker. Default: estimated."
 )
 @click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
 @picture_options
@@ -48,10 +50,10 @@ _HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturate
 def clean(
     source: str, target: str, picture: PictureOptions, marks: str | None, still: bool, as_json: bool, **options: Any
 ) -> None:
-    """Write IN (a picture, a video, a .npy array, or -) to OUT as if the modulated light had shone steadily.
+    """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
-    OUT is .png, .tif, .mkv (FFV1), .mp4 or .npy; of a region, the region alone. Saturated pixels are left as they
-    were, rows too dark to restore are marked, not invented. Colours are cleaned one by one, with a light found in all.
+    OUT is .png, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
+    unchanged; rows too dark to restore are marked. Colours are cleaned separately, with a light estimated from all.
     """
     cleaner = _Cleaner(picture, still, marks is not None, options)
     with open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream:
@@ -71,14 +73,14 @@ def clean(
 
 
 def _camera(picture: PictureOptions, response: Any, rate: float | None, first: Frame) -> Camera:
-    """Of floats the white level must be said: channel y is made of integers, whose type tells it."""
+    """The camera. Float frames need a given white level; channel y consists of integers, whose type implies it."""
     if picture.channel == "y" and response.white_level is None and first.dtype.kind == "u":
         response = dataclasses.replace(response, white_level=float(np.iinfo(first.dtype).max))
     return picture.camera(response, rate)
 
 
 class _Cleaner:
-    """Frames as stored in, frames as stored out; what was found is kept."""
+    """Cleans frames in stored order; collects the results."""
 
     def __init__(self, picture: PictureOptions, still: bool, mark: bool, options: dict[str, Any]) -> None:
         self.facts: list[dict[str, Any]] = []
@@ -127,7 +129,7 @@ class _Cleaner:
             yield self._as_stored(frame)
 
     def _as_stored(self, frame: Frame) -> Frame:
-        """From rows in time order to the picture as stored."""
+        """Convert rows in time order to the stored order."""
         axis = self._picture.scan_axis
         view = frame[::-1] if axis.startswith("-") else frame
         return np.ascontiguousarray(view.swapaxes(0, 1) if axis.endswith("x") else view)

@@ -1,4 +1,4 @@
-"""From the frames of a recording to the columns that an estimate stands on."""
+"""Selection of the columns of a recording for an estimate."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ocisac_fast.files.recording import Frame
 
 
 def frequency_waveform(picture: PictureOptions) -> str:
-    """The waveform to search with: all harmonics where the light is said to be square, else those that stand out."""
+    """Waveform of the search: all harmonics for a square light, else those that exceed the noise."""
     return "square" if picture.waveform == "square" else "auto"
 
 
 def one_colour(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int | None]:
-    """Frames (frames, rows, columns) of the colour that shows a tone best, and its index; None: there is only one."""
+    """Frames (frames, rows, columns) of the colour that shows a tone best, and its index; None: only one colour."""
     from ocisac_fast.tones import pick_colour
 
     if frames.ndim == 3:
@@ -26,15 +26,15 @@ def one_colour(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int
 
 
 def lit_columns(frames: Frame, camera: Camera, frequency: float) -> npt.NDArray[np.bool_]:
-    """(columns,) True where the light of this frequency shows; all, where it shows in none."""
+    """(columns,) True if the column shows the light of this frequency; all True if none does."""
     from ocisac_fast.tones import tone_columns
 
-    cycles = abs((frequency * camera.row_period + 0.5) % 1.0 - 0.5)  # where an aliased tone is seen
+    cycles = abs((frequency * camera.row_period + 0.5) % 1.0 - 0.5)  # alias of the frequency
     if not cycles > 0.0:
         return np.ones(frames.shape[-1], bool)
     return some_columns(tone_columns(frames, camera, cycles / camera.row_period).used)
 
 
 def some_columns(used: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """The columns used; all, where there are none."""
+    """The columns used; all if there are none."""
     return used if used.any() else np.ones_like(used)

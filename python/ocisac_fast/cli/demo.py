@@ -17,11 +17,11 @@ from ocisac_fast.cli.pictures import json_option
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("demo"),
     show_default=True,
-    help="Where the recordings and the picture go.",
+    help="Folder of the recordings and the picture.",
 )
 @json_option
 def demo(directory: Path, as_json: bool) -> None:
-    """Record the paper's testbed (simulated, as video), read it back, and show gain against theory and the bits."""
+    """Record the paper's testbed (simulated, as video), read it back, and compare gains with theory and bits."""
     from ocisac_fast import demo as testbed
 
     picture = directory / "demo.png"

@@ -30,19 +30,19 @@ _HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "da
     type=float,
     default=0.02,
     show_default=True,
-    help="Expected number in a picture without a light, at most; up to 1.",
+    help="Max. expected number in a picture without a light; up to 1.",
 )
-@click.option("--min-cycles", type=float, default=3.0, show_default=True, help="Fewest cycles in a light's box.")
+@click.option("--min-cycles", type=float, default=3.0, show_default=True, help="Min. cycles in a light's box.")
 @picture_options
 @plot_option("the first frame with the boxes of its lights")
 @json_option
 def detect(
     file: str, false_alarms: float, min_cycles: float, picture: PictureOptions, plot: str | None, as_json: bool
 ) -> None:
-    """Find every modulated light in FILE (a picture, a video, a .npy array, or -).
+    """Detect every modulated light in FILE (a picture, a video, a .npy array, or -).
 
-    Of colours, their mean is looked at, unless --channel names one. x, y are the top left
-    corner of a light's box in stored pixels. Every frame gives an object, the strongest light first.
+    Colours are averaged unless --channel selects one. x, y are the top left corner of a light's box in stored pixels.
+    Each frame gives one object; lights are in descending order of strength.
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True
@@ -76,7 +76,7 @@ def _detected(
 
 
 def grey_of(frame: Frame) -> Frame:
-    """The mean of the colours, of red, green and blue with green twice, as whole stored values."""
+    """Mean of the colours as whole stored values; for red, green and blue, green has twice the weight."""
     if frame.ndim == 2:
         return frame
     wide = np.uint32 if frame.dtype.kind == "u" else np.float64
@@ -88,7 +88,7 @@ def grey_of(frame: Frame) -> Frame:
 
 
 def stored_box(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, int]:
-    """From rows in time order to the picture as stored."""
+    """Convert a box from rows in time order to stored pixels."""
     x, y, width, height = stored_region((source.x, source.y, source.width, source.height), shape, picture)
     return {"x": x, "y": y, "width": width, "height": height}
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class _Pair(ParameterType):
-    """Two quantities with a comma between them."""
+    """Two quantities separated by a comma."""
 
     def __init__(self, single: ParameterType, name: str) -> None:
         self.name = name
@@ -31,25 +31,27 @@ class _Pair(ParameterType):
         return tuple(float(self._single.convert(part, param, ctx)) for part in parts)
 
 
-@click.command(short_help="Best exposure time for communication and sensing, and without bands of lights.")
+@click.command(short_help="Best exposure time for communication and sensing, or without bands of lights.")
 @click.option("--comm", type=FREQUENCY, help="Frequency of the communication tone, f_c.")
-@click.option("--sense", type=FREQUENCY, help="Frequency of the sensed motion, f_s = f_x v.")
+@click.option("--sense", type=FREQUENCY, help="Frequency of the motion, f_s = f_x v.")
 @click.option(
     "--method",
     type=click.Choice(["exact", "closed-form", "search"]),
     metavar="NAME",
     default="exact",
-    help="exact, or the paper's: closed-form, search.",
+    help="exact, or from the paper: closed-form, search.",
 )
-@click.option("--weights", type=_Pair(click.FLOAT, "COMM,SENSE"), default="1,1", help="In the sum; else 1,1.")
-@click.option("--bounds", type=_Pair(TIME, "MIN,MAX"), help="Else 0 to 1/min(f_c, f_s), or to 0.1 s.")
-@click.option("--step", type=TIME, help="Only multiples of it: the row time, say.")
+@click.option(
+    "--weights", type=_Pair(click.FLOAT, "COMM,SENSE"), default="1,1", help="Weights of the sum; default 1,1."
+)
+@click.option("--bounds", type=_Pair(TIME, "MIN,MAX"), help="Default: 0 to 1/min(f_c, f_s), with --avoid to 0.1 s.")
+@click.option("--step", type=TIME, help="Only multiples of it, for example the row time.")
 @click.option("--avoid", type=LIGHTS, help="Lights: 100Hz, 90Hz+-1%, 1kHz:square, 90Hz:0.1, mains.")
-@click.option("--below", type=SHARE, default="2%", help="Most (max-min)/(max+min) of them; else 2%.")
-@click.option("--near", type=TIME, help="The nearest to it instead of the shortest.")
-@click.option("--keep", type=SHARE, help="Least gain of the communication tone.")
+@click.option("--below", type=SHARE, default="2%", help="Max. (max-min)/(max+min) of them; default 2%.")
+@click.option("--near", type=TIME, help="Find the nearest to it instead of the shortest.")
+@click.option("--keep", type=SHARE, help="Min. gain of the communication tone.")
 @plot_option("the exposures")
-@click.option("--front", type=click.Path(dir_okay=False), metavar="FILE", help="Draw one aim against the other.")
+@click.option("--front", type=click.Path(dir_okay=False), metavar="FILE", help="Draw communication over sensing.")
 @json_option
 def exposure(
     comm: Quantity | None,
@@ -66,9 +68,10 @@ def exposure(
     front: str | None,
     as_json: bool,
 ) -> None:
-    """Find the exposure time T with the largest Y = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s), or with --avoid
-    the shortest without bands of other lights; with --comm too that of the largest Y, with --keep the shortest that
-    keeps it.
+    """Find the exposure time T that maximises Y = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s).
+
+    With --avoid, find the shortest T without bands of other lights; with --comm too, the one that maximises Y; with
+    --keep, the shortest that keeps the gain.
     """
     if avoid is not None:
         _avoid(comm, sense, method, weights, bounds, step, avoid, below, near, keep, plot, front, as_json)

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 _NAMES = ("modulation_index", "detection_index", "mitigation_probability", "missed")
 
 
-@click.command(short_help="What flickering lamps do to frames: the indices of IEEE P2020.")
+@click.command(short_help="Flicker indices of IEEE P2020 for lamps and exposures.")
 @click.option("--lights", type=LIGHTS, required=True, help="90Hz:0.1 (PWM of its duty), 1kHz:square, 100Hz, mains.")
-@click.option("--exposures", type=TIMES, required=True, help="Of the camera.")
-@click.option("--background", type=float, default=0.0, help="Steady light, the lamp's peak being 1; else 0.")
-@click.option("--contrast", type=SHARE, default="10%", help="From which a lamp is detected; else 10%.")
-@click.option("--tolerance", type=SHARE, default="10%", help="Of the mean, that counts as mitigated; else 10%.")
+@click.option("--exposures", type=TIMES, required=True, help="Exposure times.")
+@click.option("--background", type=float, default=0.0, help="Steady light relative to the lamp's peak; default 0.")
+@click.option("--contrast", type=SHARE, default="10%", help="Contrast at which a lamp is detected; default 10%.")
+@click.option("--tolerance", type=SHARE, default="10%", help="Deviation from the mean that is mitigated; default 10%.")
 @plot_option("the indices over the exposure")
 @json_option
 def flicker(
@@ -34,8 +34,8 @@ def flicker(
     plot: str | None,
     as_json: bool,
 ) -> None:
-    """Flicker modulation index, flicker detection index and modulation mitigation probability of every lamp under every
-    exposure, over all phases, in closed form.
+    """Compute flicker modulation index, flicker detection index and modulation mitigation probability of every lamp at
+    every exposure, over all phases, in closed form.
     """
     from ocisac_fast.exposure import flicker_indices
 

@@ -1,4 +1,4 @@
-"""The files of ``ocisac transmit --fsk``: which tone when."""
+"""Files of ``ocisac transmit --fsk``: the sequence of tones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ocisac_fast.packets.fsk import FskTransmission
 
 
 def symbols_text(sent: FskTransmission, _: float | None = None) -> bytes:
-    """Numbers of the tones, from 0."""
+    """Indices of the tones, from 0."""
     return " ".join(map(str, sent.symbols.tolist())).encode() + b"\n"
 
 

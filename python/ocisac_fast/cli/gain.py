@@ -21,11 +21,11 @@ from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
 
 
-@click.command(short_help="Gain of a tone in a recording, against theory.")
+@click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
 @click.argument("file")
-@click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Of the light; auto: found in the recording.")
+@click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Frequency of the light; auto: estimated.")
 @click.option("--method", type=click.Choice(["fit", "dft"]), default="fit", show_default=True)
-@click.option("--background", type=float, help="Light that is not the source's, in stored values above dark.")
+@click.option("--background", type=float, help="Light of other origin, in stored values above dark.")
 @click.option("--threads", type=int, default=1, show_default=True)
 @picture_options
 @plot_option("the spectrum with the fitted tone, and the column before and after equalisation")
@@ -42,8 +42,8 @@ def gain(
 ) -> None:
     """Measure the normalised gain of a tone in FILE (a picture, a video, a .npy array, or -).
 
-    The columns that show the light are found in the first frames, unless --region names them, and pooled, weighted by
-    brightness. Every frame gives a gain; the result is their mean, weighted by their precision.
+    The columns that show the light are selected in the first frames, unless --region is given, and pooled, weighted by
+    brightness. Each frame gives a gain; the result is the mean weighted by inverse variance.
     """
     options = {"method": method, "background": background or 0.0, "threads": threads}
     measured = _measure(file, picture, frequency, options)
@@ -109,7 +109,7 @@ class _Measured:
 
 @dataclasses.dataclass(frozen=True)
 class _Light:
-    """What the first frames tell of the light: its frequency, and where it shows."""
+    """Properties of the light from the first frames: frequency and columns."""
 
     frequency: float
     frequency_std: float | None
@@ -118,7 +118,7 @@ class _Light:
     used: npt.NDArray[np.bool_]  # (columns,)
 
     def columns(self, frames: Frame) -> Frame:
-        """The columns used of the colour used; a view where that is all of them."""
+        """The selected columns of the selected colour; a view if all are selected."""
         one = frames if self.colour is None else frames[..., self.colour]
         return one if self.used.all() else one[..., self.used]
 
@@ -138,7 +138,7 @@ def _find_light(frames: Frame, camera: Camera, picture: PictureOptions, frequenc
 
 
 def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> _Measured:
-    """The light as the first batch of frames shows it; gains from all of them."""
+    """Estimate the light from the first batch of frames, and the gains from all frames."""
     from ocisac_fast.tones import tone_gain
 
     given = picture.check_frequency("--frequency", frequency)
@@ -176,7 +176,7 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
 
 
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
-    """MODEL_MISFIT, or 0: whether the mean column of a frame varies as ``tone_gain`` assumes that it does not."""
+    """MODEL_MISFIT if the mean column of a frame varies, against the assumption of ``tone_gain``; else 0."""
     from ocisac_fast.camera.linear_light import linear_light
     from ocisac_fast.core import Flag
     from ocisac_fast.tones import varying_tone_gain
@@ -188,7 +188,7 @@ def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str,
 
 
 def _unanswered(light: _Light, camera: Camera, frames: Frame) -> _Measured:
-    """No tone was found: no gain, and the flags that say so."""
+    """Result without a tone: no gain, only flags."""
     columns = light.columns(frames)
     unknown = dict.fromkeys(("frequency", "frequency_std", "gain", "gain_std", "phase", "mean", "snr"), math.nan)
     return _Measured(camera, **unknown, flags=light.flags, frames=len(columns), columns=columns[0], colour=light.colour)
@@ -203,7 +203,7 @@ def _shown(batches: Iterator[Frame], frame_count: int | None, batch_frames: int)
 
 
 def _weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Shares by inverse variance of the frames that gave an answer; equal ones where a frame is exact."""
+    """Normalised inverse variances of the frames with a result; equal weights if any variance is 0."""
     known = np.isfinite(spreads)
     inverse = np.zeros_like(spreads)
     inverse[known] = 1.0 if (spreads[known] == 0.0).any() else spreads[known] ** -2.0
@@ -211,6 +211,6 @@ def _weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def _mean(values: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:
-    """Weighted mean over the frames that gave an answer; NaN where none did."""
+    """Weighted mean over the frames with a result; NaN if there are none."""
     answered = weights > 0.0
     return float(values[answered] @ weights[answered]) if answered.any() else math.nan

@@ -18,7 +18,7 @@ _LIBRARIES = ("numpy", "pillow", "av", "matplotlib", "click", "rich")
 @click.command(short_help="Versions, build and processor features.")
 @json_option
 def info(as_json: bool) -> None:
-    """Show what a report of a problem needs: versions, how the core was built, the SIMD target in use."""
+    """Show the data for a problem report: versions, build of the core, SIMD target in use."""
     facts = _facts()
     if as_json:
         emit_json(facts)

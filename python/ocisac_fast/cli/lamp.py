@@ -12,13 +12,15 @@ from ocisac_fast.cli.pictures import json_option, plot_option
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 
 
-@click.command(short_help="Frequencies, duties and chip rates of a lamp that suit given shutters.")
-@click.option("--exposures", type=TIMES, required=True, help="Of the shutters.")
-@click.option("--below", type=SHARE, default="2%", help="Most (max-min)/(max+min); else 2%.")
-@click.option("--duty", type=float, help="Of PWM, or longer; else a tone.")
-@click.option("--range", "bounds", type=FREQUENCIES, default="50Hz,10kHz", help="Of frequencies; else 50Hz,10kHz.")
-@click.option("--spread", type=SHARE, default="0", help="Of each exposure, +-; else 0.")
-@click.option("--frequency", type=FREQUENCY, help="Of PWM: its least duty instead of its frequency.")
+@click.command(short_help="Frequencies, duties and chip rates of a lamp for given exposures.")
+@click.option("--exposures", type=TIMES, required=True, help="Exposure times of the cameras.")
+@click.option("--below", type=SHARE, default="2%", help="Max. (max-min)/(max+min); default 2%.")
+@click.option("--duty", type=float, help="Min. duty of PWM; default: a tone.")
+@click.option(
+    "--range", "bounds", type=FREQUENCIES, default="50Hz,10kHz", help="Range of frequencies; default 50Hz,10kHz."
+)
+@click.option("--spread", type=SHARE, default="0", help="Tolerance of each exposure, +-; default 0.")
+@click.option("--frequency", type=FREQUENCY, help="Frequency of PWM: print its min. duty instead.")
 @plot_option("the modulation over frequency and duty")
 @json_option
 def lamp(
@@ -31,8 +33,8 @@ def lamp(
     plot: str | None,
     as_json: bool,
 ) -> None:
-    """Frequencies at which a lamp shows no bands to any of the shutters and none misses a pulse, and the chip rates
-    from which a line code shows none; with --frequency the duties.
+    """Find frequencies at which a lamp shows no bands at any exposure and no exposure misses a pulse, and the chip
+    rates from which a line code shows no bands; with --frequency, the duties instead.
     """
     if len(bounds) != 2:
         raise click.UsageError(f"--range: got {len(bounds)} frequencies, allowed: LOWEST,HIGHEST")

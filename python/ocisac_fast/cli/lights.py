@@ -15,7 +15,7 @@ _MAINS = {"mains": (50.0, 60.0), "mains50": (50.0,), "mains60": (60.0,)}
 
 
 def _light(text: str) -> FlickeringLight:
-    """``100Hz``, ``100Hz+-1%``, ``100Hz+-0.5Hz``, ``90Hz:square``, ``90Hz+-1%:0.1``."""
+    """Parse ``100Hz``, ``100Hz+-1%``, ``100Hz+-0.5Hz``, ``90Hz:square``, ``90Hz+-1%:0.1``."""
     from ocisac_fast.exposure import FlickeringLight
 
     tone, _, shape = text.partition(":")
@@ -28,7 +28,7 @@ def _light(text: str) -> FlickeringLight:
 
 
 def percentage(text: str) -> float:
-    """A share: ``0.02`` or ``2%``."""
+    """Parse a share: ``0.02`` or ``2%``."""
     return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
 
 
@@ -88,6 +88,6 @@ TIMES = _Times()
 
 
 def light_name(light: FlickeringLight) -> str:
-    """The light as it is written on the command line."""
+    """The light in the syntax of the command line."""
     spread = f"+-{light.uncertainty:g}Hz" if light.uncertainty else ""
     return f"{light.frequency:g}Hz{spread}" + ("" if light.duty is None else f":{light.duty:g}")

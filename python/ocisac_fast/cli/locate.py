@@ -23,14 +23,16 @@ def _numbers(_: click.Context, parameter: click.Parameter, text: str | None) -> 
         raise click.BadParameter(f"got {text!r}, allowed: numbers with commas between", param=parameter) from error
 
 
-@click.command(short_help="Where the camera is, from lights whose places are known.")
+@click.command(short_help="Position of the camera from lights at known places.")
 @click.argument("lights", type=_File)
 @click.argument("seen", type=_File)
 @click.option("--focal", callback=_numbers, required=True, help="Focal length in pixels; one number or X,Y.")
 @click.option("--centre", callback=_numbers, required=True, help="Principal point X,Y in pixels.")
 @click.option("--distortion", callback=_numbers, help="OpenCV's coefficients k1,k2,p1,p2[,k3].")
-@click.option("--noise", type=float, default=1.0, show_default=True, help="Standard error of a light's place, pixels.")
-@click.option("--inside", callback=_numbers, help="XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of where the camera can be, metres.")
+@click.option(
+    "--noise", type=float, default=1.0, show_default=True, help="Standard error of a light's position, pixels."
+)
+@click.option("--inside", callback=_numbers, help="Bounds XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of the position, metres.")
 @json_option
 def locate(
     lights: Path,
@@ -42,10 +44,10 @@ def locate(
     inside: tuple[float, ...] | None,
     as_json: bool,
 ) -> None:
-    """Find the camera's place from three or more LIGHTS, of which SEEN tells where in the picture they are.
+    """Locate the camera from three or more LIGHTS at known places and their positions in the picture, SEEN.
 
     Both files are JSON lines. LIGHTS: light (its ID), x_m, y_m, z_m. SEEN: light, x, y in pixels; with width and height
-    as well (as of detect) x, y are the top left corner of a box. IDs only one file has are passed over.
+    (output of detect) x, y are the top left corner of a box. IDs that are in only one file are ignored.
     """
     from ocisac_fast.lights import locate_camera
 
@@ -90,7 +92,7 @@ def locate(
 
 
 def _read(path: Path, names: tuple[str, ...]) -> dict[Any, tuple[float, ...]]:
-    """Coordinates by light; the middle of a box where there is one."""
+    """Coordinates by light; the middle of a box if width and height are given."""
     result: dict[Any, tuple[float, ...]] = {}
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         if not line.strip():

@@ -1,4 +1,4 @@
-"""What commands print: JSON lines for machines, tables for people, progress on a terminal."""
+"""Output of commands: JSON lines, tables, and progress on a terminal."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ import numpy as np
 
 from ocisac_fast.cli.text import is_utf8
 
-_SURROGATES = re.compile("[\ud800-\udfff]")  # how Python holds the bytes of a file name that are no UTF-8
-_UNBROKEN = 20_000  # columns of output that is not a terminal: lines stay whole
+_SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file name bytes that are not UTF-8
+_UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
 _Item = TypeVar("_Item")
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON knows it: NumPy's types become Python's, what is not finite None.
+    """Convert a value to JSON types: NumPy types to Python's, numbers that are not finite to None.
 
-    Bytes of a file name that are no UTF-8 become U+FFFD.
+    Bytes of a file name that are not UTF-8 become U+FFFD.
     """
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
@@ -39,12 +39,12 @@ def plain(value: Any) -> Any:
 
 
 def emit_json(record: Mapping[str, Any]) -> None:
-    """One JSON object on a line of standard output."""
+    """Print one JSON object on a line of standard output."""
     click.echo(json.dumps(plain(record), allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)))
 
 
 def emit_facts(title: str, facts: Mapping[str, str]) -> None:
-    """A table of names and values for people."""
+    """Print a table of names and values."""
     emit_table(title, ["", ""], [[name, value] for name, value in facts.items()], header=False)
 
 
@@ -55,7 +55,7 @@ def emit_table(
     header: bool = True,
     left: Sequence[str] = (),
 ) -> None:
-    """A table for people; columns after the first are right-aligned where there is a header, but for those ``left``."""
+    """Print a table; with a header, columns after the first are right-aligned, except those in ``left``."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -74,7 +74,7 @@ def emit_table(
 
 
 def quantity(value: float | None, unit: str, digits: int = 6) -> str:
-    """A value with an SI prefix: 9.209 us, 4.95227 kHz; a dash where it is not known."""
+    """A value with an SI prefix: 9.209 us, 4.95227 kHz; a dash if it is unknown."""
     if value is None or not math.isfinite(value):
         return "–"
     if not unit or value == 0.0:
@@ -87,7 +87,7 @@ def quantity(value: float | None, unit: str, digits: int = 6) -> str:
 
 
 def number(value: float | None, unit: str, digits: int = 5) -> str:
-    """A value in a unit that takes no prefix; a dash where it is not known."""
+    """A value in a unit without prefixes; a dash if it is unknown."""
     text = quantity(value, "", digits)
     return text if text == "–" else f"{text} {unit}"
 
@@ -101,7 +101,7 @@ def with_spread(value: float, spread: float | None, unit: str, digits: int = 7) 
 
 
 def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
-    """The items, with a bar on standard error where that is a terminal and more than one is expected."""
+    """Iterate with a progress bar on standard error, if that is a terminal and several items are expected."""
     if not sys.stderr.isatty() or (total is not None and total < 2):
         yield from items
         return

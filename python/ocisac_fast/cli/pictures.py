@@ -1,4 +1,4 @@
-"""Options of every command that reads pictures, and what they make of a file: a camera and frames as views."""
+"""Common options of the commands that read pictures, and the camera and frames that they define."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class _Channel(ParameterType):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PictureOptions:
-    """How a recording is read; names and values as on the command line."""
+    """Options for reading a recording; names and values as on the command line."""
 
     row_time: Quantity | None
     exposure: Quantity | None
@@ -83,7 +83,7 @@ class PictureOptions:
     raw: str | None = None
 
     def camera(self, response: LightResponse, frame_rate: float | None = None) -> Camera:
-        """The camera as told by the options, then by the file; one second a row where the row time is not known."""
+        """The camera from the options, else from the file; one second per row if the row time is unknown."""
         if self.row_time is None and self.exposure is not None:
             raise click.UsageError("--exposure: needs --row-time")
         curve, gamma = self.tone_curve or (response.tone_curve, response.gamma)
@@ -98,7 +98,7 @@ class PictureOptions:
         )
 
     def check_frequency(self, name: str, value: Any) -> float | None:
-        """A frequency in the units of `camera`: Hz, or cycles per row where no row time is given; None for auto."""
+        """A frequency in the units of `camera`: Hz, or cycles per row without a row time; None for auto."""
         if value is None or value == "auto":
             return None
         if self.row_time is None and value.has_unit:
@@ -108,12 +108,12 @@ class PictureOptions:
 
 @dataclasses.dataclass(frozen=True)
 class OpenPictures:
-    """A recording opened as the options say.
+    """A recording opened with the options.
 
     Attributes:
         camera: timing and response.
-        frames: iterator of (rows, columns) or (rows, columns, colours), rows in time order, views of what was read.
-        frame_count: how many are announced.
+        frames: iterator of (rows, columns) or (rows, columns, colours), rows in time order, views where possible.
+        frame_count: announced number of frames.
     """
 
     camera: Camera
@@ -139,7 +139,7 @@ def _stacked(frames: list[Frame]) -> Frame:
 
 @contextlib.contextmanager
 def _silent_libraries() -> Iterator[None]:
-    """Standard error to nowhere: libtiff writes of a damaged picture there by itself, beside the one line of ours."""
+    """Discard standard error: libtiff prints messages about damaged pictures in addition to our error."""
     sys.stderr.flush()
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -189,12 +189,12 @@ def _chain(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
 
 
 def open_pictures(path: str, options: PictureOptions) -> _Reader:
-    """Open a recording for a ``with`` statement that gives ``OpenPictures``."""
+    """Open a recording for a ``with`` statement; yields ``OpenPictures``."""
     return _Reader(path, options)
 
 
 def arrange(frame: Frame, options: PictureOptions) -> Frame:
-    """The region and channel asked for as (rows, columns[, colours]), rows in time order: a view but for channel y."""
+    """Region and channel as (rows, columns[, colours]), rows in time order: a view except for channel y."""
     view = _in_time_order(_cropped(frame, options.region), options.scan_axis)
     return _channel(view, options.channel)
 
@@ -216,7 +216,7 @@ def _in_time_order(frame: Frame, scan_axis: str) -> Frame:
 
 
 def stored_region(region: Region, shape: tuple[int, ...], options: PictureOptions) -> Region:
-    """A region of a frame of ``shape``, rows in time order, as one of the stored picture."""
+    """Convert a region of a frame of ``shape``, rows in time order, to stored pixels."""
     x, y, width, height = region
     if options.scan_axis.startswith("-"):
         y = shape[0] - y - height
@@ -238,7 +238,7 @@ def region_in_time_order(region: Region, shape: tuple[int, ...], options: Pictur
 
 
 def _channel(frame: Frame, channel: str | int) -> Frame:
-    """A picture of one channel has only itself: y, 0 and auto."""
+    """Select a channel; a grey picture has only y, 0 and auto."""
     colours = frame.shape[2] if frame.ndim == 3 else 1
     index = _RED_GREEN_BLUE.get(channel, 0) if isinstance(channel, str) else channel
     if channel in ("r", "g", "b") and colours < 3:
@@ -255,7 +255,7 @@ def _channel(frame: Frame, channel: str | int) -> Frame:
 
 
 def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of every command that reads pictures, handed to it as ``picture``."""
+    """Add the common options, passed to the function as ``picture``."""
 
     @functools.wraps(function)
     def wrapped(**arguments: Any) -> Any:
@@ -263,7 +263,7 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
         return function(picture=PictureOptions(**{name: arguments.pop(name) for name in names}), **arguments)
 
     options = [
-        click.option("--row-time", type=TIME, help="From one row to the next; without it rates are per row."),
+        click.option("--row-time", type=TIME, help="Time from one row to the next; without it, rates are per row."),
         click.option("--exposure", type=TIME, help="Exposure time of a row."),
         click.option(
             "--scan-axis",
@@ -276,10 +276,12 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--channel", type=_Channel(), default="auto", show_default=True),
         click.option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True),
         click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave."),
-        click.option("--tone-curve", type=_ToneCurve(), help="Else what the file says, else linear."),
-        click.option("--dark-level", type=float, help="Stored value of no light; else what the file says, else 0."),
-        click.option("--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without a header, by a pipe, say."),
-        click.option("--white-level", type=float, help="Stored value of full light; else by the file or its type."),
+        click.option("--tone-curve", type=_ToneCurve(), help="Default: from the file, else linear."),
+        click.option("--dark-level", type=float, help="Stored value of no light; default: from the file, else 0."),
+        click.option(
+            "--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without headers, for example from a pipe."
+        ),
+        click.option("--white-level", type=float, help="Stored value of full light; default: from file or type."),
     ]
     for option in reversed(options):
         wrapped = option(wrapped)
@@ -287,10 +289,12 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def json_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``--json``."""
-    return click.option("--json", "as_json", is_flag=True, help="One JSON object a line, nothing else.")(function)
+    """Add ``--json``."""
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line, nothing else.")(
+        function
+    )
 
 
 def plot_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """``--plot FILE``."""
+    """Add ``--plot FILE``."""
     return click.option("--plot", type=click.Path(dir_okay=False), help=f"Draw {what} (PNG, PDF or SVG).")

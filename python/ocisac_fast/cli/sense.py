@@ -27,16 +27,20 @@ _DIRECTIONS = {"with": 1, "against": -1}
 
 @click.command(short_help="Moving textures and lights in a recording: gain, motion, speed.")
 @click.argument("file")
-@click.option("--frames", type=click.IntRange(1), default=8, show_default=True, help="Successive frames to look at.")
-@click.option("--frame-rate", type=FREQUENCY, help="Of the recording; else what the file says.")
-@click.option("--frequency", type=FREQUENCY, help="That the columns of --region show; else found.")
-@click.option("--motion", type=click.Choice(["across", "along"]), help="Of the texture: across or along the rows.")
-@click.option("--direction", type=click.Choice(list(_DIRECTIONS)), help="Of motion along the rows: with the read-out.")
+@click.option(
+    "--frames", type=click.IntRange(1), default=8, show_default=True, help="Number of successive frames used."
+)
+@click.option("--frame-rate", type=FREQUENCY, help="Frame rate of the recording; default: from the file.")
+@click.option("--frequency", type=FREQUENCY, help="Frequency in the columns of --region; default: estimated.")
+@click.option(
+    "--motion", type=click.Choice(["across", "along"]), help="Motion of the texture: across or along the rows."
+)
+@click.option("--direction", type=click.Choice(list(_DIRECTIONS)), help="Direction of motion along the rows.")
 @click.option("--pitch", type=LENGTH, help="Distance of neighbouring pixels in the scene.")
-@click.option("--spatial-frequency", type=float, help="Of the texture, cycles per metre.")
-@click.option("--speed", type=float, help="Of the texture, m/s.")
+@click.option("--spatial-frequency", type=float, help="Spatial frequency of the texture, cycles per metre.")
+@click.option("--speed", type=float, help="Speed of the texture, m/s.")
 @click.option("--depth", type=float, default=1.0, show_default=True, help="Contrast of the texture itself.")
-@click.option("--background", type=float, help="Of the light in --region, in stored values above dark.")
+@click.option("--background", type=float, help="Background of the light in --region, stored values above dark.")
 @click.option("--unlit", type=click.Path(dir_okay=False), help="Recording of the same view without the lights.")
 @click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
 @picture_options
@@ -45,9 +49,9 @@ _DIRECTIONS = {"with": 1, "against": -1}
 def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, frames: int, **told: Any) -> None:
     """Measure moving textures and modulated lights in FILE (a picture, a video, a .npy array, or -).
 
-    For each region: the frequency that its columns show, the motion-induced frequency f_x v, contrast gain (eq. 16),
-    speed. With --region that part is measured as one; else lights and moving textures are looked for. Several
-    successive frames tell textures from lights, and motion along the rows from motion across them.
+    For each region: frequency in its columns, motion-induced frequency f_x v, contrast gain (eq. 16), speed. --region
+    is measured as one region; without it, lights and moving textures are detected. Several successive frames separate
+    textures from lights, and motion along the rows from motion across them.
     """
     if picture.row_time is None:
         for name in ("frame_rate", "speed"):

@@ -1,4 +1,4 @@
-"""What the files of ``ocisac transmit`` have in common, chips or tones."""
+"""Common parts of the files of ``ocisac transmit``, chips or tones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def npy_bytes(values: npt.ArrayLike) -> bytes:
 
 
 def csv_bytes(index: str, column: str, values: Sequence[object], rate: float | None) -> bytes:
-    """One value a line after its number (named ``index``) or, where the rate is known, its time in seconds."""
+    """One value per line after its index (named ``index``) or, for a known rate, its time in seconds."""
     if rate is None:
         lines = [f"{index},{column}", *(f"{k},{value}" for k, value in enumerate(values))]
     else:

@@ -21,15 +21,17 @@ _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both co
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 
 
-@click.command(short_help="Make a recording of a modulated light, or of a scene.")
+@click.command(short_help="Simulate a recording of a modulated light, or of a scene.")
 @click.argument("scene", required=False, type=click.Path(exists=True, dir_okay=False))
 @click.option("--waveform", type=click.Choice(["tone", "square", "chips"]), default="tone", show_default=True)
-@click.option("--frequency", type=FREQUENCY, help="Of a tone or a square wave.")
+@click.option("--frequency", type=FREQUENCY, help="Frequency of a tone or a square wave.")
 @click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
-@click.option("--phase", type=float, default=0.0, show_default=True, help="Of a tone or a square wave, rad at time 0.")
+@click.option(
+    "--phase", type=float, default=0.0, show_default=True, help="Phase of a tone or a square wave, rad at time 0."
+)
 @click.option("--bits", help="Chips of on-off keying, such as 0110.")
 @click.option("--chip-rate", type=FREQUENCY)
-@click.option("--repeat/--once", default=True, show_default=True, help="Send the bits over and over.")
+@click.option("--repeat/--once", default=True, show_default=True, help="Repeat the bits.")
 @click.option("--rows", type=int, default=720, show_default=True)
 @click.option("--columns", type=int, default=1080, show_default=True)
 @click.option("--row-time", type=TIME)
@@ -41,9 +43,9 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--bit-depth", type=click.Choice(list(_DTYPES)), default="8", show_default=True)
 @click.option("--frames", type=int, default=1, show_default=True)
 @click.option("--frame-rate", type=FREQUENCY, default="30", show_default=True)
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the noise: the same seed, the same file.")
-@click.option("--tolerance", type=float, default=0.5, show_default=True, help="Of a scene: largest error in DN.")
-@click.option("--noise-off", is_flag=True, help="Of a scene: leave out its sensor's noise.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise: equal seeds give equal files.")
+@click.option("--tolerance", type=float, default=0.5, show_default=True, help="Scene: largest error in DN.")
+@click.option("--noise-off", is_flag=True, help="Scene: without the sensor's noise.")
 @click.option("-o", "--output", required=True, help="FILE.png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy.")
 @json_option
 def simulate(
@@ -54,11 +56,11 @@ def simulate(
     noise_off: bool,
     **options: Any,
 ) -> None:
-    """Make a recording of a light that fills the picture, or of a SCENE (a TOML file): a picture, a video or an array.
+    """Simulate a recording of a light that fills the picture, or of a SCENE (a TOML file): a picture, video or array.
 
     Stored values are dark level + swing × mean light over the exposure + noise, rounded and clipped to the bit depth
-    (float: as they are). A SCENE has all that in its file: only --frames, --start, --seed, --tolerance and --noise-off
-    go with it.
+    (float: neither). A SCENE file defines all this: it can be combined only with --frames, --start, --seed, --tolerance
+    and --noise-off.
     """
     context = click.get_current_context()
     given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]

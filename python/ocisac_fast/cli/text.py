@@ -11,12 +11,12 @@ _ASCII = {"µ": "u", "μ": "u", "±": "+-", "–": "-", "°": "deg", "²": "^2",
 
 
 def is_utf8(stream: TextIO) -> bool:
-    """Whether a stream takes all characters."""
+    """True if a stream accepts all characters."""
     return codecs.lookup(stream.encoding or "ascii").name == "utf-8"
 
 
 def write_any_text() -> None:
-    """Characters that the encoding of an output lacks become plain ones instead of an error: 9.2 us, +-, ?."""
+    """Replace characters that the encoding of an output lacks by plain ones instead of an error: 9.2 us, +-, ?."""
     codecs.register_error("ocisac", _replaced)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -31,7 +31,7 @@ def _replaced(error: UnicodeError) -> tuple[str, int]:
 
 
 def one_line(message: str) -> str:
-    """A message without line ends; control characters, which names and headers may hold, are escaped."""
+    """A message without line ends; control characters, possible in names and headers, are escaped."""
     joined = " ".join(message.split())
     return "".join(
         character if character.isprintable() else character.encode("unicode_escape").decode() for character in joined

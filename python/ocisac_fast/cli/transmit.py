@@ -34,7 +34,7 @@ def _csv(sent: Transmission, chip_rate: float | None) -> bytes:
 
 
 def _c_header(sent: Transmission, chip_rate: float | None) -> bytes:
-    """Chips packed eight a byte, the first one highest."""
+    """Chips packed eight per byte, the first one most significant."""
     packed = [f"0x{byte:02x}" for byte in np.packbits(sent.chips).tolist()]
     rows = [", ".join(packed[k : k + 20]) for k in range(0, len(packed), 20)]
     rate = [] if chip_rate is None else [f"#define OCISAC_CHIP_RATE_HZ {chip_rate!r}"]
@@ -66,14 +66,14 @@ _WRITERS: dict[str, _Writer] = {
 @click.argument("file", required=False, metavar="[FILE]")
 @click.option("--text", help="The payload, instead of a file's bytes.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), default="manchester", show_default=True)
-@click.option("--code-table", metavar="WORDS", help="A line code of its own: 2, 4, 16 or 256 words, as 01,10.")
+@click.option("--code-table", metavar="WORDS", help="Custom line code: 2, 4, 16 or 256 words, such as 01,10.")
 @click.option("--block-bytes", type=int, help="Coded bytes of a block, 1 to 255  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
-@click.option("--number", type=int, default=0, show_default=True, help="Of the packet, 0 to 255.")
+@click.option("--number", type=int, default=0, show_default=True, help="Number of the packet, 0 to 255.")
 @click.option("--chip-rate", type=FREQUENCY, help="For the times in a .csv and a note in a .h.")
-@click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one a frame, as 1kHz,1.2kHz (CM-FSK).")
+@click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one per frame, such as 1kHz,1.2kHz (CM-FSK).")
 @click.option("--frame-rate", type=FREQUENCY, help="With --fsk: for the times in a .csv and a note in a .h.")
-@click.option("-o", "--output", help="FILE.txt, .npy, .csv (chip or time, level) or .h (C, eight chips a byte).")
+@click.option("-o", "--output", help="FILE.txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte).")
 @json_option
 def transmit(
     file: str | None,
@@ -89,10 +89,10 @@ def transmit(
     output: str | None,
     as_json: bool,
 ) -> None:
-    """Turn the bytes of FILE (- for standard input) into one cycle of chips, to be sent over and over; 1 is bright.
+    """Encode the bytes of FILE (- for standard input) as one cycle of chips, to be sent repeatedly; 1 is bright.
 
-    Without -o the chips are printed. The format: docs/packets.md. With --fsk it is one cycle of tones, of which the
-    numbers are printed, from 0.
+    Without -o the chips are printed. The format is in docs/packets.md. With --fsk the output is one cycle of tones,
+    printed as indices from 0.
     """
     if fsk is not None:
         if line_code != "manchester" or code_table is not None or chip_rate is not None:

@@ -9,7 +9,7 @@ import click
 
 if TYPE_CHECKING:
     ParameterType = click.ParamType[Any]
-else:  # generic for type checkers alone
+else:  # generic only for type checkers
     ParameterType = click.ParamType
 
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
@@ -18,20 +18,20 @@ _QUANTITY = re.compile(rf"\s*({_NUMBER})(?:/({_NUMBER}))?\s*([a-zA-Zµμ]*)\s*")
 
 
 class Quantity(float):
-    """A number in SI units; ``has_unit`` tells whether the unit was written."""
+    """A number in SI units; ``has_unit`` is True if the unit was written."""
 
     has_unit: bool = False
 
     @classmethod
     def parse(cls, text: str, unit: str) -> Quantity:
-        """``9.2us``, ``1/8000s``, ``4.95kHz`` or a plain number.
+        """Parse ``9.2us``, ``1/8000s``, ``4.95kHz`` or a plain number.
 
         Raises:
-            ValueError: not such a number.
+            ValueError: not a number of this form.
         """
         match = _QUANTITY.fullmatch(text)
         if match is None:
-            return cls(float(text))  # inf and nan are left to whoever knows what is allowed
+            return cls(float(text))  # the caller checks inf and nan
         number, divisor, written = match.groups()
         value = float(number) / float(divisor or 1.0)
         if not written:
@@ -45,12 +45,12 @@ class Quantity(float):
 
 
 def _scaled(value: float, factor: float) -> float:
-    """Divide by the whole number where the factor is a fraction, so that 622us is the number nearest to 622e-6."""
+    """Scale; divide by the reciprocal of a fractional factor, so that 622us is the number nearest to 622e-6."""
     return value * factor if factor >= 1.0 else value / round(1.0 / factor)
 
 
 class QuantityType(ParameterType):
-    """A time, a length or a frequency; ``"auto"`` as well where ``automatic``."""
+    """A time, a length or a frequency; with ``automatic``, also ``"auto"``."""
 
     def __init__(self, unit: str, example: str, automatic: bool = False) -> None:
         self.name = unit
