@@ -1,4 +1,4 @@
-"""The paper's testbed (table 2), from recording to result: what ``ocisac demo`` shows."""
+"""The paper's testbed (table 2) from recording to result, for ``ocisac demo``."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from ocisac_fast.receiver.blind import Received, receive
 from ocisac_fast.scene.simulation import simulate_frames
 from ocisac_fast.tones.gain import tone_gain
 
-# Table 2 of the paper; what it leaves out: swing, noise and dark level, DN.
+# Table 2 of the paper, and values that it does not state: swing, noise and dark level, DN.
 ROWS, COLUMNS, FRAMES_PER_SECOND = 720, 1080, 30.0
 ROW_TIME = 22.2e-6
 EXPOSURES = (622e-6, 1202e-6, 2404e-6, 4981e-6)
 COMMUNICATION = (200.0, 500.0, 700.0)
 RING_DIAMETER, TURNS_PER_SECOND = 0.15, 223.0 / 60.0
-GRATINGS = (100.0, 200.0, 500.0)  # nominal periods a metre
+GRATINGS = (100.0, 200.0, 500.0)  # nominal periods per metre
 SWING, NOISE, DARK_LEVEL = 200.0, 2.0, 16.0
 FRAME_TIME = 1.0 / FRAMES_PER_SECOND
 
 MESSAGE = "OC-ISAC!"
 CHIP_RATE = 10e3
 CHIP_CAMERA = Camera(ROW_TIME, 60e-6, dark_level=DARK_LEVEL)
-MARKER = "1" * 8  # before the message: ASCII, whose bytes begin with 0, holds no such run
+MARKER = "1" * 8  # precedes the message: ASCII bytes begin with 0 and contain no such run
 
 
 def periods_on_ring(grating: float) -> int:
-    """A ring closes on whole periods only: the nearest to the nominal grating (1/m)."""
+    """Whole number of periods on the ring, nearest to the nominal grating (1/m)."""
     return round(grating * math.pi * RING_DIAMETER)
 
 
 def motion_frequency(grating: float) -> float:
-    """f_x v of the ring that closes, Hz."""
+    """f_x v of the ring with whole periods, Hz."""
     return periods_on_ring(grating) * TURNS_PER_SECOND
 
 
@@ -78,7 +78,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Measurement:
-    """What came out of a setting: gain with its standard error, mean light (DN) and phase (rad) of the fit."""
+    """Result of a setting: gain with its standard error, mean light (DN) and phase (rad) of the fit."""
 
     setting: Setting
     gain: float
@@ -89,15 +89,15 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Demonstration:
-    """All that the demo made.
+    """Results of the demo.
 
     Attributes:
         measurements: one for each of the 24 settings.
         frames: (settings, rows, columns), as read back.
         chips: (rows, columns), as read back.
-        received: what the receiver made of ``chips``.
-        text: the message in the bits, empty where it is not found.
-        text_at: index of the chip at which it begins.
+        received: result of the receiver for ``chips``.
+        text: the message in the bits; empty if not found.
+        text_at: index of its first chip.
     """
 
     measurements: list[Measurement]
@@ -120,7 +120,7 @@ def settings() -> list[Setting]:
 
 
 def run(directory: str | os.PathLike[str]) -> Demonstration:
-    """Make ``testbed.mkv`` (a frame a setting) and ``chips.png`` in the directory, read them back and decode them."""
+    """Write ``testbed.mkv`` (one frame per setting) and ``chips.png`` to the directory, read and decode them."""
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     write_frames(folder / "testbed.mkv", _testbed_frames(), 1 / FRAME_TIME)
@@ -141,7 +141,7 @@ def _testbed_frames() -> Iterator[npt.NDArray[Any]]:
 
 
 def _simulated(light: Waveform, camera: Camera, **options: Any) -> Iterator[npt.NDArray[Any]]:
-    """One frame of the testbed's camera."""
+    """Simulate one frame of the testbed's camera."""
     return simulate_frames(light, camera, ROWS, COLUMNS, swing=SWING, noise=NOISE, dark_level=DARK_LEVEL, **options)
 
 
@@ -152,12 +152,12 @@ def _measure(setting: Setting, frame: npt.NDArray[Any]) -> Measurement:
 
 
 def to_bits(text: str) -> str:
-    """Eight bits a character, most significant first."""
+    """Eight bits per character, most significant first."""
     return "".join(f"{code:08b}" for code in text.encode("ascii"))
 
 
 def message_in(bits: str) -> tuple[str, int]:
-    """The characters after the first marker with a whole message behind it, and where they begin; else nothing at 0."""
+    """Characters after the first marker with a complete message, and index of the first chip; else "" and 0."""
     length = 8 * len(MESSAGE)
     for marker in re.finditer(f"1{{{len(MARKER)},}}(?=0)", bits):
         payload = bits[marker.end() : marker.end() + length]
@@ -167,14 +167,14 @@ def message_in(bits: str) -> tuple[str, int]:
 
 
 def model_rows(measurement: Measurement) -> npt.NDArray[np.float64]:
-    """(rows,) The fitted square wave as the rows store it, DN."""
+    """(rows,) fitted square wave as stored by the rows, DN."""
     setting = measurement.setting
     light = SquareWave(setting.frequency, phase=measurement.phase, amplitude=2.0 * measurement.mean)
     return DARK_LEVEL + integrate_exposure(light, setting.camera, ROWS)
 
 
 def draw(demonstration: Demonstration, path: str | os.PathLike[str]) -> None:
-    """One picture of the demo: strips of the recording, a column with its fit, gains against theory, bits received."""
+    """Draw the demo: strips of the recording, a column with its fit, gains and theory, received bits."""
     from ocisac_fast import plots
 
     with plots.picture(path, 11.0, 7.6) as figure:
@@ -186,7 +186,7 @@ def draw(demonstration: Demonstration, path: str | os.PathLike[str]) -> None:
 
 
 def _shown(demonstration: Demonstration) -> list[int]:
-    """The settings of 500 Hz: one light at the four exposures."""
+    """Indices of the settings of 500 Hz: one light at the four exposures."""
     return [k for k, each in enumerate(demonstration.measurements) if each.setting.frequency == 500.0]
 
 

@@ -1,4 +1,4 @@
-"""The objective over the exposure, and the fronts between communication and sensing."""
+"""Plots of the objective over the exposure, and of the trade-off between communication and sensing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def plot_exposure(
     weights: tuple[float, float] = (1.0, 1.0),
     bounds: tuple[float, float] | None = None,
 ) -> None:
-    """The objective over the exposure time with the points that the methods choose.
+    """Plot the objective over the exposure time with the choices of the methods.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
@@ -53,7 +53,7 @@ def plot_exposure(
 
 
 def _choices(f_comm: float, f_sense: float, weights: Any, bounds: Any) -> Iterator[tuple[str, Any, dict[str, Any]]]:
-    """Method, its ``BestExposure`` and its mark, of search, the paper's closed form and ours."""
+    """Method, ``BestExposure`` and marker of search, the paper's closed form and the exact optimum."""
     for method, marker, colour, size in (
         ("search", "s", SKY, 12),
         ("closed-form", "D", ORANGE, 8),
@@ -72,7 +72,7 @@ def plot_front(
     bounds: tuple[float, float] | None = None,
     noise_exposure: float | None = None,
 ) -> None:
-    """T |sinc| of communication against that of sensing, and the signal-to-noise ratios where noise and light count.
+    """Plot T |sinc| of communication over that of sensing, and the signal-to-noise ratios with noise.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
@@ -112,7 +112,7 @@ def _draw_front(axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds:
 def _draw_noisy_front(
     figure: Figure, axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds: Any, noise: float
 ) -> None:
-    """Signal-to-noise ratios over those of an exposure T_n without loss; darker points are brighter pictures."""
+    """Draw signal-to-noise ratios relative to an exposure T_n without loss; darker points are brighter pictures."""
     longest = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else bounds
     front = exposure_front(f_comm, f_sense, bounds=longest, noise_exposure=noise)
 

@@ -1,4 +1,4 @@
-"""Pictures of flickering lights under an exposure."""
+"""Plots of flickering lights under an exposure."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def plot_modulation(
     found: FlickerFreeExposure,
     bounds: tuple[float, float] | None = None,
 ) -> None:
-    """Modulation of each light over the exposure, the bound, and the exposure that was found.
+    """Plot the modulation of each light over the exposure, the bound, and the selected exposure.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
         lights, below, bounds: as for ``flicker_free_exposure``.
-        found: its answer.
+        found: result of ``flicker_free_exposure``.
     """
     low, high = bounds or (0.0, LONGEST_EXPOSURE)
     exposure = np.linspace(low, high, 4001)
@@ -56,12 +56,12 @@ def plot_flicker_front(
     found: FlickerFreeExposure,
     bounds: tuple[float, float] | None = None,
 ) -> None:
-    """Gain of the data light against the modulation that is left of the others, over all exposures.
+    """Plot the gain of the data light over the modulation of the other lights, for all exposures.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
         f_comm, lights, below, bounds: as for ``flicker_free_exposure``.
-        found: its answer.
+        found: result of ``flicker_free_exposure``.
     """
     front = flicker_front(f_comm, lights, bounds)
     best = front.efficient
@@ -90,7 +90,7 @@ def plot_flicker_indices(
     contrast: float,
     tolerance: float,
 ) -> None:
-    """The three indices over the exposure for each lamp, with the exposures asked for as dots.
+    """Plot the three indices over the exposure for each lamp, with the given exposures as dots.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
@@ -118,7 +118,7 @@ def plot_flicker_indices(
 def plot_lamp(
     path: str | os.PathLike[str], exposures: Sequence[float], below: float, bounds: tuple[float, float]
 ) -> None:
-    """Largest modulation that any shutter sees of PWM over its frequency and duty, the bound, and missed pulses.
+    """Plot the largest modulation of PWM at any exposure over frequency and duty, the bound, and missed pulses.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.

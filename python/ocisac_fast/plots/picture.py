@@ -1,6 +1,6 @@
-"""The look of all pictures, drawn without a display (matplotlib, ``ocisac-fast[cli]``).
+"""Common style of all plots, drawn without a display (matplotlib, ``ocisac-fast[cli]``).
 
-Colours are those of Okabe and Ito, which the colour-blind can tell apart.
+Colours are those of Okabe and Ito, suitable for colour-blind readers.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _LOOK: Any = {
 
 @contextlib.contextmanager
 def picture(path: str | os.PathLike[str], width: float, height: float) -> Iterator[Figure]:
-    """A figure of so many inches in the package's look, written whole at the end: ``.png``, ``.pdf`` or ``.svg``.
+    """A figure of the given size in inches in the package's style, written atomically: ``.png``, ``.pdf`` or ``.svg``.
 
     Raises:
         FileError: another suffix, or matplotlib is missing.

@@ -1,4 +1,4 @@
-"""Picture of a calibration by pulses: rows against pulse widths, and the ramps beside the exposure's box."""
+"""Plot of a calibration by pulses: rows over pulse widths, and the ramps with the exposure's box."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _COLOURS = (BLUE, ORANGE, GREEN, SKY, PURPLE)
 def plot_pulses(
     path: str | os.PathLike[str], result: PulseCalibration, frequency: float, duties: Sequence[float]
 ) -> None:
-    """Lit rows over the lamp's pulse width with what the fit leaves, and the measured ramps with the fitted box.
+    """Plot the residuals of lit rows over the lamp's pulse width, and the measured ramps with the fitted box.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        result: of ``calibrate_pulses``.
+        result: from ``calibrate_pulses``.
         frequency, duties: as given to it.
     """
     widths = np.asarray(duties) / frequency

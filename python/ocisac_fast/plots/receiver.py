@@ -1,4 +1,4 @@
-"""The combined column of a frame with the chips received in it."""
+"""Plot of the combined column of a frame with the detected chips."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def plot_received(path: str | os.PathLike[str], frame: npt.NDArray[Any], camera: Camera, received: Received) -> None:
-    """The combined column of a frame with the chips and levels that were detected in it.
+    """Plot the combined column of a frame with the detected chips and levels.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
         frame: (rows, columns) or (rows, columns, colours), stored values.
         camera: as for ``receive``.
-        received: what ``receive`` made of the frame.
+        received: result of ``receive`` for the frame.
     """
     rows = frame.shape[0]
     lines = min(4, max(1, rows // 200))
@@ -41,7 +41,7 @@ def plot_received(path: str | os.PathLike[str], frame: npt.NDArray[Any], camera:
 def draw_chips(
     axes: Axes, frame: npt.NDArray[Any], camera: Camera, received: Received, first: float, last: float
 ) -> None:
-    """Rows first to last of the combined column, the threshold, and a 0 or 1 over every chip."""
+    """Draw rows ``first`` to ``last`` of the combined column, the threshold, and a 0 or 1 over every chip."""
     picture = frame[..., received.colour] if frame.ndim == 3 else frame
     light = linear_light(picture, camera)
     used = received.weights if received.weights.sum() > 0.0 else np.full(light.shape[1], 1.0 / light.shape[1])

@@ -1,4 +1,4 @@
-"""A frame with the boxes of lights or of sensed regions over it."""
+"""Plots of a frame with the boxes of lights or of sensed regions."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def _over_frame(path: str | os.PathLike[str], frame: npt.NDArray[Any]) -> Iterat
 
 
 def plot_sources(path: str | os.PathLike[str], frame: npt.NDArray[Any], sources: list[LightSource]) -> None:
-    """A frame with the box, number and frequency of every light found in it; reflections dashed.
+    """Plot a frame with box, number and frequency of every detected light; reflections are dashed.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
         frame: (rows, columns), stored values.
-        sources: what ``detect_sources`` found in it.
+        sources: result of ``detect_sources`` for the frame.
     """
     from matplotlib.patches import Rectangle
 
@@ -54,12 +54,12 @@ def plot_sources(path: str | os.PathLike[str], frame: npt.NDArray[Any], sources:
 
 
 def plot_regions(path: str | os.PathLike[str], frame: npt.NDArray[Any], regions: Sequence[SensedRegion]) -> None:
-    """A frame with the box of every region, what it is, and an arrow where its motion is known.
+    """Plot a frame with box and kind of every region, and an arrow for a known motion.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
         frame: (rows, columns), stored values.
-        regions: what ``sense`` found in it.
+        regions: result of ``sense`` for the frame.
     """
     with _over_frame(path, frame) as axes:
         for index, region in enumerate(regions):

@@ -1,4 +1,4 @@
-"""A column's spectrum with the fitted tone, and the column before and after equalisation."""
+"""Plots of a column's spectrum with the fitted tone, and of the column before and after equalisation."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def plot_gain(
     gain: float,
     waveform: str = "tone",
 ) -> None:
-    """Spectrum with the fitted tone and the exposure's response; the column before and after equalisation.
+    """Plot the spectrum with the fitted tone and the exposure's response, and the column before and after equalisation.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        columns: (rows, columns) of one frame, stored values; their mean is shown.
+        columns: (rows, columns) of one frame, stored values; their mean is plotted.
         camera: as for ``tone_gain``; a row time of 1 shows cycles per row.
         frequency, gain: of the fitted tone.
         waveform: ``"tone"`` or ``"square"``, whose fundamental is 4/pi of its mean.
@@ -43,7 +43,7 @@ def plot_gain(
 
 
 def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, frequency: float) -> None:
-    """About 12 cycles of a column, and of it equalised where the exposure is known."""
+    """Draw about 12 cycles of a column, and of the equalised column where the exposure is known."""
     in_rows = camera.row_time is None
     time = np.arange(light.size) * (1.0 if in_rows else camera.row_period * 1e3)
     axes.plot(time, light, ".-", color=BLUE, lw=0.8, ms=3, label="column")
@@ -60,7 +60,7 @@ def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, 
 
 
 def _several_cycles(time: npt.NDArray[Any], cycles_per_row: float) -> float:
-    """The end of the axis: all rows, or as many as hold about 12 cycles."""
+    """End of the axis: all rows, or about 12 cycles."""
     rows = int(min(time.size - 1, 12.0 / max(cycles_per_row, 1e-9)))  # a NaN shows all rows
     return float(time[max(rows, 1)]) if time.size > 1 else 1.0
 
@@ -68,10 +68,10 @@ def _several_cycles(time: npt.NDArray[Any], cycles_per_row: float) -> float:
 def _draw_spectrum(
     axes: Axes, light: npt.NDArray[np.float64], camera: Camera, frequency: float, gain: float, waveform: str
 ) -> None:
-    """Amplitude over mean on a logarithmic scale, through a Hann window that keeps the mean from leaking."""
+    """Draw amplitude over mean on a logarithmic scale, with a Hann window that suppresses leakage of the mean."""
     rows = light.size
     window = np.hanning(rows + 2)[1:-1]
-    length = 4 * rows  # shows the peak between two bins
+    length = 4 * rows  # interpolates peaks between two bins
     mean = light.mean() if light.mean() > 0.0 else 1.0
     spectrum = 2.0 * np.abs(np.fft.rfft((light - light.mean()) * window, length)) / (window.sum() * mean)
     frequencies = np.fft.rfftfreq(length, camera.row_period)
@@ -97,7 +97,7 @@ def _draw_spectrum(
 
 
 def _mark_tone(axes: Axes, camera: Camera, frequency: float, gain: float) -> None:
-    """The fitted tone, where the rows show it."""
+    """Mark the fitted tone at its alias."""
     in_rows = camera.row_time is None
     folded = abs((frequency * camera.row_period + 0.5) % 1.0 - 0.5) / camera.row_period
     label = f"fit: gain {gain:.4f} at " + (f"{frequency:.6g} cycles a row" if in_rows else f"{frequency:.2f} Hz")

@@ -1,6 +1,6 @@
-"""Kernels and equations in plain NumPy, for checking the C++ core: slow, short and close to the equations.
+"""Kernels and equations in plain NumPy, as a check of the C++ core: slow, short and close to the equations.
 
-Nothing here decides by heuristics; what does is checked by truth, bounds and stored answers.
+There are no heuristics here; heuristics are tested by truth, bounds and stored results.
 """
 
 from ocisac_fast.reference.camera import linear_light as linear_light

@@ -29,7 +29,7 @@ def linear_light(stored: npt.NDArray[np.generic], camera: Camera) -> npt.NDArray
 
 
 def saturation_level(stored: npt.NDArray[np.generic], camera: Camera) -> float:
-    """Stored value from which on a pixel counts as saturated; NaN (never) for floats without a white level."""
+    """Stored value from which a pixel is saturated; NaN (never) for floats without a white level."""
     if camera.white_level is not None:
         return camera.white_level
     return type_maximum(stored.dtype) if stored.dtype.kind in "ui" else float("nan")

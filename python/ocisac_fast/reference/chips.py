@@ -1,4 +1,4 @@
-"""The channel by differences and one `lstsq` a step, the detectors by whole matrices, sequences over every state."""
+"""The channel by finite differences and `lstsq`, detectors by full matrices, sequences by exhaustive states."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ FloatArray = npt.NDArray[np.float64]
 def detect_sequence(
     rows: FloatArray, rows_per_chip: float, phase: float, exposure_rows: float, noise: float, first: int, count: int
 ) -> FloatArray:
-    """The chips first ... first + count - 1 whose exposed light is nearest to the rows (least squares, Viterbi).
+    """Detect chips first ... first + count - 1 as the sequence with the least squared error (Viterbi).
 
     A :data:`ocisac_fast.chips.channel.Detect`: rows are 0 for steady dark and 1 for steady bright, chip 0 begins at row
-    ``phase``. A state is the chips before the newest that its rows still see: 2^ceil(exposure / rows_per_chip) of
-    them. White noise: its size does not matter.
+    ``phase``. A state consists of the chips before the newest that its rows still see: 2^ceil(exposure / rows_per_chip)
+    states. For white noise the result is independent of its size.
     """
     length = max(exposure_rows, 1e-3) / rows_per_chip
     memory = max(int(np.ceil(length)), 1)
@@ -47,7 +47,7 @@ def detect_sequence(
         overlap = np.minimum(end[:, None], 1 - back) - np.maximum(end[:, None] - length, -back)
         expected = bits @ np.maximum(overlap, 0).T / length
         paths = cost[history >> 1] + np.sum((rows[seen] - expected) ** 2, axis=1)
-        low, high = paths[: 1 << memory], paths[1 << memory :]  # the chip that leaves: 0, 1
+        low, high = paths[: 1 << memory], paths[1 << memory :]  # oldest chip: 0, 1
         origin[chip] = np.where(high < low, history[1 << memory :], history[: 1 << memory]) >> 1
         cost = np.minimum(low, high)
     state = int(np.argmin(cost))
@@ -68,7 +68,7 @@ def chip_llr(
     first: int,
     count: int,
 ) -> FloatArray:
-    """By trying: the least squares of all sequences with a chip bright, and with it dark. For at most 16 chips."""
+    """Exhaustive search: least squares over all sequences with a chip bright, and with it dark. At most 16 chips."""
     if count > 16:
         raise ValueError(f"count: got {count}, allowed: at most 16")
     if count == 0:
@@ -86,7 +86,7 @@ def chip_llr(
 
 
 def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
-    """Square root of the least sum, over 16 places of the chips to the rows, of the squared differences of the rows."""
+    """Square root of the minimum, over 16 phases of the chips, of the sum of squared differences of the rows."""
     length = exposure_rows / rows_per_chip
 
     def area(ends: FloatArray) -> FloatArray:
@@ -102,7 +102,7 @@ def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
 def expose_chips(
     chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure_rows: float, first: int = 0
 ) -> FloatArray:
-    """Sum of chips times the overlap of each with the row's exposure; the chips at the ends go on for ever."""
+    """Sum of chips times their overlap with the row's exposure; the first and last chip extend to infinity."""
     levels = np.asarray(chips, dtype=float)
     length = max(exposure_rows, 1e-3)
     edges = phase + (first + np.arange(len(levels) + 1)) * rows_per_chip
@@ -122,15 +122,15 @@ def rows_of(chips: int, rows: int, clock: FloatArray, first: int) -> tuple[int, 
 
 
 def legendre(rows: int, degree: int) -> FloatArray:
-    """(rows, degree + 1) over -1 ... 1."""
+    """(rows, degree + 1) Legendre polynomials over -1 ... 1."""
     along = np.linspace(-1, 1, rows) if rows > 1 else np.zeros(1)
     return np.asarray(np.polynomial.legendre.legvander(along, degree), dtype=float)
 
 
 def derivatives(chips: FloatArray, rows: int, clock: FloatArray, first: int) -> FloatArray:
-    """(rows, 3) of s by phase (of the middle chip), rows per chip and exposure, by central differences.
+    """(rows, 3) derivatives of s by phase (of the middle chip), rows per chip and exposure, by central differences.
 
-    s is linear in pieces: a difference is exact unless a chip's edge lies within its step of the exposure's end.
+    s is piecewise linear: a difference is exact unless a chip's edge lies within its step of the exposure's end.
     """
     middle = first + len(chips) // 2
 
@@ -151,7 +151,7 @@ def derivatives(chips: FloatArray, rows: int, clock: FloatArray, first: int) -> 
 
 
 def invert(normal: FloatArray, exposure_known: bool) -> FloatArray | None:
-    """(3, 3) covariance of the clock for a unit noise; an exposure that nothing tells has an infinite variance."""
+    """(3, 3) covariance of the clock for unit noise; an undetermined exposure has infinite variance."""
     for unknowns in ([0, 1],) if exposure_known else ([0, 1, 2], [0, 1]):
         kept = unknowns + list(range(3, len(normal)))
         part = normal[np.ix_(kept, kept)]
@@ -176,7 +176,7 @@ def fit_channel(
     dark_degree: int = 1,
     swing_degree: int = 0,
 ) -> ChannelEstimate | None:
-    """Gauss-Newton: levels by least squares for the clock, then a step of everything, halved until the squares fall."""
+    """Gauss-Newton: levels by least squares for the clock, then a joint step, halved until the squares decrease."""
     values, levels = np.asarray(signal, dtype=float), np.asarray(chips, dtype=float)
     rows, middle = len(values), first + len(levels) // 2
     dark, swing = legendre(rows, dark_degree), legendre(rows, swing_degree)
@@ -258,7 +258,7 @@ def clock_bounds(
     dark_degree: int = 1,
     swing_degree: int = 0,
 ) -> ClockErrors | None:
-    """Inverse of the Fisher information JT J / noise^2, J the derivatives of the rows by all unknowns."""
+    """Inverse of the Fisher information J^T J / noise^2, J the derivatives of the rows by all unknowns."""
     levels, height = np.asarray(chips, dtype=float), np.asarray(swing, dtype=float)
     rows = len(height)
     clock = np.array([rows_per_chip, phase, max(exposure_rows, 1e-3)])
@@ -285,9 +285,9 @@ def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
 
 
 class ClockTracker:
-    """All frames at once: phases and rates of every update against one clock, by weighted least squares.
+    """Phases and rates of all updates fitted by one clock, by weighted least squares.
 
-    What the Kalman filter comes to without drift; the memory grows with every frame.
+    Equals the Kalman filter without drift; memory grows with every frame.
     """
 
     def __init__(
@@ -297,7 +297,7 @@ class ClockTracker:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets everything."""
+        """Discard the state."""
         self.seen: list[tuple[int, ChannelEstimate]] = []
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
@@ -323,7 +323,7 @@ class ClockTracker:
     def least_squares(
         self, design: list[list[float]], right: list[float], weights: list[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
-        """Solution and covariance; one weight matrix a measurement."""
+        """Solution and covariance; one weight matrix per measurement."""
         normal, product, at = np.zeros((3, 3)), np.zeros(3), 0
         for weight in weights:
             rows = np.array(design[at : at + len(weight)])
@@ -334,12 +334,12 @@ class ClockTracker:
         return covariance @ product, covariance
 
     def update(self, frame: int, channel: ChannelEstimate) -> bool:
-        """Keeps the channel; jumps of the clock are not looked for."""
+        """Store the channel; jumps of the clock are not detected."""
         self.seen.append((frame, channel))
         return True
 
     def predict(self, frame: int) -> TrackedClock | None:
-        """The clock of all updates, in a frame."""
+        """Predict the clock in a frame from all updates."""
         if not self.seen:
             return None
         (phase, period, frame_rows, exposure_rows), covariance = self.solve()
@@ -354,11 +354,12 @@ class ClockTracker:
 def detect_chips(
     columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: DetectorMethod = "wiener"
 ) -> DetectedChips:
-    """As the equations say, for every column of every frame; ``mlse`` and ``reduced`` decide but weigh all chips alike.
+    """Detect chips in every column of every frame by the equations; ``mlse`` and ``reduced`` are hard decisions with
+    equal weights.
 
     With x = chips - 1/2 of variance 1/4 and noise sigma the best linear estimate of x is A^-1 H^T (rows - 1/2)/sigma^2,
-    A = H^T H/sigma^2 + 4; for ``dfe`` the same of each chip and those after it, with the decisions before taken out of
-    the rows. ``auto`` is not here: it is a choice, no detector.
+    A = H^T H/sigma^2 + 4. ``dfe`` applies it to each chip and those after it, after subtraction of the decided chips.
+    ``auto`` is missing, since it selects among detectors.
     """
     array = np.asarray(columns)
     frames = array.reshape((1,) * (3 - max(array.ndim, 2)) + array.shape + (1,) * (array.ndim < 2))
@@ -422,7 +423,7 @@ def _by_threshold(
 
 
 def _inverse_response(channel: ChannelEstimate, noise: float) -> tuple[float, FloatArray, float]:
-    """Gain of a chip, of those around it, variance of the noise: one chip, and one row, in the middle of many rows."""
+    """Gain of a chip, gains of its neighbours and noise variance, from one chip and one row amid many rows."""
     period, exposure_rows = channel.rows_per_chip, channel.exposure_rows
     length = 24 * exposure_rows + 32 * period + 128
     count = int(length)
@@ -443,7 +444,7 @@ def _equalized(rows: FloatArray, exposure_rows: float) -> FloatArray:
 def _shares(
     rows: npt.ArrayLike, chips: npt.NDArray[Any], period: float, phase: float, exposure_rows: float
 ) -> FloatArray:
-    """(rows, chips); they sum to 1 where the chips cover the row's exposure."""
+    """(rows, chips) overlaps; their sum is 1 where the chips cover the row's exposure."""
     length = max(exposure_rows, 1e-3)
     begin, low = phase + chips * period, np.asarray(rows)[:, None] - length / 2
     overlap = np.minimum(low + length, begin + period) - np.maximum(low, begin)
@@ -451,7 +452,7 @@ def _shares(
 
 
 def _windows(middles: FloatArray, reach: float, rows: int) -> FloatArray:
-    """(chips, rows): overlap of each row's place with the middle of each chip, sum 1; 0 beyond the rows."""
+    """(chips, rows): overlap of each row with the middle of each chip, sum 1; 0 outside the rows."""
     row = np.arange(rows)
     overlap = np.minimum(middles[:, None] + reach, row + 0.5) - np.maximum(middles[:, None] - reach, row - 0.5)
     overlap = np.maximum(overlap, 0)
@@ -460,7 +461,7 @@ def _windows(middles: FloatArray, reach: float, rows: int) -> FloatArray:
 
 
 def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: float) -> DetectorErrorRates:
-    """Mean over four places of the chips to the rows, for one chip in the middle of a long frame.
+    """Mean over four phases of the chips relative to the rows, for one chip in the middle of a long frame.
 
     Weights of the rows times H are the gains g of the chips; the share of wrong chips is the probability that
     g_0/2 + sum of +-g_j/2 + noise is below 0, by its characteristic function (Gil-Pelaez 1951).
@@ -500,7 +501,7 @@ def _inverse_error_rate(rows_per_chip: float, exposure_rows: float, phase: float
 
 
 def _error_rate(gains: FloatArray, variance: float) -> float:
-    """P(gains[0]/2 + sum of +-gains[1:]/2 + noise < 0); the integral by the midpoint rule."""
+    """P(gains[0]/2 + sum of +-gains[1:]/2 + noise < 0), integrated by the midpoint rule."""
     step = np.pi / (np.sum(np.abs(gains)) + 8 * np.sqrt(variance)) / 2
     at = step * np.arange(0.5, 9 / (np.sqrt(variance) * step))
     characteristic = np.exp(-0.5 * variance * at**2) * np.prod(np.cos(0.5 * np.outer(gains[1:], at)), axis=0)

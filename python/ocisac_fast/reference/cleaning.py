@@ -1,10 +1,10 @@
 """The share of a modulated light in every pixel, and the light of every row, in plain NumPy.
 
-Pairs of pixels are compared by array slices and the row light is solved for as one dense system, where the core keeps
-sums and a band; results agree to rounding.
+Pairs of pixels are compared by array slices, and the row light is the solution of one dense system; the core uses
+running sums and a band matrix. Results agree to rounding.
 
-In the smoothing of shares, couplings are kept for each axis as arrays of the differences along it, trends as full
-pictures, and the equations are solved level by level through recursion, where the core keeps padded rows and blocks.
+The smoothing of shares stores couplings for each axis as arrays of differences and trends as full pictures, and solves
+the equations level by level by recursion; the core uses padded rows and blocks.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ MIN_LIGHT = 0.05
 ROW_TEXTURES = (0.5, 0.3, 0.2, 0.1, 0.05)
 PLAN = [(0.5, 48)] * 3 + [(0.3, 32)] * 2 + [(0.2, 32)] + [(0.1, 24)] * 2
 PLAN += [(0.05, 16)] * 2 + [(0.05, 12)] + [(0.05, 8)] * 2
-WIDE, MERGED = 6, 4  # steps of the plan taken on columns added up, and how many of them, where shares are made smooth
+WIDE, MERGED = 6, 4  # steps of the plan on added columns, and number of columns added, for smooth shares
 
 
 def comparison_lag(row_light: FloatArray) -> int:
-    """Rows apart at which the mean squared change of (frames, rows) first reaches 0.7 of the variance."""
+    """Lag in rows at which the mean squared change of (frames, rows) first reaches 0.7 of the variance."""
     most = min(max(row_light.shape[1] // 4, 1), 64)
     for lag in range(1, most):
         if np.mean((row_light[:, lag:] - row_light[:, :-lag]) ** 2) >= 0.7 * np.var(row_light):
@@ -53,7 +53,7 @@ def _passage(light: FloatArray, variance: FloatArray, reach: float, edge: float,
 
 
 def _spread(values: FloatArray, passage: FloatArray, axis: int) -> FloatArray:
-    """Sum over the line, each value times the product of the passages between."""
+    """Sum over the line of each value times the product of the passages in between."""
     lines, through = np.moveaxis(values, axis, 0), np.moveaxis(passage, axis, 0)
     total = lines.copy()
     for direction in (1, -1):
@@ -68,7 +68,7 @@ def _spread(values: FloatArray, passage: FloatArray, axis: int) -> FloatArray:
 
 
 class _Picture:
-    """Frames of linear light under a row light, `merged` columns of the camera in each of theirs."""
+    """Frames of linear light under a row light, with `merged` columns of the camera per column."""
 
     def __init__(self, light: FloatArray, variance: FloatArray, row_light: FloatArray, merged: int = 1) -> None:
         self.light, self.variance, self.change, self.merged = light, variance, row_light - 1, merged
@@ -95,7 +95,7 @@ class _Picture:
         return pull, weight, sums, certain
 
     def of_all(self) -> FloatArray:
-        """One share for all pixels."""
+        """Estimate one share for all pixels."""
         q = np.full(self.light.shape[1:], min(0.5 * self.most, 1.0))
         for _ in range(4):
             pull, weight, *_ = self.gather(q, PLAN[0][0])
@@ -129,7 +129,7 @@ class _Picture:
 
 
 def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray, smooth: bool = True) -> FloatArray:
-    """Share of the light in every pixel, (rows, columns), of (frames, rows, columns) and (frames, rows) of mean 1."""
+    """Estimate shares (rows, columns) of the light from (frames, rows, columns) and (frames, rows) of mean 1."""
     picture = _Picture(light, variance, row_light)
     merged = _Picture(*_merged(light, variance), row_light, MERGED) if smooth else picture
     q = merged.of_all()
@@ -151,7 +151,7 @@ def light_share(light: FloatArray, variance: FloatArray, row_light: FloatArray, 
 
 
 def _merged(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means of neighbouring columns, of the pixels that tell something."""
+    """Means of neighbouring columns over pixels of finite variance."""
     known, starts = np.isfinite(variance), np.arange(0, light.shape[2], MERGED)
     count = np.add.reduceat(known.astype(float), starts, axis=2)
     sums, noise = (np.add.reduceat(np.where(known, values, 0.0), starts, axis=2) for values in (light, variance))
@@ -172,7 +172,7 @@ def _spread_twice(values: FloatArray, down: FloatArray, across: FloatArray) -> F
 
 
 def _extreme(values: FloatArray, of: Callable[..., FloatArray]) -> FloatArray:
-    """Within 12 pixels each way."""
+    """Extremum within 12 pixels in each direction."""
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, 12, "edge"), (25, 25))
     return of(windows, axis=(2, 3))
 
@@ -180,7 +180,7 @@ def _extreme(values: FloatArray, of: Callable[..., FloatArray]) -> FloatArray:
 def _gain(
     light: FloatArray, variance: FloatArray, change: FloatArray, lag: int, share: FloatArray, other: FloatArray
 ) -> FloatArray:
-    """Log likelihood of pairs of rows with the other shares less that with these, half of it at each pixel."""
+    """Log likelihood of pairs of rows with the other shares minus that with these, half of it at each pixel."""
 
     def misfit(q: FloatArray) -> FloatArray:
         left = np.maximum(1 + q * change, MIN_LIGHT)
@@ -208,7 +208,7 @@ def refine_row_light(
 ) -> tuple[FloatArray, FloatArray]:
     """Gauss-Newton steps of the row light of one frame (1, rows, columns): the light, and each row's information.
 
-    ``basis`` (rows, terms): the light moves within it alone; ``deviation``: it is held to where it started.
+    ``basis`` (rows, terms) restricts the light to its span; ``deviation`` penalises deviation from the initial light.
     """
     rows = light.shape[1]
     result, information = row_light.copy(), np.zeros(rows)
@@ -255,7 +255,7 @@ ITERATIONS = (4, 12, 20, 40)
 def subtract_still(
     frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: int = 8
 ) -> FloatArray:
-    """Each frame less the still picture, or the mean of the frames nearest in time, plus the mean of what was taken."""
+    """Subtract the still picture, or the mean of the nearest frames in time, and add the mean of what is subtracted."""
     light = [linear_light(np.asarray(frame), camera) for frame in np.asarray(frames)]
     taken = []
     for k in range(len(light)):
@@ -268,7 +268,7 @@ def subtract_still(
 def smoothing_step(
     pull: FloatArray, weight: FloatArray, share: FloatArray, trend: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, Pair]:
-    """The change of (rows, columns) shares, and the trend of their slopes for the next step."""
+    """Change of (rows, columns) shares, and the trend of their slopes for the next step."""
     slopes = np.diff(share, axis=0), np.diff(share, axis=1)
     steep = np.zeros(share.shape)
     for axis in (0, 1):
@@ -287,7 +287,7 @@ def smoothing_step(
 
 
 def _solve(weight: FloatArray, right: FloatArray, coupling: Pair, level: int) -> FloatArray:
-    """Conjugate gradients from the answer for sums of 2 x 2 pixels."""
+    """Conjugate gradients, started from the solution for sums of 2 x 2 pixels."""
     rows, columns = weight.shape
     start = np.zeros(weight.shape)
     coarsest = level == len(ITERATIONS) - 1 or min(rows, columns) < 8
@@ -322,14 +322,14 @@ def _conjugate_gradients(
 
 
 def _trend(slope: FloatArray, coupling: FloatArray, shape: tuple[int, ...], axis: int) -> FloatArray:
-    """Mean of the slopes around by their couplings, for each block of 8 x 8 pixels."""
+    """Mean of the neighbouring slopes weighted by their couplings, for each block of 8 x 8 pixels."""
     sums, counts = (_around(_before(values, axis)) for values in (coupling * slope, coupling))
     slow = np.where(counts > 0, sums / np.where(counts > 0, counts, 1.0), 0.0)
     return np.asarray(slow.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[: shape[0], : shape[1]])
 
 
 def _around(values: FloatArray) -> FloatArray:
-    """Sums of blocks, those around counting less by exp(-distance/reach), twice each way."""
+    """Sums of blocks, neighbours weighted by exp(-distance/reach), twice in each direction."""
     starts = [np.arange(0, length, BLOCK) for length in values.shape]
     blocks = np.add.reduceat(np.add.reduceat(values, starts[0], axis=0), starts[1], axis=1)
     down, across = (
@@ -339,19 +339,19 @@ def _around(values: FloatArray) -> FloatArray:
 
 
 def _halved(values: FloatArray, axis: int) -> FloatArray:
-    """Sums of two each."""
+    """Sums of pairs."""
     if values.size == 0:
         return np.zeros(tuple((n + 1) // 2 if k == axis else n for k, n in enumerate(values.shape)))
     return np.asarray(np.add.reduceat(values, np.arange(0, values.shape[axis], 2), axis=axis))
 
 
 def _before(values: FloatArray, axis: int) -> FloatArray:
-    """Differences at the pixel they start from."""
+    """Differences at their first pixel."""
     return np.pad(values, [(0, 1 if k == axis else 0) for k in (0, 1)])
 
 
 def _after(values: FloatArray, axis: int) -> FloatArray:
-    """Differences at the pixel they go to."""
+    """Differences at their second pixel."""
     return np.pad(values, [(1 if k == axis else 0, 0) for k in (0, 1)])
 
 

@@ -1,4 +1,4 @@
-"""The exposure's objectives by brute force: maxima on ever finer grids, modulation over a grid of phases, flicker."""
+"""The exposure's objectives by brute force: maxima on refined grids, modulation over a grid of phases, flicker."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def best_exposure(
     more: Sequence[npt.ArrayLike] = (),
     points: int = 10001,
 ) -> BestExposure:
-    """The largest objective on a grid; ``"exact"`` looks again, twice, 200 times finer about the best grid points."""
+    """Maximum of the objective on a grid; ``"exact"`` refines the grid twice, by 200, about the best points."""
     tones = np.broadcast_arrays(*(np.asarray(f, dtype=np.float64) for f in (f_comm, f_sense, *more)))
     shape = tones[0].shape
     problems = np.stack(tones, axis=-1).reshape(-1, len(tones))
@@ -101,7 +101,7 @@ def best_noisy_exposure(
     noise_exposure: float = math.inf,
     step: float = 0.0,
 ) -> BestExposure:
-    """The largest J on a grid, looked at twice again, 200 times finer, about its best points; or of all multiples."""
+    """Maximum of J on a grid refined twice, by 200, about its best points; or over all multiples."""
     f, w = np.asarray(frequencies, np.float64), np.asarray(weights, np.float64)
 
     def objective(exposures: npt.NDArray[Any]) -> Float64s:
@@ -123,11 +123,11 @@ def best_noisy_exposure(
     return BestExposure(float(grid[values.argmax()]), float(values.max()))
 
 
-_PHASES = 64  # from the one symmetric about the middle of the exposure, where a maximum or a minimum lies
+_PHASES = 64  # from the phase symmetric about the middle of the exposure, which is a maximum or a minimum
 
 
 def exposure_modulation(light: FlickeringLight, exposure: npt.ArrayLike, frequencies: int = 11) -> Float64s:
-    """(max - min) / (max + min) of the mean light over 64 phases and some frequencies within the uncertainty."""
+    """(max - min) / (max + min) of the mean light over 64 phases and several frequencies within the uncertainty."""
     times = np.asarray(exposure, dtype=np.float64)
     spread = np.linspace(-1.0, 1.0, frequencies) if light.uncertainty > 0.0 else np.zeros(1)
     tried = light.frequency + spread * light.uncertainty
@@ -143,7 +143,7 @@ def flicker_free_exposure(
     bounds: tuple[float, float] = (0.0, 0.1),
     points: int = 1001,
 ) -> FlickerFreeExposure:
-    """The nearest or shortest exposure of a grid that holds, else the one of the smallest modulation."""
+    """Nearest or shortest exposure of a grid that satisfies the bound, else the one of the smallest modulation."""
     grid = np.linspace(bounds[0], bounds[1], points)
     grid = grid[grid > 0.0]
     each = np.array([exposure_modulation(light, grid) for light in lights])
@@ -178,7 +178,7 @@ def flicker_indices(
     phases: int = 1_000_000,
     seed: int = 0,
 ) -> FlickerIndices:
-    """From ``phases`` exposures that end at random multiples of 2^-20 of a period."""
+    """Estimate from ``phases`` exposures that end at random multiples of 2^-20 of a period."""
     times = np.asarray(exposure, dtype=np.float64)
     rows = np.random.default_rng(seed).integers(0, _STEPS, phases)
     dark = (1.0 - light.depth) / (1.0 + light.depth)

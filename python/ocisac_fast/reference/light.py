@@ -14,7 +14,7 @@ Long = npt.NDArray[np.longdouble]
 
 
 def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-    """As :func:`ocisac_fast.exposure_response`: sinc(f T_e) exp(-j pi f T_e); the phase reduced to one period."""
+    """As :func:`ocisac_fast.exposure_response`: sinc(f T_e) exp(-j pi f T_e), phase reduced to one period."""
     cycles = np.asarray(frequency, dtype=np.float64) * np.asarray(exposure, dtype=np.float64)
     return np.asarray(np.sinc(cycles) * np.exp(-1j * np.pi * np.fmod(cycles, 2.0)))
 
@@ -34,8 +34,8 @@ def integrate_exposure(
     """Mean light over the exposure of each row, (F(t_n) - F(t_n - T_e)) / T_e.
 
     F is the antiderivative, with t counted in periods or chips from a whole number of them near t_n - T_e. Products are
-    integrated numerically instead: 20 Gauss-Legendre nodes between all edges and at least twice a period. Everything is
-    in long double, right to about 1e-18 of the count of periods.
+    integrated numerically: 20 Gauss-Legendre nodes between all edges and at least twice per period. All values are long
+    double, with an error of about 1e-18 of the number of periods.
     """
     assert camera.exposure is not None
     ends = np.longdouble(start) + _numbers(rows) * np.longdouble(camera.row_period)
@@ -62,7 +62,7 @@ def _numbers(numbers: int | npt.ArrayLike) -> Long:
 
 
 def _cycles(waveform: Any, times: Long) -> Long:
-    """Periods or chips since the first began."""
+    """Periods or chips since the beginning of the first."""
     if isinstance(waveform, Tone | SquareWave):
         return np.asarray(np.longdouble(waveform.frequency) * times + np.longdouble(waveform.phase) / _TURN)
     rate = waveform.chip_rate if isinstance(waveform, Chips) else waveform.sample_rate
@@ -162,7 +162,7 @@ def _quadrature(waveform: Waveform, end: np.longdouble, exposure: np.longdouble)
 
 
 def _edges(waveform: Waveform, begin: np.longdouble, end: np.longdouble) -> Long:
-    """Instants in between at which the light or its slope jumps."""
+    """Instants in the interval at which the light or its slope jumps."""
     if isinstance(waveform, Sum | Product):
         return np.concatenate([_edges(part, begin, end) for part in waveform.parts])
     if isinstance(waveform, Constant | Tone) or (isinstance(waveform, SquareWave) and waveform.frequency == 0):
@@ -180,7 +180,7 @@ def _edges(waveform: Waveform, begin: np.longdouble, end: np.longdouble) -> Long
 
 
 def _fastest(waveform: Waveform) -> float:
-    """The highest frequency that its tones make together."""
+    """The highest frequency in the product or sum of its tones."""
     if isinstance(waveform, Sum | Product):
         frequencies = [_fastest(part) for part in waveform.parts]
         return sum(frequencies) if isinstance(waveform, Product) else max(frequencies)

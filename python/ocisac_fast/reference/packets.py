@@ -13,8 +13,8 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.packets.transmission import Transmission
 
 _WORDS_4B6B = [f"{word:06b}" for word in (14, 13, 19, 22, 21, 35, 38, 37, 25, 26, 28, 49, 50, 41, 42, 44)]
-# Widmer and Franaszek's table: abcdei by the lower five bits, fghj by the upper three, at running disparity -1; the
-# words marked are inverted at +1.
+# Widmer and Franaszek's table: abcdei by the lower five bits, fghj by the upper three, at running disparity -1; words
+# with * are inverted at +1.
 _TABLE = (
     "100111* 011101* 101101* 110001 110101* 101001 011001 111000* 111001* 100101 010101 110100 001101 101100 011100 "
     "010111* 011011* 100011 010011 110010 001011 101010 011010 111010* 110011* 100110 010110 110110* 001110 101110* "
@@ -59,7 +59,7 @@ def _encode(bits: str, line_code: str | Sequence[str]) -> str:
 
 
 def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> npt.NDArray[np.uint8]:
-    """Chips by looking up one word after the other."""
+    """Encode word by word from the table."""
     text = "".join(str(int(bit)) for bit in np.asarray(bits))
     return np.array([int(chip) for chip in _encode(text, line_code)], np.uint8)
 
@@ -67,9 +67,9 @@ def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> npt
 def decode_line_code(
     llr: npt.ArrayLike, line_code: str | Sequence[str]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-    """The likelihood of every word of the code, and of each bit the best word with a 1 less the best with a 0."""
+    """Likelihood of every word of the code; for each bit, the best word with a 1 minus the best with a 0."""
     if line_code == "8b10b":
-        # A word that leaves the disparity at +1 brings the next to its other form.
+        # The next word after disparity +1 has its other form.
         unbalanced = next(value for value in range(256) if _encode_8b10b([value]).count("1") != 5)
         forms = [[_encode_8b10b([value]), _encode_8b10b([unbalanced, value])[10:]] for value in range(256)]
     else:
@@ -86,7 +86,7 @@ def decode_line_code(
 
 
 def _product(a: int, b: int) -> int:
-    """In GF(256) modulo x^8 + x^4 + x^3 + x^2 + 1, by shift and add."""
+    """Product in GF(256) modulo x^8 + x^4 + x^3 + x^2 + 1, by shift and add."""
     result = 0
     for bit in range(8):
         if b >> bit & 1:
@@ -133,7 +133,7 @@ def _pn9(bits: int) -> list[int]:
 def longest_payload(
     *, line_code: str | Sequence[str] = "manchester", block_bytes: int = 16, preamble: str = "standard"
 ) -> int:
-    """At most 256 blocks in a cycle, 170 bytes of data in a codeword and four octal digits of length."""
+    """Bounded by 256 blocks per cycle, 170 bytes of data per codeword and four octal digits of length."""
     return min(4095, 170 * (256 * block_bytes // 255) - 5)
 
 
@@ -145,7 +145,7 @@ def transmit(
     preamble: str = "standard",
     number: int = 0,
 ) -> Transmission:
-    """The format of docs/packets.md, written down step by step."""
+    """Encode the format of docs/packets.md step by step."""
     content = bytes(payload) if isinstance(payload, bytes) else np.asarray(payload, np.uint8).tobytes()
     data = bytes([number]) + content
     data += zlib.crc32(data).to_bytes(4, "big")
@@ -177,10 +177,10 @@ def transmit(
 def fsk_demodulate(
     column: npt.ArrayLike, camera: Camera, tones: Sequence[float], *, amplitude: float | None = None
 ) -> tuple[int, npt.NDArray[np.float64]]:
-    """Index of the likeliest tone and ln p(rows | tone), the likeliest at 0.
+    """Index of the most likely tone and ln p(rows | tone), maximum 0.
 
-    Mean, slope, cosine and sine are fitted for each tone; what they explain beyond mean and slope is r². The noise is
-    what the strongest tone leaves. I0 is summed from its integral.
+    Mean, slope, cosine and sine are fitted for each tone; r² is the energy explained beyond mean and slope. The noise
+    is the residual of the strongest tone. I0 is computed from its integral.
     """
     rows = np.asarray(column, dtype=float)
     count = len(rows)
@@ -212,7 +212,7 @@ def fsk_demodulate(
 
 
 def fsk_symbol_error_rate(tones: int, snr: float) -> float:
-    """The binomial sum, term by term; loses its digits beyond 32 tones."""
+    """Binomial sum, term by term; loses precision beyond 32 tones."""
     others = range(1, tones)
     signs = [(-1.0) ** (k + 1) * math.comb(tones - 1, k) / (k + 1) for k in others]
     return math.fsum(sign * math.exp(-k / (k + 1) * snr) for sign, k in zip(signs, others, strict=True))

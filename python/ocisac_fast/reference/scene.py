@@ -27,7 +27,7 @@ def _rotation(vector: tuple[float, float, float]) -> Array:
 
 
 def _meet(item: _Item, eye: Array, rays: Array) -> tuple[Array, Array, Array, npt.NDArray[np.bool_]]:
-    """Distance along each ray to the object's plane, its x and y there, and whether it is within the outline."""
+    """Distance along each ray to the object's plane, x and y there; True within the outline."""
     x_axis, y_axis, normal = _rotation(item.pose.rotation).T
     middle = np.array(item.pose.position)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -68,7 +68,7 @@ def _pattern(item: Surface | Mask, x: Array, y: Array, time: Array) -> Array:
 
 
 def _lit(source: Source, surface: Surface, points: Array, eye: Array) -> Array:
-    """Light of a source that a white diffuse surface sends back."""
+    """Light of a source reflected by a white diffuse surface."""
     shape = source.shape
     if isinstance(shape, Rectangle):
         area = shape.width * shape.height
@@ -87,7 +87,7 @@ def _lit(source: Source, surface: Surface, points: Array, eye: Array) -> Array:
 
 
 class _Views:
-    """What every pixel sees in one frame: geometry alone, before any light."""
+    """Visible objects of every pixel in one frame: geometry without light."""
 
     def __init__(self, scene: Scene, frame_start: float) -> None:
         lens = scene.lens
@@ -133,8 +133,8 @@ def render_scene(scene: Scene, frames: int = 1, start: float = 0.0, subexposures
     """Linear light v = A * T_e * p of eq. 4 (DN above dark), float64 (frames, rows, columns).
 
     Eqs. 1-3 and 5-7 for every pixel at the middles of ``subexposures`` equal parts of its row's exposure, averaged: no
-    bounding boxes, no gain maps, no integrals in closed form. What is nearest along the ray through a pixel's centre
-    is what it sees; masks before that multiply.
+    bounding boxes, no gain maps, no closed-form integrals. A pixel sees the nearest object along the ray through its
+    centre; masks in front of it multiply.
     """
     lens, camera = scene.lens, scene.camera
     result = np.zeros((frames, lens.rows, lens.columns))
@@ -170,7 +170,7 @@ def _light(scene: Scene, views: _Views, times: Array) -> Array:
 
 
 def _pattern_light(item: Surface | Mask, x: float, y: float) -> Waveform:
-    """Reflectance or transmittance at a place as a waveform."""
+    """Reflectance or transmittance at a point as a waveform."""
     pattern, shape = item.pattern, item.shape
     if isinstance(pattern, Plain):
         return Constant(pattern.level)
@@ -186,7 +186,7 @@ def _pattern_light(item: Surface | Mask, x: float, y: float) -> Waveform:
         rows, columns = pattern.levels.shape
         levels = pattern.levels[int(np.floor((across / pattern.height + 0.5) * rows)) % rows]
         place += 0.5  # from the picture's left edge
-        # place - rate * t runs through the columns backwards for a rate above 0
+        # for rate > 0, place - rate * t runs through the columns backwards
         levels = levels[::-1] if rate > 0 else levels
         begin = (place - np.ceil(place)) / rate if rate > 0 else (np.floor(place) - place) / abs(rate)
         return Chips(levels, abs(rate) * columns, start=begin, repeat=True)
@@ -198,7 +198,7 @@ def _pattern_light(item: Surface | Mask, x: float, y: float) -> Waveform:
 
 
 def exact_scene(scene: Scene, frames: int = 1, start: float = 0.0) -> Array:
-    """`render_scene` with exact integrals: a waveform of its own for every pixel. For small frames of a sharp lens."""
+    """`render_scene` with exact integrals: one waveform per pixel. For small frames of a sharp lens."""
     lens, camera = scene.lens, scene.camera
     if lens.blur:
         raise ValueError(f"blur: got {lens.blur}, allowed: 0")
@@ -216,7 +216,7 @@ def exact_scene(scene: Scene, frames: int = 1, start: float = 0.0) -> Array:
 
 
 def _mask_light(scene: Scene, views: _Views) -> dict[tuple[int, int], list[Waveform]]:
-    """The masks before each pixel."""
+    """Masks in front of each pixel."""
     found: dict[tuple[int, int], list[Waveform]] = {}
     for mask, (pixels, x, y) in zip(scene.masks, views.masks, strict=True):
         for count, place in enumerate(zip(*pixels, strict=True)):

@@ -1,4 +1,4 @@
-"""Gains of tones, steady or varying, and the equaliser, one column after another as their equations say."""
+"""Gains of constant and varying tones, and the equaliser, column by column from their equations."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def tone_gain(
 ) -> ToneGain:
     """As :func:`ocisac_fast.tone_gain`: ``numpy.linalg.lstsq`` on the design matrix, ``numpy.fft.rfft`` for the DFT.
 
-    ``efficiency`` and ``threads`` change nothing here. Flags of frequencies on multiples of half the row rate, few
-    cycles and the like are the same.
+    ``efficiency`` and ``threads`` have no effect. Flags, such as those of multiples of half the row rate and of few
+    cycles, are equal.
     """
     stored = np.asarray(columns)
     light = linear_light(stored, camera)
@@ -65,7 +65,7 @@ def tone_gain(
 def _pool(
     light: FloatArray, ambient: FloatArray, saturated: npt.NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Columns of each frame combined with weights by brightness, saturated ones left out where others remain."""
+    """Combine the columns of each frame, weighted by brightness, without saturated ones if others remain."""
     weights = np.maximum(light.mean(axis=1) - ambient, 0.0)
     lit = np.asarray(weights.any(axis=1))
     weights[~lit] = 1.0
@@ -90,13 +90,13 @@ def _square_harmonics(duty: float) -> Any:
 
 
 def _phase(cycles_per_row: float, rows: npt.ArrayLike) -> FloatArray:
-    """2 pi cycles_per_row row, with the whole cycles taken off in extended precision."""
+    """2 pi cycles_per_row row, with whole cycles subtracted in extended precision."""
     cycles = np.longdouble(cycles_per_row) * np.asarray(rows, dtype=np.longdouble)
     return np.asarray(2 * np.pi * (cycles - np.rint(cycles)).astype(np.float64))
 
 
 def _at_half_row_rate(c: float) -> bool:
-    """At a multiple of half the row rate, but for the rounding of f T_r."""
+    """True at a multiple of half the row rate, to the rounding of f T_r."""
     return bool(abs(2 * c - np.rint(2 * c)) <= 8 * np.finfo(float).eps * c)
 
 
@@ -143,7 +143,7 @@ def _fit(frame: FloatArray, cycles: FloatArray, harmonics_of: Any) -> Any:
 
 
 def _dft(frame: FloatArray, cycles: FloatArray, _harmonics_of: Any) -> Any:
-    """Steps 1-4 of the paper; the residual beside the mean and the bin counts as noise."""
+    """Steps 1-4 of the paper; the noise is the residual without mean and bin."""
     rows = frame.shape[0]
     spectrum = np.fft.fft(frame, axis=0)
     for c in cycles:
@@ -165,7 +165,7 @@ def _dft(frame: FloatArray, cycles: FloatArray, _harmonics_of: Any) -> Any:
 
 
 def _rounding_pull(amplitude: FloatArray, noise: FloatArray) -> FloatArray:
-    """RMS pull of rounding on an amplitude, in steps (Widrow's series, RMS over the place between two codes)."""
+    """RMS bias of an amplitude by rounding, in steps (Widrow's series, RMS over the position between two codes)."""
     own = np.where((amplitude < 1) & (noise < 0.3), 0.0, np.maximum(noise - 1 / 12, 0))
     return np.asarray(0.1111 / np.sqrt(np.maximum(amplitude, 0.1)) * np.exp(-2 * np.pi**2 * own))
 
@@ -313,7 +313,7 @@ def _design(rows: int, cycles: float, harmonics: list[int], degree: int) -> Floa
 
 
 def _amplitude(found: FloatArray, covariance: FloatArray, terms: int) -> tuple[float, FloatArray]:
-    """Mean over x of the tone's amplitude (eight points of Gauss and Legendre) and its derivatives."""
+    """Mean over x of the tone's amplitude (eight Gauss-Legendre points) and its derivatives."""
     places, shares = legendre.leggauss(8)
     slope = np.zeros(len(found))
     amplitude = 0.0
@@ -339,9 +339,9 @@ def equalize(
     *,
     max_boost: float = 10.0,
 ) -> FloatArray:
-    """Line off, ends continued by linear prediction, DFT times G, line back half an exposure earlier.
+    """Subtract the line, extend the ends by linear prediction, multiply the DFT by G, add the shifted line.
 
-    np.fft, np.linalg and np.polynomial do the work. docs/tones.md explains it.
+    Uses np.fft, np.linalg and np.polynomial; see docs/tones.md.
     """
     light = linear_light(np.asarray(columns), camera)
     assert camera.exposure is not None
@@ -364,7 +364,7 @@ def equalize(
 
 
 def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> FloatArray:
-    """As :func:`ocisac_fast.lost_frequencies`: a fine grid over |sinc|, its crossings refined by bisection."""
+    """As :func:`ocisac_fast.lost_frequencies`: a fine grid over |sinc|, with crossings refined by bisection."""
     assert camera.exposure is not None
     level, highest, exposure = 1 / (np.sqrt(2) * max_boost), 0.5 / camera.row_period, camera.exposure
 
@@ -383,14 +383,14 @@ def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> FloatArray:
 
 
 def covariance(rows_apart: npt.ArrayLike, exposure_rows: float) -> FloatArray:
-    """Covariance of two rows: white light through the exposure, on a smooth course of 100 times its variance."""
+    """Covariance of two rows: white light after the exposure, plus a smooth course of 100 times its variance."""
     k = np.abs(np.asarray(rows_apart, dtype=np.float64))
     smooth = 100 / (1 + (k / (2 * exposure_rows + 16)) ** 2)
     return np.asarray(np.maximum(0, 1 - k / max(exposure_rows, 1)) + smooth)
 
 
 def continuation(rows: int, exposure_rows: float) -> FloatArray:
-    """(predicted, used) weights: rows beyond the end from the last rows, the nearest first; fading out."""
+    """(predicted, used) weights that extrapolate from the last rows, the nearest first, with a fade to 0."""
     used = min(int(np.ceil(4 * exposure_rows)) + 16, 1024, rows)
     predicted = min(int(np.ceil(4 * exposure_rows)) + 32, 1024, rows)
     seen, ahead = np.arange(used), np.arange(1, predicted + 1)
@@ -401,7 +401,7 @@ def continuation(rows: int, exposure_rows: float) -> FloatArray:
 
 
 def optimal_length(length: int) -> int:
-    """The smallest length with no prime factors but 2, 3 and 5 that is not below ``length``."""
+    """The smallest length >= ``length`` with no prime factors other than 2, 3 and 5."""
     while True:
         rest = length
         for prime in (2, 3, 5):
@@ -432,7 +432,7 @@ def _equalize_column(
 
 
 def _noise_to_light(x: FloatArray, f: FloatArray, h: FloatArray, exposure_rows: float, noise: float) -> FloatArray:
-    """noise^2 / S(f); infinite where no light is seen above the noise."""
+    """noise^2 / S(f); infinite if the light does not exceed the noise."""
     power = noise**2
     if np.isnan(noise):
         power = float(np.mean(np.diff(x, 2) ** 2)) / 6 if len(x) > 2 else 0.0
