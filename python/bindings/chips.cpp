@@ -21,7 +21,7 @@ py::tuple as_tuple(const ChannelEstimate& channel) {
                         channel.rows.end, channel.converged);
 }
 
-// A channel as ocisac_fast.chips passes it.
+// A channel in the form of ocisac_fast.chips.
 ChannelEstimate channel_of(const py::tuple& values) {
   const auto dark = values[4].cast<std::vector<double>>(), swing = values[5].cast<std::vector<double>>();
   for (const auto* levels : {&dark, &swing})
@@ -147,7 +147,7 @@ py::object predict(Shared<ClockTracker>& tracker, std::int64_t frame) {
                         found->errors.covariance, found->chips_lost);
 }
 
-// (frames, chips, columns), the first chip's number, the method that was used.
+// (frames, chips, columns), number of the first chip, method used.
 py::tuple detect(const py::array& columns, const Camera& camera, const py::tuple& channel, const std::string& method) {
   const AnyFramesView view = any_view(columns);
   const ChannelEstimate estimate = channel_of(channel);

@@ -7,7 +7,7 @@ namespace ocisac::bindings {
 
 namespace {
 
-// Ctrl-C: Python's handlers run in the main thread alone; elsewhere this does nothing.
+// Ctrl-C: Python's handlers run only in the main thread; in other threads this does nothing.
 void check_signals() {
   const py::gil_scoped_acquire acquired;
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();

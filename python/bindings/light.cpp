@@ -20,7 +20,7 @@ void integrate(const Waveform& waveform, const Camera& camera, const Integers& r
                const Integers& frames, py::array& out) {
   require(out.ndim() == 2 && out.shape(0) == frames.size() && out.shape(1) == rows.size(), "out", "another shape",
           "one value for each frame and row");
-  const FramesView<double> view = mutable_view(out);  // frames run along its rows
+  const FramesView<double> view = mutable_view(out);  // its rows are frames
   const auto row_numbers = span_of(rows);
   const auto frame_numbers = span_of(frames);
   const py::gil_scoped_release release;

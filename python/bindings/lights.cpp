@@ -24,7 +24,7 @@ py::list detect(const py::array& frames, const Camera& camera, double false_alar
   return as_list(unlocked([&] { return detect_sources(view, camera, {false_alarms, min_cycles, max_sources}); }));
 }
 
-// As of ExpectedLight.
+// In the order of ExpectedLight.
 using Corners = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
 using Expected = std::tuple<Corners, double, Corners, bool, bool>;
 

@@ -1,8 +1,8 @@
-// ocisac_fast._core: one register function a room.
+// ocisac_fast._core: one register function per room.
 #include "bindings.hpp"
 
-// No lock of the interpreter is needed: functions have no state of their own but a plan cache with a mutex, objects
-// with state take one call at a time. tests/core/test_threads.py.
+// The interpreter's lock is not needed: functions have no state except a plan cache with a mutex, and stateful objects
+// accept one call at a time. tests/core/test_threads.py.
 PYBIND11_MODULE(_core, module, pybind11::mod_gil_not_used()) {
   module.doc() = "C++ core of ocisac_fast; use the package's own functions, which carry the documentation";
   ocisac::bindings::register_core(module);

@@ -1,4 +1,4 @@
-// Arguments and results of packets that the bindings of receivers need as well.
+// Arguments and results of packets that the bindings of receivers use too.
 #pragma once
 
 #include <string>

@@ -9,9 +9,9 @@ using Floats = py::array_t<float, py::array::c_style>;
 using Indices = py::array_t<std::uint16_t, py::array::c_style>;
 using Spans = py::array_t<std::uint32_t, py::array::c_style>;
 
-// What stays of a part from frame to frame; keeps the arrays alive that the ScenePart looks at.
+// Constant data of a part for all frames; keeps the arrays alive that the ScenePart views.
 struct HeldPart {
-  std::size_t rows, columns;  // of the frame it was checked for
+  std::size_t rows, columns;  // of the frame against which it was checked
   std::optional<Floats> gains;
   std::optional<Indices> phase;
   std::optional<Spans> spans;

@@ -24,7 +24,7 @@ WaveformShape waveform_shape(const std::string& name) {
   refuse("waveform", name, "tone or square");
 }
 
-// The axis of the tones where there is one, then those of the columns without rows (and without columns, if pooled).
+// The axis of the tones if there is one, then those of the columns without rows (and without columns, if pooled).
 std::vector<py::ssize_t> result_shape(const Doubles& frequencies, const py::array& columns, bool pooled) {
   std::vector<py::ssize_t> shape(frequencies.shape(), frequencies.shape() + frequencies.ndim());
   if (columns.ndim() == 3) shape.push_back(columns.shape(0));
@@ -106,12 +106,12 @@ Harmonics harmonics_of(const std::string& waveform) {
   refuse("waveform", waveform, "auto, tone or square");
 }
 
-// The white level where the camera has one, else what the samples can hold.
+// The camera's white level, else the maximum of the sample type.
 double saturation_of(const Camera& camera, const AnyFramesView& frames) {
   return camera.tone_curve.white_level == 0 ? saturation_level(frames) : camera.tone_curve.white_level;
 }
 
-// Bounds in Hz become cycles per row.
+// Bounds in Hz, converted to cycles per row.
 FrequencySearch search_of(const Camera& camera, const Bounds& bounds, const std::string& waveform,
                           bool select_columns) {
   FrequencySearch search;
