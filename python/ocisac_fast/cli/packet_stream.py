@@ -1,4 +1,4 @@
-"""One receiver over all frames of all files of ``ocisac receive``, and what it says of them."""
+"""One receiver for all frames of all files of ``ocisac receive``, and its output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ocisac_fast.files.recording import Frame
 
 @dataclasses.dataclass
 class PacketOptions:
-    """As on the command line; ``tones``: CM-FSK where there are any, else chips."""
+    """Options of the command line; ``tones``: CM-FSK if not empty, else chips."""
 
     chip_rate: float | None
     line_code: str
@@ -31,7 +31,7 @@ class PacketOptions:
 
 
 class PacketStream:
-    """Frames in, JSON objects out: one a frame and source."""
+    """Converts frames to JSON objects, one per frame and source."""
 
     def __init__(self, options: PacketOptions, picture: PictureOptions) -> None:
         self._options = options
@@ -43,7 +43,7 @@ class PacketStream:
         self._chip_rate = math.nan
 
     def push(self, frame: Frame, camera: Camera, number: int) -> Iterator[dict[str, Any]]:
-        """The objects of the next frame; ``number``: as the file counts it."""
+        """The objects of the next frame; ``number``: in the file."""
         if self._receiver is None:
             self._camera = dataclasses.replace(camera, frame_time=self._options.frame_time or camera.frame_time)
             self._receiver = self._make(self._camera, frame.shape)
@@ -61,7 +61,7 @@ class PacketStream:
             yield self._chip_facts(result, number, frame.shape)
 
     def summary(self) -> str:
-        """What came, and the goodput next to what the gap between frames and the code leave."""
+        """Number of payloads, and the goodput with its bounds by the gap between frames and by the code."""
         if not self._payloads:
             return f"no payload; {100.0 * min(self._share, 1.0):.0f} % of the bytes that one needs{self._hint()}"
         count = f"{self._payloads} payload{'s' if self._payloads > 1 else ''} in {self._frames} frames"
@@ -87,7 +87,7 @@ class PacketStream:
         return f"{count}; a light's chips through the gap: {through}, as packets: {quantity(possible.code, 'bit/s', 4)}"
 
     def _hint(self) -> str:
-        """Of blocks that are longer than what a frame shows, so that none can come whole."""
+        """Hint that a frame shows less than one block, so that no block is complete."""
         if self._camera is None or self._options.tones or not math.isfinite(self._chip_rate):
             return ""
         from ocisac_fast.packets.transmission import transmit
@@ -132,7 +132,7 @@ class PacketStream:
             self._payload_bytes += len(received.payload.data)
 
     def _chip_facts(self, light: Any, number: int, shape: tuple[int, ...]) -> dict[str, Any]:
-        """The keys of ocisac-rx."""
+        """Keys as in ocisac-rx."""
         received = light.received
         facts = {
             "frame": number,
@@ -182,7 +182,7 @@ def _decibels(ratio: float) -> float:
 
 
 def _packet_facts(received: Any) -> dict[str, Any]:
-    """What was lost before this frame, what the packet took of it, and the payload that it made whole."""
+    """Missing frames, the packet's result for this frame, and the completed payload."""
     facts: dict[str, Any] = {"frames_missing": received.missing}
     if received.stretch is not None:
         names = ("outcome", "blocks", "bytes", "cut", "doubtful", "share")

@@ -17,17 +17,21 @@ from ocisac_fast.packets.transmission import LINE_CODES
 
 @click.command(short_help="Bits of the lights in a recording.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option("--chip-rate", type=FREQUENCY, help="Chips per second; else found in every frame.")
-@click.option("--line-code", type=click.Choice(LINE_CODES), help="Of packets  [default: manchester]")
-@click.option("--packets", is_flag=True, help="Look for packets of `ocisac transmit`; goes without saying with a code.")
+@click.option("--chip-rate", type=FREQUENCY, help="Chips per second; default: estimated in every frame.")
+@click.option("--line-code", type=click.Choice(LINE_CODES), help="Line code of packets  [default: manchester]")
+@click.option("--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by --line-code.")
 @click.option("--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
-@click.option("--frame-rate", type=FREQUENCY, help="Joins the packets of several frames; a video's own otherwise.")
-@click.option("--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Lights of packets, at most.")
-@click.option("--source-region", type=REGION, multiple=True, help="Of a light of packets; may be given several times.")
-@click.option("--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one of them a frame, as 1kHz,1.2kHz.")
-@click.option("--gain", is_flag=True, help="Of the tone of each light of packets, too.")
-@click.option("--frequency", type=FREQUENCY, help="Of that tone; else estimated when the light is found.")
+@click.option(
+    "--frame-rate", type=FREQUENCY, help="Frame rate, which joins frames to packets; default: from the video."
+)
+@click.option(
+    "--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Max. number of lights with packets."
+)
+@click.option("--source-region", type=REGION, multiple=True, help="Region of a light with packets; repeatable.")
+@click.option("--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one per frame, such as 1kHz,1.2kHz.")
+@click.option("--gain", is_flag=True, help="Measure the gain of each light's tone too.")
+@click.option("--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
 @json_option
@@ -50,10 +54,10 @@ def receive(
 ) -> None:
     """Receive on-off keyed bits from FILE... (pictures, videos, .npy arrays, or -); 1 is bright.
 
-    Columns, channel and chip rate are found. Chips cut by the edges of a frame are left out. With --packets frames
-    are taken as one stream in time order, exposures may be longer than a chip (then --chip-rate is needed), and
-    payloads are given where they come whole; lights beside and above each other are sources of their own. With --fsk
-    each frame shows one tone of a set (CM-FSK). An interrupt ends the reception: what has come is told.
+    Columns, channel and chip rate are estimated. Chips cut by the edges of a frame are excluded. With --packets, frames
+    are one stream in time order, exposures may be longer than a chip (then --chip-rate is needed), and completed
+    payloads are printed; lights side by side or above each other are separate sources. With --fsk each frame shows one
+    tone of a set (CM-FSK). An interrupt ends the reception; earlier results are printed.
     """
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
@@ -86,7 +90,7 @@ def receive(
                 else:
                     every.append(named)
             plot = None  # the first frame of the first file
-    except KeyboardInterrupt:  # what has come so far is told
+    except KeyboardInterrupt:  # earlier results are printed
         stopped = True
     if not as_json:
         header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER]
@@ -114,11 +118,11 @@ def _positive(name: str, value: float) -> float:
 def _received(
     file: str, picture: PictureOptions, plot: str | None, rate: float | None, stream: PacketStream | None
 ) -> Iterator[dict[str, Any]]:
-    """The JSON objects of a file, as its frames are read."""
+    """The JSON objects of a file, generated as its frames are read."""
     from ocisac_fast.receiver import receive as receive_frames
 
     with open_pictures(file, picture) as pictures:
-        if stream is not None:  # frame by frame: a payload is told as soon as it is there
+        if stream is not None:  # frame by frame, so that a payload is printed at once
             for count, frame in enumerate(progress(pictures.frames, "receiving", pictures.frame_count)):
                 if plot is not None and count == 0:
                     _plot_first(plot, frame[None], pictures.camera, rate)

@@ -1,4 +1,4 @@
-"""Bits from frames: the receiver for exposures shorter than a chip."""
+"""Blind receiver of bits from frames, for exposures shorter than a chip."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """What one source sent in one frame.
+    """Chips of one source in one frame.
 
-    Where nothing could be decoded, ``bits`` is empty, the numbers are NaN and ``flags`` say why.
+    If nothing could be decoded, ``bits`` is empty, the numbers are NaN and ``flags`` give the reason.
 
     Attributes:
         frame: index of the frame.
         source: index of the source in the frame, the strongest first.
-        colour: index of the colour that was read; 0 for grey frames.
-        bits: "0" and "1" in time order, 1 = bright; chips that the frame's edges cut are left out.
+        colour: index of the colour used; 0 for grey frames.
+        bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded.
         rows_per_chip: length of a chip in rows.
         rows_per_chip_std: its standard error.
         chip_rate: 1 / (rows_per_chip * row_time), Hz.
         chip_rate_std: its standard error.
         phase: row at which the first chip of ``bits`` begins, fractional: the middle of the ramp that the exposure
-            makes of an edge, half an exposure after the light's own. Chip k begins at ``phase + k * rows_per_chip``.
+            makes of an edge, half an exposure after the light's edge. Chip k begins at ``phase + k * rows_per_chip``.
         snr: (half the swing)^2 over the variance of the chips about their levels, a plain ratio; at most 1e12.
         levels: (2, chips) light of a dark and of a bright chip at each chip, DN above dark; they follow the gradient.
         relative_levels: (chips,) light of each chip: -1 at the dark level, 1 at the bright one.
-        weights: (columns,) share of each column in the signal, sum 1; 0 where it was left out.
-        columns: indices of the columns that were used, those with a weight above 0.
+        weights: (columns,) share of each column in the signal, sum 1; 0 for columns that are not used.
+        columns: indices of the columns with a weight above 0.
         flags: :class:`ocisac_fast.Flag`.
     """
 
@@ -67,24 +67,24 @@ def receive(
     chip_rate: float | None = None,
     colour: int | None = None,
 ) -> list[Received]:
-    """Raw bits of a light in every frame, blind: no columns, colour, rate or phase need be given.
+    """Receive the raw bits of a light in every frame, blind: columns, colour, rate and phase are estimated.
 
-    Columns are combined with the weights that maximise the signal-to-noise ratio, saturated ones left out; the chip
-    lattice is the one that describes the places of the signal's edges in the fewest words; each chip is compared with
-    a threshold half way between the levels of its dark and bright neighbours. See docs/receiver.md.
+    Columns are combined with the weights that maximise the signal-to-noise ratio, without saturated ones. The chip
+    lattice is the one of minimum description length for the signal's edges. Each chip is compared with a threshold half
+    way between the levels of its dark and bright neighbours. See docs/receiver.md.
 
     Args:
         frames: (rows,), (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour;
             rows in time order. Any strides, no copy for uint8, uint16, float32 and float64.
-        camera: row time (where it is not known, rates are per row) and where known the exposure, tone curve, dark and
-            white level. Exposures longer than a chip are flagged (LONG_EXPOSURE).
-        chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: found, from 2 to 64 rows a chip
-            and at least 4 chips a frame.
-        colour: index of the colour to read. None: the one in which the light stands out most.
+        camera: row time (if unknown, rates are per row) and where known the exposure, tone curve, dark and white level.
+            Exposures longer than a chip are flagged (LONG_EXPOSURE).
+        chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: estimated, from 2 to 64 rows
+            per chip and at least 4 chips per frame.
+        colour: index of the colour to use. None: the one with the strongest light.
 
     Returns:
         At least one :class:`Received` for each frame, in the order of the frames, the strongest source first. Several
-        sources are told apart where they stand side by side; further ones are given where their bits are beyond doubt.
+        sources are separated if they are side by side; further ones are returned only if their bits are certain.
 
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.

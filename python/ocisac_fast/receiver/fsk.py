@@ -1,4 +1,4 @@
-"""Packets of CM-FSK out of frames."""
+"""Receiver of CM-FSK packets from frames."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ocisac_fast.receiver.stream import frame_colours, frame_number
 
 @dataclass(frozen=True, slots=True)
 class FskFrame:
-    """What a frame gave.
+    """Result of a frame.
 
     Attributes:
         frame: its number.
-        outcome: "received"; or "no_signal", "not_finite", "repeated", "other_shape", as of ``ReceivedFrame``.
-        missing: frames between the last one and this, by their numbers.
-        colour: index of the colour that was read.
-        symbol: what was seen; None where nothing was looked at.
-        stretch: what the packet took of it; None where nothing was received.
+        outcome: "received"; or "no_signal", "not_finite", "repeated", "other_shape", as in ``ReceivedFrame``.
+        missing: number of frames missing since the last one.
+        colour: index of the colour used.
+        symbol: the detected symbol; None if the frame was not evaluated.
+        stretch: result of the packet's decoding; None if nothing was received.
         flags: :class:`ocisac_fast.Flag`.
     """
 
@@ -40,22 +40,22 @@ class FskFrame:
 
     @property
     def payload(self) -> Payload | None:
-        """The payload that this frame made whole."""
+        """The payload completed by this frame, or None."""
         return None if self.stretch is None else self.stretch.payload
 
 
 @checked_class
 class FskReceiver:
-    """Packets of :func:`ocisac_fast.packets.fsk_transmit` out of frames in time order, one symbol a frame.
+    """Receive packets of :func:`ocisac_fast.packets.fsk_transmit` from frames in time order, one symbol per frame.
 
-    Its memory is bounded.
+    Memory is bounded.
 
     Args:
-        camera: row time; exposure where known, which must leave 5 % or more of every tone (|sinc(f T_e)|).
-        tones: as the sender's, like ``block_bytes`` and ``preamble``.
+        camera: row time; exposure where known, which must keep 5 % or more of every tone (|sinc(f T_e)|).
+        tones: of the sender, like ``block_bytes`` and ``preamble``.
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
-        colour: index of the colour to read. None: the one in which the light stands out most.
+        colour: index of the colour to use. None: the one with the strongest light.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -79,7 +79,7 @@ class FskReceiver:
 
     @checked
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> FskFrame:
-        """The next frame; arguments and errors as of :meth:`ocisac_fast.Receiver.push`."""
+        """Process the next frame; arguments and errors as in :meth:`ocisac_fast.Receiver.push`."""
         values = self._handle.push(frame_colours(frame, self._camera, self._colour), frame_number(number))
         index, outcome, missing, colour, symbol, stretch, flags = values
         return FskFrame(

@@ -1,4 +1,4 @@
-"""The receiver with a memory: frames in, payloads out."""
+"""Receivers with state: frames in, payloads out."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ Region = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class ReceivedFrame:
-    """What a frame gave. Where no chips were detected, ``bits`` is empty and the numbers are NaN.
+    """Result of a frame. If no chips were detected, ``bits`` is empty and the numbers are NaN.
 
     Attributes:
         frame: its number.
-        outcome: "received"; or why there is nothing: "no_signal": no light with chips was found; "not_finite": pixels
-            that are no numbers; "repeated": not after the last frame, left out; "other_shape": not as the last frame,
-            left out; "unsearched": the clock is lost and frames just before were searched in vain (searches take
-            long), at most seven in a row are left out.
-        missing: frames between the last one and this, by their numbers.
-        colour: index of the colour that was read.
-        bits: "0" and "1" in time order, 1 = bright; chips that the frame's edges cut are left out.
-        phase: row at which the first of them begins, half an exposure after the light's own edge.
+        outcome: "received"; otherwise the reason: "no_signal": no light with chips was detected; "not_finite": pixels
+            that are not finite; "repeated": not after the last frame, ignored; "other_shape": shape differs from the
+            last frame, ignored; "unsearched": the clock is lost and searches of the preceding frames failed; since
+            searches are slow, up to seven frames in a row are skipped.
+        missing: number of frames missing since the last one.
+        colour: index of the colour used.
+        bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded.
+        phase: row at which the first of them begins, half an exposure after the light's edge.
         rows_per_chip: length of a chip in rows.
         rows_per_chip_std: its standard error.
         chip_rate: 1 / (rows_per_chip * row_time), Hz.
-        exposure: s, the camera's, or estimated where that is not given.
-        exposure_std: its standard error; 0 where it is the camera's.
+        exposure: s, the camera's if given, else estimated.
+        exposure_std: its standard error; 0 for the camera's.
         snr: (half the swing)^2 over the variance of a row about the model, a plain ratio; at most 1e12.
-        error_rate: of ``bits``, as their log-likelihood ratios let expect.
+        error_rate: expected error rate of ``bits``, from their log-likelihood ratios.
         llr: (bits,) ln P(bright)/P(dark), nats.
-        stretch: what the packet took of the frame; None where nothing was received.
+        stretch: result of the packet's decoding; None if nothing was received.
         flags: :class:`ocisac_fast.Flag`.
     """
 
@@ -67,29 +67,29 @@ class ReceivedFrame:
 
     @property
     def payload(self) -> Payload | None:
-        """The payload that this frame made whole."""
+        """The payload completed by this frame, or None."""
         return None if self.stretch is None else self.stretch.payload
 
 
 @checked_class
 class Receiver:
-    """One light in frames that come in time order; its packets, as :func:`ocisac_fast.transmit` makes them.
+    """Receive packets of :func:`ocisac_fast.transmit` from one light in frames in time order.
 
-    In each frame the columns are combined, the chips' clock, the exposure and the levels estimated (from the clock of
-    the frames before, else from a preamble, else from the rate alone), the chips detected, and their bytes put into
-    the packet. Frames may be missing, repeated or damaged; memory is bounded.
+    In each frame the columns are combined, and the chips' clock, the exposure and the levels are estimated (from the
+    clock of earlier frames, else from a preamble, else from the rate alone). The chips are then detected and their
+    bytes added to the packet. Frames may be missing, repeated or damaged; memory is bounded.
 
     Args:
-        camera: row time; exposure where known, else it is estimated; frame time, by which frames are joined: without it
-            only frames that show a block's header count.
-        chip_rate: Hz, good to 2 %. None: found blind, which needs an exposure below a chip.
-        line_code: as the sender's, like ``block_bytes`` and ``preamble``; see :func:`ocisac_fast.transmit`.
+        camera: row time; exposure if known, else it is estimated; frame time, which joins frames: without it only
+            frames that show a block's header are used.
+        chip_rate: Hz, accurate to 2 %. None: estimated blind, which needs an exposure below a chip.
+        line_code: of the sender, like ``block_bytes`` and ``preamble``; see :func:`ocisac_fast.transmit`.
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
-        colour: index of the colour to read. None: the one in which the light stands out most.
-        search_passes: passes over a frame's rows after which the search for its chips ends, which bounds its time;
-            infinity: no bound. A preamble is found in about 50. None: 2000 where the exposure is known, else 5000,
-            about half a second for 1080 rows.
+        colour: index of the colour to use. None: the one with the strongest light.
+        search_passes: max. number of passes over a frame's rows in a search for its chips, which bounds the time;
+            infinity: no bound. A preamble is found in about 50. None: 2000 for a known exposure, else 5000, about half
+            a second for 1080 rows.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
@@ -121,15 +121,15 @@ class Receiver:
 
     @checked
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> ReceivedFrame:
-        """The next frame.
+        """Process the next frame.
 
         Args:
             frame: (rows,), (rows, columns) or (rows, columns, colours), rows in time order; any strides, no copy for
                 uint8, uint16, float32 and float64.
-            number: of the frame, counting those that are missing; ascending. None: one after the last.
+            number: of the frame, counting missing ones; ascending. None: one after the last.
 
         Raises:
-            ValueError: a wrong shape or type; a number that is no whole one.
+            ValueError: a wrong shape or type; a number that is not whole.
         """
         (light,) = self._handle.push(frame_colours(frame, self._camera, self._colour), frame_number(number))
         return _received_frame(light[4], self._camera.row_period, self._colour)
@@ -137,11 +137,11 @@ class Receiver:
 
 @dataclass(frozen=True, slots=True)
 class LightGain:
-    """The gain of a light's tone in a frame, its columns pooled, as of :func:`ocisac_fast.tone_gain`.
+    """The gain of a light's tone in a frame from its pooled columns, as in :func:`ocisac_fast.tone_gain`.
 
     Attributes:
-        frequency: Hz, as given or as estimated when the light was found; NaN where no tone was found.
-        frequency_std: its standard error; NaN where the frequency was given.
+        frequency: Hz, given or estimated at the detection of the light; NaN without a tone.
+        frequency_std: its standard error; NaN for a given frequency.
         gain: normalised gain.
         gain_std: its standard error.
         phase: rad.
@@ -166,12 +166,12 @@ class SourceFrame:
 
     Attributes:
         frame: number of the frame.
-        source: number of the light, from 0 in the order in which they were found; never given again.
-        region: (x, y, width, height) of the box in which it was received: pixels as stored.
-        searched: lights were searched in this frame.
-        received: its data, ``phase`` is a row of the picture; None where no data is wanted, but for frames left out.
-        gain: gain of its tone; None where it is not wanted.
-        suggestion: exposure that suits the light (eq. 18); None while no frequency is known.
+        source: number of the light, from 0 in the order of detection; never reused.
+        region: (x, y, width, height) of the box of reception: pixels as stored.
+        searched: True if lights were searched in this frame.
+        received: its data, ``phase`` is a row of the picture; None without ``data``, except for ignored frames.
+        gain: gain of its tone; None without ``gain``.
+        suggestion: best exposure for the light (eq. 18); None while no frequency is known.
     """
 
     frame: int
@@ -185,22 +185,22 @@ class SourceFrame:
 
 @checked_class
 class MultiReceiver:
-    """The lights in one picture, each its own stream of packets and its own gain: what ``ocisac-rx`` runs.
+    """Receive several lights in one picture, each with its own packets and gain, as ``ocisac-rx`` does.
 
-    The strongest light is received from the first frame on. Further lights beside it are told apart by columns that
-    swing differently, lights above each other by rows between them in which nothing swings, where three frames in a
-    row agree; lights that touch must be given as regions. The picture is searched anew from time to time: lights may
-    come and go. A light's region follows it along the columns.
+    The strongest light is received from the first frame on. Further lights side by side are separated by columns of
+    different swing, lights above each other by rows without swing in between, if three frames in a row agree; lights
+    that touch must be given as regions. The picture is searched again periodically, so lights may appear and disappear.
+    A light's region follows it along the columns.
 
     Args:
-        camera, chip_rate, line_code, block_bytes, preamble, colour, search_passes: as of :class:`Receiver`; all lights
-            use the same.
+        camera, chip_rate, line_code, block_bytes, preamble, colour, search_passes: as in :class:`Receiver`; equal for
+            all lights.
         regions: boxes (x, y, width, height) of the lights, pixels as stored; empty: searched.
-        max_sources: lights that are searched.
-        data: whether chips are received.
-        gain: whether the gain of each light's tone is measured.
-        frequency: Hz of the tone. None: estimated when a light is found.
-        waveform, duty, background: as of :func:`ocisac_fast.tone_gain`.
+        max_sources: max. number of lights of the search.
+        data: receive chips.
+        gain: measure the gain of each light's tone.
+        frequency: Hz of the tone. None: estimated at the detection of a light.
+        waveform, duty, background: as in :func:`ocisac_fast.tone_gain`.
         sense_frequency: Hz of the moving scene, for the suggested exposure.
 
     Raises:
@@ -245,14 +245,14 @@ class MultiReceiver:
 
     @checked
     def push(self, frame: npt.ArrayLike, number: int | None = None) -> list[SourceFrame]:
-        """The next frame: what was received of each light, the strongest first; at least one result.
+        """Process the next frame; returns the result of each light, the strongest first; at least one result.
 
         Args:
-            frame: (rows, columns) or (rows, columns, colours), as of :meth:`Receiver.push`.
-            number: of the frame, counting those that are missing; ascending. None: one after the last.
+            frame: (rows, columns) or (rows, columns, colours), as in :meth:`Receiver.push`.
+            number: of the frame, counting missing ones; ascending. None: one after the last.
 
         Raises:
-            ValueError: a wrong shape or type; a number that is no whole one; a region outside the first frame.
+            ValueError: a wrong shape or type; a number that is not whole; a region outside the first frame.
         """
         axis, colours = self._camera.scan_axis, frame_colours(frame, self._camera, self._colour)
         shape = colours[0].shape[1:]
@@ -333,7 +333,7 @@ def frame_number(number: int | None) -> int | None:
 
 
 def frame_colours(frame: npt.ArrayLike, camera: Camera, colour: int | None) -> list[npt.NDArray[Any]]:
-    """One frame as the core takes it: a view of each colour."""
+    """One frame in the form that the core reads: a view of each colour."""
     return split_colours(as_frames(frame, "frame", camera.scan_axis, single=True), colour)
 
 
