@@ -216,6 +216,8 @@ class TestRefusals:
             ({"lights": []}, "lights: got none"),
             ({"below": 0.0}, "below: got 0.0"),
             ({"below": math.nan}, "below: got nan"),
+            ({"below": "2%"}, "below: got '2%'"),
+            ({"bounds": 0.1}, "bounds: got 0.1"),
             ({"bounds": (2e-3, 1e-3)}, "bounds: got 0.002 to 0.001"),
             ({"bounds": (0.0, math.inf)}, "bounds: got 0.0 to inf"),
             ({"bounds": (0.0, 1e5)}, "bounds: got 1e.07 cycles of 100 Hz"),

@@ -68,7 +68,7 @@ def best_exposure(
             or multiples to evaluate.
     """
     frequencies, shape = _problems(f_comm, f_sense, *more)
-    pair = None if bounds is None else _pair(bounds)
+    pair = None if bounds is None else (float(bounds[0]), float(bounds[1]))
     exposures, objectives = _core.best_exposure(frequencies, _weights(weights), method, pair, step, points)
     return BestExposure(exposures.reshape(shape)[()], objectives.reshape(shape)[()])
 
@@ -115,9 +115,3 @@ def _weights(weights: Sequence[float]) -> Float64s:
     if values.ndim != 1:
         raise ValueError(f"weights: got shape {values.shape}, allowed: one number for each frequency")
     return values
-
-
-def _pair(bounds: tuple[float, float]) -> tuple[float, float]:
-    if len(bounds) != 2:
-        raise ValueError(f"bounds: got {len(bounds)} values, allowed: (shortest, longest) in seconds")
-    return float(bounds[0]), float(bounds[1])

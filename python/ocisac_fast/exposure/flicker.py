@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.exposure.choice import best_exposure, exposure_objective
 
 Float64s = npt.NDArray[np.float64]
@@ -27,6 +28,7 @@ _HALVINGS = 60  # of a bracket: to float64 precision
 _SHRINK = 2.0**-50  # relative reduction of intervals, which keeps their ends within the bound despite rounding
 
 
+@checked_class
 @dataclass(frozen=True, slots=True)
 class FlickeringLight:
     """A periodic light of any phase.
@@ -87,6 +89,7 @@ class FlickerFreeExposure:
     gain: float = math.nan
 
 
+@checked
 def exposure_modulation(light: FlickeringLight, exposure: npt.ArrayLike) -> Float64s:
     """Largest (max - min) / (max + min) over all phases and the light's frequencies, harmonics included.
 
@@ -106,6 +109,7 @@ def exposure_modulation(light: FlickeringLight, exposure: npt.ArrayLike) -> Floa
     return np.asarray(np.maximum(np.maximum(_modulation(light, low), _modulation(light, high)), inside))
 
 
+@checked
 def flicker_free_exposure(
     lights: Sequence[FlickeringLight],
     below: float,
@@ -182,6 +186,7 @@ class FlickerFront:
     efficient: npt.NDArray[np.bool_]
 
 
+@checked
 def flicker_front(
     f_comm: float,
     lights: Sequence[FlickeringLight],

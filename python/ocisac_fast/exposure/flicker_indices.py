@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked
 from ocisac_fast.exposure.flicker import FlickeringLight
 
 Float64s = npt.NDArray[np.float64]
@@ -35,6 +36,7 @@ class FlickerIndices:
     missed: Float64s
 
 
+@checked
 def flicker_indices(
     light: FlickeringLight,
     exposure: npt.ArrayLike,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked
 from ocisac_fast.exposure.flicker import (
     FlickeringLight,
     clipped,
@@ -41,6 +42,7 @@ class LampFrequencies:
     always_from: float
 
 
+@checked
 def flicker_free_frequencies(
     exposures: Sequence[float],
     below: float,
@@ -90,6 +92,7 @@ def flicker_free_frequencies(
     return LampFrequencies(found, left, holds, float(settled / (shorter * times.min())))
 
 
+@checked
 def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], below: float) -> float:
     """Smallest duty of PWM at which the modulation stays below a bound for all exposures; larger ones satisfy it too.
 
@@ -122,12 +125,14 @@ def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], bel
     return long
 
 
+@checked
 def unmissed_frequency(exposures: Sequence[float], duty: float) -> float:
     """Lowest frequency in Hz of PWM at which every exposure contains light at any phase: T_e = (1 - duty) / f."""
     FlickeringLight(1.0, duty=duty)
     return (1.0 - duty) / float(_checked_exposures(exposures).min())
 
 
+@checked
 def flicker_free_chip_rate(exposures: Sequence[float], below: float, digital_sum_span: float = 2) -> float:
     """Chip rate in Hz from which chips show no bands for any data, given the span of their running digital sum.
 

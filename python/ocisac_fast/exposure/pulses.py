@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked
+
 Float64s = npt.NDArray[np.float64]
 
 _DARK_SHARE = 5.0  # percentile over the frames that estimates the dark level
@@ -72,6 +74,7 @@ class PulseCalibration:
     flags: tuple[str, ...]
 
 
+@checked
 def pulse_bands(light: npt.ArrayLike) -> PulseBands:
     """Measure the lit rows in a recording of a lamp whose pulses are longer than the exposure.
 
@@ -103,6 +106,7 @@ def pulse_bands(light: npt.ArrayLike) -> PulseBands:
     return PulseBands(np.array(whole), np.array(split), np.reshape(ramps, (len(ramps), points)))
 
 
+@checked
 def calibrate_pulses(
     recordings: Sequence[npt.ArrayLike | PulseBands], frequency: float, duties: Sequence[float]
 ) -> PulseCalibration:
