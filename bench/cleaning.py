@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""How well the bands of a light are taken out of pictures: made scenes with a known clean picture, and recordings.
+"""Accuracy of the removal of bands: simulated scenes with a known clean picture, and recordings.
 
-Scenes of 360 x 480 bytes (clouds, boxes, lines of text; a lamp that lights all evenly, as a spot, or a part) under
-tones of 8 to 60 rows a cycle and random chips of 6.2 rows; noise 1.5. PSNR of what is lit at least a tenth of the mean,
-against dividing by the row mean over its smoothed trend (the best of eight lengths) and by the true light
-and share (oracle).
+Scenes of 360 x 480 bytes (clouds, boxes, lines of text; a lamp that is uniform, a spot, or on a part) under tones of 8
+to 60 rows per cycle and random chips of 6.2 rows; noise 1.5. PSNR over pixels with at least a tenth of the mean light,
+compared with division by the row mean over its smoothed trend (the best of eight lengths) and by the true light and
+share (oracle).
 
-On recordings, in linear light and of pixels that are not marked: how deep the fitted row light stands in the columns,
-before over after (dB), beside what texture would leave of a light that is not there; the largest change of a fully lit
-row; and the energy of texture, after over before. For remove_bands, and for vertical blurs, which have to fail.
+For recordings, in linear light and over unmarked pixels: depth of the fitted row light in the columns, before
+over after (dB), and the depth that texture gives for an absent light; the largest change of a fully lit row; and the
+energy of texture, after over before. For remove_bands, and for vertical blurs, which must fail.
 
 usage: bench/cleaning.py [--recordings FOLDER] [--picture FILE] [--json] [--quick] [--each] [--seeds N ...]
 """
@@ -41,7 +41,7 @@ def lights() -> dict[str, np.ndarray]:
 
 
 def albedo(kind: str, random: np.random.Generator) -> np.ndarray:
-    """Share of light that the scene throws back."""
+    """Reflectance of the scene."""
     if kind == "clouds":
         fy, fx = np.meshgrid(np.fft.fftfreq(ROWS), np.fft.rfftfreq(COLUMNS), indexing="ij")
         size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / COLUMNS) ** 1.3
@@ -63,7 +63,7 @@ def albedo(kind: str, random: np.random.Generator) -> np.ndarray:
 
 
 def lamp(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """Steady light and the lamp's."""
+    """Steady light, and light of the lamp."""
     y, x = np.mgrid[:ROWS, :COLUMNS]
     if kind == "even":
         return np.full((ROWS, COLUMNS), 60.0), np.full((ROWS, COLUMNS), 84.0)
@@ -74,7 +74,7 @@ def lamp(kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scene(light: np.ndarray, ground: str, lamp_kind: str, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What is stored, the clean picture, and what the light leaves of it in each pixel."""
+    """Stored picture, clean picture, and the light's factor in each pixel."""
     random = np.random.default_rng(seed)
     back = albedo(ground, random)
     steady, modulated = lamp(lamp_kind)
@@ -116,8 +116,8 @@ def measured_scene(light: np.ndarray, ground: str, lamp_kind: str, seed: int = 1
 
 
 def pooled_depth(picture: np.ndarray, light: np.ndarray, kept: np.ndarray) -> float:
-    """How deep the row light stands in a picture of linear light: of each column of kept pixels the regression on the
-    light, both less what changes slower than 128 rows; root of the energies of all columns over those of their means.
+    """Depth of the row light in a picture of linear light: regression of each column of kept pixels on the light, both
+    without changes slower than 128 rows; root of the ratio of the columns' energies to those of their means.
     """
     rows = len(light)
     slow = np.cos(np.pi * np.outer((np.arange(rows) + 0.5) / rows, np.arange(1 + 2 * rows // 128)))
@@ -128,20 +128,20 @@ def pooled_depth(picture: np.ndarray, light: np.ndarray, kept: np.ndarray) -> fl
     normal = (weight.T @ products).reshape(-1, terms.shape[1], terms.shape[1]) + 1e-6 * np.eye(terms.shape[1])
     values = picture[:, columns] * weight
     followed = np.linalg.solve(normal, (values.T @ terms)[..., None])[:, -1, 0]
-    energy = 1 / np.linalg.inv(normal)[:, -1, -1]  # of the light less its slow part
+    energy = 1 / np.linalg.inv(normal)[:, -1, -1]  # of the light without its slow part
     means = values.sum(axis=0) / weight.sum(axis=0)
     return float(np.sqrt((followed**2 @ energy) / (means**2 @ energy)))
 
 
 def depth_by_chance(picture: np.ndarray, light: np.ndarray, kept: np.ndarray) -> float:
-    """The same for lights that are not there: this one shifted, which texture follows as much by chance."""
+    """The same for absent lights: shifted copies of this one, which texture resembles by chance."""
     shifts = range(37, len(light) - 36, 53)
     return float(np.sqrt(np.mean([pooled_depth(picture, np.roll(light, k), kept) ** 2 for k in shifts])))
 
 
 def detail(picture: np.ndarray, rows: np.ndarray) -> float:
-    """Energy of log light's mixed differences over rows and columns, in rows side by side that are lit: texture and
-    noise; bands, the same in both columns, are not in it, nor is any gain."""
+    """Energy of the mixed differences of log light over rows and columns, in neighbouring lit rows: texture and noise.
+    Bands, equal in both columns, and gains cancel."""
     across = np.diff(np.log(picture + 2.0), axis=1)
     both = rows[1:] & rows[:-1]
     return float(np.mean((across[1:] - across[:-1])[both] ** 2))
@@ -154,7 +154,7 @@ def change_of_rows(picture: np.ndarray, before: np.ndarray, kept: np.ndarray, ro
 
 
 def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
-    """What remove_bands and vertical blurs of 9, 31 and 101 rows do to the colour that shows the light most."""
+    """Effect of remove_bands and of vertical blurs of 9, 31 and 101 rows on the colour with the strongest light."""
     from ocisac_fast.camera.linear_light import linear_light
     from ocisac_fast.files import read_frames
 
@@ -203,7 +203,7 @@ def behind_the_oracle(scenes: list[dict[str, float]]) -> dict[str, float]:
 
 
 def draw(path: str) -> None:
-    """Scenes side by side: stored, by row means, remove_bands, clean."""
+    """Draw scenes side by side: stored, by row means, remove_bands, clean."""
     rows = []
     for name, ground, kind in (
         ("tone of 20 rows", "boxes", "part"),

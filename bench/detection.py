@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Chip errors of detection beside what the closest pair of sequences allows, and its speed.
+"""Error rate of chip detection, compared with the bound of the closest pair of sequences, and its speed.
 
-Random chips through an exposure, with a rate and a phase drawn for every frame of 1080 rows; chips cut by the frame's
-ends are left out. The limits are those of the project's aims; a limit is reached when the errors counted stay below it.
-The channel is known; with --estimated the grid of exposures, rows per chip and noise is measured as bench/timing.py
-does, from nothing but a preamble and a nominal rate, beside the likeliest sequence with everything known; with
---anywhere so many settings within the grid, drawn at random, a frame of each, wherever they can be decoded. --picture
-draws every detector's share of wrong chips over the exposure, what is foretold, and the bound of the closest pair.
+Random chips through an exposure, with random rate and phase for every frame of 1080 rows; chips cut by the frame's ends
+are excluded. The limits are the project's aims; a limit is reached if the error rate is below it. The channel is known.
+With --estimated the grid of exposures, rows per chip and noise is measured as in bench/timing.py, from a preamble and a
+nominal rate alone, and compared with the most likely sequence for a known channel. --anywhere pools one frame each of
+random decodable settings within the grid. --picture draws every detector's error rate over the exposure, the
+theoretical one, and the bound of the closest pair.
 
 usage: bench/detection.py [--frames N] [--method NAME] [--grid | --estimated [--quick]] [--json] [--check]
        bench/detection.py --anywhere SETTINGS [--json] [--check]
@@ -33,7 +33,7 @@ ROWS = 1080
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """Chips of an exposure, rows of a chip, noise over the swing; the limit on the share of wrong chips."""
+    """Exposure in chips, rows per chip, noise over the swing; limit of the error rate."""
 
     exposure_chips: float
     rows_per_chip: float
@@ -60,7 +60,7 @@ QUICK_EXPOSURES = (0.5, 3.0, 7.0)
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Of one case. bound: errors a chip that the closest pair alone makes, Q(distance / (2 noise))."""
+    """Result of one case. bound: error rate of the closest pair alone, Q(distance / (2 noise))."""
 
     case: Case
     chips: int
@@ -75,18 +75,18 @@ class Result:
 
     @property
     def reached(self) -> bool | None:
-        """None without a limit."""
+        """True if the rate is below the limit; None without a limit."""
         return None if self.case.limit is None else self.rate < self.case.limit
 
 
 def bound_of(exposure: float, rows_per_chip: float, noise: float) -> float:
-    """Wrong chips that the closest pair of sequences alone makes, in any receiver."""
+    """Error rate of the closest pair of sequences alone, a lower bound for any receiver."""
     distance = closest_pair_distance(rows_per_chip, max(exposure, 1e-3) * rows_per_chip)
     return math.erfc(distance / (2 * noise) / math.sqrt(2)) / 2
 
 
 def measure(case: Case, frames: int, method: str, seed: int = 1) -> Result:
-    """Errors over so many frames, and the least time of one detection."""
+    """Count errors over the frames; also the least time of one detection."""
     random = np.random.default_rng(seed)
     setting = Setting(case.exposure_chips, case.rows_per_chip, case.noise)
     wrong = total = 0
@@ -103,7 +103,7 @@ def measure(case: Case, frames: int, method: str, seed: int = 1) -> Result:
 
 
 def measure_estimated(frames: int, quick: bool, as_json: bool) -> bool:
-    """The grid with everything estimated, a line a setting; whether no setting makes too many errors."""
+    """Measure the grid with everything estimated, one line per setting; True if every setting is good."""
     exposures = QUICK_EXPOSURES if quick else timing.EXPOSURES
     good = True
     if not as_json:
@@ -118,7 +118,7 @@ def measure_estimated(frames: int, quick: bool, as_json: bool) -> bool:
 
 
 def measure_anywhere(settings: int, as_json: bool) -> bool:
-    """Settings drawn within the grid, a frame of each, as one setting; whether they make too many errors."""
+    """Measure one frame of each random setting within the grid, pooled as one setting; True if it is good."""
     random = np.random.default_rng(0)
     frames = []
     while len(frames) < settings:
@@ -139,7 +139,7 @@ def measure_anywhere(settings: int, as_json: bool) -> bool:
 
 
 def draw(path: str, frames: int) -> None:
-    """Wrong chips of every detector over the exposure: counted (points), foretold (lines), the closest pair (grey)."""
+    """Draw the error rates of all detectors over the exposure: counted (points), theory (lines), bound (grey)."""
     from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, RED, SKY, picture
 
     looks = {"slicer": ("s", RED), "inverse": ("v", ORANGE), "wiener": ("^", GREEN), "dfe": ("D", SKY)}
@@ -173,7 +173,7 @@ def draw(path: str, frames: int) -> None:
 
 
 def print_table(results: list[Result]) -> None:
-    """For people."""
+    """Print a table."""
     print("chips/exposure  rows/chip  noise     chips   wrong      rate  closest pair      ms  limit")
     for r in results:
         case = r.case
@@ -185,7 +185,7 @@ def print_table(results: list[Result]) -> None:
 
 
 def main() -> int:
-    """Exit code 1 with --check where a limit is not reached."""
+    """Exit code 1 with --check if a limit is not reached."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--frames", type=int, default=0, help="of each case; 0: as many as a limit needs, else 20")
     parser.add_argument("--grid", action="store_true", help="the grid of cases without limits as well")
@@ -208,7 +208,7 @@ def main() -> int:
         return 1 if arguments.check and not good else 0
     results = []
     for case in (*AIMS, *(GRID if arguments.grid else ())):
-        # Three times as many chips as one error at the limit would take.
+        # Three times as many chips as contain one error at the limit.
         enough = (
             20
             if case.limit is None

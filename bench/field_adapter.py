@@ -1,4 +1,4 @@
-"""How the field scorer calls ocisac_fast, the only file that knows its names: ``score.py --adapter FILE``."""
+"""Interface of the field scorer to ocisac_fast, the only file with its names: ``score.py --adapter FILE``."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import ocisac_fast
 
 @dataclass
 class Reading:
-    """What was read in one frame from one light.
+    """Chips of one light in one frame.
 
     Attributes:
-        bits: '0' and '1', one a chip.
-        phase: row at which the first of them begins, half an exposure after the light's own edge.
+        bits: '0' and '1', one per chip.
+        phase: row at which the first of them begins, half an exposure after the light's edge.
         rows_per_chip: rows.
-        soft: one a bit, its size says how sure it is.
-        flags: 0 where nothing is to be said.
+        soft: one per bit, its magnitude is the reliability.
+        flags: 0: none.
         source: number of the light, 0 the strongest.
-        exposure: s, told or estimated; packets only.
-        error_rate: share of wrong bits that the library expects; packets only.
-        payload: bytes, where one came whole with this frame; packets only.
+        exposure: s, given or estimated; packets only.
+        error_rate: expected error rate; packets only.
+        payload: bytes, if one was completed by this frame; packets only.
     """
 
     bits: str
@@ -60,7 +60,7 @@ def receive(pixels: np.ndarray, of_camera) -> list[Reading]:
 def receiver(
     of_camera, several: bool, region: tuple | None, chip_rate: float, line_code: str, block_bytes: int
 ) -> Callable[[np.ndarray, int | None], list[Reading]]:
-    """A receiver of packets: a function that takes the next picture (and its number) and gives what it read."""
+    """A receiver of packets: a function of the next picture (and its number) that returns its readings."""
     options = {"chip_rate": chip_rate, "line_code": line_code, "block_bytes": block_bytes}
     if several:
         many = ocisac_fast.MultiReceiver(of_camera, regions=[tuple(region)] if region else (), **options)

@@ -1,4 +1,4 @@
-"""The pictures of docs/exposure.md about flickering lights: ``python bench/flicker.py [-o docs]``."""
+"""Draws the pictures of docs/exposure.md on flickering lights: ``python bench/flicker.py [-o docs]``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pathlib
 from ocisac_fast.exposure import FlickeringLight, flicker_free_exposure, mains_lights
 from ocisac_fast.plots.flicker import plot_flicker_front, plot_flicker_indices, plot_lamp, plot_modulation
 
-_DATA_LIGHT = 35.0  # Hz; slow enough for exposures of 50 ms
+_DATA_LIGHT = 35.0  # Hz; suits exposures of 50 ms
 
 
 def main() -> None:

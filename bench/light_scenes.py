@@ -1,8 +1,8 @@
-"""Made scenes with lights in them, and how many of them are found: for sensing.py.
+"""Simulated scenes with lights, and detection statistics, for sensing.py.
 
-Scenes of 720x960 bytes hold 0 to 20 lights (disks, tones and square waves, each of its own frequency) among clouds,
-boxes and lines of text, or on even ground. A light counts as found where a box of its own lies within half a box of it
-and the frequency within 3 %; every other box that is not told as a reflection is false.
+Scenes of 720x960 bytes contain 0 to 20 lights (disks, tones and square waves, each of its own frequency) over clouds,
+boxes and lines of text, or over a uniform ground. A light is detected if a separate box is within half a box of it and
+the frequency within 3 %; every other box that is not marked as a reflection is false.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GROUNDS = ("even", "clouds", "boxes", "text")
 
 
 def ground(kind: str, random: np.random.Generator) -> np.ndarray:
-    """A still picture, (rows, columns), stored values."""
+    """A static picture, (rows, columns), stored values."""
     if kind == "clouds":
         fy, fx = np.meshgrid(np.fft.fftfreq(ROWS), np.fft.rfftfreq(COLUMNS), indexing="ij")
         size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / COLUMNS)
@@ -86,8 +86,8 @@ CODES: dict[str, str | tuple[str, ...]] = {
 
 
 def data_scene(random: np.random.Generator, code: str, kind: str) -> tuple[np.ndarray, dict[str, float]]:
-    """Bytes with one light that sends random bits, or a tone of as many cycles as Manchester code has chips of two;
-    and where it is."""
+    """Bytes with one light that sends random bits, or a tone with one cycle per two chips of Manchester code; and its
+    position."""
     noise = float(np.exp(random.uniform(np.log(1.0), np.log(4.0))))
     size = float(np.exp(random.uniform(np.log(80.0), np.log(400.0))))
     rows_per_chip = float(np.exp(random.uniform(np.log(3.0), np.log(min(size / 16.0, 12.0)))))
@@ -108,8 +108,8 @@ def data_scene(random: np.random.Generator, code: str, kind: str) -> tuple[np.nd
 
 
 def data_lights(count: int) -> dict[str, dict[str, float]]:
-    """By code: shares of the lights that are found (a box about their middle, at least half as high), that are found
-    and told to send data, and other boxes a picture."""
+    """By code: shares of the lights that are detected (a box at their middle, at least half as high), and that are
+    detected as data lights; number of other boxes per picture."""
     result = {}
     for code in ("tone", *CODES):
         found = told = others = 0
@@ -132,7 +132,7 @@ def data_lights(count: int) -> dict[str, dict[str, float]]:
 
 
 def judge(found: list[LightSource], truth: list[dict[str, float]]) -> tuple[list[bool], list[bool]]:
-    """Which lights were found, and which of what was found, reflections left out, are lights."""
+    """True for each detected light; true for each detection, without reflections, that is a light."""
     rest = [s for s in found if s.reflection_of is None]
     hits, true = [], [False] * len(rest)
     for light in truth:
@@ -154,8 +154,8 @@ Findings = tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, list[int]
 
 
 def findings(count: int) -> Findings:
-    """Every light of all scenes with whether it was found; all that was found with whether it is a light, its size,
-    cycles and ratio as they seem; numbers of lights, found and false by ground."""
+    """Every light of all scenes, with detected or not; every detection, with true or not, size, cycles and ratio as
+    measured; numbers of lights, detected and false by ground."""
     lights, boxes = [], []
     by_ground: dict[str, list[int]] = {kind: [0, 0, 0] for kind in GROUNDS}
     for seed in range(count):
@@ -174,12 +174,12 @@ def findings(count: int) -> Findings:
 
 
 def false_lights(frames: int, rates: tuple[float, ...] = (1.0, 0.1, 0.02, 0.01)) -> dict[float, dict[str, float]]:
-    """False lights a picture, on noise and on the grounds without lights, for the rates set."""
+    """False lights per picture, on noise and on the grounds without lights, for the given rates."""
     result: dict[float, dict[str, float]] = {rate: {} for rate in rates}
     for kind in ("noise", *GROUNDS[1:]):
         counts = dict.fromkeys(rates, 0)
         for seed in range(frames):
-            random = np.random.default_rng(20_000 + seed)  # others than the evidence was set on
+            random = np.random.default_rng(20_000 + seed)  # not the seeds used for tuning
             if kind == "noise":
                 frame = np.clip(np.rint(100 + 8 * random.standard_normal((ROWS, COLUMNS))), 0, 255).astype(np.uint8)
             else:
@@ -201,7 +201,7 @@ Bins = dict[str, list[tuple[float, float, float, int]]]
 
 
 def shares(entries: list[dict[str, Any]], what: str, least: dict[str, float] | None = None) -> Bins:
-    """For each measure: bin, share of its entries that are ``what``, their number; the other measures at least."""
+    """For each measure: bin, share of its entries that are ``what``, their number; lower bounds for other measures."""
     result: Bins = {}
     for name, edges in BINS.items():
         others = {other: value for other, value in (least or {}).items() if other != name}
@@ -215,7 +215,7 @@ def shares(entries: list[dict[str, Any]], what: str, least: dict[str, float] | N
 
 
 def draw(path: str, recall: Bins, precision: Bins) -> None:
-    """A scene with its boxes, and recall and precision over the three measures."""
+    """Draw a scene with its boxes, and recall and precision over the three measures."""
     import matplotlib
 
     matplotlib.use("Agg")

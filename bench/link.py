@@ -2,10 +2,10 @@
 """From noisy rows and pixels to payloads: frames and goodput through the gap between frames, and speed.
 
 Frames: 1 kB in Manchester code, 8 kchip/s, exposure 622 us (5 chips), 1080 rows of 22.2 us at 30 frame/s, 4 % noise, a
-gradient; the frame clock locked to the chip clock and drifting; the rate off by up to 1 %, the exposure given or not.
+gradient; the frame clock locked to the chip clock or drifting; a rate error up to 1 %, the exposure given or not.
 Speed: processor time of one thread from pixels (1080 x 1920 bytes) and from combined columns (7 chips of exposure, 4
-rows a chip, 2 % noise) to payloads, the least over batches of frames; on a machine shared with others this is too long
-rather than too short. --check: at most 130 frames, 120 frame/s from pixels and 1000 frame/s from columns.
+rows per chip, 2 % noise) to payloads, the minimum over batches of frames; other load can only increase it. --check: at
+most 130 frames, 120 frame/s from pixels and 1000 frame/s from columns.
 
 usage: bench/link.py [--starts N] [--no-speed] [--json] [--check]
 """
@@ -28,11 +28,11 @@ from ocisac_fast.receiver.stream import Receiver
 ROW_TIME, FRAME_TIME, ROWS, CHIP_RATE = 22.2e-6, 1 / 30, 1080, 8e3
 EXPOSURE = 622e-6
 MAX_FRAMES, PIXEL_SPEED, COLUMN_SPEED = 130, 120.0, 1000.0
-BATCH = 10  # frames timed as one
+BATCH = 10  # frames per timing
 
 
 class Light:
-    """A packet's light as rows of frames: a gradient, noise (share of the swing), a clock that drifts."""
+    """A packet's light as rows of frames: gradient, noise (share of the swing), drifting clock."""
 
     def __init__(self, payload: bytes, seed: int, camera: Camera, chip_rate: float, noise: float, drift: float) -> None:
         self.random = np.random.default_rng(seed)
@@ -49,7 +49,7 @@ class Light:
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """One start. frames: until the payload was whole; None where it was not. first_ms: of the first frame."""
+    """One start. frames: until the payload was complete, or None. first_ms: time of the first frame."""
 
     drift: float
     rate_error: float
@@ -90,7 +90,7 @@ def links(starts: int) -> list[Result]:
 
 
 def fastest(receiver: Receiver, frames: list[np.ndarray]) -> tuple[float, int]:
-    """Frames a second of processor time, best of the batches after the first; and the payloads that came."""
+    """Frames per second of processor time, best batch after the first; and the number of payloads."""
     seconds, payloads = [], 0
     for first in range(0, len(frames) - BATCH + 1, BATCH):
         begin = time.process_time()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The sensing side against theory: f_x v beside its Cramér-Rao bound, and contrast that the equaliser gives back.
+"""Sensing compared with theory: error of f_x v and its Cramér-Rao bound, and contrast restored by the equaliser.
 
 A full-depth cosine moves across the rows; the exposure is as on the testbed.
 
@@ -21,7 +21,7 @@ ROW_TIME, SPEED, NOISE = 22.2e-6, 1.751, 2.0
 
 
 def texture(frequency: float, exposure: float, rows: int, columns: int, mean: float, seed: int) -> np.ndarray:
-    """(rows, columns), cycles of 5 columns, under eq. 7."""
+    """(rows, columns), cycles of 5 columns, by eq. 7."""
     n, k = np.ogrid[:rows, :columns]
     turns = frequency * (n * ROW_TIME - exposure / 2) - 0.2 * k
     light = mean * (1 + np.sinc(frequency * exposure) * np.cos(2 * np.pi * turns))

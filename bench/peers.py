@@ -1,7 +1,7 @@
-"""Other ways to the gain of one tone in every column, each as fast as its library lets a careful user write it.
+"""Other methods for the gain of one tone in every column, each as fast as its library allows a careful user.
 
-A peer is made for a number of rows, columns and a bin, and is called with frames of bytes (rows, columns); one gain a
-column. All look at the tone on a bin of the DFT, where every one of them must give the same.
+A peer is made for a number of rows, columns and a bin, and is called with frames of bytes (rows, columns); it returns
+one gain per column. The tone is on a bin of the DFT, where all methods must agree.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def cv2_dft(rows: int, columns: int, k: int) -> Estimator:
 
 
 def fftw(rows: int, columns: int, k: int) -> Estimator:
-    """pyFFTW in float32: one measured plan over the transposed frame, kept buffers, one thread."""
+    """pyFFTW in float32: one measured plan over the transposed frame, reused buffers, one thread."""
     import pyfftw
 
     transpose = _transpose()
@@ -73,7 +73,7 @@ def fftw(rows: int, columns: int, k: int) -> Estimator:
 
 
 def matrix_product(rows: int, columns: int, k: int) -> Estimator:
-    """Three row weights times the frame in float32 (BLAS, one thread), converted into a kept buffer."""
+    """Three row weights times the frame in float32 (BLAS, one thread), converted into a reused buffer."""
     angles = 2.0 * np.pi * (np.arange(rows) * k % rows) / rows
     weights = np.stack([np.ones(rows), 2.0 * np.cos(angles), 2.0 * np.sin(angles)]).astype(np.float32)
     light = np.empty((rows, columns), np.float32)
@@ -87,7 +87,7 @@ def matrix_product(rows: int, columns: int, k: int) -> Estimator:
 
 
 def numba_goertzel(rows: int, columns: int, k: int) -> Estimator:
-    """Goertzel's recurrence compiled by numba, float32, 64 columns side by side so that it uses SIMD."""
+    """Goertzel's recurrence compiled by numba, float32, 64 columns side by side for SIMD."""
     import numba
 
     width = 64
@@ -127,7 +127,7 @@ def numba_goertzel(rows: int, columns: int, k: int) -> Estimator:
 
 
 def _transpose() -> Callable[[np.ndarray], np.ndarray]:
-    """OpenCV's where it is installed: several times faster than NumPy's copy."""
+    """OpenCV's transpose if it is installed: several times faster than NumPy's copy."""
     try:
         import cv2
     except ModuleNotFoundError:

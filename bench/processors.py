@@ -1,4 +1,4 @@
-"""Two threads on processors that are not alike, and may be threads of one core."""
+"""Two threads on processors of different speed, possibly threads of one core."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import numpy as np
 
 from studies.chart.measuring import seconds_of
 
-TWO_CORES = 1.7  # what the second processor of two cores gains at least
+TWO_CORES = 1.7  # min. gain by the second processor of two cores
 
 
 def two_processors() -> list[int]:
-    """The first two that this process may run on, or none where they cannot be told or are fewer."""
+    """The first two processors of this process, or none if they are unknown or fewer."""
     if not hasattr(os, "sched_setaffinity"):
         return []
     processors = sorted(os.sched_getaffinity(0))[:2]
@@ -30,8 +30,8 @@ def two_processors() -> list[int]:
 def one_and_two(one: Callable[[Any], object], two: Callable[[Any], object], item: Any) -> tuple[float, float]:
     """Seconds with one thread and with two.
 
-    One thread counts at the mean rate of both processors: on a shared host these differ, by what other guests do to
-    the cores behind them; up to 1.4 was seen.
+    The time of one thread is at the mean rate of both processors, since on a shared host their rates differ by the load
+    of other guests; ratios up to 1.4 were measured.
     """
     everywhere = os.sched_getaffinity(0)
     each = []
@@ -43,7 +43,7 @@ def one_and_two(one: Callable[[Any], object], two: Callable[[Any], object], item
 
 
 def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
-    """What one more processor adds to arithmetic that needs no memory: hashes by each alone over hashes by both."""
+    """Gain by one more processor for arithmetic without memory: time of hashes on each alone over that on both."""
     work = functools.partial(seconds_of, hashlib.sha256, bytes(1 << 22))
     alone = [worker.submit(work).result() for worker in workers]
     together = [future.result() for future in [worker.submit(work) for worker in workers]]
@@ -51,7 +51,7 @@ def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
 
 
 def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
-    """(rounds, 3): the two times that `pair` measures, and what the second processor gains beside it."""
+    """(rounds, 3): the two times measured by `pair`, and the gain of the second processor at that time."""
     rounds: list[tuple[float, float, float]] = []
     end = time.perf_counter() + seconds
     with contextlib.ExitStack() as stack:

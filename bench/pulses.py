@@ -1,6 +1,6 @@
-"""The figures and the picture of docs/pulses.md: ``python bench/pulses.py --recordings FOLDER [-o docs]``.
+"""Figures and picture of docs/pulses.md: ``python bench/pulses.py --recordings FOLDER [-o docs]``.
 
-FOLDER holds logitech_30.1hz_duty_*.mkv: a webcam's recordings of a laser of 30.1 Hz.
+FOLDER contains logitech_30.1hz_duty_*.mkv: a webcam's recordings of a laser of 30.1 Hz.
 """
 
 from __future__ import annotations

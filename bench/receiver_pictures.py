@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 EXPOSURES = (0.5, 1.0, 3.0, 7.0)  # chips
 ROWS_PER_CHIP, NOISE = 8.3, 0.02
 CHIPS = np.array([0, 1, 1, 0, 1, 0, 0, 1])
-OTHER = np.array([0, 1, 1, 1, 0, 0, 0, 1])  # 10 for 01
-LENGTH = 2  # of the exposure, chips
+OTHER = np.array([0, 1, 1, 1, 0, 0, 0, 1])  # 10 instead of 01
+LENGTH = 2  # exposure, chips
 
 
 def draw_eyes(path: Path) -> None:
-    """Rows over their place in a chip, from half a chip before to half a chip after; coloured by the chip."""
+    """Draw rows over their position in a chip, from half a chip before to half a chip after; coloured by the chip."""
     with picture(path, 10.4, 3.0) as figure:
         for axes, exposure in zip(figure.subplots(1, 4, sharey=True), EXPOSURES, strict=True):
             frame = make_frame(Setting(exposure, ROWS_PER_CHIP, NOISE), np.random.default_rng(1))
@@ -46,7 +46,7 @@ def draw_eyes(path: Path) -> None:
 
 
 def draw_trellis(path: Path) -> None:
-    """All ways through the trellis, the one sent, and the one most easily taken for it, with what their rows read."""
+    """Draw all paths of the trellis, the sent one, and the most similar one, with the values of their rows."""
     with picture(path, 10.4, 4.6) as figure:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.3, 1])
         for chip in range(CHIPS.size):
@@ -85,7 +85,7 @@ def _draw_way(axes: Axes, chips: np.ndarray, colour: str, style: str, label: str
 
 
 def _rows_of(chips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of the rows' exposures in chips, and what they see."""
+    """Ends of the rows' exposures in chips, and their light."""
     rows = int(CHIPS.size * ROWS_PER_CHIP)
     clock = {"rows_per_chip": ROWS_PER_CHIP, "exposure": LENGTH * ROWS_PER_CHIP}
     light = expose_chips(np.concatenate([[0, 0], chips]), rows, first=-2, phase=LENGTH * ROWS_PER_CHIP / 2, **clock)

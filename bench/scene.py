@@ -1,8 +1,8 @@
-"""What a scene costs: frames of a plan beside brute force and beside the writing of memory; error over tolerance.
+"""Cost of a scene: time of a plan's frames compared with brute force and with writing memory; error over tolerance.
 
     python bench/scene.py [--tolerances]
 
-The times are the shortest of several; brute force (every pixel's voxel at 64 sub-exposures, in NumPy) runs once.
+Times are the minimum of several; brute force (every pixel's voxel at 64 sub-exposures, in NumPy) runs once.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ REPEATS = 15
 
 
 def shortest(work: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Seconds of the shortest of several runs."""
+    """Minimum time of several runs, s."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -41,7 +41,7 @@ def full_hd(scene: Scene) -> Scene:
 
 
 def one_source() -> Scene:
-    """A flat light that fills half the width of the picture."""
+    """A uniform light that fills half the width of the picture."""
     camera = Camera(15e-6, 500e-6, 1 / 30)
     source = Source(Rectangle(1, 2), Pose((0, 0, 1)), SquareWave(2000))
     return Scene(Pinhole(1920, 1080, 4e-3, 4.2e-6), camera, Sensor(200 / 500e-6, bit_depth=8), [source])

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""How well sensing and communication help each other: every measure with its aim, and whether it is reached.
+"""Joint performance of sensing and communication: every measure with its aim, and whether it is reached.
 
 find: recall, precision and false lights on the scenes of light_scenes.py; time of a 33-megapixel picture. track:
 lights that move and cross in a 1080p video. clean: the scenes and recordings of cleaning.py. control: the closed loop.
-front: the exposure chosen. locate: the camera's place. Recordings are looked at where --recordings or
-OCISAC_RECORDINGS says.
+front: the choice of exposure. locate: the camera's position. Recordings are used if --recordings or OCISAC_RECORDINGS
+gives a folder.
 
 usage: bench/sensing.py [--json] [--chart FILE] [--check] [--quick] [--only PART] [--recordings FOLDER]
 """
@@ -34,7 +34,7 @@ CAMERA = light_scenes.CAMERA
 
 @dataclass(frozen=True)
 class Measure:
-    """A figure and its aim: at least (``least``) or at most."""
+    """A figure and its aim: a lower bound (``least``) or an upper bound."""
 
     part: str
     name: str
@@ -69,7 +69,7 @@ def find(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
         Measure("find", "precision", float(np.mean([box["true"] for box in boxes])), 0.98, True),
     ]
     for rate, row in rates.items():
-        # what so many pictures tell: the rate set, and two standard errors of its count
+        # statistical bound: the given rate plus two standard errors of its count
         most = rate + 2 * float(np.sqrt(rate / frames))
         measures.append(Measure("find", f"false lights a picture, {rate} set, worst ground", max(row.values()), most))
     by_code = light_scenes.data_lights(20 if options.quick else 100)
@@ -108,7 +108,7 @@ def speed() -> dict[str, float]:
 
 
 def video(frames: int) -> tuple[list[np.ndarray], int]:
-    """1080p, three lights of 80 to 120 rows that move, two of which cross; and how many lights."""
+    """1080p, three moving lights of 80 to 120 rows, two of which cross; and the number of lights."""
     random = np.random.default_rng(0)
     still = np.clip(np.rint(25 + 2 * random.standard_normal((1080, 1920))), 0, 255).astype(np.uint8)
     lamps = ((3000.0, 300, 300, 3, 8, 60), (4500.0, 420, 900, 0, -8, 50), (6100.0, 800, 900, -2, 4, 40))
@@ -126,7 +126,7 @@ def video(frames: int) -> tuple[list[np.ndarray], int]:
 
 
 def track(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
-    """Detection with gains in what a tracker reads; a full look every 30 frames. Each frame's fastest of three runs."""
+    """Detection with gains in a tracker; full search every 30 frames. Minimum of three runs for each frame."""
     pictures, lights = video(30 if options.quick else 60)
     times = np.full((3, len(pictures)), np.inf)
     for run in range(3):
@@ -145,7 +145,7 @@ def track(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
 
 
 def edges_apart(pictures: list[np.ndarray]) -> float:
-    """Mean distance of a followed light's four edges from those of a full look at the same frame."""
+    """Mean distance of a tracked light's four edges from those of a full search of the same frame."""
     followed, whole = SourceTracker(CAMERA, full_every=len(pictures)), SourceTracker(CAMERA)
     apart: list[int] = []
     for picture in pictures:
@@ -169,7 +169,7 @@ def clean(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
             Measure("clean", f"dB over row means, {name} found", mean["found"] - mean["row_means"], 6.0, True),
             Measure("clean", f"dB behind the oracle, {name} found", mean["oracle"] - mean["found"], 1.0),
         ]
-        for ground in ("text", "clouds"):  # repeats as a light does; is as deep as one
+        for ground in ("text", "clouds"):  # as periodic as a light; as deep as one
             behind = on[ground]["oracle"] - on[ground]["found"]
             measures.append(Measure("clean", f"dB behind the oracle, {name} found, {ground}", behind))
     for name in cleaning.RECORDINGS if options.recordings else ():
@@ -186,8 +186,8 @@ def clean(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
 
 
 def control(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
-    """The closed loop: how far closed form and best fixed exposure are ever ahead, by what was known, without and with
-    hysteresis; means of the objective."""
+    """The closed loop: largest advantage of closed form and best fixed exposure, by the information available, without
+    and with hysteresis; means of the objective."""
     seconds = 1.0 if options.quick else 4.0
     free, held = (drive_past_light(seconds=seconds, hysteresis=hysteresis) for hysteresis in (0.0, 0.01))
     means = dict(zip(POLICIES, map(float, held.true.mean(axis=1)), strict=True))
@@ -202,7 +202,7 @@ def control(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]
 
 
 def exposures(problems: int) -> float:
-    """Largest relative shortfall of the weighted sum of two tones against ever finer grids about the best point."""
+    """Largest relative loss of the weighted sum of two tones compared with refined grids about the best point."""
     random, worst = np.random.default_rng(7), 0.0
     for _ in range(problems):
         f = np.exp(random.uniform(np.log(100), np.log(3000), 2))
@@ -218,7 +218,7 @@ def exposures(problems: int) -> float:
 
 
 def locating(cases: int) -> float:
-    """Largest error of the camera's place, m: six lights at 3 m, 1500 pixels of focal length, a pixel of noise."""
+    """Largest error of the camera's position, m: six lights at 3 m, focal length 1500 pixels, noise 1 pixel."""
     lamps = np.array(
         [[-1.3, -0.7, 3.0], [1.3, -0.7, 3.0], [1.3, 0.7, 3.0], [-1.3, 0.7, 3.0], [0.1, 0.0, 2.7], [-0.5, 0.3, 2.6]]
     )

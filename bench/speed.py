@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # ruff: noqa: E402 (threads are limited before NumPy is imported)
-"""Gains at the speed of memory: the library's times against reading the frame, its peers, itself with other settings.
+"""Gains at memory speed: times relative to reading the frame, to peers, and to other settings of the library.
 
-Every figure is the median of ratios of two calls taken in turn, each time on other frames of a pool larger than the
-caches, so that drift of the machine cancels and frames come from memory. Peers are taken in turn in blocks: what one
-leaves in the caches to be written back is not charged to the other. What is timed is checked first on the same frames.
-Limits are the project's aims for one thread, 1080x1920 bytes, one tone, all columns.
+Every figure is the median of ratios of two alternating calls, each time on other frames of a pool larger than the
+caches, so that drift of the machine cancels and frames come from memory. Peers alternate in blocks, so that write-backs
+of one are not charged to the other. Results are checked on the same frames before timing. Limits are the project's aims
+for one thread, 1080x1920 bytes, one tone, all columns.
 
 usage: bench/speed.py [--json] [--chart FILE] [--check] [--quick]      peers: pip install -r bench/requirements.txt
 """
@@ -37,14 +37,14 @@ ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
 CAMERA = Camera(ROW_TIME)
 SLOW, FAST = 12, 37  # cycles in the frame: f T_r = 0.011 (500 Hz) and 0.034
 FOUR = (12, 37, 61, 90)
-GAIN_TOLERANCE = 1e-3  # a standard error; weights of a cheaper plan see other noise
+GAIN_TOLERANCE = 1e-3  # one standard error; cheaper plans weight the noise differently
 
 
 @dataclasses.dataclass(frozen=True)
 class Figure:
-    """One measured ratio, with its limit where it has one.
+    """One measured ratio, with its limit if it has one.
 
-    undisturbed: the same from the fastest tenth of both calls; shows what other work on the machine adds.
+    undisturbed: the same from the fastest tenth of both calls; the difference shows the effect of other load.
     """
 
     name: str
@@ -57,20 +57,20 @@ class Figure:
 
     @property
     def reached(self) -> bool | None:
-        """None without a limit."""
+        """True if the limit is reached; None without a limit."""
         if self.limit is None:
             return None
         return self.value <= self.limit if self.at_most else self.value >= self.limit
 
 
 def figure_of(name: str, timing: Timing, limit: float | None = None, at_most: bool = True) -> Figure:
-    """Of a ratio of times."""
+    """Figure of a ratio of times."""
     return Figure(name, timing.ratio, "x", limit, at_most, 1e3 * timing.seconds, timing.undisturbed)
 
 
 @functools.cache
 def pool() -> np.ndarray:
-    """(frames, rows, columns) bytes: two tones on bins with noise; every frame has its columns elsewhere."""
+    """(frames, rows, columns) bytes: two tones on bins with noise; columns are rotated from frame to frame."""
     random = np.random.default_rng(1)
     phase = random.random(COLUMNS)
     turns = np.arange(ROWS)[:, None] / ROWS
@@ -81,7 +81,7 @@ def pool() -> np.ndarray:
 
 
 def frequency(cycles: float) -> float:
-    """Hz of so many cycles in the frame."""
+    """Frequency in Hz for a number of cycles in the frame."""
     return cycles / (ROWS * ROW_TIME)
 
 
@@ -98,7 +98,7 @@ def expected(cycles: Any) -> np.ndarray:
 
 
 def checked(call: Callable[[np.ndarray], np.ndarray], cycles: Any, name: str) -> Callable[[np.ndarray], np.ndarray]:
-    """The call, once its gains are those of the reference."""
+    """The call, after its gains have been checked against the reference."""
     worst = float(np.max(np.abs(call(pool()[0]) - expected(cycles))))
     if not worst < GAIN_TOLERANCE:
         raise SystemExit(f"speed.py: {name}: gain off by {worst:.2g}, allowed: {GAIN_TOLERANCE:g}; not timed")
@@ -134,7 +134,7 @@ def against_peers(seconds: float, missing: list[str]) -> Iterator[Figure]:
 
 
 def four_tones(seconds: float) -> Iterator[Figure]:
-    """Four tones over one."""
+    """Time for four tones over that for one."""
     for efficiency in (1.0, 0.99):
         four = checked(gains(FOUR, efficiency), FOUR, "four tones")
         timing = in_turn(four, checked(gains(SLOW, efficiency), SLOW, "one tone"), pool(), seconds, (9, 400))
@@ -146,8 +146,8 @@ def of_rounds_on_two_cores(
 ) -> Iterator[Figure]:
     """Ratio of the two times of a pair.
 
-    The processors of a shared host may be threads of one core for seconds on end. Rounds count while a yardstick timed
-    beside them finds two cores; where that is seldom, all count.
+    The processors of a shared host may be threads of one core for seconds. Rounds are used if a reference timed next
+    to them finds two cores; if that is rare, all are used.
     """
     rounds = rounds_on_two(pair, seconds)
     whole = rounds[:, 2] >= TWO_CORES
@@ -159,7 +159,7 @@ def of_rounds_on_two_cores(
 
 
 def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
-    """One thread over two where arithmetic is the limit."""
+    """One thread over two, limited by arithmetic."""
     small = np.broadcast_to(pool()[0], (32, ROWS, COLUMNS))
     one, two = gains(FOUR, 1.0), gains(FOUR, 1.0, threads=2)
     if not np.array_equal(one(small), two(small), equal_nan=True):
@@ -173,15 +173,15 @@ def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
 
 
 def two_threads_from_memory(seconds: float) -> Iterator[Figure]:
-    """Two threads against reading with two."""
+    """Two threads over reading with two."""
     stacks = list(pool().reshape(-1, 8, ROWS, COLUMNS))
     read = functools.partial(_core.read_bytes, threads=2)
     if read(stacks[0]) != int(stacks[0].sum(dtype=np.uint64)):
         raise SystemExit("speed.py: reading with two threads: another sum; not timed")
-    half = len(stacks) // 2  # what one call read is out of the caches when the other comes to it
+    half = len(stacks) // 2  # data that one call read has left the caches before the other call reads it
 
     def pair(call: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
-        """Medians of the second time through the stacks: after the yardstick it takes some ms to come to speed."""
+        """Medians of the second pass over the stacks: full speed is reached some ms after the reference."""
         times = [(seconds_of(call, stacks[i]), seconds_of(read, stacks[i - half])) for i in 2 * [*range(len(stacks))]]
         mine, reading = np.median(times[len(stacks) :], axis=0)
         return float(mine), float(reading)
@@ -208,7 +208,7 @@ def numpy_tone(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def numpy_square(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Of a square wave of 500 Hz, duty 1/2, bright about t = 0."""
+    """Mean of a square wave of 500 Hz, duty 1/2, bright about t = 0."""
 
     def bright(t: np.ndarray) -> np.ndarray:
         cycles = 500.0 * t + 0.25
@@ -219,7 +219,7 @@ def numpy_square(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def numpy_chips(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Of 1000 chips at 8 kHz, repeated: sums of whole chips and a share of the last."""
+    """Mean of 1000 chips at 8 kHz, repeated: sums of whole chips and a share of the last."""
     sums = np.concatenate([[0.0], np.cumsum(CHIP_LEVELS)])
 
     def light(t: np.ndarray) -> np.ndarray:
@@ -232,10 +232,10 @@ def numpy_chips(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def integration(seconds: float) -> Iterator[Figure]:
-    """A frame of 1080x1920 exposures, every one at an instant of its own: NumPy over the library.
+    """A frame of 1080x1920 exposures, each at its own time: NumPy over the library.
 
-    The limit is that of the project's reference, which computes in long double; closed forms in float64, which lose
-    digits as time goes on, are the other measure.
+    The limit applies to the project's reference, which computes in long double. The other measure is closed forms in
+    float64, which lose precision with time.
     """
     exposure, frame_time = 1202e-6, 1.0 / 30.0
     camera = Camera(ROW_TIME, exposure, frame_time)
@@ -269,7 +269,7 @@ def integration(seconds: float) -> Iterator[Figure]:
 
 
 def exposure_choice(seconds: float) -> Iterator[Figure]:
-    """Problems a second from Python arrays."""
+    """Problems per second from Python arrays."""
     random = np.random.default_rng(3)
     f_comm, f_sense = random.uniform(100.0, 1000.0, (2, 100_000))
     found = best_exposure(f_comm, f_sense)
@@ -294,7 +294,7 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
 
 
 def print_table(figures: list[Figure], missing: list[str]) -> None:
-    """For people."""
+    """Print a table."""
     width = max(len(figure.name) for figure in figures)
     for f in figures:
         limit = "" if f.limit is None else f"{'at most' if f.at_most else 'at least'} {f.limit:g}"
@@ -308,7 +308,7 @@ def print_table(figures: list[Figure], missing: list[str]) -> None:
 
 
 def draw(path: str, figures: list[Figure]) -> None:
-    """Bars of measured over limit, on a logarithmic scale: all that is reached ends on the good side of 1."""
+    """Draw bars of measured over limit on a logarithmic scale; 1 is the limit."""
     from ocisac_fast.plots import BLACK, BLUE, RED, picture
 
     shown = [figure for figure in figures if figure.limit is not None][::-1]
@@ -328,7 +328,7 @@ def draw(path: str, figures: list[Figure]) -> None:
 
 
 def main() -> int:
-    """Exit code 1 with --check where a limit is not reached."""
+    """Exit code 1 with --check if a limit is not reached."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--chart", metavar="FILE", help="a picture: .png, .pdf or .svg")

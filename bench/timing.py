@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Timing and channel estimation against their bounds, at any exposure.
+"""Timing and channel estimation compared with their bounds, at any exposure.
 
-Random chips with the lengthened preamble somewhere, unknown phase, exposures off by up to 3 %, the nominal rate by up
-to 1 %: the preamble is found, the channel estimated, chips detected and the channel refined over the frame. Printed for
-every setting: chip errors with everything known and with everything estimated (the same detector; edge chips left
-out), whether these are at most twice as many (or chance), frames lost, frames whose clock is off by more than 0.1 %,
-the Cramer-Rao bound of the exposure, its rms error over that bound, the share of frames with an exposure within 1 %,
-and the same of ten frames pooled.
+Random chips with the lengthened preamble at a random place, unknown phase, exposure errors up to 3 %, rate errors up to
+1 %. The preamble is detected, the channel estimated, chips detected and the channel refined over the frame. Printed for
+every setting: chip errors for a known and for an estimated channel (the same detector; edge chips excluded); no if the
+latter are more than twice the former (beyond chance); frames lost; frames with a clock error above 0.1 %; the
+Cramer-Rao bound of the exposure, its rms error over that bound, the share of frames with an exposure within 1 %, and
+the same of ten frames pooled.
 
 usage: bench/timing.py [--frames N] [--longest CHIPS] [--blind] [--json]
 """
@@ -42,13 +42,13 @@ NOISES = (0.01, 0.02, 0.04)  # of the swing
 STANDARD = np.array([0] + [1] * 6 + [0] * 6 + [1], float)
 LENGTHENED = np.concatenate([STANDARD, 1 - STANDARD, STANDARD])
 POOLED = 10
-DECODABLE = 1e-2  # share of wrong chips, everything known, from which on it is the channel
-LONGEST_TRELLIS = 10.5  # chips; beyond it the reduced search stands for maximum likelihood (tests compare them)
+DECODABLE = 1e-2  # error rate for a known channel above which the channel limits detection
+LONGEST_TRELLIS = 10.5  # chips; above, the reduced search replaces maximum likelihood (tests compare them)
 
 
 @dataclass
 class Frame:
-    """One column of a simulated frame and what is true of it."""
+    """One column of a simulated frame and its true parameters."""
 
     chips: np.ndarray
     first: int
@@ -59,12 +59,12 @@ class Frame:
 
     @property
     def whole(self) -> np.ndarray:
-        """Numbers of the chips compared: an exposure away from either edge."""
+        """Numbers of the chips compared: one exposure away from both edges."""
         edge = math.ceil(self.clock["exposure_rows"] / self.clock["rows_per_chip"]) + 1
         return np.arange(edge, int(ROWS / self.clock["rows_per_chip"]) - edge)
 
     def errors(self, chips: np.ndarray, first: int, shift: int) -> int:
-        """Wrong ones of `chips`, the first of which is number first + shift here."""
+        """Number of wrong `chips`, the first of which is number first + shift here."""
         at = self.whole - shift - first
         inside = (at >= 0) & (at < len(chips))
         sent = self.chips[self.whole - self.first]
@@ -85,7 +85,7 @@ def make_frame(random: np.random.Generator, rows_per_chip: float, exposure: floa
 
 
 def genie(frame: Frame) -> int:
-    """Errors with clock, exposure, levels and noise known."""
+    """Errors for known clock, exposure, levels and noise."""
     period, phase, exposure = (frame.clock[name] for name in ("rows_per_chip", "phase", "exposure_rows"))
     first = math.floor((-exposure / 2 - phase) / period)
     count = math.floor((ROWS - 1 + exposure / 2 - phase) / period) - first + 1
@@ -106,7 +106,7 @@ def genie(frame: Frame) -> int:
 
 
 def estimate(frame: Frame, rows_per_chip: float, blind: bool) -> tuple[ChannelEstimate, int, float] | None:
-    """Channel, errors and seconds from the rows alone; in blind frames the exposure is given, not the preamble."""
+    """Channel, errors and seconds from the rows alone; blind frames have a given exposure instead of a preamble."""
     begin = time.perf_counter()
     if blind:
         exposure = frame.clock["exposure_rows"]
@@ -177,10 +177,10 @@ def measure(rows_per_chip: float, exposure: float, noise: float, frames: int, bl
 
 
 def is_good(got: dict[str, Any]) -> bool:
-    """At most twice the errors of a detector that knows everything, where that is below 1e-2.
+    """True for at most twice the errors of a detector with a known channel, if that rate is below 1e-2.
 
-    Its errors are those counted or foretold, whichever are more. Wrong chips come in pairs (01 for 10): three standard
-    deviations of that are left to chance.
+    Its errors are those counted or predicted, whichever are more. Wrong chips come in pairs (01 for 10): three standard
+    deviations of that are allowed for chance.
     """
     rate = max(got["chip_error_rate_genie"], got["chip_error_rate_foretold"])
     twice = 2 * rate * got["chips"]
@@ -188,7 +188,7 @@ def is_good(got: dict[str, Any]) -> bool:
 
 
 def line(got: dict[str, Any]) -> str:
-    """A row of the table; `no` where :func:`is_good` says so."""
+    """A row of the table; `no` if :func:`is_good` is False."""
     good = is_good(got)
     numbers = [got[name] for name in ("exposure_bound", "exposure_rms_over_bound", "exposure_within_1_percent")]
     texts = ["   -  " if number is None else f"{number:6.3f}" for number in numbers]
@@ -202,7 +202,7 @@ def line(got: dict[str, Any]) -> str:
 
 
 def print_heading() -> None:
-    """Of the table whose rows are `line`."""
+    """Print the heading of the table whose rows are `line`."""
     print("exposure rows noise     genie estimated      lost clock   bound  rms/b within pooled  ms a frame")
     print("  chips /chip /swing  errors    errors        frames  off  of the exposure    1 %    1 %")
 
