@@ -11,5 +11,5 @@ from ocisac_fast.cli import application
 
 
 def run(command: click.Command, arguments: Sequence[str] | None = None) -> int:
-    """The exit code: 0, 2 for a refused input, 130 when interrupted, 141 for a closed pipe."""
+    """The exit code: 0, 2 for invalid input, 130 if interrupted, 141 for a closed pipe."""
     return application.run(list(sys.argv[1:] if arguments is None else arguments), command)

@@ -1,4 +1,4 @@
-"""What the pictures of all studies share."""
+"""Common drawing of all studies."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 def panels(
     path: str | os.PathLike[str], count: int, across: int, width: float, height: float, margin: float
 ) -> Iterator[tuple[Figure, list[Axes], list[Axes]]]:
-    """A figure of so many panels, those panels, and the axes that are free beside them.
+    """A figure of ``count`` panels; yields it, the panels, and the free axes.
 
     Args:
         path: ``.png`` (256 colours), ``.pdf`` or ``.svg``.
-        count, across: panels, and panels side by side.
+        count, across: number of panels, and panels side by side.
         width: of the figure, inches.
         height: of a panel, inches.
-        margin: beside the panels' heights, inches.
+        margin: added to the panels' heights, inches.
     """
     down = -(-count // across)
     with picture(path, width, height * down + margin) as figure:
@@ -39,7 +39,7 @@ def panels(
 
 
 def shrink(path: str | os.PathLike[str]) -> None:
-    """Keep 256 colours, which the eye does not miss in lines and markers."""
+    """Reduce to 256 colours, which suffice for lines and markers."""
     from PIL import Image
 
     with Image.open(path) as drawn:

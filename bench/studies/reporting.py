@@ -1,4 +1,4 @@
-"""Figures put into a text between its markers."""
+"""Figures in a text between its markers."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ocisac_fast.files import atomic_path
 
 
 def fill_markers(path: str | os.PathLike[str], kind: str, blocks: Mapping[str, str]) -> None:
-    """Puts every block between ``<!-- KIND: NAME -->`` and ``<!-- KIND: end -->``.
+    """Write every block between ``<!-- KIND: NAME -->`` and ``<!-- KIND: end -->``.
 
     Raises:
-        ValueError: a marker of an unknown name, or none at all.
+        ValueError: a marker of an unknown name, or no marker.
     """
     text = Path(path).read_text(encoding="utf-8")
 

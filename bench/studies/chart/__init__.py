@@ -1,4 +1,4 @@
-"""Speed against accuracy: the methods, the scenes, the measuring and the drawing behind ``make chart``."""
+"""Speed and accuracy: methods, scenes, measurements and drawing of ``make chart``."""
 
 from __future__ import annotations
 
@@ -42,5 +42,5 @@ def measure(
 
 
 def missing_libraries() -> list[str]:
-    """Of the peers, those that are not installed; their methods are left out."""
+    """The peers that are not installed; their methods are omitted."""
     return sorted({method.needs for method in GAIN_METHODS if not method.installed})

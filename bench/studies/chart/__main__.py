@@ -34,7 +34,7 @@ from studies.command import run
 @click.option("--quick", is_flag=True, help="Few columns and short timings: to try it, not to quote it.")
 @json_option
 def chart(directory: Path, text: Path | None, quick: bool, as_json: bool) -> None:
-    """Measure every method, its time against that of reading the frame and its error against what the data allow."""
+    """Measure every method: its time relative to reading the frame, and its error relative to the Cramér-Rao bound."""
     effort = charts.QUICK if quick else charts.FULL
     missing = charts.missing_libraries()
     if missing:
@@ -89,7 +89,7 @@ def _cpuinfo() -> list[str]:
 
 @contextlib.contextmanager
 def _progress(steps: int) -> Iterator[Callable[[str], None]]:
-    """A bar on standard error where that is a terminal."""
+    """A progress bar on standard error if it is a terminal."""
     if not sys.stderr.isatty():
         yield lambda _: None
         return

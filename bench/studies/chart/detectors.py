@@ -1,4 +1,4 @@
-"""The panel of detectors: time of a frame against wrong chips, the channel known."""
+"""The panel of detectors: time per frame and error rate for a known channel."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Setting:
 
     @property
     def name(self) -> str:
-        """As the chart says it."""
+        """Name in the chart."""
         return f"exposure {self.exposure_chips:g} chips, noise {100 * self.noise:g} %"
 
 
@@ -40,7 +40,7 @@ SETTINGS = (Setting(1.0, 4.0, 0.3), Setting(3.0, 4.0, 0.13), Setting(7.0, 4.0, 0
 
 @dataclass(frozen=True)
 class ChipFrame:
-    """One frame of random chips whose rate and phase are drawn, and everything about it that a detector is told."""
+    """One frame of random chips with random rate and phase, and all parameters that a detector needs."""
 
     chips: npt.NDArray[np.float64]
     first: int
@@ -56,13 +56,13 @@ class ChipFrame:
 
     @property
     def whole(self) -> npt.NDArray[np.bool_]:
-        """Chips of which the frame shows all: those cut by its ends are left out."""
+        """True for chips that the frame shows completely, not cut by its ends."""
         period, reach = self.clock["rows_per_chip"], self.clock["exposure_rows"] / 2
         begin = self.clock["phase"] + (self.first + np.arange(self.chips.size)) * period
         return np.asarray((begin - reach > 0) & (begin + period + reach < self.rows.size - 1))
 
     def errors(self, method: str) -> tuple[int, int]:
-        """Wrong chips, and of how many."""
+        """Number of wrong chips, and number of chips."""
         whole = self.whole
         wrong = (self.detect(method) > 0)[whole] != self.chips[whole]
         return int(np.sum(wrong)), wrong.size
@@ -91,7 +91,7 @@ def make_frame(setting: Setting, random: np.random.Generator, rows: int = _ROWS)
     steps=len(SETTINGS) * len(DETECTORS),
 )
 def measure_detectors(effort: Effort, progress: Progress) -> list[Point]:
-    """Wrong chips of random frames; none counts as half a one."""
+    """Count wrong chips of random frames; zero counts as half a chip."""
     points = []
     for setting in SETTINGS:
         random = np.random.default_rng(5)

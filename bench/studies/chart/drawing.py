@@ -1,4 +1,4 @@
-"""The picture of all panels."""
+"""Drawing of all panels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ACROSS = 3
-_FLOOR = 1e-16  # where an error of nothing is drawn
+_FLOOR = 1e-16  # drawn for an error of 0
 _LOOKS: dict[str, tuple[str, str]] = {
     "rounded bin (paper)": ("o", RED),
     "windowed DFT: Hann": ("s", SKY),
@@ -34,7 +34,7 @@ _SIZES = {"*": 9.0}
 
 
 def draw(path: str | os.PathLike[str], measured: Sequence[tuple[Panel, Sequence[Point]]]) -> None:
-    """All panels, three across; those without labels of their own share one legend.
+    """Draw all panels, three side by side; panels without labels share one legend.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
@@ -79,7 +79,7 @@ def _draw_panel(axes: Axes, panel: Panel, points: Sequence[Point]) -> None:
 
 
 def _plain_ticks(axes: Axes) -> None:
-    """Numbers instead of powers where an axis spans less than two decades."""
+    """Use numbers instead of powers if an axis spans less than two decades."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
@@ -117,7 +117,7 @@ def _draw_point(axes: Axes, point: Point, marker: str, colour: str) -> None:
 
 
 def _label(axes: Axes, points: Sequence[Point], looks: dict[str, tuple[str, str]], legend: bool) -> None:
-    """Texts at the points; families by colour, in a small legend where there are several points of one."""
+    """Label the points; families by colour, in a small legend if one has several points."""
     families = list(looks)
     for k, point in enumerate(points):
         below = (k + families.index(point.family)) % 2 == 1 and bool(point.series) and legend
@@ -145,7 +145,7 @@ def _handle(label: str, marker: str, colour: str, hollow: bool = False, **look: 
 
 
 def _draw_legend(figure: Figure, free: Sequence[Axes], measured: Sequence[tuple[Panel, Sequence[Point]]]) -> None:
-    """Of the panels without labels: where no panel is, or else over all."""
+    """Draw the legend of the panels without labels: in a free panel, else above all."""
     from matplotlib.lines import Line2D
 
     shared = [point for panel, points in measured if not panel.labelled for point in points]

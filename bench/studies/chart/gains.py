@@ -1,4 +1,4 @@
-"""Panels of the gain methods, one a scene."""
+"""Panels of the gain methods, one per scene."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _pool(rows: int, columns: int) -> list[Bytes]:
 
 
 def _timing(method: GainMethod, scene: Scene, seconds: float) -> Timing:
-    """Of a full frame from memory; once for all scenes where the frequency does not matter."""
+    """Timing for a full frame from memory; once for all scenes if it is independent of the frequency."""
     key = (method.name, scene.name if method.timed_per_scene else "", seconds)
     if key not in _timings:
         with one_thread():
@@ -28,7 +28,7 @@ def _timing(method: GainMethod, scene: Scene, seconds: float) -> Timing:
 
 
 def measure_gains(scene: Scene, effort: Effort, progress: Progress) -> list[Point]:
-    """Every installed method in one scene."""
+    """Measure every installed method in one scene."""
     bound = scene.bound()
     smaller = dataclasses.replace(scene, columns=effort.columns)
     frames = list(smaller.frames(effort.frames))
@@ -49,7 +49,7 @@ _GROUPED = [m for m in GAIN_METHODS if m.family == "fit" and ", D=" in m.name]
 
 
 def measure_rows_added(effort: Effort, progress: Progress) -> list[Point]:
-    """The fit at a frequency where adding rows costs accuracy, on the same frames; off any bin."""
+    """Measure the fit at a frequency where adding rows reduces accuracy, on the same frames; off any bin."""
     bound = _FAST_TONE.bound()
     smaller = dataclasses.replace(_FAST_TONE, columns=effort.columns)
     frames = list(smaller.frames(2 * effort.frames))

@@ -1,4 +1,4 @@
-"""Time against reading, error against the Cramér-Rao bound, and who is beaten by whom."""
+"""Time relative to reading, error relative to the Cramér-Rao bound, and Pareto fronts."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ocisac_fast import _core
 
 Bytes = npt.NDArray[np.uint8]
 
-POOL_BYTES = 96 << 20  # more than caches hold, so that every frame comes from memory
+POOL_BYTES = 96 << 20  # larger than caches, so that every frame comes from memory
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Medians over pairs of calls taken in turn, so that drift of the machine cancels.
+    """Medians over pairs of alternating calls, so that drift of the machine cancels.
 
     Attributes:
-        seconds: of one call.
-        ratio: to the yardstick called beside it.
-        pairs: how many (of calls, or of blocks of calls).
-        undisturbed: ratio of the tenth-fastest parts of both: other work on the machine only adds time.
+        seconds: per call.
+        ratio: to the reference call.
+        pairs: number of pairs (of calls, or of blocks of calls).
+        undisturbed: ratio of the tenth percentiles of both, since other load only increases times.
     """
 
     seconds: float
@@ -39,7 +39,7 @@ class Timing:
 
     @classmethod
     def of(cls, mine: Sequence[float], others: Sequence[float]) -> Timing:
-        """From the seconds of calls taken in turn."""
+        """Compute from the seconds of alternating calls."""
         ratio = statistics.median(a / b for a, b in zip(mine, others, strict=True))
         fast, yardstick = (sorted(times)[len(times) // 10] for times in (mine, others))
         return cls(statistics.median(mine), ratio, len(mine), fast / yardstick)
@@ -52,13 +52,13 @@ class Point:
     Attributes:
         panel: name of the panel.
         method: name of the method.
-        family: markers and colours go by it.
+        family: determines marker and colour.
         series: methods joined by a line, or empty.
-        label: short text at the point where the panel labels its points.
+        label: short text at the point in labelled panels.
         precision: arithmetic, or empty.
         cost: abscissa, in the panel's unit.
         error: ordinate, in the panel's unit.
-        seconds: of one call.
+        seconds: per call.
         problem: points of different problems are not compared.
     """
 
@@ -84,7 +84,7 @@ def pool_of_frames(shape: tuple[int, int]) -> list[Bytes]:
 def read_in_turn(
     call: Callable[[Bytes], object], frames: Sequence[Bytes], seconds: float = 0.3, pairs: tuple[int, int] = (5, 80)
 ) -> Timing:
-    """Times ``call`` and reading, each on another frame from memory, for about so many seconds."""
+    """Time alternately ``call`` and reading, each on the next frame from memory, for about ``seconds``."""
     return in_turn(call, _core.read_bytes, frames, seconds, pairs)
 
 
@@ -95,7 +95,7 @@ def in_turn(
     seconds: float = 0.3,
     pairs: tuple[int, int] = (5, 80),
 ) -> Timing:
-    """Times two calls in turn, each time on the next item."""
+    """Time two alternating calls, each on the next item."""
     following = itertools.cycle(items)
     call(next(following))
     yardstick(next(following))
@@ -116,9 +116,9 @@ def in_blocks(
     block: int = 16,
     fewest: int = 3,
 ) -> Timing:
-    """Times two calls in blocks of each, taken in turn, each call on the next item.
+    """Time two calls in alternating blocks, each call on the next item.
 
-    Only the second half of a block counts: what the other call left in the caches to be written back is gone by then.
+    Only the second half of a block counts: write-backs of the other call's cached data are complete by then.
     """
     following = itertools.cycle(items)
     times: list[float] = []
@@ -139,7 +139,7 @@ def seconds_of(call: Callable[[Any], object], item: Any) -> float:
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
-    """Keeps NumPy's matrix product and OpenCV to one thread, where their controls are installed."""
+    """Limit NumPy's matrix product and OpenCV to one thread, if their controls are installed."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(ModuleNotFoundError):
             stack.enter_context(importlib.import_module("threadpoolctl").threadpool_limits(1))
@@ -152,12 +152,12 @@ def one_thread() -> Iterator[None]:
 
 
 def root_mean_square(values: npt.ArrayLike) -> float:
-    """NaN where a value is."""
+    """Root mean square; NaN if any value is."""
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
 
 
 def pareto_front(points: Sequence[Point]) -> list[Point]:
-    """The points that no other of the same problem beats in both, by problem and rising cost."""
+    """Points that no other of the same problem beats in cost and error, by problem and ascending cost."""
     front: list[Point] = []
     for problem in dict.fromkeys(point.problem for point in points):
         least = np.inf
@@ -169,7 +169,7 @@ def pareto_front(points: Sequence[Point]) -> list[Point]:
 
 
 def beaten_by(point: Point, points: Sequence[Point], cost: float = 0.1, error: float = 0.03) -> Point | None:
-    """Another that is no slower and no less accurate, and clearly better in one: by more than the measure's spread."""
+    """Another point that is no slower and no less accurate, and better in one by more than the measurement's spread."""
     for other in points:
         no_worse = other.problem == point.problem and other.cost <= point.cost and other.error <= point.error
         if no_worse and (other.cost < (1.0 - cost) * point.cost or other.error < (1.0 - error) * point.error):

@@ -1,7 +1,7 @@
-"""Gain methods that the chart compares: as a competent user would write them, and this library's.
+"""Gain methods of the chart: those of a competent user, and this library's.
 
-A method is prepared for a scene once (weights, windows, plans) and then called with frames of bytes (rows, columns);
-it returns one gain a column. ``GAIN_METHODS`` is the list; others may append to it.
+A method is prepared for a scene once (weights, windows, plans) and then called with frames of bytes (rows, columns); it
+returns one gain per column. ``GAIN_METHODS`` is the list; others may append to it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Estimator = Callable[[Bytes], Any]  # (columns,) gains
 
 @dataclass(frozen=True)
 class GainMethod:
-    """One way from a frame to gains.
+    """One method from a frame to gains.
 
     Attributes:
         name: unique.
@@ -35,7 +35,7 @@ class GainMethod:
         prepare: makes the estimator for a scene.
         series: methods of one series are joined by a line, in the order of ``row_group``; empty for none.
         row_group: D, rows added before the multiplication.
-        timed_per_scene: False where the time does not depend on the frequency.
+        timed_per_scene: False if the time is independent of the frequency.
         needs: library that must be installed, or empty.
         label: text at the point in the chart, or empty.
     """
@@ -52,14 +52,14 @@ class GainMethod:
 
     @property
     def installed(self) -> bool:
-        """Whether its library is there."""
+        """True if its library is installed."""
         return not self.needs or importlib.util.find_spec(self.needs) is not None
 
 
 GAIN_METHODS: list[GainMethod] = []
 
 
-# Spectra: (rows, columns) light, zeros behind up to a length -> (bins, columns), the wanted bins of the whole spectrum.
+# Spectra: (rows, columns) light, zero-padded to a length -> (bins, columns), the requested bins of the whole spectrum.
 
 
 def _numpy_spectrum(light: Values, length: int, bins: list[int]) -> Values:
@@ -97,7 +97,7 @@ _CV2 = _Transform("cv2.dft float32", _cv2_spectrum, np.float32, "cv2")
 
 
 def rounded_bin(transform: _Transform) -> Callable[[Scene], Estimator]:
-    """The paper's (eqs. 24-25): the whole spectrum, then the bin nearest to the tone over bin 0."""
+    """The paper's method (eqs. 24-25): the whole spectrum, then the bin nearest to the tone over bin 0."""
 
     def prepare(scene: Scene) -> Estimator:
         k = max(1, round(scene.cycles))
@@ -121,7 +121,7 @@ def _cosine_window(terms: tuple[float, ...], rows: int) -> Float64s:
 
 
 def windowed_bin(transform: _Transform, terms: tuple[float, ...]) -> Callable[[Scene], Estimator]:
-    """Mean off, window, the bin nearest to the tone over the window's sum."""
+    """Subtract the mean, apply a window, and divide the bin nearest to the tone by the window's sum."""
 
     def prepare(scene: Scene) -> Estimator:
         window: Values = _cosine_window(terms, scene.rows).astype(transform.dtype)[:, None]
@@ -140,7 +140,7 @@ def windowed_bin(transform: _Transform, terms: tuple[float, ...]) -> Callable[[S
 
 
 def zero_padded(transform: _Transform, times: int = 4) -> Callable[[Scene], Estimator]:
-    """Mean off, zeros behind, the nearest of so many times as many bins."""
+    """Subtract the mean, zero-pad to ``times`` the length, and use the nearest bin."""
 
     def prepare(scene: Scene) -> Estimator:
         length = times * scene.rows
@@ -158,7 +158,7 @@ def zero_padded(transform: _Transform, times: int = 4) -> Callable[[Scene], Esti
 
 
 def interpolated(transform: _Transform) -> Callable[[Scene], Estimator]:
-    """Hann window, place between the two largest bins from their ratio, amplitude from it (Grandke 1983)."""
+    """Hann window; frequency and amplitude from the ratio of the two largest bins (Grandke 1983)."""
 
     def prepare(scene: Scene) -> Estimator:
         window: Values = _cosine_window(_HANN, scene.rows).astype(transform.dtype)[:, None]
@@ -180,7 +180,7 @@ def interpolated(transform: _Transform) -> Callable[[Scene], Estimator]:
 
 
 def _gain_of_sums(sums: Values, ratio: float) -> Any:
-    """From mean, cosine and sine, (3, columns)."""
+    """Gain from mean, cosine and sine, (3, columns)."""
     return np.hypot(sums[1], sums[2]) / sums[0] / ratio
 
 
@@ -202,7 +202,7 @@ Weights = Callable[[Scene], Float64s]
 
 
 def by_matrix_product(weights: Weights, row_group: int, dtype: FloatType) -> Callable[[Scene], Estimator]:
-    """NumPy: rows added in groups, converted, one matrix product."""
+    """NumPy: add rows in groups, convert, one matrix product."""
 
     def prepare(scene: Scene) -> Estimator:
         matrix: Values = weights(scene).astype(dtype)
@@ -219,7 +219,7 @@ def by_matrix_product(weights: Weights, row_group: int, dtype: FloatType) -> Cal
 
 
 def by_kernel(weights: Weights, row_group: int, limbs: int) -> Callable[[Scene], Estimator]:
-    """This library's streaming product, with weights in so many parts of 13 bits."""
+    """This library's streaming product, with weights in ``limbs`` parts of 13 bits."""
 
     def prepare(scene: Scene) -> Estimator:
         plan = _core.RowWeights(weights(scene), scene.rows, row_group, limbs)
@@ -233,7 +233,7 @@ def by_kernel(weights: Weights, row_group: int, limbs: int) -> Callable[[Scene],
 
 
 def goertzel(dtype: FloatType) -> Callable[[Scene], Estimator]:
-    """s_n = x_n + 2 cos(2 pi f T_r) s_(n-1) - s_(n-2) down the rows of all columns at once."""
+    """s_n = x_n + 2 cos(2 pi f T_r) s_(n-1) - s_(n-2) along the rows of all columns at once."""
 
     def prepare(scene: Scene) -> Estimator:
         turn = dtype(2.0 * np.cos(2.0 * np.pi * scene.cycles_per_row))

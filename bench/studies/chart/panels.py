@@ -1,6 +1,6 @@
-"""The chart's panels, each a function that measures its points: the place for what other parts have to compare.
+"""The chart's panels, each a function that measures its points.
 
-A new comparison (detectors, scene models) is one more function under ``@panel``; the command draws it, writes it to
+A new comparison (detectors, scene models) is one more function under ``@panel``; the command draws it and writes it to
 the table and to the text.
 """
 
@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 from studies.chart.measuring import Point
 
-Progress = Callable[[str], None]  # called once for every step done
+Progress = Callable[[str], None]  # called once per step
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much to measure.
+    """Extent of the measurements.
 
     Attributes:
         columns: of the frames whose gains are compared.
-        frames: how many of them.
+        frames: number of frames.
         seconds: for the timing of a method.
         problems: for exposure choice.
     """
@@ -37,15 +37,15 @@ QUICK = Effort(columns=240, frames=1, seconds=0.02, problems=20)
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture of cost against error.
+    """One plot of error over cost.
 
     Attributes:
         name: key in tables.
         title: over the picture.
-        cost, error: what the axes show, with units.
-        labelled: whether points carry their label; else a legend of families serves all such panels.
-        limits: draw cost = 1 and error = 1, beyond which nothing can be.
-        steps: how often ``measure`` reports progress.
+        cost, error: labels of the axes, with units.
+        labelled: True if points have labels; otherwise a legend of families serves all such panels.
+        limits: draw cost = 1 and error = 1, the theoretical limits.
+        steps: number of calls of ``progress`` by ``measure``.
         measure: points from effort and progress.
     """
 
@@ -65,7 +65,7 @@ PANELS: list[Panel] = []
 def panel(
     name: str, title: str, cost: str, error: str, steps: int = 1, labelled: bool = True, limits: bool = False
 ) -> Callable[[Callable[[Effort, Progress], list[Point]]], Callable[[Effort, Progress], list[Point]]]:
-    """Enters a measuring function into ``PANELS``."""
+    """Add a measuring function to ``PANELS``."""
 
     def enter(measure: Callable[[Effort, Progress], list[Point]]) -> Callable[[Effort, Progress], list[Point]]:
         PANELS.append(Panel(name, title, cost, error, labelled, limits, steps, measure))

@@ -1,4 +1,4 @@
-"""A panel of scenes: time of a frame against its error, planned to a tolerance and by brute force."""
+"""A panel of scenes: time per frame and error, planned to a tolerance and by brute force."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _EXACT = 1e-3  # DN
 
 
 def testbed(columns: int) -> Scene:
-    """The paper's (table 2): an LED in a turning ring of bars, 180 rows for 270 columns; light up to 140 DN."""
+    """The paper's testbed (table 2): an LED in a ring of bars, 180 rows for 270 columns; light up to 140 DN."""
     exposure, place = 2404e-6, Pose((0.0, 0.0, 0.3))
     led = Source(Disc(0.08), place, SquareWave(500.0))
     ring = Surface(Ring(0.15, 0.04), place, Grating(100.0), speed=1.751)
@@ -36,7 +36,7 @@ def testbed(columns: int) -> Scene:
     steps=len(_TOLERANCES) + len(_SUBEXPOSURES),
 )
 def measure_scenes(effort: Effort, progress: Progress) -> list[Point]:
-    """Plans at several tolerances, labelled by them in DN, and brute force, labelled by its sub-exposures."""
+    """Measure plans at several tolerances, labelled in DN, and brute force, labelled by the number of sub-exposures."""
     scene = testbed(min(effort.columns, 540))
     truth = next(render(scene.plan(_EXACT)))
     calls: list[tuple[str, str, str, Callable[[], Any]]] = []

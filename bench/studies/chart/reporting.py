@@ -1,4 +1,4 @@
-"""The numbers of the chart: as a table beside the picture, and in a text between its markers."""
+"""Figures of the chart: a table next to the picture, and a text between its markers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _COLUMNS = (
 
 
 def write_table(path: str | os.PathLike[str], measured: Measured) -> None:
-    """CSV, one line a point."""
+    """Write CSV, one line per point."""
     with atomic_path(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_COLUMNS)
@@ -40,13 +40,13 @@ def write_table(path: str | os.PathLike[str], measured: Measured) -> None:
 
 
 def update_text(path: str | os.PathLike[str], measured: Measured, setting: str) -> None:
-    """Puts the figures between ``<!-- chart: NAME -->`` and ``<!-- chart: end -->``.
+    """Write the figures between ``<!-- chart: NAME -->`` and ``<!-- chart: end -->``.
 
-    NAME is ``setting`` (the machine and the effort), ``fit`` (the place of the fit in every panel of gains) or that of
-    a panel (its points).
+    NAME is ``setting`` (machine and effort), ``fit`` (the place of the fit in every panel of gains) or the name of a
+    panel (its points).
 
     Raises:
-        ValueError: a marker of an unknown name, or none at all.
+        ValueError: a marker of an unknown name, or no marker.
     """
     blocks = {"setting": setting, "fit": place_of_the_fit(measured)}
     blocks.update({panel.name: points_table(panel, points) for panel, points in measured})
@@ -54,7 +54,7 @@ def update_text(path: str | os.PathLike[str], measured: Measured, setting: str) 
 
 
 def best_of_families(points: Sequence[Point]) -> list[Point]:
-    """Of each family the most accurate point, the fastest of those within 3 %; by error."""
+    """For each family the fastest of the points within 3 % of the most accurate one; sorted by error."""
     chosen = []
     for family in dict.fromkeys(point.family for point in points):
         own = [point for point in points if point.family == family]
@@ -72,7 +72,7 @@ def points_table(panel: Panel, points: Sequence[Point]) -> str:
 
 
 def place_of_the_fit(measured: Measured) -> str:
-    """Markdown: for every panel of gains, the fastest fit as accurate as the best, and whether anything beats it."""
+    """Markdown: for every panel of gains, the fastest fit as accurate as the best, and any method that beats it."""
     lines = ["| scene | fit | time | error | beaten by |", "|---|---|---:|---:|---|"]
     for panel, points in measured:
         fits = [point for point in points if point.family.startswith("fit")]

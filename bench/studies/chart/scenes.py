@@ -1,4 +1,4 @@
-"""The scenes in which gain methods are compared, and the Cramér-Rao bound of each."""
+"""Scenes for the comparison of gain methods, and the Cramér-Rao bound of each."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Scene:
         exposure_cycles: f T_e; the true gain is |sinc(f T_e)| times ``depth``.
         depth: modulation depth, amplitude of the fundamental over that of a fully modulated light.
         mean: of the light, DN.
-        noise: RMS noise of a row that does not depend on the light, DN.
-        shot: variance of a row for each DN of light, DN (0: no shot noise).
+        noise: RMS noise of a row, independent of the light, DN.
+        shot: variance of a row per DN of light, DN (0: no shot noise).
         waveform: ``"tone"`` or ``"square"`` (duty 1/2).
         rows, columns: of a frame.
         row_time: s.
@@ -56,17 +56,17 @@ class Scene:
 
     @property
     def frequency(self) -> float:
-        """Of the light, Hz."""
+        """Frequency of the light, Hz."""
         return self.cycles_per_row / self.row_time
 
     @property
     def camera(self) -> Camera:
-        """The camera that takes it."""
+        """The camera of the scene."""
         return Camera(self.row_time, self.exposure_cycles / self.frequency)
 
     @property
     def gain(self) -> float:
-        """The truth."""
+        """The true gain."""
         return self.depth * float(np.abs(np.sinc(self.exposure_cycles)))
 
     @property
@@ -85,7 +85,7 @@ class Scene:
         return np.asarray(self.mean * (1.0 + swing * np.cos(2.0 * np.pi * delayed)))
 
     def frames(self, count: int) -> Iterator[Bytes]:
-        """Frames of bytes, the same in every run."""
+        """Frames of bytes, equal in every run."""
         random = np.random.default_rng(zlib.crc32(self.name.encode()))
         for _ in range(count):
             values = self.light(random.random(self.columns))
@@ -97,8 +97,8 @@ class Scene:
     def bound(self) -> float:
         """Cramér-Rao bound of the gain's standard deviation, RMS over the light's phases.
 
-        Of mean, fundamental and, for the square wave, every harmonic below half the row rate as free parameters, with
-        the variance of each row: noise, shot noise and 1/12 of rounding.
+        Free parameters are mean, fundamental and, for the square wave, every harmonic below half the row rate. The
+        variance of each row is the sum of noise, shot noise and 1/12 for rounding.
         """
         orders = odd_harmonics(self.cycles_per_row, self.rows) if self.waveform == "square" else [1]
         design = design_matrix(self.rows, self.cycles_per_row, orders)
@@ -132,13 +132,13 @@ def design_matrix(rows: int, cycles_per_row: float, harmonics: list[int]) -> Flo
 
 
 def least_squares(design: Float64s) -> Float64s:
-    """Pseudo-inverse of a design whose columns are far from dependent."""
+    """Pseudo-inverse of a well-conditioned design."""
     return np.asarray(np.linalg.solve(design.T @ design, design.T), dtype=np.float64)
 
 
 def odd_harmonics(cycles_per_row: float, rows: int, row_group: int = 1) -> list[int]:
-    """The fundamental and odd harmonics below half the row rate that stay apart where groups of rows fold them."""
-    rate = 1.0 / row_group  # samples a row
+    """The fundamental and odd harmonics below half the row rate whose aliases by groups of rows do not coincide."""
+    rate = 1.0 / row_group  # samples per row
     seen = [0.0, 0.5 * rate]
     kept: list[int] = []
     for order in range(1, int(0.5 / cycles_per_row) + 1, 2):

@@ -1,4 +1,4 @@
-"""Panels beside the gains: choice of the exposure, exposure integration, equalisers."""
+"""Panels of exposure choice, exposure integration and equalisers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _seconds(call: Callable[[], object], seconds: float) -> float:
 
 
 def _numpy_search(fast: Float64s, slow: Float64s, points: int) -> Float64s:
-    """The paper's: Y at equally spaced exposures up to 1/f_min, for one pair of frequencies after another."""
+    """The paper's search: Y at equally spaced exposures up to 1/f_min, for each pair of frequencies."""
     best = np.empty(fast.size)
     for k, (high, low) in enumerate(zip(fast, slow, strict=True)):
         exposures = np.linspace(0.0, 1.0 / low, points)
@@ -54,7 +54,7 @@ def _numpy_search(fast: Float64s, slow: Float64s, points: int) -> Float64s:
     steps=2 * len(_SEARCH_POINTS) + 3,
 )
 def measure_exposure_choice(effort: Effort, progress: Progress) -> list[Point]:
-    """The paper's 100 ratios of frequencies; shortfall 1 - Y/max Y against the best that any method found."""
+    """The paper's 100 ratios of frequencies; loss 1 - Y/max Y, the maximum over all methods."""
     slow = np.full(effort.problems, 100.0)
     fast = slow / np.linspace(0.01, 1.0, effort.problems)
     calls: list[tuple[str, str, str, Callable[[], Any]]] = []
@@ -96,7 +96,7 @@ _LIGHTS: dict[str, Waveform] = {
 
 
 def oversampled(waveform: Waveform, camera: Camera, rows: int, times: int) -> Float64s:
-    """Mean of the light at the middles of so many parts of each exposure."""
+    """Mean of the light at the middles of ``times`` equal parts of each exposure."""
     exposure = camera.exposure or 0.0
     ends = np.arange(rows) * camera.row_period
     parts = (np.arange(times) + 0.5) / times * exposure
@@ -111,7 +111,7 @@ def oversampled(waveform: Waveform, camera: Camera, rows: int, times: int) -> Fl
     steps=len(_LIGHTS) * (len(_OVERSAMPLING) + 1),
 )
 def measure_integration(effort: Effort, progress: Progress) -> list[Point]:
-    """Oversampling against the antiderivative; both take the light from C++."""
+    """Measure oversampling and the antiderivative; both read the light from C++."""
     camera = Camera(_ROW_TIME, 1202e-6)
     points = []
     for name, waveform in _LIGHTS.items():
@@ -138,7 +138,7 @@ def _integral_of(waveform: Waveform, camera: Camera) -> Callable[[], Float64s]:
 
 
 def circular_inverse(columns: npt.NDArray[Any], camera: Camera, max_boost: float = 10.0) -> Float64s:
-    """Division of the DFT by H, as if the column went round, with the boost limited."""
+    """Division of the periodic DFT by H, with limited boost."""
     rows = columns.shape[0]
     response = exposure_response(np.fft.rfftfreq(rows, camera.row_period), camera.exposure or 0.0)
     restoring = response.conj() / np.maximum(np.abs(response) ** 2, max_boost**-2)
@@ -159,7 +159,7 @@ _EQUALIZERS = ("none", "circular inverse", "inverse", "wiener")
     steps=len(_EQUALIZED) * len(_EQUALIZERS),
 )
 def measure_equalizers(effort: Effort, progress: Progress) -> list[Point]:
-    """Light at the end of each row's exposure, swing 200 DN, noise 2 DN, bytes; all rows count, the ends too."""
+    """Light at the end of each row's exposure, swing 200 DN, noise 2 DN, bytes; over all rows including the ends."""
     camera = Camera(_ROW_TIME, 7.3 * _ROW_TIME)
     frames = pool_of_frames((_ROWS, 1920))
     points = []
@@ -183,7 +183,7 @@ def measure_equalizers(effort: Effort, progress: Progress) -> list[Point]:
 
 
 def _light_of(waveform: Waveform, camera: Camera, columns: int) -> Float64s:
-    """(2, rows, columns): mean over the exposures, and the light at their ends; each column begins elsewhere."""
+    """(2, rows, columns): mean over the exposures, and the light at their ends; each column has its own start."""
     starts = np.linspace(0.0, 0.05, columns)
     blurred = np.stack([integrate_exposure(waveform, camera, _ROWS, start) for start in starts], axis=1)
     instants = np.arange(_ROWS)[:, None] * camera.row_period + starts

@@ -33,8 +33,8 @@ def drive(
 ) -> None:
     """Drive past a modulated traffic light with the exposure controller in the loop.
 
-    Speed and texture of the road change; every frame is rendered at the exposure that the controller asked for and
-    measured. Compared with the paper's closed form and the best fixed exposure in hindsight.
+    Speed and texture of the road change; every frame is rendered at the exposure that the controller suggests, and
+    measured. The results are compared with the paper's closed form and the best fixed exposure in hindsight.
     """
     level = NOISE_LEVEL if noise else None
     result = drive_past_light(seconds=seconds, hysteresis=hysteresis, weights=weights, noise_level=level, seed=seed)

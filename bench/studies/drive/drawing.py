@@ -1,4 +1,4 @@
-"""The closed loop over time."""
+"""Drawing of the closed loop."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ _COLOURS = (RED, ORANGE, SKY)
 
 
 def draw(path: str | os.PathLike[str], drive: Drive) -> None:
-    """The closed loop over time: the scene, the exposures, both gains, and what of the objective each keeps.
+    """Draw the closed loop over time: the scene, exposures, both gains, and the share of the objective of each policy.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        drive: of ``drive_past_light``.
+        drive: from ``drive_past_light``.
     """
     labels = ("controller", "closed form (paper)", "best fixed exposure")
     with picture(path, 10.0, 11.0) as figure:

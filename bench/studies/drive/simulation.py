@@ -1,7 +1,7 @@
 """A car drives past a modulated traffic light: the exposure controller in a closed loop with rendered frames.
 
-Every frame is exposed as the controller asked, with shot and read noise, gain and saturation; the light's tone and the
-road's texture are found in its pixels, and nothing else reaches the controller.
+Every frame has the exposure of the controller, with shot and read noise, gain and saturation. The light's tone
+and the road's texture are measured in its pixels, the only input of the controller.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from ocisac_fast.tones.frequency import find_frequency
 Float64s = npt.NDArray[np.float64]
 
 ROWS, COLUMNS, ROW_TIME, FRAME_TIME = 1080, 8, 22.2e-6, 1 / 30
-RANGE = (ROW_TIME, 450 * ROW_TIME)  # the camera's exposures, in steps of a row
+RANGE = (ROW_TIME, 450 * ROW_TIME)  # exposures of the camera, in steps of a row
 GAINS = (1.0, 16.0)
 LIGHT_FREQUENCY = 500.0
 POLICIES = ("controller", "closed form", "best fixed")
 
 _FULL_SCALE = 255.0
-_ELECTRONS = 40.0  # of one stored value at gain 1
+_ELECTRONS = 40.0  # per stored value at gain 1
 _READ_NOISE = 1.5  # stored values at gain 1
-NOISE_LEVEL = _READ_NOISE**2 * _ELECTRONS / _FULL_SCALE  # where the two noises are equal
+NOISE_LEVEL = _READ_NOISE**2 * _ELECTRONS / _FULL_SCALE  # level at which shot noise equals read noise
 _UNSEEN = Flag.NO_TONE | Flag.NO_LIGHT | Flag.WEAK | Flag.NO_SIGNAL
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What happened, an entry a frame; policies in the order of ``POLICIES``.
+    """Record of a drive, one entry per frame; policies in the order of ``POLICIES``.
 
     Attributes:
         time: s.
         speed: of the car, m/s.
         texture: f_x of the road, 1/m.
         sense_frequency: f_x v, Hz.
-        seen: (2, frames) f_c and f_x v as measured, Hz; NaN where not seen.
+        seen: (2, frames) f_c and f_x v as measured, Hz; NaN if not detected.
         exposure: (policies, frames) for the next frame, s.
-        gains: (policies, 2, frames) |sinc(f T)| of light and texture as they are in the next frame.
-        known: (policies, frames) weighted objective by what had been measured when the exposure was chosen, over the
-            largest that was allowed then.
-        true: (policies, frames) the same in the frame that the exposure was used for, by what it showed.
+        gains: (policies, 2, frames) |sinc(f T)| of light and texture in the next frame.
+        known: (policies, frames) weighted objective by the measurements at the time of the choice, over the largest
+            allowed one.
+        true: (policies, frames) the same by the frequencies of the frame in which the exposure was used.
         level: mean of the frame, share of the full scale.
         saturated: share of its pixels.
     """
@@ -80,15 +80,15 @@ def drive_past_light(
     noise_level: float | None = NOISE_LEVEL,
     seed: int = 0,
 ) -> Drive:
-    """The closed loop, frame after frame, and beside it the paper's closed form and the best fixed exposure.
+    """Simulate the closed loop frame by frame, with the paper's closed form and the best fixed exposure.
 
-    The closed form sees the same measurements and, like all, keeps to the camera's steps and to what brightness
-    allows. The best fixed exposure is chosen in hindsight: the largest sum of the true objective over the whole drive.
+    The closed form uses the same measurements and, like all policies, the camera's steps and the limits of brightness.
+    The best fixed exposure maximises, in hindsight, the sum of the true objective over the whole drive.
 
     Args:
         seconds: length, 0.2 to 600.
         hysteresis, weights: of the :class:`ExposureController`.
-        noise_level: the same, by default that of the camera simulated; None: the paper's objective.
+        noise_level: of the controller, by default that of the simulated camera; None: the paper's objective.
         seed: of noise and phases, 0 or above.
 
     Raises:
@@ -116,7 +116,7 @@ def drive_past_light(
 
 
 def _scene(share: Float64s) -> tuple[Float64s, Float64s, Float64s]:
-    """Speed (braking for the light, then away), texture (asphalt, cobbles, a coarse lane) and level a second."""
+    """Speed (braking, then accelerating), texture (asphalt, cobbles, a coarse lane) and level per second."""
     speed = np.interp(share, (0.0, 0.15, 0.45, 0.6, 1.0), (14.0, 14.0, 4.0, 4.0, 13.0))
     texture = np.select([share < 0.3, share < 0.7], [60.0, 150.0], 40.0)
     shade = np.interp(share, (0.0, 0.5, 0.55, 0.8, 0.85, 1.0), (120.0, 120.0, 45.0, 45.0, 160.0, 160.0))
@@ -126,7 +126,7 @@ def _scene(share: Float64s) -> tuple[Float64s, Float64s, Float64s]:
 def _frame(
     exposure: float, gain: float, f_sense: float, brightness: float, random: np.random.Generator
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """The columns of the light and those of the road as stored."""
+    """Stored columns of the light and of the road."""
     camera = Camera(ROW_TIME, exposure)
 
     def stored(tone: Tone, strength: float) -> npt.NDArray[np.uint8]:
@@ -164,7 +164,7 @@ def _measure(
 def _judged(
     time: Float64s, speed: Float64s, texture: Float64s, steps: list[dict[str, Any]], weights: tuple[float, float]
 ) -> Drive:
-    """The three policies beside each other."""
+    """Compute the three policies."""
     frames = len(steps)
     f_sense = speed * texture
     seen = np.array([[s["measured"].lights[0].frequency, s["measured"].motions[0].frequency] for s in steps]).T
@@ -197,7 +197,7 @@ def _judged(
 
 
 def _objective(exposure: Float64s, frequencies: Float64s, weights: Float64s, noise: float) -> Float64s:
-    """Eq. 18 with magnitudes over the noise, an exposure a value."""
+    """Eq. 18 with magnitudes over the noise, one exposure per value."""
     tones = np.abs(np.sinc(np.multiply.outer(exposure, frequencies))) @ weights
     return np.asarray(exposure * tones / np.sqrt(1.0 + exposure / noise))
 
@@ -209,7 +209,7 @@ def _stepped(exposure: Float64s, bounds: Float64s) -> Float64s:
 
 
 def _closed_form(seen: Float64s, bounds: Float64s) -> Float64s:
-    """Of what was seen; a tone not seen counts as last seen."""
+    """Closed form of the measured tones; an undetected tone keeps its last frequency."""
     held = seen.copy()
     for k in range(1, held.shape[1]):
         held[:, k] = np.where(np.isnan(held[:, k]), held[:, k - 1], held[:, k])
@@ -218,7 +218,7 @@ def _closed_form(seen: Float64s, bounds: Float64s) -> Float64s:
 
 
 def _best_fixed(after: Float64s, weights: tuple[float, float], bounds: Float64s, noise: Float64s) -> float:
-    """The whole number of rows with the largest sum over the drive, each frame within its bounds."""
+    """The whole number of rows that maximises the sum over the drive, each frame within its bounds."""
     counts = np.arange(round(RANGE[0] / ROW_TIME), round(RANGE[1] / ROW_TIME) + 1) * ROW_TIME
     used = np.stack([_stepped(np.full(noise.size, exposure), bounds) for exposure in counts])
     tones = np.tensordot(np.asarray(weights), np.abs(np.sinc(used * after[:, None])), 1)

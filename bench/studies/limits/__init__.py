@@ -1,8 +1,8 @@
-"""Where methods fail, why, how badly, and what the library does then: the catalogue behind ``make limits``."""
+"""Limits of methods: cause, error, and the library's behaviour; the catalogue of ``make limits``."""
 
 from __future__ import annotations
 
-# Each module enters its limits: this is the order of the catalogue.
+# Each module registers its limits: this is the order of the catalogue.
 # isort: off
 from studies.limits import sampling, arithmetic, pixels, restoring, sensing  # noqa: F401
 

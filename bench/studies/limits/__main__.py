@@ -30,7 +30,7 @@ from studies.limits.reporting import number, told
 )
 @json_option
 def limits(directory: Path, text: Path | None, as_json: bool) -> None:
-    """Measure a plain method and the library at every known limit: the error of both, and what the library tells."""
+    """Measure a plain method and the library at every known limit: errors of both, and the library's flags."""
     measured = [(limit, limit.measure()) for limit in catalogue.LIMITS]
     directory.mkdir(parents=True, exist_ok=True)
     picture = directory / "limits.png"

@@ -94,7 +94,7 @@ def _short() -> list[Point]:
 
 
 def _fast_length(rows: int) -> int:
-    """The next product of 2, 3 and 5."""
+    """The next product of powers of 2, 3 and 5."""
     length = rows
     while True:
         rest = length

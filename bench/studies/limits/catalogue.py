@@ -1,4 +1,4 @@
-"""The catalogue of limits: each entry sweeps one quantity and measures a plain method and the library beside the truth.
+"""The catalogue of limits: each entry sweeps one quantity and compares a plain method and the library with the truth.
 
 One definition serves the tests, the picture and docs/limits.md. A new limit is one more function under ``@limit``.
 """
@@ -22,15 +22,15 @@ Float64s = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Point:
-    """One place of a sweep.
+    """One value of a sweep.
 
     Attributes:
         x: the swept quantity.
-        plain: error of the plain method, RMS over the columns; inf or NaN where it has none to give.
-        library: error of the library; NaN where it refuses to answer.
-        told: standard error that the library gives with it, RMS over the columns; 0 where it gives none.
-        flags: those that at least half of the columns carry.
-        lost: the equaliser's report lists the light's frequency among those it could not restore.
+        plain: error of the plain method, RMS over the columns; inf or NaN without a result.
+        library: error of the library; NaN if it gives no estimate.
+        told: standard error that the library reports, RMS over the columns; 0 if it reports none.
+        flags: those of at least half of the columns.
+        lost: the equaliser's report lists the light's frequency as not restored.
     """
 
     x: float
@@ -41,7 +41,7 @@ class Point:
     lost: bool = False
 
     def answered(self, limit: Limit) -> str:
-        """``"good"``, ``"honest"`` (within twice what the library tells), ``"flagged"`` or ``"silent"``."""
+        """``"good"``, ``"honest"`` (within twice the reported standard error), ``"flagged"`` or ``"silent"``."""
         if self.library <= limit.good:
             return "good"
         if self.library <= 2.0 * self.told:
@@ -51,7 +51,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Limit:
-    """Where a plain method fails, and what the library does there.
+    """A limit of a plain method, and the library's behaviour there.
 
     Attributes:
         name: key.
@@ -59,13 +59,13 @@ class Limit:
         sweep: the swept quantity, with its unit.
         error: the error, with its unit.
         plain: the plain method.
-        why: it fails.
-        then: what the library does.
+        why: cause of the failure.
+        then: behaviour of the library.
         spot: x at which figures are quoted.
-        fails_by: least error of the plain method at ``spot``.
-        good: error up to which an answer is a good one.
-        flags: those that tell of the limit.
-        silent: x at which the library is neither good nor honest nor flagged; ``then`` says so.
+        fails_by: min. error of the plain method at ``spot``.
+        good: max. error of a good result.
+        flags: those that indicate the limit.
+        silent: x at which the library is neither good nor honest nor flagged; ``then`` explains it.
         measure: the points of the sweep, in order.
     """
 
@@ -84,7 +84,7 @@ class Limit:
     measure: Callable[[], list[Point]]
 
     def point_at_spot(self, points: Iterable[Point]) -> Point:
-        """The one whose figures are quoted."""
+        """The point whose figures are quoted."""
         return next(point for point in points if point.x == self.spot)
 
 
@@ -106,7 +106,7 @@ def limit(
     flags: Flag = Flag(0),  # noqa: B008, a constant
     silent: tuple[float, ...] = (),
 ) -> Callable[[Callable[[], list[Point]]], Callable[[], list[Point]]]:
-    """Enters a measuring function into ``LIMITS``."""
+    """Add a measuring function to ``LIMITS``."""
 
     def enter(measure: Callable[[], list[Point]]) -> Callable[[], list[Point]]:
         texts = (name, title, sweep, error, plain, why, then)
@@ -122,11 +122,11 @@ def rms(values: npt.ArrayLike) -> float:
 
 
 def shared_flags(masks: npt.NDArray[np.uint32]) -> Flag:
-    """The bits that at least half of the columns carry."""
+    """The bits set in at least half of the columns."""
     return reduce(or_, (bit for bit in Flag if 2 * np.count_nonzero(masks & bit) >= masks.size), Flag(0))
 
 
 def compared(x: float, truth: npt.ArrayLike, plain: npt.ArrayLike, found: ToneGain | Any, scale: float = 1.0) -> Point:
-    """Gains of a plain method and of the library beside the truth; errors times ``scale``."""
+    """Compare gains of a plain method and of the library with the truth; errors times ``scale``."""
     plain_error, error = (rms(scale * (np.asarray(values) - truth)) for values in (plain, found.gain))
     return Point(x, plain_error, error, rms(scale * found.gain_std), shared_flags(np.atleast_1d(found.flags)))

@@ -1,4 +1,4 @@
-"""The catalogue in one picture, a panel an entry."""
+"""Drawing of the catalogue, one panel per entry."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ACROSS = 4
-_DECADES = 10.0  # below the largest error, where a panel ends
+_DECADES = 10.0  # range of a panel below the largest error
 
 
 def draw(path: str | os.PathLike[str], measured: Sequence[tuple[Limit, Sequence[Point]]]) -> None:
-    """All entries, four across: errors along the sweep.
+    """Draw all entries, four side by side: errors along the sweep.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.

@@ -1,4 +1,4 @@
-"""Limits of what pixels store: clipping, tone curves, waveforms, steps, nothing."""
+"""Limits of stored values: clipping, tone curves, waveforms, quantisation, no light."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _gamma() -> list[Point]:
     points = []
     for gamma in (1.0, 1.2, 1.5, 1.8, 2.2, 2.6):
         random = np.random.default_rng(8)
-        light = (_BASE.light(random.random(_BASE.columns)) + 10.0) / 255.0  # 10 DN of ambient light, told below
+        light = (_BASE.light(random.random(_BASE.columns)) + 10.0) / 255.0  # 10 DN of ambient light, given below
         stored = 255.0 * light ** (1.0 / gamma) + random.standard_normal(light.shape)
         frame = np.clip(np.rint(stored), 0, 255).astype(np.uint8)
         camera = Camera(_BASE.row_time, _BASE.camera.exposure, tone_curve="gamma", gamma=gamma)
@@ -187,7 +187,7 @@ def _faint() -> list[Point]:
     for amplitude in (0.03, 0.1, 0.3, 1.0, 3.0, 10.0):
         random = np.random.default_rng(11)
         scene = dataclasses.replace(_BASE, cycles=12.37, depth=amplitude / 100.0, exposure_cycles=1e-3)
-        offset = random.random(200)  # anywhere between two codes
+        offset = random.random(200)  # uniform between two codes
         frame = np.rint(scene.light(random.random(200)) + offset).astype(np.uint8)
         found = tone_gain(frame, scene.camera, scene.frequency)
         truth = amplitude / (100.0 + offset)

@@ -1,4 +1,4 @@
-"""Plain methods beside those of the chart (``studies.chart.GAIN_METHODS``), as one would write them first."""
+"""Plain methods in addition to those of the chart (``studies.chart.GAIN_METHODS``), in their simplest form."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def charted_gain(name: str, scene: Scene, columns: npt.NDArray[Any]) -> Float64s
 
 
 def rounded_bin_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
-    """The paper's: DFT, the bin nearest to the tone over bin 0 (eqs. 24-25)."""
+    """The paper's method: DFT, the bin nearest to the tone over bin 0 (eqs. 24-25)."""
     return charted_gain("rounded bin, numpy.fft float64", scene, columns)
 
 
@@ -39,7 +39,7 @@ def goertzel_float32_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
 
 
 def float32_sums_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
-    """Mean off the Fourier sum at the exact frequency, every sum taken down the rows in float32."""
+    """Fourier sum at the exact frequency without the mean, every sum along the rows in float32."""
     waves = design_matrix(scene.rows, scene.cycles_per_row, [1]).astype(np.float32)
     light = columns.astype(np.float32)
     sums = [np.add.reduce(wave[:, None] * light, axis=0) for wave in waves.T]  # row after row
@@ -47,7 +47,7 @@ def float32_sums_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
 
 
 def padded_bin_gain(scene: Scene, columns: npt.NDArray[Any], length: int) -> Float64s:
-    """DFT of a fast length with zeros behind the rows, the bin nearest to the tone."""
+    """DFT zero-padded to a fast length, the bin nearest to the tone."""
     light = columns.astype(np.float64)
     mean = light.mean(axis=0)
     line = np.fft.rfft(light - mean, length, axis=0)[max(1, round(scene.cycles_per_row * length))]
@@ -55,6 +55,6 @@ def padded_bin_gain(scene: Scene, columns: npt.NDArray[Any], length: int) -> Flo
 
 
 def peak_frequency(columns: npt.NDArray[Any]) -> Float64s:
-    """Cycles per row of the highest bin beside the mean, column by column."""
+    """Cycles per row of the highest bin other than the mean, for each column."""
     spectrum = np.abs(np.fft.rfft(columns.astype(np.float64), axis=0))
     return np.asarray((1 + spectrum[1:].argmax(axis=0)) / columns.shape[0])

@@ -1,4 +1,4 @@
-"""The catalogue in words and figures, for docs/limits.md."""
+"""Texts and figures of the catalogue, for docs/limits.md."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Measured = Sequence[tuple[Limit, Sequence[Point]]]
 
 
 def update_text(path: str | os.PathLike[str], measured: Measured) -> None:
-    """Renews a Markdown file between ``<!-- limits: NAME -->`` and ``<!-- limits: end -->``.
+    """Update a Markdown file between ``<!-- limits: NAME -->`` and ``<!-- limits: end -->``.
 
     NAME is ``figures`` (a table of all entries) or ``entries`` (their texts).
 
     Raises:
-        ValueError: a marker of an unknown name, or none at all.
+        ValueError: a marker of an unknown name, or no marker.
     """
     texts = "\n\n".join(entry_text(limit) for limit, _ in measured)
     fill_markers(path, "limits", {"figures": figures(measured), "entries": texts})
@@ -36,20 +36,20 @@ def figures(measured: Measured) -> str:
 
 
 def told(point: Point) -> str:
-    """What the library gives beside its answer: standard error and flags."""
+    """Standard error and flags that the library reports."""
     parts = [] if math.isnan(point.told) else [f"± {number(point.told)}"]
     parts += [name.upper() for name in point.flags.names()]
     return ", ".join(parts + ["frequency reported lost"] * point.lost)
 
 
 def entry_text(limit: Limit) -> str:
-    """Markdown: the entry in words."""
+    """Markdown: the text of the entry."""
     words = f"{limit.plain[0].upper()}{limit.plain[1:]}. {limit.why} **Library:** {limit.then}"
     return f"### {limit.title}\n{textwrap.fill(words, 120, break_long_words=False, break_on_hyphens=False)}"
 
 
 def number(value: float) -> str:
-    """Three digits at most."""
+    """Format with at most three digits."""
     if math.isnan(value):
         return "NaN"
     return f"{value:.2g}" if 1e-3 <= abs(value) < 1e5 or value == 0.0 else f"{value:.0e}"

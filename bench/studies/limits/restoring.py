@@ -12,13 +12,13 @@ from studies.chart.tradeoffs import circular_inverse
 from studies.limits.catalogue import Point, limit, rms
 
 _ROW_TIME = 22.2e-6
-_NO_LIMIT = 1e12  # of the boost
+_NO_LIMIT = 1e12  # boost
 _NOISE = 0.01  # of the swing
 
 
 def _restored(light: Waveform, frequency: float, x: float, rows: int, exposure_rows: float) -> Point:
-    """RMS errors / swing two exposures and more from the ends, as far as there are such rows, of light whose highest
-    frequency is given, with 1 % noise."""
+    """RMS errors / swing at least two exposures from the ends, if there are such rows, for light of the given highest
+    frequency with 1 % noise."""
     camera = Camera(_ROW_TIME, exposure_rows * _ROW_TIME)
     starts = np.linspace(0.0, 0.05, 40)
     blurred = np.stack([integrate_exposure(light, camera, rows, start) for start in starts], axis=1)
@@ -53,7 +53,7 @@ def _restored(light: Waveform, frequency: float, x: float, rows: int, exposure_r
 def _null_equalisation() -> list[Point]:
     points = []
     for exposure_rows in (1.5, 3, 6, 12, 24, 45):
-        highest = 0.3 / (exposure_rows * _ROW_TIME)  # the light itself is well inside the first lobe
+        highest = 0.3 / (exposure_rows * _ROW_TIME)  # well inside the first lobe
         light = Tone(highest, 0.5) + Tone(0.45 * highest, 0.5, 1.0)
         points.append(_restored(light, highest, exposure_rows, 1080, exposure_rows))
     return points

@@ -222,7 +222,7 @@ def _two_sources() -> list[Point]:
 
 
 def _two(bins: float) -> tuple[Scene, Scene, npt.NDArray[np.uint8]]:
-    """A source, its neighbour, and their light together; the gain of the first is half its own."""
+    """A source, its neighbour, and the sum of their light; the gain of the first is then half its own."""
     scene = dataclasses.replace(_BASE, cycles=20.0, mean=60.0)
     other = dataclasses.replace(scene, cycles=20.0 + bins, depth=0.8)
     random = np.random.default_rng(int(1000 * bins))
@@ -256,8 +256,8 @@ def _unknown_neighbour() -> list[Point]:
 
 
 def _varying_point(x: float, scene: Scene, slope: float, drift: float) -> Point:
-    """Light that falls by ``slope`` of its mean along the rows, and a frequency that rises by ``drift`` cycles in the
-    frame over the frame, both even about the middle row."""
+    """Light that decreases by ``slope`` of its mean along the rows, and a frequency that increases by ``drift`` cycles
+    per frame over the frame, both symmetric about the middle row."""
     random = np.random.default_rng(13)
     u = (np.arange(scene.rows) - 0.5 * (scene.rows - 1)) / scene.rows
     turns = (scene.cycles * u + 0.5 * drift * u**2)[:, None] + random.random(scene.columns)

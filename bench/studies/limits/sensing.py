@@ -1,4 +1,4 @@
-"""Limits of sensing: motion along the rows, motion seen in frames alone, contrast that the exposure took."""
+"""Limits of sensing: motion along the rows, motion from frames alone, contrast suppressed by the exposure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from studies.chart.tradeoffs import circular_inverse
 from studies.limits.catalogue import Point, limit, rms
 
 _ROW_TIME, _FRAME_TIME, _EXPOSURE = 22.2e-6, 1 / 30, 622e-6
-_TEXTURE, _PITCH = 230.0, 1e-4  # cycles a metre, metres a row
+_TEXTURE, _PITCH = 230.0, 1e-4  # cycles per metre, metres per row
 _CAMERA = Camera(_ROW_TIME, _EXPOSURE, _FRAME_TIME)
 
 

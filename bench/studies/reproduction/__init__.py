@@ -1,6 +1,6 @@
-"""The paper's testbed, figures and table, made again: what ``make reproduce`` shows.
+"""Reproduction of the paper's testbed, figures and table, for ``make reproduce``.
 
-Dong, Cao, Wang, Sensors 2025, 25(22), 7061. :data:`FIGURES` holds what can be made, by its number in the paper.
+Dong, Cao, Wang, Sensors 2025, 25(22), 7061. :data:`FIGURES` contains the figures by their numbers in the paper.
 """
 
 from studies.reproduction.figures import FIGURES, Figure, Workshop

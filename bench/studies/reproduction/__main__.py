@@ -14,7 +14,7 @@ from studies.command import run
 from studies.reproduction import FIGURES, Workshop, figures, reporting, testbed
 
 _NAMES = ("5", "6", "9", "10", "11", "12", "13", "table-2")
-_QUICK = 60  # frames a setting
+_QUICK = 60  # frames per setting
 
 
 @click.command
@@ -46,7 +46,7 @@ def reproduce(
     text: Path | None,
     as_json: bool,
 ) -> None:
-    """Record the paper's testbed (simulated), measure it by the paper's method and by the fit, and draw its figures."""
+    """Simulate the paper's testbed, measure it by the paper's method and by the fit, and draw the figures."""
     if quick and frames is not None:
         raise ValueError("--frames: got it with --quick, allowed: one of the two")
     count = frames or (_QUICK if quick else testbed.FRAMES)

@@ -1,4 +1,4 @@
-"""Exposure times by search, by the paper's closed form and exactly (figures 12 and 13)."""
+"""Exposure times by search, by the paper's closed form and by exact maximisation (figures 12 and 13)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def objective(exposure: npt.ArrayLike, *frequencies: float) -> FloatArray:
 
 
 def signed_objective(exposure: npt.ArrayLike, *frequencies: float) -> FloatArray:
-    """Eq. 18 as it is printed, without magnitudes."""
+    """Eq. 18 as printed, without magnitudes."""
     time = np.asarray(exposure, dtype=np.float64)
     return np.asarray(sum(np.sin(np.pi * f * time) / (np.pi * f) for f in frequencies))
 
@@ -45,7 +45,7 @@ class Deviations:
 
     @property
     def loss(self) -> FloatArray:
-        """(100,) share of the objective that the closed form leaves."""
+        """(100,) relative loss of the closed form."""
         return 1.0 - self.closed_form / self.exact
 
 

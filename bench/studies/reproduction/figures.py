@@ -1,4 +1,4 @@
-"""The paper's figures, each with what the paper shows, the theory, and what was measured here."""
+"""The paper's figures, each with the paper's values, theory, and measurements."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-_WHITE = {"color": "white", "pad": 1.0, "alpha": 0.8}  # behind words on lines
+_WHITE = {"color": "white", "pad": 1.0, "alpha": 0.8}  # background of text on lines
 _EXPOSURE_COLOURS = dict(zip(testbed.EXPOSURES, (GREEN, ORANGE, BLUE, PURPLE), strict=True))
 
 
 @dataclass(frozen=True)
 class Workshop:
-    """What the figures are made with: gains are measured once, pictures are recorded as they are needed.
+    """Inputs of the figures: gains are measured once, pictures are recorded on demand.
 
     Attributes:
-        results: of all 24 settings, in the order of :func:`settings`; None where no figure that is drawn needs them.
+        results: of all 24 settings, in the order of :func:`settings`; None if no figure needs them.
         seed: of the noise and phases.
     """
 
@@ -47,11 +47,11 @@ class Figure:
     """One figure or table of the paper.
 
     Attributes:
-        name: of its file, such as ``figure-10``.
-        title: what it shows.
+        name: file name, such as ``figure-10``.
+        title: subject.
         size: inches.
-        draw: puts it on a canvas.
-        needs_gains: whether the 24 settings must be measured for it.
+        draw: draws it on a canvas.
+        needs_gains: True if it needs the 24 settings measured.
     """
 
     name: str
@@ -95,7 +95,7 @@ def _response_and_lines(canvas: Canvas, workshop: Workshop) -> None:
 
 
 def _objective_over_exposure(canvas: Canvas, workshop: Workshop) -> None:
-    """Figure 6: how the response moves with the exposure, and the sum that it leaves of both tones."""
+    """Figure 6: the response at several exposures, and the resulting sum of both tones."""
     light, motion = 500.0, 174.68
     left, right = canvas.subplots(1, 2)
     f = np.linspace(1.0, 1200.0, 1500)
@@ -119,7 +119,7 @@ def _objective_over_exposure(canvas: Canvas, workshop: Workshop) -> None:
 
 
 def _pictures(canvas: Canvas, workshop: Workshop) -> None:
-    """Figure 9: what the camera stores, and a column of it."""
+    """Figure 9: stored pictures, and a column of each."""
     communication = [Setting("communication", 200.0, exposure) for exposure in (2404e-6, 1202e-6, 622e-6)]
     sensing = [Setting("sensing", grating, 1202e-6) for grating in testbed.GRATINGS]
     rows = canvas.subplots(4, 3, height_ratios=(1.3, 1.0, 1.3, 1.0))
@@ -138,7 +138,7 @@ def _pictures(canvas: Canvas, workshop: Workshop) -> None:
 
 
 def _gains(canvas: Canvas, workshop: Workshop, kind: str, number: int) -> None:
-    """Figures 10 and 11: mean gains over frequency, a panel an exposure."""
+    """Figures 10 and 11: mean gains over frequency, one panel per exposure."""
     results = workshop.of_kind(kind)
     panels = canvas.subplots(1, 4, sharey=True)
     for axes, exposure in zip(panels, testbed.EXPOSURES, strict=True):
@@ -214,7 +214,7 @@ def _optimum_and_closed_form(canvas: Canvas, workshop: Workshop) -> None:
 
 
 def _deviations(canvas: Canvas, workshop: Workshop) -> None:
-    """Figure 13: the objective that optimum and closed form reach, and what the closed form leaves."""
+    """Figure 13: the objective of optimum and closed form, and the loss of the closed form."""
     found = choices.deviations()
     left, right = canvas.subplots(1, 2)
     left.plot(found.inverse_ratio, 1e3 * found.exact, color=BLUE, label="exact optimum")
@@ -233,7 +233,7 @@ def _deviations(canvas: Canvas, workshop: Workshop) -> None:
 
 
 def _table(canvas: Canvas, workshop: Workshop) -> None:
-    """Table 2, with what follows from it."""
+    """Table 2, with derived values."""
     axes = canvas.subplots()
     axes.set_axis_off()
     axes.set_title("Table 2: as printed, and what follows")
@@ -250,7 +250,7 @@ TABLE_HEADER = ("parameter", "printed", "here")
 
 
 def table_rows() -> list[list[str]]:
-    """Table 2: printed values beside those of the virtual testbed."""
+    """Table 2: printed values and those of the virtual testbed."""
     truth = ", ".join(f"{testbed.true_grating(g):.2f}" for g in testbed.GRATINGS)
     periods = ", ".join(f"{g * np.pi * testbed.RING_DIAMETER:.1f}" for g in testbed.GRATINGS)
     whole = ", ".join(str(testbed.periods_on_ring(g)) for g in testbed.GRATINGS)
@@ -302,11 +302,11 @@ FIGURES = {
 
 
 def measured_settings(frames: int, seed: int) -> list[Callable[[], GainResult]]:
-    """One call a setting, for a progress bar."""
+    """One call per setting, for a progress bar."""
     return [functools.partial(gains.measure, setting, frames, seed) for setting in testbed.settings()]
 
 
 def draw(figure: Figure, path: Any, workshop: Workshop) -> None:
-    """Writes the figure's picture."""
+    """Write the figure's picture."""
     with picture(path, *figure.size) as canvas:
         figure.draw(canvas, workshop)

@@ -17,12 +17,12 @@ class GainResult:
     """Mean gain of a setting over its frames, by both methods.
 
     Attributes:
-        setting: what was recorded.
-        frames: how many frames.
-        paper, paper_std: eqs. 24 and 25: one column, the DFT's bin nearest to the tone; the error is that of its mean,
+        setting: the recorded setting.
+        frames: number of frames.
+        paper, paper_std: eqs. 24 and 25: one column, the DFT's bin nearest to the tone; standard error of the mean,
             from the scatter.
-        fit, fit_std: least squares with all harmonics at the exact frequency; the error is the one that it reports.
-        fit_scatter: the error of the mean from the scatter of the frames.
+        fit, fit_std: least squares with all harmonics at the exact frequency; reported standard error.
+        fit_scatter: standard error of the mean from the scatter of the frames.
     """
 
     setting: Setting
@@ -40,12 +40,12 @@ class GainResult:
 
     @property
     def deviation(self) -> float:
-        """Of the fit from theory, in its standard errors."""
+        """Deviation of the fit from theory, in its standard errors."""
         return (self.fit - self.setting.theory) / self.fit_std
 
     @property
     def bias(self) -> float:
-        """Of the paper's method."""
+        """Bias of the paper's method."""
         return self.paper - self.setting.theory
 
 
@@ -67,12 +67,12 @@ def measure(setting: Setting, frames: int = FRAMES, seed: int = 0) -> GainResult
 
 
 def chi_squared(results: Iterable[GainResult]) -> float:
-    """Sum of squared deviations of the fit from theory; about the number of settings where all is right."""
+    """Sum of squared deviations of the fit from theory; expected to be about the number of settings."""
     return sum(result.deviation**2 for result in results)
 
 
 def chi_squared_limit(degrees: int) -> float:
-    """The 1 % point of the distribution, by Wilson and Hilferty's cube (good to 0.3 % from 10 degrees on)."""
+    """The 1 % point of the distribution by Wilson and Hilferty's cube (accurate to 0.3 % from 10 degrees on)."""
     spread = 2.0 / (9.0 * degrees)
     return degrees * (1.0 - spread + 2.3263 * math.sqrt(spread)) ** 3
 

@@ -1,4 +1,4 @@
-"""The figures of the reproduction in words: CSV beside the pictures, tables in docs/paper.md."""
+"""Texts and tables of the reproduction: CSV next to the pictures, tables in docs/paper.md."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _HEADER = (
 
 
 def write_table(path: str | os.PathLike[str], results: Sequence[GainResult]) -> None:
-    """CSV, one line a setting."""
+    """Write CSV, one line per setting."""
     with atomic_path(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_HEADER)
@@ -42,19 +42,19 @@ def write_table(path: str | os.PathLike[str], results: Sequence[GainResult]) -> 
 
 
 def update_text(path: str | os.PathLike[str], results: Sequence[GainResult]) -> None:
-    """Renews a Markdown file between ``<!-- reproduce: NAME -->`` and ``<!-- reproduce: end -->``.
+    """Update a Markdown file between ``<!-- reproduce: NAME -->`` and ``<!-- reproduce: end -->``.
 
     NAME is ``gains``, ``test``, ``deviations`` or ``table``.
 
     Raises:
-        ValueError: a marker of an unknown name, or none at all.
+        ValueError: a marker of an unknown name, or no marker.
     """
     blocks = {"gains": _gains(results), "test": verdict(results), "deviations": _deviations(), "table": _table()}
     fill_markers(path, "reproduce", blocks)
 
 
 def verdict(results: Sequence[GainResult]) -> str:
-    """Whether the fit's gains are those of theory."""
+    """Agreement of the fit's gains with theory."""
     chi, limit = gains.chi_squared(results), gains.chi_squared_limit(len(results))
     return (
         f"χ² = {chi:.1f} over {len(results)} settings (1 % point {limit:.1f}), largest deviation "

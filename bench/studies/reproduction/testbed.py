@@ -1,4 +1,4 @@
-"""The virtual testbed of table 2: an LED inside a turning annular grating, before a rolling-shutter camera."""
+"""The virtual testbed of table 2: an LED inside a rotating annular grating, in front of a rolling-shutter camera."""
 
 from __future__ import annotations
 
