@@ -226,8 +226,10 @@ def main() -> None:
     parser.add_argument("--picture")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--quick", action="store_true", help="boxes alone")
-    parser.add_argument("--each", action="store_true", help="dB behind the oracle of every scene as well")
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="of texture and noise; means over all")
+    parser.add_argument("--each", action="store_true", help="print dB below the oracle for every scene")
+    parser.add_argument(
+        "--seeds", type=int, nargs="+", default=[1], help="seeds of texture and noise; results are averaged"
+    )
     options = parser.parse_args()
     report: dict[str, Any] = {"scenes": {}, "behind": {}, "recordings": {}}
     for name, light in lights().items():

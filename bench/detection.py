@@ -187,13 +187,13 @@ def print_table(results: list[Result]) -> None:
 def main() -> int:
     """Exit code 1 with --check if a limit is not reached."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
-    parser.add_argument("--frames", type=int, default=0, help="of each case; 0: as many as a limit needs, else 20")
-    parser.add_argument("--grid", action="store_true", help="the grid of cases without limits as well")
+    parser.add_argument("--frames", type=int, default=0, help="frames per case; 0: as many as a limit needs, else 20")
+    parser.add_argument("--grid", action="store_true", help="add the grid of cases without limits")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    parser.add_argument("--check", action="store_true", help="exit code 1 where a limit is not reached")
+    parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
     parser.add_argument("--method", default="auto", help="the detector (default auto)")
-    parser.add_argument("--estimated", action="store_true", help="the grid with nothing known but a preamble")
-    parser.add_argument("--anywhere", type=int, default=0, help="settings drawn at random, the same as --estimated")
+    parser.add_argument("--estimated", action="store_true", help="the grid with only a preamble known")
+    parser.add_argument("--anywhere", type=int, default=0, help="number of random settings, otherwise as --estimated")
     parser.add_argument("--quick", action="store_true", help="with --estimated: three exposures only")
     parser.add_argument("--picture", help="draw every detector's errors over the exposure to a .png, .svg or .pdf")
     arguments = parser.parse_args()

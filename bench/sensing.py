@@ -260,7 +260,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--chart", help="picture of recall and precision")
-    parser.add_argument("--check", action="store_true", help="fail where an aim is not reached")
+    parser.add_argument("--check", action="store_true", help="fail if an aim is not reached")
     parser.add_argument("--quick", action="store_true", help="fewer scenes")
     parser.add_argument("--only", choices=list(PARTS))
     place = os.environ.get("OCISAC_RECORDINGS")

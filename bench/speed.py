@@ -332,8 +332,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--chart", metavar="FILE", help="a picture: .png, .pdf or .svg")
-    parser.add_argument("--check", action="store_true", help="exit code 1 where a limit is not reached")
-    parser.add_argument("--quick", action="store_true", help="short timings: to try it, not to quote it")
+    parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
+    parser.add_argument("--quick", action="store_true", help="short timings, for a trial")
     arguments = parser.parse_args()
     missing: list[str] = []
     before = os.getloadavg()[0]

@@ -209,10 +209,10 @@ def print_heading() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=10, help="frames a setting (default 10)")
+    parser.add_argument("--frames", type=int, default=10, help="frames per setting (default 10)")
     parser.add_argument("--longest", type=float, default=7.0, help="longest exposure, chips (default 7)")
     parser.add_argument("--blind", action="store_true", help="no preamble; the exposure is given")
-    parser.add_argument("--json", action="store_true", help="an object a line instead of the table")
+    parser.add_argument("--json", action="store_true", help="one JSON object per line instead of the table")
     options = parser.parse_args()
     if not options.json:
         print_heading()

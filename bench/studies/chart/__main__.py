@@ -24,14 +24,14 @@ from studies.command import run
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("chart"),
     show_default=True,
-    help="Where chart.png and chart.csv go.",
+    help="Folder of chart.png and chart.csv.",
 )
 @click.option(
     "--text",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="A Markdown file whose figures between '<!-- chart: NAME -->' and '<!-- chart: end -->' are renewed.",
+    help="A Markdown file whose figures between '<!-- chart: NAME -->' and '<!-- chart: end -->' are updated.",
 )
-@click.option("--quick", is_flag=True, help="Few columns and short timings: to try it, not to quote it.")
+@click.option("--quick", is_flag=True, help="Few columns and short timings, for a trial.")
 @json_option
 def chart(directory: Path, text: Path | None, quick: bool, as_json: bool) -> None:
     """Measure every method: its time relative to reading the frame, and its error relative to the Cramér-Rao bound."""

@@ -16,9 +16,13 @@ from studies.drive import NOISE_LEVEL, POLICIES, draw, drive_past_light
 
 @click.command
 @click.option("--seconds", type=float, default=8.0, show_default=True, help="Length of the drive.")
-@click.option("--hysteresis", type=float, default=0.01, show_default=True, help="Share of the objective not moved for.")
-@click.option("--weights", type=(float, float), default=(1.0, 1.0), show_default=True, help="Of light and of texture.")
-@click.option("--noise/--no-noise", default=True, show_default=True, help="Whether the objective is over the noise.")
+@click.option(
+    "--hysteresis", type=float, default=0.01, show_default=True, help="Loss of the objective that is tolerated."
+)
+@click.option(
+    "--weights", type=(float, float), default=(1.0, 1.0), show_default=True, help="Weights of light and texture."
+)
+@click.option("--noise/--no-noise", default=True, show_default=True, help="Divide the objective by the noise.")
 @click.option("--seed", type=int, default=0, show_default=True)
 @plot_option("exposures, gains and objective over time")
 @json_option

@@ -21,12 +21,12 @@ from studies.limits.reporting import number, told
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("limits"),
     show_default=True,
-    help="Where limits.png goes.",
+    help="Folder of limits.png.",
 )
 @click.option(
     "--text",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="A Markdown file whose parts between '<!-- limits: NAME -->' and '<!-- limits: end -->' are renewed.",
+    help="A Markdown file whose parts between '<!-- limits: NAME -->' and '<!-- limits: end -->' are updated.",
 )
 @json_option
 def limits(directory: Path, text: Path | None, as_json: bool) -> None:

@@ -18,7 +18,7 @@ _QUICK = 60  # frames per setting
 
 
 @click.command
-@click.option("--figure", "names", type=click.Choice(_NAMES), multiple=True, help="Only this one; may be repeated.")
+@click.option("--figure", "names", type=click.Choice(_NAMES), multiple=True, help="Only this figure; repeatable.")
 @click.option(
     "-o",
     "--output",
@@ -26,15 +26,15 @@ _QUICK = 60  # frames per setting
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("paper"),
     show_default=True,
-    help="Where the pictures and gains.csv go.",
+    help="Folder of the pictures and gains.csv.",
 )
-@click.option("--frames", type=click.IntRange(2, 100_000), help="Frames a setting.  [default: 1800, as in the paper]")
-@click.option("--quick", is_flag=True, help=f"{_QUICK} frames a setting.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of noise and phases.")
+@click.option("--frames", type=click.IntRange(2, 100_000), help="Frames per setting.  [default: 1800, as in the paper]")
+@click.option("--quick", is_flag=True, help=f"{_QUICK} frames per setting.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of noise and phases.")
 @click.option(
     "--text",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="A Markdown file whose parts between '<!-- reproduce: NAME -->' and '<!-- reproduce: end -->' are renewed.",
+    help="A Markdown file whose parts between '<!-- reproduce: NAME -->' and '<!-- reproduce: end -->' are updated.",
 )
 @json_option
 def reproduce(

@@ -40,12 +40,12 @@ from ocisac_fast.scene import (
     render,
 )
 
-FRAMES = 1800  # a setting, as the paper averaged
+FRAMES = 1800  # per setting, as in the paper
 
-DISTANCE = 0.3  # m, of the camera from the ring
+DISTANCE = 0.3  # m, from the camera to the ring
 
-# What the paper leaves out. A lens that sees the ring over all rows; noise that does not depend on the light. The two
-# clocks differ, so that the light's phase runs through all values over a recording; dark rows are not clipped at 0.
+# Values that the paper does not state. The lens sees the ring in all rows; the noise is independent of the light. The
+# two clocks differ, so that the light's phase takes all values over a recording; dark rows are not clipped at 0.
 CLOCK_OFFSET = 70e-6
 FOCAL_LENGTH, PIXEL_PITCH = 6e-3, 2.9e-6  # m
 FULL_WELL = 20e3  # electrons at 255 DN
@@ -55,12 +55,12 @@ Kind = Literal["communication", "sensing"]
 
 
 def speed() -> float:
-    """Of the grating, m/s: v = pi D N."""
+    """Speed of the grating, m/s: v = pi D N."""
     return math.pi * RING_DIAMETER * TURNS_PER_SECOND
 
 
 def true_grating(grating: float) -> float:
-    """Periods a metre of the ring that closes."""
+    """Periods per metre of the ring with a whole number of periods."""
     return periods_on_ring(grating) / (math.pi * RING_DIAMETER)
 
 
@@ -69,8 +69,8 @@ class Setting:
     """One light or grating at one exposure.
 
     Attributes:
-        kind: ``"communication"`` (flickering LED, grating at rest) or ``"sensing"`` (steady LED, grating turning).
-        nominal: as the paper prints it: Hz, or periods a metre.
+        kind: ``"communication"`` (flickering LED, static grating) or ``"sensing"`` (steady LED, rotating grating).
+        nominal: as printed in the paper: Hz, or periods per metre.
         exposure: s.
     """
 
@@ -80,7 +80,7 @@ class Setting:
 
     @property
     def frequency(self) -> float:
-        """Of the flicker, Hz: f_c, or f_x v of the ring that closes."""
+        """Frequency of the light in a pixel, Hz: f_c, or f_x v of the ring with a whole number of periods."""
         return self.nominal if self.kind == "communication" else motion_frequency(self.nominal)
 
     @property
@@ -95,17 +95,17 @@ class Setting:
 
 
 def settings() -> list[Setting]:
-    """The 12 settings of communication and the 12 of sensing, by rising frequency, then exposure."""
+    """The 12 settings of communication and the 12 of sensing, in ascending order of frequency, then exposure."""
     lights: list[tuple[Kind, float]] = [("communication", f) for f in COMMUNICATION]
     gratings: list[tuple[Kind, float]] = [("sensing", g) for g in GRATINGS]
     return [Setting(kind, nominal, exposure) for kind, nominal in lights + gratings for exposure in EXPOSURES]
 
 
 def scene(setting: Setting, columns: int, turn: float) -> Scene:
-    """The testbed before the middle ``columns`` columns of the camera, the light ``turn`` cycles (0 to 1) ahead.
+    """The testbed in front of the middle ``columns`` columns of the camera, the light ``turn`` cycles (0 to 1) ahead.
 
-    The lampshade is the plane that touches the ring before the LED; its bars take the pitch of the ring that closes. In
-    recordings of communication it stands still, with a slot before the middle column.
+    The lampshade is the plane that touches the ring in front of the LED; its bars have the pitch of the ring. In
+    recordings of communication it is static, with a slot in front of the middle column.
     """
     lens = Pinhole(columns, ROWS, FOCAL_LENGTH, PIXEL_PITCH)
     sensor = Sensor(SWING / setting.exposure, 8, FULL_WELL, read_noise=NOISE * FULL_WELL / 255.0)
