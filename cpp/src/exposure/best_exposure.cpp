@@ -50,7 +50,7 @@ void check_domain(const ExposureDomain& domain) {
   if (domain.step) require_positive("step", *domain.step);
 }
 
-// Phases of tones at exposures of more cycles than that would be rounding alone.
+// Beyond this number of cycles per exposure, phases are rounding error.
 constexpr double max_cycles = 1e15;
 
 ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, std::span<const double> frequencies) {
@@ -60,7 +60,7 @@ ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, std::span<const d
   return bounds;
 }
 
-// The multiples of the step within the bounds, as whole numbers. A bound that is a multiple but for rounding counts.
+// Multiples of the step within the bounds, as whole numbers. A bound equal to a multiple up to rounding is included.
 struct Multiples {
   double step, first, last;
 };
@@ -86,19 +86,19 @@ double objective(std::span<const double> frequencies, std::span<const double> we
   double sum = 0;
   for (std::size_t i = 0; i < frequencies.size(); ++i) {
     const double whole = std::nearbyint(frequencies[i] * exposure);
-    const double cycles = std::fma(frequencies[i], exposure, -whole);  // exact but for one rounding
+    const double cycles = std::fma(frequencies[i], exposure, -whole);  // exact up to one rounding
     sum += weights[i] * std::abs(std::sin(pi * cycles)) / (pi * frequencies[i]);
   }
   return sum;
 }
 
-// Keeps the better of two, and the shorter of equals.
+// Keeps the larger objective; at equality the shorter exposure.
 void keep_better(BestExposure& best, const BestExposure& other) {
   if (other.objective > best.objective) best = other;
 }
 
-// The root of a decreasing function between low and high by Newton's method, halving where it would leave the bracket.
-// `both` gives {value, slope}.
+// Root of a decreasing function between low and high by Newton's method, with bisection where a step leaves the
+// bracket. `both` returns {value, slope}.
 template <class Both>
 double decreasing_root(Both both, double low, double high, double start) {
   double x = start;
@@ -117,7 +117,7 @@ double decreasing_root(Both both, double low, double high, double start) {
   return x;
 }
 
-// docs/exposure.md: the maximum lies in the faster tone's lobe that holds 1/(2 f_min). There, with T = 1/(2 f_min) +
+// docs/exposure.md: the maximum lies in the faster tone's lobe that contains 1/(2 f_min). There, with T = 1/(2 f_min) +
 // (x − centre)/f_max and x from 0 to 1, Y' = 0 is w_fast·cos(πx) = w_slow·sin(π r (x − centre)), r = f_min/f_max.
 double exact_exposure(double slow, double fast, double w_slow, double w_fast) {
   const double middle = 0.5 / slow;
@@ -128,7 +128,7 @@ double exact_exposure(double slow, double fast, double w_slow, double w_fast) {
   w_fast /= largest;
   const double ratio = slow / fast;
   const double beyond = std::fmod(fast, 2 * slow) / (2 * slow);
-  const double centre = beyond == 0 ? 1 : beyond;  // at a zero both neighbours are equal: the shorter exposure
+  const double centre = beyond == 0 ? 1 : beyond;  // at a zero both neighbours are equal: choose the shorter exposure
   const double x = decreasing_root(
       [&](double at) {
         const double turn = pi * ratio * (at - centre);
@@ -139,7 +139,7 @@ double exact_exposure(double slow, double fast, double w_slow, double w_fast) {
   return middle + (x - centre) / fast;
 }
 
-// Y between two neighbouring zeros, where every sine keeps its sign: a sum of concave arcs.
+// Y between two neighbouring zeros, where the sign of every sine is constant: a sum of concave arcs.
 class Lobes {
  public:
   Lobes(std::span<const double> frequencies, std::span<const double> weights, ExposureDomain::Bounds bounds)
@@ -157,7 +157,7 @@ class Lobes {
     return zeros;
   }
 
-  // Calls visit(low, high) for one lobe after the other.
+  // Calls visit(low, high) for each lobe in ascending order.
   template <class Visit>
   void for_each(Visit visit) {
     double low = bounds_.low;
@@ -188,7 +188,7 @@ class Lobes {
     return {first, second};
   }
 
-  // No value of the lobe is above this: where the tangents at its ends meet.
+  // Upper bound of Y in the lobe: the intersection of the tangents at its ends.
   [[nodiscard]] double upper_bound(double low, double high) const {
     const double at_low = value(low), at_high = value(high);
     const double up = slopes(low).first, down = slopes(high).first;

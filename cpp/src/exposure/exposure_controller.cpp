@@ -16,11 +16,11 @@ namespace reason = exposure_reason;
 
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double step_back = 0.7;      // of the light collected, where it saturated
-constexpr double recovery = 1.002;     // a frame, of a limit learnt from saturation
-constexpr double bound_slack = 0.02;   // measured bounds tremble: an exposure this far beyond one stays
-constexpr double gain_slack = 0.1;     // of the mean level about its aim
-constexpr double gain_deviations = 5;  // standard errors a measured gain may be off
+constexpr double step_back = 0.7;      // factor on exposure·gain after saturation
+constexpr double recovery = 1.002;     // growth per frame of a limit set by saturation
+constexpr double bound_slack = 0.02;   // relative tolerance at the bounds, which are noisy
+constexpr double gain_slack = 0.1;     // relative deviation of the mean level from its target that is tolerated
+constexpr double gain_deviations = 5;  // allowed deviation of a measured gain, standard errors
 constexpr double gain_tolerance = 0.02;
 
 void check(const ExposureControllerOptions& o) {
@@ -68,7 +68,7 @@ void check(const ExposureMeasurement& m) {
   require(m.saturated >= 0 && m.saturated <= 1, "saturated", m.saturated, "from 0 to 1");
 }
 
-// The tones that count, with their weights; of each kind the shares add up to its weight.
+// Tones in use with their weights; the shares of each kind are normalised to its weight.
 struct Tones {
   std::array<WeightedTone, max_weighted_tones> values;
   std::size_t count = 0;
@@ -102,7 +102,7 @@ bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
   return std::ranges::any_of(tones, [&](const MeasuredTone& tone) {
     const double turn = std::numbers::pi * tone.frequency * exposure;
     const double allowed = gain_deviations * tone.gain_std + gain_tolerance;
-    return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where anything is unknown
+    return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where a value is unknown
   });
 }
 
@@ -110,7 +110,7 @@ bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
 
 ExposureController::ExposureController(const ExposureControllerOptions& options) : options_(options) {
   check(options);
-  if (options.range.step > 0)  // refuses a range without a multiple
+  if (options.range.step > 0)  // throws for a range without a multiple
     best_noisy_exposure(std::array{WeightedTone{0.5 / options.range.high, 1}}, infinity, options.range);
   reset();
 }
@@ -127,7 +127,7 @@ ExposureController::Present ExposureController::present_of(const ExposureMeasure
   return {exposure, gain, measurement.level / (exposure * gain)};
 }
 
-// The largest product of exposure and gain that leaves enough unsaturated.
+// Largest product of exposure and gain that keeps peak and saturated pixels within their limits.
 double ExposureController::largest_product(const ExposureMeasurement& measurement, const Present& present,
                                            std::uint32_t& reasons) {
   const double product = present.exposure * present.gain;
@@ -143,7 +143,7 @@ double ExposureController::largest_product(const ExposureMeasurement& measuremen
   return std::min(limit_, by_peak);
 }
 
-// The exposures for which some gain of the camera keeps the product of the two within the bounds.
+// Exposures T for which some gain g of the camera satisfies smallest <= T·g <= largest.
 ExposureWindow ExposureController::window_of(double smallest, double largest, std::uint32_t& reasons) const {
   const ExposureWindow& range = options_.range;
   ExposureWindow window{smallest / options_.highest_gain, largest / options_.lowest_gain, range.step};
@@ -153,7 +153,7 @@ ExposureWindow ExposureController::window_of(double smallest, double largest, st
   if (window.high >= range.high) reasons &= ~(reason::ceiling | reason::saturation);
   window.low = std::clamp(window.low, range.low, range.high);
   window.high = std::clamp(window.high, range.low, range.high);
-  if (range.step > 0) {  // the multiple below the ceiling where none is between
+  if (range.step > 0) {  // the multiple below the ceiling if none lies between
     const double below = std::floor(window.high / range.step * (1 + 1e-15)) * range.step;
     if (below < window.low) window.low = std::max(below, range.low);
     const double above = std::ceil(window.low / range.step * (1 - 1e-15)) * range.step;
@@ -171,13 +171,13 @@ double ExposureController::gain_of(double exposure, double radiance, double smal
   return std::clamp(near_aim ? gain_ : wanted, lowest, std::max(lowest, highest));
 }
 
-// By brightness alone.
+// Choice by brightness alone.
 double ExposureController::without_tones(const ExposureWindow& window, bool allowed, double present) const {
   if (allowed) return exposure_;
   const double from = std::isnan(exposure_) ? present : exposure_;
   const double next = std::isnan(from) ? window.high : std::clamp(from, window.low, window.high);
   if (window.step == 0) return next;
-  const std::array only{WeightedTone{0.5 / next, 1}};  // its peak is there: the multiple next to it
+  const std::array only{WeightedTone{0.5 / next, 1}};  // maximum at `next`: selects the nearby multiple
   return best_noisy_exposure(only, infinity, window).exposure;
 }
 

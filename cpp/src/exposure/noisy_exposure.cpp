@@ -46,7 +46,7 @@ struct AffineLine {
   double at_start, slope;
 };
 
-// Where the product of two lines is largest between 0 and `length`.
+// Position of the maximum of the product of two lines on [0, length].
 double largest_product(AffineLine p, AffineLine q, double length, double& largest) {
   const auto product = [&](double t) { return (p.at_start + p.slope * t) * (q.at_start + q.slope * t); };
   double best = product(length) > product(0) ? length : 0;
@@ -58,9 +58,9 @@ double largest_product(AffineLine p, AffineLine q, double length, double& larges
   return best;
 }
 
-// One lobe after the other between the zeros of the sines, where the sum N of the tones is concave. A part [a, b] of a
-// lobe is bounded by N's tangents at its ends times the chord of the noise factor, which is convex; the bound is off by
-// O((b − a)²), so that halving leaves a handful of parts at every depth.
+// Iterates over the lobes between the zeros of the sines, where the sum N of the tones is concave. Upper bound on a
+// part [a, b] of a lobe: N's tangents at its ends times the chord of the noise factor, which is convex. The error of
+// the bound is O((b − a)²), so few parts remain at each depth of bisection.
 class Branching {
  public:
   Branching(std::span<const WeightedTone> tones, double noise_exposure, const ExposureWindow& window)
@@ -105,7 +105,7 @@ class Branching {
   };
   struct Part {
     End a, b;
-    double bound, candidate;  // no value of the part is above the first; the second is where it is likely largest
+    double bound, candidate;  // upper bound on the part; likely position of the maximum
   };
 
   [[nodiscard]] double next_zero(std::size_t i) const { return (zeros_[i] + 1) / tones_[i].frequency; }
@@ -143,14 +143,14 @@ class Branching {
       const End middle = end_at(part.a.exposure + (part.b.exposure - part.a.exposure) / 2);
       if (!(middle.exposure > part.a.exposure && middle.exposure < part.b.exposure)) continue;
       Part left = part_of(part.a, middle), right = part_of(middle, part.b);
-      if (left.bound > right.bound) std::swap(left, right);  // the more promising is looked at first
-      if (depth + 2 > parts_.size()) continue;               // not reached: halving ends after 53 parts
+      if (left.bound > right.bound) std::swap(left, right);  // larger bound first
+      if (depth + 2 > parts_.size()) continue;               // not reached: bisection ends after 53 parts
       parts_[depth++] = left;
       parts_[depth++] = right;
     }
   }
 
-  // False where nothing is left to be found in the part.
+  // Returns false if the part needs no further search.
   bool try_candidates(const Part& part) {
     const double step = window_.step;
     if (!(step > 0)) {
@@ -176,7 +176,7 @@ class Branching {
   double noise_exposure_;
   ExposureWindow window_;
   double first_ = 0, last_ = 0;                     // multiples of the step in the window
-  std::array<double, max_weighted_tones> zeros_{};  // of each tone: number of its zero at or before the lobe
+  std::array<double, max_weighted_tones> zeros_{};  // for each tone, index of its zero at or before the lobe
   std::array<Part, 128> parts_;
   BestExposure best_{infinity, -1};
 };

@@ -1,4 +1,4 @@
-// The exposure time that keeps most of several tones (section 4 of the paper).
+// Exposure time that maximises the sum of several tones (section 4 of the paper).
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@ struct BestExposure {
   double objective;  // Y(exposure), s
 };
 
-// Where exposures are sought. Without bounds: (0, 1/f] with f the smallest of the frequencies.
+// Search domain. Without bounds: (0, 1/f] with f the smallest of the frequencies.
 struct ExposureDomain {
   struct Bounds {
     double low, high;  // s; 0 <= low <= high, high > 0; an exposure of 0 itself is never chosen
@@ -21,30 +21,30 @@ struct ExposureDomain {
   std::optional<double> step;  // s, > 0: only whole multiples of it
 };
 
-// Y(T) = Σ w_i·|sin(π f_i T)|/(π f_i), eq. 18 with magnitudes. Right to the last digits near the zeros of the sines
-// too. The functions below take frequencies (Hz, finite, > 0) and as many weights (finite, >= 0, not all 0), and throw
-// std::invalid_argument otherwise. Of equally good exposures they take the shortest.
+// Y(T) = Σ w_i·|sin(π f_i T)|/(π f_i), eq. 18 with magnitudes; full precision also near the zeros of the sines. The
+// functions below require frequencies (Hz, finite, > 0) and as many weights (finite, >= 0, not all 0), and throw
+// std::invalid_argument otherwise. Among equal maxima they return the shortest exposure.
 double exposure_objective(std::span<const double> frequencies, std::span<const double> weights, double exposure);
 
 // Maximum for two tones over (0, 1/min(f_1, f_2)], in constant time.
 BestExposure best_exposure_exact(double f_1, double f_2, double w_1 = 1, double w_2 = 1);
 
 // Maximum for any number of tones and any domain, lobe by lobe between the zeros of the sines (docs/exposure.md).
-// Domains of more than 10 million lobes, or multiples of the step where those are fewer, are refused.
+// Throws for more than 10 million lobes; with a step, for more than 10 million lobes or multiples, whichever are fewer.
 BestExposure best_exposure_exact(std::span<const double> frequencies, std::span<const double> weights,
                                  const ExposureDomain& domain);
 
-// The largest of Y on `points` equally spaced exposures from one end of the domain to the other (2 to 10 million), or
-// on all multiples of the step.
+// Maximum of Y over `points` equally spaced exposures that include both ends of the domain (2 to 10 million), or over
+// all multiples of the step.
 BestExposure best_exposure_search(std::span<const double> frequencies, std::span<const double> weights,
                                   const ExposureDomain& domain, std::size_t points = 10001);
 
 // The paper's algorithm (eqs. 19–23): T = (γ + 1/2)/f_max with γ = max(⌊ε/2 − 1/2⌋, 0), ε = f_max/f_min; with
-// `rounded`, γ = ⌊ε/2⌋, the nearest whole number to ε/2 − 1/2. The weights count in the objective alone.
+// `rounded`, γ = ⌊ε/2⌋, the nearest whole number to ε/2 − 1/2. The weights affect the objective only.
 BestExposure best_exposure_closed_form(double f_1, double f_2, double w_1 = 1, double w_2 = 1, bool rounded = false);
 
-// Many problems at once. `frequencies`: (problems × tones), `weights`: (tones); two tones without bounds or step take
-// the constant-time way. `exposures` and `objectives`: (problems).
+// Many problems at once. `frequencies`: (problems × tones), `weights`: (tones). Two tones without bounds or step are
+// solved in constant time. `exposures` and `objectives`: (problems).
 enum class ExposureMethod { exact, closed_form, rounded, search };
 void best_exposures(std::span<const double> frequencies, std::span<const double> weights, ExposureMethod method,
                     const ExposureDomain& domain, std::size_t points, std::span<double> exposures,

@@ -1,4 +1,4 @@
-// The exposure time that keeps most of several tones above noise that grows with the exposure.
+// Exposure time that maximises the sum of several tones over noise that grows with the exposure.
 #pragma once
 
 #include <cstddef>
@@ -20,13 +20,13 @@ struct ExposureWindow {
 
 constexpr std::size_t max_weighted_tones = 32;
 
-// J(T) = Σ w_i·|sin(π f_i T)|/(π f_i) / sqrt(1 + T/T_n): eq. 18 over the noise, whose variance is that of reading plus
-// one that grows with the light collected; the two are equal at T_n (`noise_exposure`, s, > 0; infinity: eq. 18).
+// J(T) = Σ w_i·|sin(π f_i T)|/(π f_i) / sqrt(1 + T/T_n): eq. 18 over the noise. Its variance is read noise plus shot
+// noise proportional to the collected light; the two are equal at T_n (`noise_exposure`, s, > 0; infinity: eq. 18).
 double noisy_exposure_objective(std::span<const WeightedTone> tones, double noise_exposure, double exposure);
 
-// The global maximum of J over the window, to a relative 1e-12 of J, by branch and bound (docs/exposure.md); allocates
-// nothing. 1 to 32 tones, not all of weight 0; windows of more than a million lobes are refused, and a step without a
-// multiple in the window.
+// Global maximum of J over the window, to a relative 1e-12 of J, by branch and bound (docs/exposure.md); allocates no
+// memory. Requires 1 to 32 tones, not all of weight 0, at most a million lobes in the window, and at least one multiple
+// of the step in it.
 BestExposure best_noisy_exposure(std::span<const WeightedTone> tones, double noise_exposure,
                                  const ExposureWindow& window);
 
