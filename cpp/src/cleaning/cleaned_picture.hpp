@@ -1,4 +1,4 @@
-// A picture divided by the light that shares and rows leave in it: what light_share and refine_row_light compare.
+// A picture divided by its estimated light, as compared in light_share and refine_row_light.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace ocisac {
 
-// One frame divided by the light that the present shares leave in it.
+// One frame divided by f = 1 + q·P with the current shares q.
 struct Cleaned {
   std::vector<double> light;     // c = v/f
   std::vector<double> slope;     // g = P/f = −dc/dq / c

@@ -17,7 +17,7 @@ struct Step {
   double texture;  // τ, relative to the light
   double reach;    // pixels
 };
-// Wide at first, so that bands whose share is not known yet do not pass for edges.
+// Wide at first, so that bands with a wrong share are not taken for edges.
 constexpr std::array<Step, 13> plan{{{0.5, 48},
                                      {0.5, 48},
                                      {0.5, 48},
@@ -31,35 +31,35 @@ constexpr std::array<Step, 13> plan{{{0.5, 48},
                                      {0.05, 12},
                                      {0.05, 8},
                                      {0.05, 8}}};
-// Change of light that half ends a reach: for each row of the lag, as the fewer comparisons there are, the farther they
-// have to reach; between frames the lag does not count.
+// Relative change of light that halves the passage weight, per row of the lag: a larger lag gives fewer comparisons,
+// which need a wider reach. Between frames the lag does not matter.
 constexpr double edge_of_lag = 0.025, min_edge = 0.03, max_edge = 0.25, edge_of_frames = 0.15;
-constexpr double hold = 1000;                   // evidence with which a share holds to that of the step before
+constexpr double hold = 1000;                   // weight of the previous step's share
 constexpr double lags_of_reach = 2;             // at least
-constexpr double lags_of_guide = 4;             // along which edges of the columns are told from noise
-constexpr double edge_noise = 9;                // in variances, so that noise is no edge
-constexpr double texture_between_frames = 0.2;  // of that between rows: a still scene has none, but for small motion
+constexpr double lags_of_guide = 4;             // for the guide: edges of the columns against noise
+constexpr double edge_noise = 9;                // in variances: suppresses edges caused by noise
+constexpr double texture_between_frames = 0.2;  // relative to that between rows; due to small motion
 
-// Where a lamp's light ends, what it leaves out, the steady light c·(1 − q/q_max), goes on.
+// At the border of a lamp's light the steady light c·(1 − q/q_max) is continuous.
 constexpr int rounds_at_lamp_edges = 3;
 constexpr double texture_at_lamp_edges = 0.05, reach_of_steady = 12, edge_of_steady = 0.15;
-constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is added up
-constexpr double min_gain = 3;         // of log likelihood, before the other is taken
-constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // windows three times as wide each: 12 pixels each way
+constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is summed
+constexpr double min_gain = 3;         // min log-likelihood ratio to accept the other share
+constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // successive windows: 12 pixels each way in total
 
 constexpr std::size_t wide = 6;             // steps of the plan, at first
-constexpr std::size_t merged_at_first = 4;  // columns, for these
+constexpr std::size_t merged_at_first = 4;  // columns per sum in the wide steps
 constexpr int rounds_before_smooth = 2;     // at lamp edges
 constexpr int smooth_steps = 6;
 constexpr double smooth_texture = 0.05;
 
-// What one picture, cleaned with the present shares, says of them.
+// Evidence of one picture, cleaned with the current shares, for a change of them.
 struct Evidence {
   std::vector<double> pull;    // Σ weight·residual·slope
   std::vector<double> weight;  // Σ weight·slope²
 };
 
-// The comparison of two pixels of equal texture: the weight of one in the sum over pairs, and what it says of q.
+// Comparison of two pixels of equal texture: weight of the pair and its contribution to the gradient in q.
 struct Comparison {
   double pull, weight;
 };
@@ -93,7 +93,7 @@ void compare_frames(const Cleaned& one, const Cleaned& next, double texture, Evi
   }
 }
 
-// The frames cleaned and averaged by their certainty: `slope` is not used.
+// Sums of the cleaned frames with weights 1/variance; `slope` is not used.
 void add_to_guide(const Cleaned& frame, std::size_t first, std::size_t end, Cleaned& sums) {
   for (std::size_t i = first; i < end; ++i) {
     const double certainty = 1 / frame.variance[i];
@@ -109,7 +109,7 @@ void finish_guide(Cleaned& sums) {  // from sums to means
   }
 }
 
-// How much of what a pixel says holds for its neighbour `apart` pixels on.
+// Weight in [0, 1] with which the evidence of a pixel applies to the pixel `apart` further on.
 void passages(const Cleaned& guide, std::size_t apart, double reach, double edge, std::vector<double>& out) {
   const double decay = std::exp(-1 / reach);
   for (std::size_t a = 0; a + apart < out.size(); ++a) {
@@ -120,7 +120,7 @@ void passages(const Cleaned& guide, std::size_t apart, double reach, double edge
   }
 }
 
-// Means of neighbouring columns' pixels that tell something.
+// Means of the unsaturated pixels of neighbouring columns.
 void merge_columns(const BandedPicture& picture, std::span<double> light, std::span<double> variance) {
   const std::size_t lines = picture.frames * picture.rows, columns = light.size() / lines;
   for (std::size_t k = 0; k < light.size(); ++k) {
@@ -139,7 +139,7 @@ void merge_columns(const BandedPicture& picture, std::span<double> light, std::s
 
 class ShareEstimator {
  public:
-  // `merged`: columns of the picture in each of these.
+  // `merged`: number of columns of the picture per column of this one.
   ShareEstimator(const BandedPicture& picture, std::span<const double> row_light, std::size_t merged = 1)
       : picture_(picture),
         merged_(static_cast<double>(merged)),
@@ -166,7 +166,7 @@ class ShareEstimator {
     else
       wide_steps();
     for (std::size_t k = wide; k < plan.size(); ++k) step_of_each(plan[k]);
-    // frames of a still scene tell every pixel's share by itself
+    // several frames of a still scene determine the share of each pixel without this
     const int rounds = picture_.frames == 1 ? (smooth ? rounds_before_smooth : rounds_at_lamp_edges) : 0;
     for (int k = 0; k < rounds; ++k) step_at_lamp_edges();
     if (smooth) smooth_shares();
@@ -174,7 +174,7 @@ class ShareEstimator {
   }
 
  private:
-  // Row by row, while the rows to compare are near.
+  // Row by row, while the compared rows are in the cache.
   void gather(double texture, bool with_guide = true) {
     const std::size_t columns = picture_.columns;
     const auto clear = [&](std::vector<double>& values, std::size_t first) {
@@ -221,7 +221,7 @@ class ShareEstimator {
     for (std::size_t k = 0; k < wide; ++k) step_of_each(plan[k]);
   }
 
-  // The same of columns added up.
+  // wide_steps on sums of columns.
   void take_wide_steps(std::span<const double> row_light) {
     const std::size_t columns = (picture_.columns + merged_at_first - 1) / merged_at_first;
     std::vector<double> light(picture_.frames * picture_.rows * columns), variance(light.size());
@@ -242,7 +242,8 @@ class ShareEstimator {
     }
   }
 
-  // Another share for each pixel, as if steady light were that of the surroundings; taken where the picture says so.
+  // An alternative share for each pixel, from the steady light of its surroundings; accepted where the likelihood gain
+  // exceeds min_gain.
   void step_at_lamp_edges() {
     gather(texture_at_lamp_edges);
     finish_guide(guide_);
@@ -275,7 +276,7 @@ class ShareEstimator {
       if (evidence_.pull[i] > min_gain) share_[i] = other[i];
   }
 
-  // Between the least and the largest share within 12 pixels.
+  // Clamps values to the range of the shares within 12 pixels.
   void keep_in_range(std::vector<double>& values) {
     std::vector<double>& extreme = evidence_.pull;
     for (const bool least : {true, false}) {
@@ -289,7 +290,7 @@ class ShareEstimator {
     }
   }
 
-  // Of each value and those `step` rows (columns) before and after, or the first and the last.
+  // Minimum or maximum of each value and those `step` rows (columns) before and after; clamped at the borders.
   void take_extremes(std::size_t step, bool least, bool of_rows, std::vector<double>& values) {
     std::swap(now_.slope, values);
     const std::vector<double>& from = now_.slope;
@@ -306,7 +307,7 @@ class ShareEstimator {
     }
   }
 
-  // Log likelihood of pairs of rows with the other shares, less that with the present ones.
+  // Adds the log-likelihood ratio of the other shares over the current ones, from pairs of rows.
   void add_gains(const std::vector<double>& other) {
     const std::size_t columns = picture_.columns;
     for (std::size_t row = 0; row + lag_ < picture_.rows; ++row)
@@ -322,8 +323,8 @@ class ShareEstimator {
       }
   }
 
-  // Squared relative difference of two pixels of equal texture, divided by the light left in them; infinite: says
-  // nothing.
+  // Squared relative difference of two pixels of equal texture, divided by the light left in them; infinite: no
+  // information.
   double misfit(std::size_t a, double left_a, std::size_t b, double left_b) const {
     const double one = picture_.light[a] / left_a, two = picture_.light[b] / left_b, mean = 0.5 * (one + two);
     const double noise = picture_.variance[a] / (left_a * left_a) + picture_.variance[b] / (left_b * left_b);
@@ -336,7 +337,7 @@ class ShareEstimator {
     now_.variance = guide_.variance;
     finish_guide(now_);
     const double of_rows = std::max(reach, lags_of_reach * static_cast<double>(lag_));
-    if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not count
+    if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not matter
     passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), edge_, down_);
     spreader_.along_columns(down_, guide_.light);
     spreader_.along_columns(down_, guide_.variance);

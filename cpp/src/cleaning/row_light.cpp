@@ -12,9 +12,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};  // step by step, as in the plan
+constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};  // per step, decreasing as in the plan
 constexpr std::array<std::size_t, 5> lags{1, 2, 4, 8, 16};
-constexpr double evidence_of_columns = 0.1;  // neighbours hold the same texture
+constexpr double evidence_of_columns = 0.1;  // the texture of neighbouring columns is correlated
 constexpr double max_change = 0.5;           // of a row in one step
 constexpr std::size_t band = 17;             // diagonals of the normal equations
 
@@ -32,7 +32,7 @@ void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::siz
     if (!(mean > 0)) continue;
     const double spread =
         texture * texture * mean * mean + difference * difference + (frame.variance[i] + frame.variance[j]);
-    // slope holds q/f here: what a change of the row's light does to the logarithm of what is read
+    // slope is q/f here: d log(v)/dP
     const double left = mean * frame.slope[i], right = mean * frame.slope[j];
     aa += left * left / spread;
     bb += right * right / spread;
@@ -47,7 +47,7 @@ void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::siz
   equations.right[b] += pull_b;
 }
 
-// Solves by Cholesky's decomposition within the band; `equations.right` becomes the solution.
+// Band Cholesky solve; the solution replaces `equations.right`.
 void solve(RowEquations& equations, std::size_t rows) {
   std::vector<double>& h = equations.matrix;
   std::vector<double>& x = equations.right;
@@ -82,7 +82,7 @@ RowEquations row_equations(const BandedPicture& picture, std::span<const double>
   return equations;
 }
 
-// The change B·δ of the rows where (BᵀHB)·δ = Bᵀb; `basis`: B, (rows × terms).
+// Change B·δ of the rows with (BᵀHB)·δ = Bᵀb; `basis`: B, (rows × terms).
 std::vector<double> solve_in(std::span<const double> basis, const RowEquations& equations, std::size_t rows) {
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const auto terms = static_cast<Eigen::Index>(basis.size() / rows);
@@ -103,7 +103,7 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
   return {change.data(), change.data() + change.size()};
 }
 
-// Adds the odds that a row's light stays near where it started.
+// Adds a Gaussian prior of the given deviation about the start.
 void hold_to(std::span<const double> start, std::span<const double> light, double deviation, RowEquations& equations) {
   const double hold = 1 / (deviation * deviation);
   for (double& value : equations.matrix) value *= evidence_of_columns;
@@ -146,7 +146,7 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
     if (std::isfinite(model.deviation))
       hold_to(row_light, result.light, model.deviation, equations);
     else
-      for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * band] += 1e-4 * most;  // holds what no pair tells
+      for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * band] += 1e-4 * most;  // for rows without pairs
     solve(equations, rows);
     for (std::size_t n = 0; n < rows; ++n)
       result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -max_change, max_change));

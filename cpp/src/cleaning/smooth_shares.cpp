@@ -10,16 +10,16 @@ namespace ocisac {
 
 namespace {
 
-constexpr double variation = 40;       // λ, in log likelihood: as much as 20 pixels say of 1 of share
-constexpr double min_slope = 1e-3;     // ε, per pixel
-constexpr std::size_t block = 8;       // pixels of one trend
-constexpr double reach_of_trend = 40;  // pixels
-constexpr double min_weight = 1e-3;    // holds what no pixel tells
-constexpr std::array<int, 4> iterations{4, 12, 20, 40};  // of each level; the coarsest takes the last
+constexpr double variation = 40;  // λ, in log likelihood: equals the evidence of 20 pixels for a change of 1 in share
+constexpr double min_slope = 1e-3;                       // ε, per pixel
+constexpr std::size_t block = 8;                         // side of a block with one trend, pixels
+constexpr double reach_of_trend = 40;                    // pixels
+constexpr double min_weight = 1e-3;                      // regularises pixels without evidence
+constexpr std::array<int, 4> iterations{4, 12, 20, 40};  // per level, from the finest; last value for the coarsest
 constexpr std::size_t min_side = 8;                      // of a level that is reduced further
 
 double scalar_product(const double* a, const double* b, std::size_t count) {
-  std::array<double, 4> sums{};  // independent, so that none waits for the last
+  std::array<double, 4> sums{};  // independent sums avoid a dependency chain
   std::size_t i = 0;
   for (; i + 4 <= count; i += 4)
     for (std::size_t k = 0; k < 4; ++k) sums[k] += a[i + k] * b[i + k];
@@ -62,13 +62,13 @@ void ShareSmoother::Level::invert_diagonal() {
   }
 }
 
-// One row of what the equations make of x.
+// One row of the product of the matrix and x.
 void ShareSmoother::Level::apply(const std::vector<double>& x, std::size_t row, std::vector<double>& out) const {
   const std::size_t first = row * columns, above = row > 0 ? columns : 0, below = row + 1 < rows ? columns : 0;
   const double* here = &x[first];
   const double* up = here - above;
   const double* under = here + below;
-  const double* from_up = &down[first] - above;  // in the first row times 0, as up is the row itself
+  const double* from_up = &down[first] - above;  // in the first row this term has weight 0
   const double* to_under = &down[first];
   const double* beside = &across[first];
   const double* held = &weight[first];
@@ -177,7 +177,7 @@ void ShareSmoother::couple(std::span<const double> share) {
   }
 }
 
-// Mean slopes, each counting as much as it is coupled, which makes their median of it.
+// Mean slopes weighted by the coupling, which makes them medians.
 void ShareSmoother::find_trend(std::span<const double> share) {
   const Level& level = levels_.front();
   const auto find = [&](const std::vector<double>& coupling, std::size_t next, std::vector<double>& trend) {
@@ -196,7 +196,7 @@ void ShareSmoother::find_trend(std::span<const double> share) {
   find(level.across, 1, trend_.across);
 }
 
-// pull + the divergence of coupling·(∇q − t).
+// Right-hand side: pull + div(coupling·(∇q − t)).
 void ShareSmoother::find_right(std::span<const double> pull, std::span<const double> share) {
   Level& level = levels_.front();
   const std::size_t columns = level.columns;

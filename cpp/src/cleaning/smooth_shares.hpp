@@ -1,4 +1,4 @@
-// Shares as smooth as the picture allows: edges of the picture are mostly edges of what is lit, not of the light on it.
+// Edge-preserving smoothing of the shares: most edges of the picture are edges of the objects, not of the light.
 #pragma once
 
 #include <cstddef>
@@ -9,38 +9,39 @@
 
 namespace ocisac {
 
-// Lowers ½·Σ weight·x² − Σ pull·x + λ·Σ √(ε² + |∇(q + x) − t|²) over changes x of the shares q: their total variation
+// Reduces ½·Σ weight·x² − Σ pull·x + λ·Σ √(ε² + |∇(q + x) − t|²) over changes x of the shares q: their total variation
 // about a trend t, the median slope within 40 pixels, so that slopes cost nothing and edges little. Each step is one of
-// iteratively reweighted least squares, its equations solved by conjugate gradients on the picture reduced 8, 4 and 2
-// times (blocks of pixels that change together) and, from there, on its pixels.
+// iteratively reweighted least squares. Conjugate gradients solve its equations from coarse to fine, on the picture
+// reduced 8, 4 and 2 times and then on its pixels.
 class ShareSmoother {
  public:
   ShareSmoother(std::size_t rows, std::size_t columns);
 
-  // Adds x to `share`. `pull`, `weight`: what every pixel says, (rows × columns).
+  // Adds x to `share`. `pull`, `weight`: evidence of each pixel, (rows × columns).
   void step(std::span<const double> pull, std::span<const double> weight, std::span<double> share);
 
  private:
-  // weight·x + Σ over neighbours of coupling·(x − their x) = right.
+  // System: weight·x_i + Σ_j coupling_ij·(x_i − x_j) = right over the neighbours j.
   struct Level {
     std::size_t rows, columns;
     std::vector<double> weight, down, across;  // couplings to the next row and column, 0 where there is none
-    std::vector<double> right;                 // becomes the residual
+    std::vector<double> right;                 // right-hand side, then the residual
     std::vector<double> change;                // x
     std::vector<double> direction, product, inverse;
 
     Level(std::size_t rows_of, std::size_t columns_of);
     std::size_t size() const { return rows * columns; }
-    void take_from(const Level& finer);     // sums of 2 × 2 pixels
-    void start_from(const Level& coarser);  // its change for each of them
+    void take_from(const Level& finer);     // sums over 2 × 2 pixels
+    void start_from(const Level& coarser);  // start value: the change of the coarser pixel
     void solve(int iterations);
     void invert_diagonal();
     void apply(const std::vector<double>& x, std::size_t row, std::vector<double>& out) const;
-    double multiply(double keep);  // direction = residual/diagonal + keep·direction; product; their scalar product
-    double advance(double step);   // along the direction; size of the residual
+    double multiply(double keep);  // direction = residual/diagonal + keep·direction; product = matrix·direction;
+                                   // returns their scalar product
+    double advance(double step);   // along the direction; returns the size of the residual
   };
 
-  // Of the shares, per pixel, in blocks of pixels.
+  // Slopes of the shares per pixel, by blocks.
   struct Trend {
     std::vector<double> down, across;
   };
@@ -53,7 +54,7 @@ class ShareSmoother {
 
   std::size_t block_rows_, block_columns_;
   Spreader blocks_;
-  std::vector<double> passages_;  // of all blocks alike
+  std::vector<double> passages_;  // equal for all blocks
   Trend trend_;
   std::vector<Level> levels_;  // the finest first
 };

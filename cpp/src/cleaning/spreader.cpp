@@ -9,9 +9,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t together = 8;  // rows: independent chains, so that none waits for the last product
+constexpr std::size_t together = 8;  // rows: independent chains hide the latency of the products
 
-// Along `count` rows; `back`: (columns × count) for what comes from behind.
+// Both directions along `count` rows; `back`: (columns × count), sums from the right.
 template <std::size_t count>
 void along_rows(const double* across, std::size_t columns, double* values, double* back) {
   std::array<double, count> sum{};
@@ -55,7 +55,7 @@ void Spreader::all_around(const std::vector<double>& down, const std::vector<dou
   add_from_below(down, values);
 }
 
-// Into `back_`, without the pixels themselves.
+// Writes the sums from below into `back_`, without the pixel itself.
 void Spreader::sum_from_below(const std::vector<double>& down, const std::vector<double>& values) {
   std::fill(back_.end() - static_cast<std::ptrdiff_t>(columns_), back_.end(), 0);
   for (std::size_t row = rows_ - 1; row-- > 0;) {
@@ -67,7 +67,7 @@ void Spreader::sum_from_below(const std::vector<double>& down, const std::vector
   }
 }
 
-// What comes from above goes on to the next row; what came from below is added.
+// Adds the sum from above to the next row, and the stored sum from below.
 void Spreader::add_columns(const std::vector<double>& down, std::size_t row, std::vector<double>& values) const {
   if (row + 1 == rows_) return;
   const double* passage = &down[row * columns_];
@@ -80,7 +80,7 @@ void Spreader::add_columns(const std::vector<double>& down, std::size_t row, std
   }
 }
 
-// Into `back_`, without the pixels themselves, once the row above has its own.
+// Writes the sum from above into `back_`, without the pixel itself; needs that of the row above.
 void Spreader::sum_from_above(const std::vector<double>& down, std::size_t row, const std::vector<double>& values) {
   double* sum = &back_[row * columns_];
   if (row == 0) {

@@ -1,4 +1,4 @@
-// What pixels say, spread over their surroundings.
+// Weighted sums of pixel values over their surroundings.
 #pragma once
 
 #include <cstddef>
@@ -6,8 +6,8 @@
 
 namespace ocisac {
 
-// Sums over columns and rows of a picture, each value times the product of the passages between. `down`, `across`:
-// (rows × columns) from each pixel to the next row and column; the last ones are not used.
+// Sums over columns and rows of a picture; each value is weighted with the product of the passages on the way. `down`,
+// `across`: (rows × columns), passage from each pixel to the next row and column; the last ones are not used.
 class Spreader {
  public:
   Spreader(std::size_t rows, std::size_t columns);
@@ -26,7 +26,7 @@ class Spreader {
                         std::vector<double>& values);
 
   std::size_t rows_, columns_;
-  std::vector<double> back_;  // of a picture
+  std::vector<double> back_;  // one picture
   std::vector<double> lines_;
 };
 

@@ -1,8 +1,8 @@
-// The share of a modulated light in every pixel of a picture, and the light of every row, told apart from texture.
+// Separation of a modulated light from the texture of a picture: its share in every pixel and the light of every row.
 //
-// A pixel reads v = c·(1 + q·P_n): c what it would read had the light shone steadily, q the light's share of it, P_n
-// the row light less its mean of 1. Of two rows of one column, v/(1 + q·P) differ by texture alone; texture is mostly
-// little and now and then an edge, so q (or P) is where the sum of log(τ² + difference²) is least.
+// Model: v = c·(1 + q·P_n), with c the pixel value under steady light, q the light's share of it, and P_n the row light
+// minus its mean of 1. Between two rows of one column, v/(1 + q·P) differs by texture only. Texture is mostly small
+// with occasional edges, so q (or P) minimises the sum of log(τ² + difference²).
 #pragma once
 
 #include <cstddef>
@@ -15,43 +15,44 @@ namespace ocisac {
 // Linear light of one or several frames of a still scene, dense, C order (frames × rows × columns).
 struct BandedPicture {
   std::span<const double> light;     // above dark
-  std::span<const double> variance;  // of its noise, > 0; infinite where a pixel tells nothing (saturated)
+  std::span<const double> variance;  // noise variance, > 0; infinite where a pixel carries no information (saturated)
   std::size_t frames = 1, rows = 0, columns = 0;
 };
 
-// 1 + q·P is kept above this: what is left of a pixel's light in a darker row is no measure of it.
+// Lower bound of 1 + q·P: in darker rows the remaining light of a pixel is no reliable measure.
 constexpr double min_light = 0.05;
 
-// Rows apart at which the light changes most for the texture in between: where its mean squared change first reaches
-// 0.7 of its variance. `row_light`: (frames × rows).
+// Row lag that maximises the change of the light relative to the texture in between: the first at which the mean
+// squared change reaches 0.7 of the variance. `row_light`: (frames × rows).
 std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows);
 
-// Share of the light in every pixel (rows × columns), 0 to the largest at which no row is darker than dark.
+// Share of the light in every pixel (rows × columns), between 0 and the largest for which every row light stays >= 0.
 //
-// Iteratively reweighted least squares over pairs of pixels `comparison_lag` rows apart, and of the same pixel in
-// neighbouring frames; a pixel's share is that of its surroundings, within a reach that shrinks from 48 to 8 pixels
-// (at least 2 lags) and ends at the edges of the picture as cleaned so far. Then, for one frame, shares that go on with
-// the steady light around, as where a lamp's light ends, are tried against it. `smooth`: the widest steps are taken on
-// columns added up by fours, and at last the shares' total variation about slow slopes is lowered, across the edges of
-// the picture, as far as the pairs of pixels allow (for means over columns the steps before will do).
-// row_light: (frames × rows), finite, >= 0, mean about 1. Time in proportion to the pixels; 22 buffers of their size.
+// Iteratively reweighted least squares over pairs of pixels `comparison_lag` rows apart, and over the same pixel in
+// neighbouring frames. Each estimate is averaged over its surroundings; the reach decreases from 48 to 8 pixels (at
+// least 2 lags), and edges of the cleaned picture limit it. For one frame, an alternative share that continues the
+// surrounding steady light, as at the border of a lamp's light, then replaces the estimate where its likelihood is
+// higher. `smooth`: the widest steps run on sums of 4 columns, and a last stage reduces the shares' total variation
+// about slow slopes, subject to the pairs of pixels. Means over columns do not need this stage.
+// row_light: (frames × rows), finite, >= 0, mean about 1. Run time is proportional to the pixels; memory: 22 buffers of
+// their size.
 std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth = true);
 
 struct RowLight {
   std::vector<double> light;        // (rows)
-  std::vector<double> information;  // (rows) inverse of the variance of each, were the others known
+  std::vector<double> information;  // (rows) inverse variance of each, given the others
 };
 
-// What is known of the row light beforehand.
+// Prior of the row light.
 struct RowModel {
-  std::span<const double> basis;  // (rows × terms): it differs from where it starts by a sum of these; empty: anyhow
-  double deviation =
-      std::numeric_limits<double>::infinity();  // of a row from where it starts, standard deviation; above 0
+  // (rows × terms): the change from the start is a linear combination of these; empty: unconstrained.
+  std::span<const double> basis;
+  double deviation = std::numeric_limits<double>::infinity();  // standard deviation of a row from its start; > 0
 };
 
-// The row light of one frame by `steps` Gauss–Newton steps from `row_light` on pairs of rows 1, 2, 4, 8 and 16 apart
-// over all columns; `share`: (rows × columns). What changes slower than that is left as it was, where no basis tells
-// it. With a deviation, what the picture says counts a tenth: neighbouring columns hold much the same texture.
+// Row light of one frame by `steps` Gauss–Newton steps from `row_light` on pairs of rows 1, 2, 4, 8 and 16 apart, over
+// all columns; `share`: (rows × columns). Without a basis, slower changes keep their start values. With a deviation,
+// the evidence of the picture has weight 1/10, because the texture of neighbouring columns is correlated.
 RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
                           std::span<const double> row_light, int steps = 6, const RowModel& model = {});
 
