@@ -18,7 +18,7 @@
 struct ocisac_receiver {
   ocisac::Receiver receiver;
   double row_time;
-  std::vector<ocisac::Region> regions;  // the one given, or none
+  std::vector<ocisac::Region> regions;  // the given one, or empty
   ocisac::LightFrame latest{};
   bool polled = true;
   std::optional<std::array<std::int64_t, 3>> kind{};  // width, height and format of the first frame
@@ -36,7 +36,7 @@ void remember(const char* message) {
   last_error[length] = '\0';
 }
 
-// Runs the body; exceptions become codes.
+// Runs the body and converts exceptions to error codes.
 template <class Body>
 int guarded(Body body) noexcept {
   try {
@@ -53,7 +53,7 @@ int guarded(Body body) noexcept {
   }
 }
 
-// What the program knows of a struct, over the defaults of what it does not.
+// The fields known to the calling program; defaults for the others.
 template <class Struct>
 Struct completed(const Struct* given, Struct defaults, const char* name) {
   ocisac::require(given != nullptr, name, "NULL", "a struct");
@@ -78,7 +78,7 @@ const char* line_code_name(std::int32_t code) {
   return names[static_cast<std::size_t>(code)];
 }
 
-// The strongest light.
+// Options that receive the strongest light only.
 ocisac::ReceiverOptions receiver_options(const ocisac_options& options) {
   ocisac::ReceiverOptions result{.light = {}, .regions = {}, .max_sources = 1};
   ocisac::require(options.waveform == OCISAC_TONE || options.waveform == OCISAC_SQUARE, "waveform", options.waveform,
