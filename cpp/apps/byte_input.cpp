@@ -15,7 +15,7 @@ namespace ocisac::apps {
 
 namespace {
 
-constexpr int kPipeBytes = 1 << 20;  // fewer turns between the two ends of a pipe
+constexpr int kPipeBytes = 1 << 20;  // larger pipe: fewer switches between writer and reader
 
 }  // namespace
 
@@ -24,7 +24,7 @@ ByteInput::ByteInput(const std::string& path)
       owned_(path != "-") {
   require(descriptor_ >= 0, "input", path, "a file that can be read, or -");
 #ifdef F_SETPIPE_SZ
-  ::fcntl(descriptor_, F_SETPIPE_SZ, kPipeBytes);  // where it is no pipe, or not allowed, all goes on without
+  ::fcntl(descriptor_, F_SETPIPE_SZ, kPipeBytes);  // fails harmlessly where it is no pipe or not allowed
 #endif
 }
 
@@ -32,7 +32,7 @@ ByteInput::~ByteInput() {
   if (owned_) ::close(descriptor_);
 }
 
-// Until there is something to read, or the end; false where the program was told to stop.
+// Waits for input or its end; returns false on a stop signal.
 bool ByteInput::wait() const {
   for (;;) {
     std::array<pollfd, 2> waiting{{{descriptor_, POLLIN, 0}, {stop_descriptor(), POLLIN, 0}}};

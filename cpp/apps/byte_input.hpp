@@ -1,4 +1,4 @@
-// Bytes of a file, a FIFO or standard input, with a wait that signals end.
+// Bytes of a file, a FIFO or standard input; signals end the wait.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +10,14 @@ namespace ocisac::apps {
 
 class ByteInput {
  public:
-  // "-": standard input. Refused (std::invalid_argument): what cannot be opened. A FIFO is opened without waiting.
+  // "-": standard input. Throws std::invalid_argument where the file cannot be opened. A FIFO is opened without
+  // waiting.
   explicit ByteInput(const std::string& path);
   ~ByteInput();
   ByteInput(const ByteInput&) = delete;
   ByteInput& operator=(const ByteInput&) = delete;
 
-  // Fills `bytes` as far as the input goes; less where it ended or the program was told to stop. Throws
-  // std::system_error where reading fails.
+  // Fills `bytes`; fewer at the end of the input or on a stop signal. Throws std::system_error where reading fails.
   std::size_t read(std::span<std::uint8_t> bytes);
 
  private:

@@ -11,9 +11,9 @@ namespace ocisac::apps {
 
 namespace {
 
-// Looked through for the beginning of the next frame, where one is lost.
+// Bytes searched at a time for the beginning of the next frame after a torn one.
 constexpr std::size_t kSearchStep = 1 << 16;
-// At the end of a frame, that make it look as if the next one began there.
+// Fewest bytes at the end of a frame that count as the beginning of the next one.
 constexpr std::size_t kFewestMarkerBytes = 3;
 
 std::size_t find(std::string_view text, std::string_view wanted) {
@@ -37,7 +37,7 @@ FrameReader::FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::fu
   recognise(raw);
 }
 
-// At least `bytes` of what comes next in one piece, fewer only at the end.
+// At least `bytes` of the coming input in one piece; fewer only at the end.
 std::string_view FrameReader::ahead(std::size_t bytes) {
   if (end_ - begin_ < bytes) {
     std::memmove(buffer_.data.get(), buffer_.data.get() + begin_, end_ - begin_);
@@ -76,7 +76,7 @@ void FrameReader::recognise(const std::optional<FrameLayout>& raw) {
   buffer_.grow(header_->layout.bytes + kLongestHeader, end_);
 }
 
-// Bytes of the header of the frame that comes next; 0 where there is none.
+// Size in bytes of the next frame's header; 0 if there is none.
 std::size_t FrameReader::frame_header() {
   if (kind_ == Kind::pgm) {
     const auto text = ahead(pgm_header_.size());
@@ -96,7 +96,7 @@ void FrameReader::tear(const std::string& what) {
   told_("frame " + std::to_string(count_++) + " is torn: " + what + "; left out");
 }
 
-// Goes to the beginning of the pixels of the next frame; false at the end. Bytes that are none count as a torn frame.
+// Advances to the pixels of the next frame; false at the end. Skipped bytes count as a torn frame.
 bool FrameReader::find_frame() {
   if (kind_ == Kind::raw) return !ahead(1).empty();
   const std::string_view marker = kind_ == Kind::y4m ? kY4mFrame : std::string_view(pgm_header_);
@@ -118,14 +118,14 @@ bool FrameReader::find_frame() {
   return false;
 }
 
-// Where the header of another frame stands among the `bytes` of this one, which then was cut short. Only where the
-// last few bytes look like its beginning, what follows is waited for.
+// Position of another frame's header within the `bytes` of this frame, which then was cut short. Waits for more input
+// only if the last few bytes match the beginning of a header.
 std::optional<std::size_t> FrameReader::cut_at(std::size_t bytes) {
   if (kind_ == Kind::raw) return std::nullopt;
   const std::string_view marker = kind_ == Kind::y4m ? "FRAME\n" : std::string_view(pgm_header_);
   const auto frame = ahead(bytes);
   if (const auto at = find(frame, marker); at != frame.npos) return at;
-  if (frame.size() < bytes) return std::nullopt;  // the end: nothing follows that could complete a header
+  if (frame.size() < bytes) return std::nullopt;  // at the end no header can be completed
   for (std::size_t seen = std::min(marker.size(), bytes + 1) - 1; seen >= kFewestMarkerBytes; --seen) {
     if (!ahead(bytes).ends_with(marker.substr(0, seen))) continue;
     const std::size_t at = bytes - seen;

@@ -1,4 +1,4 @@
-// Frames out of a stream of bytes: raw, YUV4MPEG2 or PGM; torn ones told and left out.
+// Frames from a stream of bytes: raw, YUV4MPEG2 or PGM; torn frames are reported and skipped.
 #pragma once
 
 #include <cstddef>
@@ -14,34 +14,34 @@
 
 namespace ocisac::apps {
 
-// Memory whose pages count only once bytes have come into them: a header may announce frames that never come.
+// Uninitialised memory: pages that a header announces but no bytes fill stay unused.
 struct Bytes {
   std::unique_ptr<std::uint8_t[]> data;
   std::size_t size = 0;
 
-  // Grows it and keeps the first `kept` bytes.
+  // Grows the memory and keeps the first `kept` bytes.
   void grow(std::size_t bytes, std::size_t kept);
 };
 
-// Where bytes come from: fills as much as there is, less at the end.
+// Source of bytes: fills the span; fewer bytes at the end.
 using ReadBytes = std::function<std::size_t(std::span<std::uint8_t>)>;
 
-// A whole frame. Its bytes stay until the next one is asked for.
+// A whole frame. Its bytes are valid until the next call of next().
 struct Frame {
-  std::size_t number = 0;  // place in the stream, torn frames counted
+  std::size_t number = 0;  // position in the stream, torn frames included
   std::span<const std::uint8_t> bytes;
 };
 
 class FrameReader {
  public:
-  // `raw`: the layout of raw frames; absent, the stream must be one that tells its own. `told`: called for every torn
-  // frame with a line that says what is wrong.
+  // `raw`: the layout of raw frames; absent: the stream has headers. `told`: called with a message for every torn
+  // frame.
   FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::function<void(const std::string&)> told);
 
-  // What the stream holds; nothing where it is empty. Refused: a stream that is none of those known.
+  // Header of the stream; absent where the stream is empty. Throws for a stream of unknown format.
   const std::optional<StreamHeader>& header() const { return header_; }
 
-  // The next whole frame, nothing at the end.
+  // The next whole frame; absent at the end.
   std::optional<Frame> next();
 
   [[nodiscard]] std::size_t torn() const { return torn_; }
@@ -50,7 +50,7 @@ class FrameReader {
   enum class Kind { raw, y4m, pgm };
 
   void recognise(const std::optional<FrameLayout>& raw);
-  std::string_view ahead(std::size_t bytes);  // at least so many of what comes next, fewer at the end
+  std::string_view ahead(std::size_t bytes);  // at least so many bytes of the coming input, fewer at the end
   void skip(std::size_t bytes);
   bool find_frame();
   std::size_t frame_header();
@@ -61,8 +61,8 @@ class FrameReader {
   std::function<void(const std::string&)> told_;
   Kind kind_ = Kind::raw;
   std::optional<StreamHeader> header_;
-  std::string pgm_header_;  // every picture of a sequence has the same
-  Bytes buffer_;            // [begin_, end_) is ahead
+  std::string pgm_header_;  // equal for every picture of a sequence
+  Bytes buffer_;            // [begin_, end_): not yet consumed
   std::size_t begin_ = 0, end_ = 0;
   std::size_t count_ = 0, torn_ = 0;
 };

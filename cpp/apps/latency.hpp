@@ -1,4 +1,4 @@
-// Percentiles of many times in bounded memory.
+// Percentiles of many durations in bounded memory.
 #pragma once
 
 #include <array>
@@ -7,13 +7,13 @@
 
 namespace ocisac::apps {
 
-// Counts in bins that grow by 1/32 of an octave, from 100 ns to 100 s; a percentile is good to 2.2 %, the largest
+// Histogram with bins of 1/32 octave from 100 ns to 100 s: percentiles are accurate to 2.2 %, the largest value is
 // exact.
 class Latency {
  public:
   void add(double seconds);
 
-  // The smallest time that `share` of all do not exceed, s, (0, 1]; NaN of none.
+  // The smallest time that at least `share` of all values do not exceed, s, `share` in (0, 1]; NaN without values.
   [[nodiscard]] double percentile(double share) const;
   [[nodiscard]] double largest() const { return largest_; }
   [[nodiscard]] double mean() const;

@@ -1,4 +1,5 @@
-// ocisac-rx: frames of a rolling-shutter camera in; gain, bits and payload of a light out, one JSON object a frame.
+// ocisac-rx: reads frames of a rolling-shutter camera and writes gain, bits and payload of its lights, one JSON object
+// per frame and light.
 #include <exception>
 #include <stdexcept>
 #include <string>

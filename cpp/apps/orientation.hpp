@@ -1,4 +1,4 @@
-// From the stored picture to rows in time order, and back.
+// Conversion between the stored picture and rows in time order.
 #pragma once
 
 #include "ocisac/core/views.hpp"
@@ -7,10 +7,10 @@
 
 namespace ocisac::apps {
 
-// A view with rows in time order, columns across.
+// A view with rows in time order.
 AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis);
 
-// A part of the stored picture of `width` × `height` in that view, and back. Both lie inside of the picture.
+// Conversion of a region between the stored picture of `width` × `height` and that view; it must lie inside.
 Region to_time_order(const StoredRegion& stored, ScanAxis axis, std::size_t width, std::size_t height);
 StoredRegion to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height);
 

@@ -18,15 +18,15 @@ namespace ocisac::apps {
 
 namespace {
 
-constexpr int kLastChance = 250;  // ms for a reader that is slow, once the program was told to stop
+constexpr int kLastChance = 250;  // ms allowed to a slow reader after a stop signal
 
-// Waits until the descriptor takes PIPE_BUF bytes without blocking; false where the program shall stop instead.
+// Waits until the descriptor accepts PIPE_BUF bytes without blocking; false if the program must stop.
 bool wait_for_room(int descriptor) {
   for (;;) {
     const bool stopping = stop_requested();
     std::array<pollfd, 2> waiting{{{descriptor, POLLOUT, 0}, {stopping ? -1 : stop_descriptor(), POLLIN, 0}}};
     const int ready = ::poll(waiting.data(), waiting.size(), stopping ? kLastChance : -1);
-    if (ready > 0 && waiting[0].revents != 0) return true;  // errors as well: the write reports them
+    if (ready > 0 && waiting[0].revents != 0) return true;  // also for errors, which the write reports
     if (ready == 0) return false;
     if (ready < 0 && errno != EINTR) throw std::system_error(errno, std::generic_category(), "output");
   }
@@ -61,7 +61,7 @@ void open_standard_descriptors() {
 bool write_all(int descriptor, std::string_view text) {
   while (!text.empty()) {
     if (!wait_for_room(descriptor)) return false;
-    // A write of more could block although there is room, and would not hear of a signal that came just before.
+    // A longer write could block in spite of the poll, and would miss a signal that came just before.
     const auto written = ::write(descriptor, text.data(), std::min<std::size_t>(text.size(), PIPE_BUF));
     if (written >= 0)
       text.remove_prefix(static_cast<std::size_t>(written));

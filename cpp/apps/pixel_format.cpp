@@ -39,7 +39,7 @@ std::size_t row_bytes(PixelFormat format, std::size_t width) {
   }
 }
 
-// Bytes of both planes of chroma together, each of half the rows.
+// Size of both chroma planes in bytes, each of half the rows.
 std::size_t chroma_bytes(PixelFormat format, std::size_t height, std::size_t stride) {
   const bool planes = format == PixelFormat::yuv420p || format == PixelFormat::nv12;
   return planes ? (height + 1) / 2 * ((stride + 1) / 2) * 2 : 0;
@@ -118,7 +118,7 @@ GrayPicture::GrayPicture(const FrameLayout& layout) : layout_(layout) {}
 AnyFramesView GrayPicture::view(std::span<const std::uint8_t> frame, const StoredRegion& region) {
   require(frame.size() >= layout_.bytes, "frame", frame.size(), std::to_string(layout_.bytes) + " bytes");
   if (is_unpacked(layout_.format)) {
-    unpacked_.resize(layout_.width * layout_.height);  // with the first frame: a header alone takes no memory
+    unpacked_.resize(layout_.width * layout_.height);  // allocated with the first frame: a header alone uses no memory
     for (std::size_t y = region.y; y < region.y + region.height; ++y) {
       const std::uint8_t* row = frame.data() + y * layout_.stride;
       std::uint16_t* out = unpacked_.data() + y * layout_.width;

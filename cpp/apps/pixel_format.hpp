@@ -1,4 +1,4 @@
-// How the pixels of a raw frame lie in memory, and the grey picture in it.
+// Memory layout of raw frames and their grey picture.
 #pragma once
 
 #include <cstddef>
@@ -14,37 +14,37 @@ namespace ocisac::apps {
 
 enum class PixelFormat {
   gray8,
-  gray10le,  // 16 bits a pixel, little-endian, as the next two
+  gray10le,  // 16 bits a pixel, little-endian, like the next two
   gray12le,
   gray16le,
   gray16be,
   gray10p,  // MIPI CSI-2 RAW10: four pixels in five bytes, the low bits of all four in the last
   gray12p,  // MIPI CSI-2 RAW12: two pixels in three bytes, the low bits of both in the last
-  yuv420p,  // planes of luma and twice a quarter of chroma, which are left alone
+  yuv420p,  // planes of luma and of twice a quarter of chroma, which is ignored
   nv12,
   yuyv,  // luma in every second byte
 };
 
-// Its name on the command line; nothing for a name that is none.
+// Format with this name on the command line; absent for an unknown name.
 std::optional<PixelFormat> pixel_format(std::string_view name);
-// All names with commas.
+// All names, separated by commas.
 std::string_view pixel_format_names();
 
 // Largest value of a pixel: 255, 1023, 4095 or 65535.
 double largest_value(PixelFormat format);
 
-// Where the rows of a frame lie.
+// Memory layout of the rows of a frame.
 struct FrameLayout {
   PixelFormat format = PixelFormat::gray8;
   std::size_t width = 0, height = 0;
   std::size_t stride = 0;  // bytes from row to row of the luma
-  std::size_t bytes = 0;   // of a whole frame
+  std::size_t bytes = 0;   // size of a frame
 };
 
-// Refused (std::invalid_argument): frames of more than 2^30 bytes.
+// Throws std::invalid_argument for frames of more than 2^30 bytes.
 void check_size(const FrameLayout& layout);
 
-// A raw frame; `stride`: bytes from row to row, 0 where rows are dense (else of every plane; chroma's is half of it).
+// Layout of a raw frame; `stride`: bytes from row to row, 0 for dense rows (else that of luma; chroma's is half of it).
 FrameLayout raw_layout(PixelFormat format, std::size_t width, std::size_t height, std::size_t stride = 0);
 
 // Part of a picture, in stored pixels.
@@ -53,12 +53,12 @@ struct StoredRegion {
   bool operator==(const StoredRegion&) const = default;
 };
 
-// The grey picture of a frame: a view of the frame itself where its pixels lie as numbers, else of what is unpacked.
+// The grey picture of a frame: a view of the frame where its pixels are plain numbers, else of an unpacked copy.
 class GrayPicture {
  public:
   explicit GrayPicture(const FrameLayout& layout);
 
-  // Of `layout.bytes` bytes, which must stay; of the pixels outside of `region` no value is promised.
+  // `frame`: `layout.bytes` bytes that outlive the view. Pixels outside of `region` are undefined.
   AnyFramesView view(std::span<const std::uint8_t> frame, const StoredRegion& region);
 
  private:

@@ -16,8 +16,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Bytes that were resident at most. What getrusage tells starts with what the program that started this one had, so it
-// stands in only where there is no /proc.
+// Peak resident memory. getrusage includes that of the parent process before exec, so it is the fallback where /proc is
+// missing.
 long peak_memory() {
   std::array<char, 4096> status{};
   const int file = ::open("/proc/self/status", O_RDONLY | O_CLOEXEC);

@@ -12,25 +12,25 @@
 
 namespace ocisac::apps {
 
-// What happened to all frames.
+// Totals over all frames.
 struct Totals {
-  std::size_t frames = 0;     // whole ones
-  std::size_t torn = 0;       // left out
-  std::size_t with_data = 0;  // in which chips were detected
-  std::size_t bits = 0;       // of these
+  std::size_t frames = 0;     // complete
+  std::size_t torn = 0;       // skipped
+  std::size_t with_data = 0;  // with detected chips
+  std::size_t bits = 0;       // in these frames
   std::size_t payloads = 0;
   std::size_t payload_bytes = 0;
-  std::size_t searches = 0;  // for the light
+  std::size_t searches = 0;  // number of searches for lights
   double seconds = 0;        // from the first frame to the end
 };
 
 // The line of a frame and light, with the keys of `ocisac receive --packets --json`. Numbers are the shortest text that
-// reads back as the same, null where they are not finite; bytes that are no UTF-8 become U+FFFD. `region`: in stored
-// pixels. `rows`: of the picture.
+// parses to the same value, null where not finite; bytes that are not UTF-8 become U+FFFD. `region`: in stored pixels.
+// `rows`: of the picture.
 std::string light_line(const LightFrame& light, const StoredRegion& region, std::size_t rows, const Camera& camera);
 std::string totals_line(const Totals& totals);
-// Times in s. `computing`: from a frame's last byte to the end of its line; `first_frame`: the same of the first, with
-// the search for lights; `ready`: from the start of the program until it waits for frames.
+// Times in s. `computing`: from a frame's last byte to the end of its line; `first_frame`: the same for the first
+// frame, which includes the search for lights; `ready`: from the start of the program until it waits for frames.
 struct Stats {
   Latency computing;
   double first_frame = 0, ready = 0;

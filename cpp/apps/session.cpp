@@ -21,7 +21,7 @@ namespace ocisac::apps {
 
 namespace {
 
-// The camera, as the stream itself tells where the options do not.
+// Camera from the options, completed by the stream's header.
 Camera camera_of(const Settings& settings, const StreamHeader& header) {
   Camera camera = settings.camera;
   camera.tone_curve.dark_level = settings.dark_level.value_or(header.dark_level);
@@ -74,7 +74,7 @@ class Session {
         picture_(header.layout),
         receiver_(camera_, receiver_options(settings, header.layout, unpacked_)) {}
 
-  // False where nobody reads any more.
+  // Returns false after the reader of the output has gone.
   bool take(const Frame& frame) {
     const double began = seconds_now();
     if (totals_.frames == 0) first_ = began;

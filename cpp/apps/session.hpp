@@ -1,22 +1,22 @@
-// A run of ocisac-rx: frames in, lines out.
+// A run of ocisac-rx, from frames to lines of output.
 #pragma once
 
 #include "settings.hpp"
 
 namespace ocisac::apps {
 
-// How the program ends.
+// Exit codes of the program.
 enum ExitCode : int {
-  kDone = 0,       // the input ended, the reader of the output went, or a signal came
+  kDone = 0,       // the input ended, the reader of the output closed it, or a signal came
   kFailed = 1,     // reading or writing failed
-  kRefused = 2,    // options or input without meaning
-  kNoPayload = 3,  // --payload, and none came whole
+  kRefused = 2,    // invalid options or input
+  kNoPayload = 3,  // --payload, and none was complete
 };
 
-// `began`: when the program did, s of a steady clock.
+// `began`: start of the program, s of a steady clock.
 ExitCode run(const Settings& settings, double began);
 
-// Of a steady clock.
+// Time of a steady clock, s.
 double seconds_now();
 
 }  // namespace ocisac::apps

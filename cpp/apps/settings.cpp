@@ -20,7 +20,7 @@ namespace {
 const std::map<std::string, double> kTimeUnits{{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"MHz", 1e6}};
 
-// Options as they are written, before they are looked at together.
+// Options as text, before they are combined.
 struct Written {
   std::string size, format = "gray8", region, tone_curve = "linear", line_code = "manchester";
   ChipOptions data;
@@ -30,7 +30,7 @@ struct Written {
   bool lengthened = false, no_bits = false, no_gain = false, version = false;
 };
 
-// `count` whole numbers up to kMaxSide with a separator between; empty for any other text.
+// `count` whole numbers up to kMaxSide, separated by `separator`; empty for any other text.
 std::vector<std::size_t> parse_pixels(std::string_view text, char separator, std::size_t count) {
   std::vector<std::size_t> numbers;
   for (bool more = true; more;) {
@@ -72,7 +72,7 @@ auto one_of(const std::map<std::string, Value>& values) {
   return CLI::CheckedTransformer(values);
 }
 
-// CLI11 wraps a minus sign before a count.
+// A plain CLI11 integer would wrap a minus sign before a count.
 CLI::Validator whole() {
   return {[](const std::string& text) {
             return whole_number(text) ? std::string{} : "got " + text + ", allowed: a whole number, 0 or above";
@@ -143,7 +143,7 @@ void print_version() {
   std::cout << ", OpenCV " << opencv_version() << '\n';
 }
 
-// All that takes more than one option, or a check.
+// Combines options that depend on each other, and checks them.
 void complete(Settings& settings, Written written) {
   if (!written.size.empty()) {
     const auto format = pixel_format(written.format);

@@ -1,4 +1,4 @@
-// What the command line and the configuration file of ocisac-rx say.
+// Settings of ocisac-rx from command line and configuration file.
 #pragma once
 
 #include <optional>
@@ -10,23 +10,23 @@
 
 namespace ocisac::apps {
 
-enum class ScanAxis { down, up, right, left };  // the way the rows go in time, in the stored picture
+enum class ScanAxis { down, up, right, left };  // direction of the rows in time, in the stored picture
 
 struct Settings {
   std::string input = "-";
-  std::optional<FrameLayout> raw;  // absent: the stream tells its own
+  std::optional<FrameLayout> raw;  // absent: from the stream's header
   ScanAxis scan_axis = ScanAxis::down;
   std::optional<StoredRegion> region;  // stored pixels
   Camera camera;
-  std::optional<double> dark_level, white_level;  // absent: as the stream tells
+  std::optional<double> dark_level, white_level;  // absent: from the stream's header
   LightOptions light;
   std::size_t max_sources = 8;
   bool payload_alone = false;
   bool stats = false;
-  std::optional<std::size_t> frames;  // stop after so many
+  std::optional<std::size_t> frames;  // stop after this number
 };
 
-// Nothing where the program has answered (--help, --version). Refused (std::invalid_argument): anything wrong.
+// Absent where the program has answered (--help, --version). Throws std::invalid_argument for invalid settings.
 std::optional<Settings> read_settings(int argc, const char* const* argv);
 
 }  // namespace ocisac::apps

@@ -31,7 +31,7 @@ void catch_stop_signals() {
     ::fcntl(end, F_SETFL, O_NONBLOCK);
   }
   struct sigaction action {};
-  action.sa_handler = ask_to_stop;  // without SA_RESTART: a write that blocks comes back too
+  action.sa_handler = ask_to_stop;  // without SA_RESTART: a blocking write returns too
   for (const int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
 }

@@ -16,15 +16,15 @@ std::size_t side(std::string_view what, std::string_view text) {
   return *value;
 }
 
-// A colour space of YUV4MPEG2: name begins with `prefix`; chroma planes together, as a share of the luma's sides.
+// A colour space of YUV4MPEG2, identified by the `prefix` of its name; the size of its chroma planes relative to luma.
 struct ColourSpace {
   std::string_view prefix;
-  std::size_t planes, across, down;  // chroma: ceil(width / across) × ceil(height / down)
+  std::size_t planes, across, down;  // chroma: planes × ceil(width / across) × ceil(height / down)
 };
 constexpr std::array<ColourSpace, 6> kColourSpaces{
     {{"mono", 0, 1, 1}, {"444alpha", 3, 1, 1}, {"420", 2, 2, 2}, {"422", 2, 2, 1}, {"444", 2, 1, 1}, {"411", 2, 4, 1}}};
 
-// Bits of a sample: 8 unless the name ends in another number (mono10, 420p12).
+// Bits per sample: 8 unless the name ends in another number (mono10, 420p12).
 std::size_t bits_of(std::string_view name, std::string_view prefix) {
   std::string_view rest = name.substr(prefix.size());
   if (!rest.empty() && rest.front() == 'p') rest.remove_prefix(1);
@@ -66,7 +66,7 @@ void set_colour_space(StreamHeader& header, std::string_view colour, bool full_r
   refuse("YUV4MPEG2 colour space", colour, "mono, 420, 422, 444 or 411 with any ending");
 }
 
-// Fields hold every second row, and the rows of a picture are of two times.
+// Interlaced pictures are rejected: a field has every second row, and a picture has rows of two times.
 void require_progressive(std::string_view interlacing) {
   require(interlacing == "p" || interlacing == "?" || interlacing.empty(), "YUV4MPEG2 interlacing", interlacing,
           "p: progressive pictures (ffmpeg -vf separatefields: each field a picture of twice the row time; "
@@ -114,7 +114,7 @@ bool begins_pgm(std::string_view text) {
   return text.size() >= 3 && text.starts_with("P5") && std::string_view(" \t\n\r#").find(text[2]) != text.npos;
 }
 
-// "P5", then width, height and largest value between white space and comments, then one white space.
+// "P5", then width, height and maximum between white space and comments, then one white space.
 std::optional<StreamHeader> pgm_header(std::string_view text) {
   std::array<std::string_view, 3> numbers;
   std::size_t at = 2, found = 0;

@@ -13,7 +13,7 @@ using namespace ocisac::apps;
 
 namespace {
 
-// Gives a text in pieces of at most `most` bytes of what is asked, until it is full.
+// Source that delivers the text.
 ReadBytes source(const std::string& text) {
   return [text, at = std::size_t{0}](std::span<std::uint8_t> bytes) mutable {
     const std::size_t count = std::min(bytes.size(), text.size() - at);
@@ -129,7 +129,7 @@ TEST_CASE("a stream that ends within the marker of the next frame keeps what cam
       CHECK(read.torn <= 1);
     }
   }
-  const auto cut = read_all(head + "FRAME\n" + filled(5, 'b') + "FRA");  // looks whole, nothing after it
+  const auto cut = read_all(head + "FRAME\n" + filled(5, 'b') + "FRA");  // complete by length, nothing after it
   CHECK(cut.frames == std::vector<std::string>{"bbbbbFRA"});
 }
 

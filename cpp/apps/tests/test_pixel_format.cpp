@@ -12,7 +12,7 @@ using namespace ocisac::apps;
 
 namespace {
 
-// Row, column → a value that tells them apart, of `bits` bits.
+// Pixel value of `bits` bits that differs between positions.
 unsigned pixel(std::size_t row, std::size_t column, unsigned bits) {
   return static_cast<unsigned>((row * 641 + column * 37 + 5) * 2654435761U >> 7) & ((1U << bits) - 1);
 }
@@ -21,7 +21,7 @@ double at(const ocisac::AnyFramesView& view, std::size_t row, std::size_t column
   return std::visit([&](const auto& typed) { return static_cast<double>(typed(0, row, column)); }, view);
 }
 
-// A frame packed by the formats' definitions, one pixel at a time, with noise in all bytes that are no luma.
+// A frame packed by the formats' definitions, one pixel at a time, with noise in all bytes other than luma.
 std::vector<std::uint8_t> packed(const FrameLayout& layout, unsigned bits) {
   std::vector<std::uint8_t> bytes(layout.bytes, 0xA5);
   for (std::size_t row = 0; row < layout.height; ++row)
