@@ -14,21 +14,21 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFrameTimeError = 1e-4;   // standard error of a nominal frame time, a share
-constexpr double kSurePrediction = 0.15;   // chips; standard error up to which a predicted clock is begun with
-constexpr double kNarrowTolerance = 2e-3;  // of a rate that frames have told
-constexpr double kWideTolerance = 0.02;    // of a nominal one
-constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // times the frame before
-constexpr double kLittleNoise = 0.06;                 // of the swing: the clock can have been lost in no part
+constexpr double kFrameTimeError = 1e-4;   // relative standard error of a nominal frame time
+constexpr double kSurePrediction = 0.15;   // chips; max standard error at which a predicted phase is used alone
+constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
+constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
+constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
+constexpr double kLittleNoise = 0.06;                 // relative to the swing: excludes a lost clock in any part
 constexpr double kNoNoise = 0.005;
-constexpr double kNoiseKept = 0.9;  // from frame to frame: it changes where the light fills a part of the rows only
+constexpr double kNoiseKept = 0.9;  // decay per frame: noise varies where the light fills only some of the rows
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
-constexpr std::size_t kPhases = 6;  // tried in a chip where it cannot be predicted
+constexpr std::size_t kPhases = 6;  // tried per chip without a prediction
 constexpr double kMinChips = 12;    // in a frame
 constexpr double kWeakSnr = 9;
 constexpr std::size_t kMaxWait = 7;      // frames
-constexpr double kMaxSearchRows = 4096;  // of a frame that count for the bound of its search
-constexpr std::size_t kForgotten = 60;   // frames in which nothing was found: another light may come
+constexpr double kMaxSearchRows = 4096;  // rows that count for the bound of the search
+constexpr std::size_t kForgotten = 60;   // consecutive frames without chips, after which another light may appear
 
 double mean_error_rate(std::span<const double> llr) {
   double sum = 0;
@@ -65,13 +65,14 @@ void ChipReceiver::forget() {
   assembler_.lose_clock();
 }
 
-// The rate before a frame is detected; estimated from the signal's edges where it was not given.
+// Rate before detection; estimated from the signal's edges if not given.
 std::optional<double> ChipReceiver::nominal_rows_per_chip(const CombinedColumn& column) {
   if (!rows_per_chip_) rows_per_chip_ = blind_rows_per_chip(column, camera_);
   return rows_per_chip_;
 }
 
-// With what the frames before told: levels, rate and exposure, and the phase where it can be predicted, else several.
+// Detection from the channel of earlier frames: levels, rate and exposure, with the predicted phase or else several
+// trials.
 std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal, std::int64_t frame,
                                                  SearchEffort& effort) const {
   if (!channel_) return std::nullopt;
@@ -110,7 +111,7 @@ std::optional<FrameReading> ChipReceiver::search(const CombinedColumn& column, S
   return search_frame(signal, what);
 }
 
-// Number of the chip that begins at the found clock's phase, on the light's own clock.
+// Index, on the light's clock, of the chip that begins at the estimated phase.
 std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::int64_t frame) {
   if (!tracker_) {
     assembler_.lose_clock();
@@ -124,7 +125,7 @@ std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::in
   return static_cast<std::ptrdiff_t>(tracked->chip) + static_cast<std::ptrdiff_t>(std::llround(chips));
 }
 
-// Chips of the whole frame, and what the packet takes of them.
+// Chips of the whole frame and their use by the packet.
 void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
   result.stretch = assembler_.push(chip_number(channel, result.frame) + reading.first, reading.llr);
@@ -151,7 +152,7 @@ void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedF
   lost_ = fruitless_ = wait_ = 0;
 }
 
-// Searches take long: after those in vain the next ones wait.
+// Searches are slow: the pause before the next one grows with the number of failures.
 void ChipReceiver::lose(ReceivedFrame& result, bool searched) {
   result.flags |= flag::no_signal;
   result.outcome = searched ? FrameOutcome::no_signal : FrameOutcome::unsearched;

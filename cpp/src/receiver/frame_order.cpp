@@ -44,7 +44,6 @@ FrameOrder::Verdict FrameOrder::admit(std::int64_t frame, const std::array<std::
   return verdict;
 }
 
-// The colour in which the light stands out most.
 std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve) {
   std::pair<CombinedColumn, std::size_t> best;
   for (std::size_t colour = 0; colour < colours.size(); ++colour) {
@@ -54,7 +53,7 @@ std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView
   return best;
 }
 
-// Shapes are looked at before: what `check` is left to refuse are pixels that are no numbers.
+// Shapes were checked before, so `check` can only throw for pixels that are not finite.
 bool are_numbers(std::span<const AnyFramesView> colours) try {
   for (const auto& colour : colours) check(colour);
   return true;

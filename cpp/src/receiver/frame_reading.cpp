@@ -13,13 +13,13 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinNoise = 1e-4;       // of the swing, for the detector
+constexpr double kMinNoise = 1e-4;       // relative to the swing, for the detector
 constexpr int kMaxRounds = 3;            // of detection
 constexpr double kClockStays = 0.02;     // chips, at either end of the frame
-constexpr double kExposureStays = 0.01;  // a share
-constexpr double kLevelsStay = 0.03;     // of the swing
+constexpr double kExposureStays = 0.01;  // relative
+constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kMaxRelativeNoise = 1.0 / 3;
-constexpr double kMaxErrors = 2e-3;  // expected share of wrong chips
+constexpr double kMaxErrors = 2e-3;  // expected error rate
 constexpr double kMaxErrorsIfEven = 0.08;
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
@@ -28,7 +28,7 @@ double middle_swing(const ChannelEstimate& channel, std::size_t rows) {
   return channel.swing_at(0.5 * static_cast<double>(rows), rows);
 }
 
-// All that a detector refuses.
+// Preconditions of the detectors.
 bool detectable(std::span<const double> signal, const ChannelEstimate& channel) {
   const ChipClock& clock = channel.clock;
   const auto swing = [&](std::size_t row) { return channel.swing_at(static_cast<double>(row), signal.size()); };
@@ -38,15 +38,15 @@ bool detectable(std::span<const double> signal, const ChannelEstimate& channel) 
          clock.exposure_rows <= kLongestReducedExposure * clock.rows_per_chip;
 }
 
-// Up to so many chips of exposure all sequences cost less than to choose among them: where few are likely, and in a
-// search, which meets channels that make all of them so.
+// Longest exposure in chips at which the full trellis costs less than the reduced search: for read_frame, where few
+// sequences are likely, and for a search, where wrong channels make all sequences likely.
 constexpr double kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
 
 DetectorMethod method_for(const ChipClock& clock, double longest_trellis) {
   return clock.exposure_rows <= longest_trellis * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
 }
 
-// No chips, so no channel, where the exposure is estimated too long.
+// Fails, so that the channel is rejected, where the estimated exposure is too long.
 std::vector<double> detect_levels(const ChipQuestion& question) {
   return level_detector(method_for(question.clock, kLongestSearchedTrellis))(question);
 }
@@ -60,14 +60,14 @@ double error_rate_within(const FrameReading& reading) {
   return sum / static_cast<double>(reading.llr.size() - 2 * edge);
 }
 
-// Whether detection with one channel may stand for that with the other.
+// True if detection with one channel is equivalent to that with the other.
 bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t rows) {
   const auto last = static_cast<double>(rows);
   const auto chips_off = [&](double row) {
     const auto chip_of = [row](const ChipClock& clock) { return (row - clock.phase) / clock.rows_per_chip; };
     return std::abs(chip_of(a.clock) - chip_of(b.clock));
   };
-  // What chips of either kind in equal numbers read, and how far the rows stray from that.
+  // Deviations of the mean level and of the swing, weighted by the spread of the rows about the mean for random chips.
   const double swing = middle_swing(b, rows);
   const double spread = 0.5 / std::sqrt(std::max(b.clock.exposure_rows / b.clock.rows_per_chip, 1.0));
   const auto levels_off = [&](double row) {
@@ -101,7 +101,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     const bool stays = is_same(channel, *fitted, signal.size());
     channel = std::move(*fitted);
     reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
-    // Likelihoods were weighed by the noise that was expected.
+    // Rescale the likelihoods from the assumed to the estimated noise.
     const double weight = std::pow(question.noise / std::max(reading.relative_noise, kMinNoise), 2);
     for (double& llr : reading.llr) llr *= weight;
     if (stays) break;
@@ -118,7 +118,7 @@ bool is_sound(const FrameReading& reading) {
 
 namespace {
 
-// What refine_channel found, with soft chips.
+// Soft chips for the result of refine_channel.
 std::optional<FrameReading> reading_of(std::span<const double> signal, const std::optional<RefinedChannel>& found,
                                        bool exposure_known, SearchEffort* effort) {
   if (!found) return std::nullopt;

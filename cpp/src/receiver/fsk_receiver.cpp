@@ -12,9 +12,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kChance = 0.1;  // odds of a frame of noise passing for a symbol
+constexpr double kChance = 0.1;  // probability that a frame of noise passes as a symbol
 constexpr double kWeakSnr = 9;
-constexpr std::int64_t kBridged = 8;  // frames missing in a row across which a preamble is looked for
+constexpr std::int64_t kBridged = 8;  // longest gap in frames across which a preamble is searched
 
 }  // namespace
 
@@ -28,7 +28,7 @@ FskReceiver::FskReceiver(const Camera& camera, std::vector<double> tones, std::s
                 " s leaves 5 % or more: none near a multiple of " + shortest_text(1 / *camera_.exposure) + " Hz");
 }
 
-// The bits at their place; frames before that gave none are bits that were not seen.
+// Adds the bits at their place; frames in a short gap give erased bits.
 void FskReceiver::take(FskFrame& result) {
   const auto bits = static_cast<std::int64_t>(demodulator_->bits());
   const std::int64_t unseen = last_ ? result.frame - *last_ - 1 : 0;

@@ -14,11 +14,11 @@ namespace ocisac {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMinWeight = 0.1;  // of the largest: columns below are beside the light
+constexpr double kMinWeight = 0.1;  // of the largest weight: columns below are outside of the light
 
 double first_of(const std::vector<double>& values) { return values.empty() ? kNaN : values.front(); }
 
-// Columns from the middle of the weights to the light's.
+// Offset in columns from the centre of the region to the centroid of the weights.
 double offset_of(std::span<const double> weights) {
   const double least = kMinWeight * *std::ranges::max_element(weights);
   double sum = 0, moment = 0;
@@ -64,7 +64,7 @@ void LightReceiver::forget() {
   unseen_ = 0;
 }
 
-// The region moves by half of what the light is off its middle.
+// Moves the region by half of the light's offset from its centre.
 void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
   const auto most_left = -static_cast<std::ptrdiff_t>(region_.x);
   const auto most_right = static_cast<std::ptrdiff_t>(columns - region_.x - region_.width);
@@ -74,7 +74,7 @@ void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
   for (auto& follower : followers_) follower.move(step);
 }
 
-// The colour that was received.
+// Returns the received colour.
 std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, LightFrame& result) {
   while (followers_.size() < colours.size()) followers_.emplace_back(camera_.tone_curve);
   CombinedColumn best;
@@ -122,7 +122,7 @@ LightGain LightReceiver::measure_gain(const AnyFramesView& part) const {
   return result;
 }
 
-// The fastest tone of chips is half the chip rate.
+// The highest tone of chips is half the chip rate.
 void LightReceiver::suggest_exposure(const LightFrame& result) {
   double comm = frequency_;
   if (result.received && std::isfinite(result.received->rows_per_chip))
@@ -149,7 +149,7 @@ LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int6
   suggest_exposure(result);
   result.suggestion = suggestion_;
   const bool received = result.received && result.received->outcome == FrameOutcome::received;
-  // A tone in the whole picture, where no light was found, does not say where it is.
+  // A tone in the whole picture, without a detected light, has no position.
   const bool tone = can_move_ && result.gain && has_tone(*result.gain);
   unseen_ = received || tone ? 0 : unseen_ + 1;
   return result;

@@ -18,25 +18,25 @@ namespace {
 
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
-constexpr double kLargestChange = 0.02;                    // of the period by the last fit
-constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges; with fewer the rate cannot be sure
+constexpr double kLargestChange = 0.02;                    // relative, of the period in the last fit
+constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for a reliable rate, blind or given
 constexpr double kLongExposure = 1.05;                     // chips
-constexpr double kMinSnr = 2;                              // noise cut in two halves shows 1.8
+constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
 constexpr double kMaxSnr = 1e12;
-constexpr double kSameLight = 0.9;  // cosine of the swings of a signal and of a light
-constexpr double kWeakSnr = 9;      // a swing of three standard deviations to either side
+constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
+constexpr double kWeakSnr = 9;      // swing of ±3 standard deviations
 
-// One signal decoded: timing and decisions.
+// A decoded signal: timing and decisions.
 struct Decoded {
   ChipGrid grid;
   Detection detection;
 };
 
-// What is known before a frame is looked at.
+// Prior knowledge about a frame.
 struct Search {
   FrequencyRange range;
   std::optional<double> exposure_rows;  // rows
-  std::size_t sure_edges;               // with fewer edges the rate cannot be sure
+  std::size_t sure_edges;               // minimum number of edges for a reliable rate
 };
 
 FrequencyRange search_range(const ReceiveOptions& options, const Camera& camera, std::size_t rows) {
@@ -49,7 +49,7 @@ FrequencyRange search_range(const ReceiveOptions& options, const Camera& camera,
   return {std::max(1 / kLongestChip, 4 / static_cast<double>(rows)), 1 / kShortestChip};
 }
 
-// The state of the light between edges, read at each chip's centre.
+// State of the light between edges, sampled at each chip's centre.
 std::vector<std::uint8_t> bits_between(const Edges& edges, const ChipGrid& grid) {
   std::vector<std::uint8_t> bits(grid.count);
   std::size_t next = 0;
@@ -60,7 +60,7 @@ std::vector<std::uint8_t> bits_between(const Edges& edges, const ChipGrid& grid)
   return bits;
 }
 
-// Where the signal passes half way between the levels, for every change of bit; and the chip that begins there.
+// Rows at which the signal crosses the mean level at every change of bit, and the index of the chip that begins there.
 std::pair<Edges, std::vector<double>> edges_of(std::span<const double> signal, const ChipGrid& grid,
                                                const Detection& seen) {
   std::pair<Edges, std::vector<double>> result;
@@ -85,7 +85,7 @@ std::pair<Edges, std::vector<double>> edges_of(std::span<const double> signal, c
   return result;
 }
 
-// Bits of one grid for the chips of another on nearly the same lattice; the nearest beyond its ends.
+// Bits of one grid mapped to another on nearly the same lattice; the nearest bit beyond its ends.
 std::vector<std::uint8_t> carried_over(std::span<const std::uint8_t> bits, const ChipGrid& from, const ChipGrid& to) {
   std::vector<std::uint8_t> carried(to.count);
   const auto last = static_cast<std::ptrdiff_t>(bits.size()) - 1;
@@ -96,7 +96,7 @@ std::vector<std::uint8_t> carried_over(std::span<const std::uint8_t> bits, const
   return carried;
 }
 
-// Detects, fits the lattice to the edges as the detected levels show them, and detects again.
+// Detects, refits the lattice to the edges at the detected levels, and detects again.
 std::optional<Decoded> detect_and_refine(std::span<const double> signal, const ChipTiming& timing,
                                          const Detector& detector, std::optional<double> exposure_rows) {
   Decoded decoded{whole_chips(timing.lattice, signal.size()), {}};
@@ -113,8 +113,8 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   return decoded;
 }
 
-// A light whose every run is a whole multiple of n > 1 chips has chips n times as long; absent where n is 1 or the
-// edges are too few to tell.
+// If every run is a multiple of n > 1 chips, the true chips are n times as long. Absent where n is 1 or there are too
+// few edges.
 std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming& timing, FrequencyRange range) {
   std::ptrdiff_t shared = 0, first_edge = 0, last_edge = 0;
   std::size_t edges = 0;
@@ -138,7 +138,7 @@ std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming
   return slower;
 }
 
-// Swing over noise, as powers: soft values lie 1 from the threshold.
+// 1 / variance of the soft values about ±1 (the threshold is 0).
 double snr_of(std::span<const double> soft) {
   double variance = 0;
   for (double value : soft) variance += std::pow(std::abs(value) - 1, 2);
@@ -158,7 +158,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   if (exposure_rows && *exposure_rows > kLongExposure * lattice.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
-// Tries one combination of columns; true where it was decoded. Otherwise `received` says what was found.
+// Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
 bool decode(const CombinedColumn& column, const Search& what, Received& received) {
   const auto search = find_chip_timing(column.signal, column.noise, what.range);
   const bool few_edges = search.edges > 0 && search.edges < what.sure_edges;
@@ -179,13 +179,13 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   return false;
 }
 
-// One source with the signal it was read from; `signal` is empty where none was decoded.
+// One source and its signal; `signal` is empty where decoding failed.
 struct Source {
   Received received;
   std::vector<double> signal;
 };
 
-// The light that stands out most, among `columns` (all where empty).
+// The light of best quality in the `allowed` columns (empty: all).
 Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                       const Search& what, std::span<const std::uint8_t> allowed) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -210,7 +210,8 @@ bool is_clean(const Source& source) {
   return !source.signal.empty() && (source.received.flags & ~flag::saturated) == 0;
 }
 
-// All lights of a frame, each from columns of its own where there are several; first the one that all columns show.
+// All lights of a frame, each from its own columns if there are several; first the one that dominates the combination
+// of all columns.
 std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                                     const Search& what) {
   Source whole = receive_source(colours, frame, camera, what, {});

@@ -15,12 +15,12 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kFirstPatience = 8, kMaxPatience = 256;  // frames
-constexpr std::size_t kSearchInterval = 60;                    // frames, while further lights may join
-constexpr std::size_t kSearchedColumns = 640;                  // evenly spread, at most
-constexpr std::size_t kMinMargin = 8;                          // columns beside a light that belong to its region
+constexpr std::size_t kSearchInterval = 60;                    // frames between searches for further lights
+constexpr std::size_t kSearchedColumns = 640;                  // evenly spaced, at most
+constexpr std::size_t kMinMargin = 8;                          // columns added on either side of a light's region
 constexpr double kSamePlace = 0.5;
 constexpr std::size_t kFramesAgreed = 3, kMaxAttempts = 12;
-constexpr std::size_t kGivenUp = 90;  // frames in which a light was not received
+constexpr std::size_t kGivenUp = 90;  // frames without reception until a light is dropped
 
 double share_of_smaller(const Region& a, const Region& b) {
   const std::size_t smaller = std::min(a.width * a.height, b.width * b.height);
@@ -45,8 +45,8 @@ AnyFramesView thinned(const AnyFramesView& frame, std::size_t step) {
 
 std::size_t thinning_of(std::size_t columns) { return (columns + kSearchedColumns - 1) / kSearchedColumns; }
 
-// The strongest light that is no reflection, with a margin beside it and all rows in which its columns swing: a light
-// that sends data is periodic in a part of them only.
+// The strongest light that is no reflection, with a margin on either side and all rows in which its columns swing,
+// because a light with data is periodic in some of its rows only.
 std::optional<Region> strongest_light(const AnyFramesView& frame, const Camera& camera) {
   const Shape shape = shape_of(frame);
   const std::size_t step = thinning_of(shape.columns);
@@ -61,13 +61,13 @@ std::optional<Region> strongest_light(const AnyFramesView& frame, const Camera& 
   return std::nullopt;
 }
 
-// Signal-to-noise ratio of the data, else of the tone.
+// Signal-to-noise ratio of the data, or else of the tone.
 double strength(const LightFrame& light) {
   const double snr = light.received ? light.received->snr : light.gain ? light.gain->snr : 0.0;
   return std::isfinite(snr) ? snr : -1.0;
 }
 
-// Lights of their own; what overlaps with a larger one is a part of it.
+// Separate lights; a region that overlaps a larger one is a part of it.
 std::vector<Region> several_lights(const AnyFramesView& frame, const ToneCurve& curve) {
   const std::size_t columns = shape_of(frame).columns, step = thinning_of(columns);
   auto regions = light_regions(thinned(frame, step), curve);
@@ -99,14 +99,14 @@ void Receiver::add(const Region& region, bool can_move) {
   lights_.emplace_back(camera_, options_.light, next_source_++).place(region, can_move);
 }
 
-// Lights that are not searched.
+// Places lights with given regions.
 void Receiver::place_given(const Region& whole) {
   if (!lights_.empty()) return;
   if (options_.whole_picture) add(whole, false);
   for (const Region& region : options_.regions) add(region, false);
 }
 
-// Nothing that came before holds.
+// Resets all state of earlier frames.
 void Receiver::begin_anew(const Region& whole) {
   agreed_ = attempts_ = 0;
   patience_ = kFirstPatience;
@@ -137,7 +137,7 @@ void Receiver::search(std::span<const AnyFramesView> colours) {
   if (options_.max_sources > 1) search_several(colours[colour]);
 }
 
-// At once: it costs no frames. Where nothing is found all rows that swing are received.
+// Takes effect at once, without agreement over frames. Without a detected light, all rows with swings are received.
 void Receiver::search_one(const AnyFramesView& frame) {
   const Shape shape = shape_of(frame);
   const auto light = strongest_light(frame, camera_);
@@ -148,8 +148,8 @@ void Receiver::search_one(const AnyFramesView& frame) {
     add(region, light.has_value());
 }
 
-// Several lights are taken where frames in a row agree on their places; long runs of a light lie elsewhere in the next
-// one.
+// Several lights are adopted only if consecutive frames agree on their places: false detections from long runs of one
+// light change place between frames.
 void Receiver::search_several(const AnyFramesView& frame) {
   auto found = several_lights(frame, camera_.tone_curve);
   if (found.size() < 2) {
@@ -169,11 +169,11 @@ void Receiver::search_several(const AnyFramesView& frame) {
   if (agreed_ >= kFramesAgreed || ++attempts_ >= kMaxAttempts) agreed_ = attempts_ = 0;
 }
 
-// Lights that were not there join; those that are received keep their place, others take the one found.
+// Adds new lights. Received lights keep their region; lost ones get the detected region.
 void Receiver::adopt(const std::vector<Region>& found) {
   std::erase_if(lights_, [&](const LightReceiver& light) {
     const auto within = [&](const Region& region) { return share_of_smaller(light.region(), region) > kSamePlace; };
-    return light.unseen() >= kGivenUp || std::ranges::count_if(found, within) > 1;  // one that is several
+    return light.unseen() >= kGivenUp || std::ranges::count_if(found, within) > 1;  // covers several lights
   });
   for (const Region& region : found) {
     const auto same = std::ranges::find_if(

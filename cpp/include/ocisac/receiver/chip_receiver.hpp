@@ -1,4 +1,4 @@
-// From the signals of one light, frame after frame, to payloads.
+// Payloads from the signals of one light in successive frames.
 #pragma once
 
 #include <cstddef>
@@ -19,46 +19,46 @@
 namespace ocisac {
 
 struct ChipOptions {
-  // Hz, good to 2 %. Absent: found blind in the frames, which needs an exposure below a chip.
+  // Hz, accurate to 2 %. Absent: estimated blind from the frames, which requires an exposure below a chip.
   std::optional<double> chip_rate;
   PacketFormat format{};
-  // Passes over a frame's rows after which the search for its chips ends, which bounds its time; infinity: no bound.
-  // Absent: 2000 where the camera's exposure is known, else 5000. A preamble is found in about 50.
+  // Upper bound of the passes over a frame's rows in the search for its chips; infinity: none. Absent: 2000 with a
+  // known exposure of the camera, else 5000. A preamble is found in about 50.
   std::optional<double> search_passes{};
 };
 
 struct ReceivedFrame {
   std::int64_t frame = 0;
   FrameOutcome outcome = FrameOutcome::received;
-  std::int64_t missing = 0;  // frames between the last one and this, by their numbers
-  std::size_t colour = 0;    // colour that was read
-  std::string bits;          // '0' and '1', 1 = bright; chips cut by the frame's edges left out
-  double phase = 0;          // row at which the first of them begins, half an exposure after the light's own edge
+  std::int64_t missing = 0;  // number of frames missing before this one
+  std::size_t colour = 0;    // received colour
+  std::string bits;          // '0' and '1', 1 = bright; without the chips cut by the frame's edges
+  double phase = 0;          // row at which the first chip begins; half an exposure after the light's edge
   double rows_per_chip = 0;  // rows
   double rows_per_chip_std = 0;
   double exposure = 0;                   // s: the camera's, or estimated
-  double exposure_std = 0;               // s; 0 where it is the camera's
-  double snr = 0;                        // (half the swing)² / variance of a row about the model
-  double error_rate = 0;                 // of the bits, expected by their log-likelihood ratios
+  double exposure_std = 0;               // s; 0 if given by the camera
+  double snr = 0;                        // (swing/2)² / variance of the rows about the model
+  double error_rate = 0;                 // of the bits, expected from llr
   std::vector<double> llr;               // (bits) ln P(bright)/P(dark), nats
-  std::optional<StretchReport> stretch;  // what the packet took of it
+  std::optional<StretchReport> stretch;  // its use by the packet
   Flags flags = 0;
 };
 
-// A result that holds nothing but the frame's number: numbers are NaN.
+// A result without data for this frame; its numbers are NaN.
 ReceivedFrame nothing_received(std::int64_t frame);
 
-// The chips of one light, whose frames come in time order; any may be missing. In each frame the chip clock, the
-// exposure and the levels are estimated (from the clock of the frames before, else from a preamble, else from the rate
-// alone), the chips detected and put into the packet at their place on the light's clock. Memory is bounded.
+// Receives the chips of one light from frames in time order; any may be missing. In each frame it estimates chip clock,
+// exposure and levels: from the tracked clock, else from a preamble, else blind from the rate. It then detects the
+// chips and adds them to the packet at their place on the light's clock. Memory is bounded.
 class ChipReceiver {
  public:
   ChipReceiver(const Camera& camera, ChipOptions options);
 
-  // `column`: the light's signal. `frame`: number, ascending. `first_row`: row of the picture at which it begins.
+  // `column`: the light's signal. `frame`: number, ascending. `first_row`: row of the picture at index 0 of the signal.
   ReceivedFrame push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row);
 
-  // Drops all but the bytes that the packet has: clock, channel, rate.
+  // Resets clock, channel and rate; the packet keeps its bytes.
   void forget();
 
  private:
@@ -74,13 +74,13 @@ class ChipReceiver {
   ChipOptions options_;
   PacketAssembler assembler_;
   std::vector<double> preamble_;
-  std::optional<ClockTracker> tracker_;     // where the frame time is known; phases in rows of the picture
-  std::optional<double> rows_per_chip_;     // nominal, or by the frames before
-  std::optional<ChannelEstimate> channel_;  // of the last frame that was received
-  double relative_noise_ = 0;               // of that frame, or somewhat less than of noisier ones before
-  std::size_t first_row_ = 0;               // of the frame that is read
-  std::size_t lost_ = 0;                    // frames in a row in which nothing was found
-  std::size_t fruitless_ = 0, wait_ = 0;    // searches in a row; frames until the next
+  std::optional<ClockTracker> tracker_;     // with a known frame time; phases in rows of the picture
+  std::optional<double> rows_per_chip_;     // nominal, or estimated from earlier frames
+  std::optional<ChannelEstimate> channel_;  // of the last received frame
+  double relative_noise_ = 0;               // max of the last frame's and of the decayed earlier values
+  std::size_t first_row_ = 0;               // of the current frame
+  std::size_t lost_ = 0;                    // consecutive frames without chips
+  std::size_t fruitless_ = 0, wait_ = 0;    // consecutive failed searches; frames until the next search
 };
 
 }  // namespace ocisac

@@ -1,4 +1,4 @@
-// The chips of one frame, soft, with the channel that they tell: from a channel that is nearly right, or from none.
+// Soft chips and channel of one frame, from an approximate channel or without one.
 #pragma once
 
 #include <cstddef>
@@ -12,37 +12,37 @@
 namespace ocisac {
 
 struct FrameReading {
-  ChannelEstimate channel;    // fitted to the chips
-  std::vector<double> llr;    // (chips) ln P(bright)/P(dark), nats, of all chips that the rows see
-  std::ptrdiff_t first = 0;   // number of the first of them on the channel's clock
-  double error_rate = 1;      // expected, chips seen by a part of the exposure only left out
-  double relative_noise = 0;  // standard deviation of a row over the swing in the middle of the frame
-  bool even = false;          // no part of the frame is known to be explained worse than the others
+  ChannelEstimate channel;   // fitted to the chips
+  std::vector<double> llr;   // (chips) ln P(bright)/P(dark), nats, for all chips that affect the rows
+  std::ptrdiff_t first = 0;  // index of the first one on the channel's clock
+  double error_rate = 1;  // expected, without the chips near the frame's ends that only a part of the exposure covers
+  double relative_noise = 0;  // standard deviation of a row over the swing at the middle row
+  bool even = false;          // the channel explains all parts of the frame equally well
 };
 
-// Detection and least squares in turn until the clock stays, from a channel that is nearly right; mostly once. Absent
-// where the chips determine no channel, or the exposure is too long to detect.
+// Alternates detection and least squares, from an approximate channel until the clock converges; one round is usual.
+// Absent where the chips determine no channel, or the exposure is too long for detection.
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
                                        bool exposure_known, SearchEffort* effort = nullptr);
 
 struct FrameSearch {
   double rows_per_chip;                 // nominal
-  double tolerance = 0.02;              // the true one lies within this share of it
+  double tolerance = 0.02;              // max relative error of rows_per_chip
   std::optional<double> exposure_rows;  // rows; absent: estimated
-  std::span<const double> preamble;     // chips that may be in the frame
+  std::span<const double> preamble;     // chips expected in the frame
   SearchEffort* effort = nullptr;       // nullptr: no limit
 };
 
-// From a preamble, else from the rate alone. Absent where nothing is found that can be relied on.
+// Searches with a preamble, then blind with the rate. Absent without a reliable result.
 std::optional<FrameReading> search_frame(std::span<const double> signal, const FrameSearch& search);
 
-// The same from a channel that is right in a part of the frame; `known`: chips on its clock, a preamble.
+// The same from a channel that is valid in a part of the frame; `known`: chips on its clock, a preamble.
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
                                            bool exposure_known, SearchEffort* effort = nullptr,
                                            const KnownChips& known = {});
 
-// Chips of which few are expected to be wrong: hardly any, unless the channel explains all parts of the frame alike.
-// Chips made of nothing but noise let expect that a fifth is wrong.
+// True if the expected error rate is small; the bound is tighter unless the channel explains all parts of the frame
+// equally well. Detection in pure noise gives an expected error rate of 1/5.
 bool is_sound(const FrameReading& reading);
 
 }  // namespace ocisac

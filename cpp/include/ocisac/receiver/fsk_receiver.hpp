@@ -1,4 +1,4 @@
-// From a stream of frames that each show one tone of a set to payloads.
+// Payloads from a stream of frames, each with one tone of a set.
 #pragma once
 
 #include <cstddef>
@@ -19,24 +19,24 @@ namespace ocisac {
 struct FskFrame {
   std::int64_t frame = 0;
   FrameOutcome outcome = FrameOutcome::received;
-  std::int64_t missing = 0;              // frames between the last one and this, by their numbers
-  std::size_t colour = 0;               // colour that was read
+  std::int64_t missing = 0;              // number of frames missing before this one
+  std::size_t colour = 0;                // received colour
   std::optional<FskSymbol> symbol;       // where received
-  std::optional<StretchReport> stretch;  // what the packet took of it
+  std::optional<StretchReport> stretch;  // its use by the packet
   Flags flags = 0;
 };
 
-// Packets (line code "none") whose bits are sent log₂ M a frame: the symbols' clock is that of the frames. Each frame's
-// columns are combined and its tone detected; its soft bits go to the packet, where a preamble and a header are found
-// across frames. Frames without a tone, or missing, leave their bits unseen. Memory is bounded.
+// Receives packets (line code "none") sent with log₂ M bits per frame; the symbol clock is the frame clock. For each
+// frame it combines the columns and detects the tone. The soft bits go to the packet, which finds preamble and header
+// across frames. Frames without a tone, or missing, give erased bits. Memory is bounded.
 class FskReceiver {
  public:
-  // `tones`: as of FskDemodulator, the first the symbol 0; where the exposure is known it must leave at least
-  // kMinFskResponse of each. Throws std::invalid_argument.
+  // `tones`: as of FskDemodulator, the first is symbol 0. The exposure, where known, must leave a response of at least
+  // kMinFskResponse for each. Throws std::invalid_argument.
   FskReceiver(const Camera& camera, std::vector<double> tones, std::size_t block_bytes = 4,
               Preamble preamble = Preamble::standard);
 
-  // `colours`: one frame, one view a colour. `frame`: its number, ascending; absent: one after the last.
+  // `colours`: one frame, one view per colour. `frame`: its number, ascending; absent: the next one.
   FskFrame push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {});
 
  private:
@@ -46,9 +46,9 @@ class FskReceiver {
   std::vector<double> tones_;
   PacketAssembler assembler_;
   FrameOrder order_;
-  std::optional<FskDemodulator> demodulator_;  // for the rows of the frames
+  std::optional<FskDemodulator> demodulator_;  // for this number of rows
   std::size_t rows_ = 0;
-  std::optional<std::int64_t> last_;  // frame whose bits went to the packet
+  std::optional<std::int64_t> last_;  // last frame with bits in the packet
 };
 
 inline constexpr double kMinFskResponse = 0.05;

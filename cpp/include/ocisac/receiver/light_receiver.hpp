@@ -1,4 +1,4 @@
-// One light of a picture, followed from frame to frame: its columns, gain, data, and the exposure that suits it.
+// One light tracked from frame to frame: its columns, gain, data and best exposure.
 #pragma once
 
 #include <cstddef>
@@ -18,34 +18,34 @@
 namespace ocisac {
 
 struct GainOptions {
-  std::optional<double> frequency;  // Hz of the tone; absent: estimated when the light is found
+  std::optional<double> frequency;  // Hz of the tone; absent: estimated once the light is found
   WaveformShape waveform = WaveformShape::tone;
   double duty = 0.5;      // of a square wave
-  double background = 0;  // light that is not the source's, DN above dark
+  double background = 0;  // light of other sources, DN above dark
 };
 
-// What is received from each light.
+// Quantities to receive from each light.
 struct LightOptions {
   std::optional<ChipOptions> data = ChipOptions{};  // absent: no data
   std::optional<GainOptions> gain{};                // absent: no gain
-  std::optional<double> sense_frequency{};          // Hz f_s, for the exposure that serves both (eq. 18)
+  std::optional<double> sense_frequency{};          // Hz f_s, for the joint optimum of eq. 18
 };
 
 // Unknown numbers are NaN.
 struct LightGain {
-  double frequency, frequency_std;          // Hz; no standard error where it was given
+  double frequency, frequency_std;          // Hz; no standard error for a given frequency
   double gain, gain_std, phase, mean, snr;  // as of tone_gain
   Flags flags = 0;
 };
 
 struct LightFrame {
   std::int64_t frame = 0;
-  std::size_t source = 0;                  // number of the light, from 0 in the order in which they were found
+  std::size_t source = 0;                  // index of the light in order of detection, from 0
   bool searched = false;                   // lights were searched in this frame
-  Region region;                           // in which the light was received
-  std::optional<ReceivedFrame> received;   // where data is wanted or the frame was left out; phase: row of the picture
-  std::optional<LightGain> gain;           // where wanted
-  std::optional<BestExposure> suggestion;  // exposure for the light; absent while no frequency is known
+  Region region;                           // region in which the light was received
+  std::optional<ReceivedFrame> received;   // if requested or the frame was skipped; phase: row of the picture
+  std::optional<LightGain> gain;           // if requested
+  std::optional<BestExposure> suggestion;  // best exposure for the light; absent while no frequency is known
 };
 
 class LightReceiver {
@@ -55,17 +55,17 @@ class LightReceiver {
   LightReceiver(LightReceiver&&) = default;
   LightReceiver& operator=(LightReceiver&&) = default;
 
-  // The light lies in `region` from the next frame on. `can_move`: the region follows it along the columns.
+  // Sets the light's region from the next frame on. `can_move`: the region tracks the light across columns.
   void place(const Region& region, bool can_move);
 
-  // Nothing of the frames before holds but the bytes that the packet has.
+  // Resets all state of earlier frames; the packet keeps its bytes.
   void forget();
 
-  // `colours`: a frame, one view a colour; the one in which the light stands out most is received.
+  // `colours`: a frame, one view per colour; the colour of best quality is received.
   LightFrame push(std::span<const AnyFramesView> colours, std::int64_t frame);
 
   [[nodiscard]] const Region& region() const { return region_; }
-  [[nodiscard]] std::size_t unseen() const { return unseen_; }  // frames since data or a tone was received
+  [[nodiscard]] std::size_t unseen() const { return unseen_; }  // frames since the last data or tone
 
  private:
   std::size_t receive_data(std::span<const AnyFramesView> rows, LightFrame& result);
@@ -80,11 +80,11 @@ class LightReceiver {
   std::optional<ChipReceiver> chips_;
   Region region_;
   bool can_move_ = false;
-  std::vector<ColumnFollower> followers_;  // one a colour
-  bool tone_known_ = false;                // frequency_ is of this region
+  std::vector<ColumnFollower> followers_;  // one per colour
+  bool tone_known_ = false;                // frequency_ belongs to this region
   double frequency_, frequency_std_;
   Flags frequency_flags_ = 0;
-  double suggested_for_ = 0;  // Hz, 0: nothing yet
+  double suggested_for_ = 0;  // Hz, 0: none yet
   std::optional<BestExposure> suggestion_;
   std::size_t unseen_ = 0;
 };

@@ -1,4 +1,4 @@
-// From frames to bits.
+// Bits from frames.
 #pragma once
 
 #include <cstddef>
@@ -16,32 +16,32 @@
 namespace ocisac {
 
 struct ReceiveOptions {
-  std::optional<double> chip_rate;  // Hz; searched within 3 % of it. Absent: found blind, 2 to 64 rows a chip
+  std::optional<double> chip_rate;  // Hz; searched within 3 % of it. Absent: blind search, 2 to 64 rows per chip
 };
 
-// One source in one frame. Where it cannot be decoded, `bits` is empty, times are NaN and `flags` say why.
+// One source in one frame. If decoding fails, `bits` is empty, times are NaN and `flags` give the reason.
 struct Received {
   std::size_t frame = 0;
   std::size_t source = 0;
-  std::size_t colour = 0;       // index of the colour that was read
-  std::string bits;             // '0' and '1' in time order, 1 = bright; chips cut by the frame's edges left out
+  std::size_t colour = 0;       // index of the received colour
+  std::string bits;             // '0' and '1' in time order, 1 = bright; without the chips cut by the frame's edges
   double rows_per_chip;         // rows
   double rows_per_chip_std;     // rows, standard error
   double phase;                 // row at which the first whole chip begins: the middle of its edge's ramp
-  double snr = 0;               // (half the swing)² / variance of the chips about their levels; at most 1e12
+  double snr = 0;               // (swing/2)² / variance of the chips about their levels; at most 1e12
   Detection detection;          // levels and soft values
-  std::vector<double> weights;  // (columns), sum 1; 0: left out
+  std::vector<double> weights;  // (columns), sum 1; 0: not used
   Flags flags = 0;
 };
 
-// The sources in each frame, at least one result a frame, the strongest source first. `colours`: one view a
-// colour, all of one shape; the one in which the light stands out most is read. Several sources are told apart where
-// they stand side by side (light_groups); further ones are given where they are decoded without a doubt. Frames are
-// decoded by themselves.
+// The sources in each frame, at least one result per frame, the strongest source first. `colours`: one view per colour,
+// all of one shape; the colour of best quality is received. Several sources are separated by their columns
+// (light_groups); further sources are returned only if decoded without a warning flag. Frames are decoded
+// independently.
 std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
                               const ReceiveOptions& options = {});
 
-// Length of a chip in rows, as `receive` finds it in a signal; absent where it decodes nothing.
+// Estimate of the chip length in rows, as in `receive`; absent where decoding fails.
 std::optional<double> blind_rows_per_chip(const CombinedColumn& column, const Camera& camera);
 
 }  // namespace ocisac

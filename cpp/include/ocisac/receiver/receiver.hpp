@@ -1,5 +1,5 @@
-// From a stream of frames to the gain and the data of the lights in it: Receiver and MultiReceiver of Python,
-// `ocisac receive --packets`, ocisac-rx and ocisac.h.
+// Gain and data of the lights in a stream of frames; used by Receiver and MultiReceiver of Python, `ocisac receive
+// --packets`, ocisac-rx and ocisac.h.
 #pragma once
 
 #include <cstddef>
@@ -18,20 +18,20 @@ namespace ocisac {
 struct ReceiverOptions {
   LightOptions light{};
   std::vector<Region> regions{};  // of the lights; empty: searched
-  std::size_t max_sources = 8;    // that are searched
-  bool whole_picture = false;     // one light, not searched: all pixels are its own
+  std::size_t max_sources = 8;    // upper bound for the search
+  bool whole_picture = false;     // one light without a search, in all pixels
 };
 
-// Frames come in time order; any may be missing. A frame is admitted once (FrameOrder), lights are searched in the
-// first one and where one was lost or may have joined, and each light is received by its LightReceiver. Memory is
-// bounded.
+// Receives frames in time order; any may be missing. Each frame is checked once (FrameOrder). Lights are searched in
+// the first frame, and again where one was lost or may have appeared; a LightReceiver receives each. Memory is bounded.
 class Receiver {
  public:
   // Throws std::invalid_argument.
   explicit Receiver(const Camera& camera, ReceiverOptions options = {});
 
-  // `colours`: one frame, one view a colour, rows in time order. `frame`: its number, ascending; absent: one after the
-  // last. At least one result, the strongest light first; one without `region` where the frame was left out.
+  // `colours`: one frame, one view per colour, rows in time order. `frame`: its number, ascending; absent: the next
+  // one. At least one result, the strongest light first; for a skipped frame one result with the whole picture as
+  // region.
   std::vector<LightFrame> push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {});
 
  private:
@@ -49,11 +49,11 @@ class Receiver {
   FrameOrder order_;
   std::vector<LightReceiver> lights_;
   std::size_t next_source_ = 0;
-  std::vector<Region> proposed_;  // by the searches of the frames before
-  std::size_t agreed_ = 0;        // frames in a row that proposed them; 0: no proposal is open
+  std::vector<Region> proposed_;  // by the last searches
+  std::size_t agreed_ = 0;        // consecutive frames that agree on them; 0: no open proposal
   std::size_t attempts_ = 0;      // frames in which the open proposal was searched
   std::size_t since_search_ = 0;  // frames
-  std::size_t patience_;          // frames without a light before it is searched again
+  std::size_t patience_;          // frames without a light before the next search
   bool began_ = false;
 };
 
