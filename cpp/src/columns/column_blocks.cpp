@@ -12,7 +12,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t max_blocks = 64;     // a frame; a light of 1/64 of the frame's width fills one
+constexpr std::size_t max_blocks = 64;     // per frame; a light of 1/64 of the frame's width fills one
 constexpr std::size_t max_signals = 1024;  // over all frames
 
 struct Sum {
@@ -66,7 +66,7 @@ void add_blocks(const FramesView<const T>& view, double saturation, ColumnBlocks
       }
 }
 
-// Exact zeros where a signal is constant up to rounding.
+// Removes the mean; exact zeros where a signal is constant up to rounding.
 void remove_mean(std::span<double> signal) {
   double mean = 0, largest = 0;
   for (const double v : signal) {

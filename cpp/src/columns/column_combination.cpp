@@ -19,12 +19,12 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr std::size_t kBlocks = 64;              // groups of neighbouring columns with a weight each
-constexpr double kClippedShare = 0.01;           // columns with more saturated rows than this are left out
-constexpr double kTogether = 0.6, kApart = 0.3;  // cosines of the swings of one light, of different lights
+constexpr std::size_t kBlocks = 64;              // groups of neighbouring columns, one weight each
+constexpr double kClippedShare = 0.01;           // max fraction of saturated rows of a column
+constexpr double kTogether = 0.6, kApart = 0.3;  // cosines between swings of one light, of different lights
 constexpr std::size_t kMaxLights = 8;
 constexpr int kIterations = 8;            // of the factor model, and of the eigenvector within each
-constexpr double kMinOwnVariance = 0.01;  // of the strongest block: a block without noise must not take all
+constexpr double kMinOwnVariance = 0.01;  // relative to the strongest block: bounds the weight of a block without noise
 
 template <class T>
 double clipping_level(const ToneCurve& curve) {
@@ -45,7 +45,7 @@ std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, Satura
   return usable;
 }
 
-// Groups of neighbouring columns; `begin` has one more element, and columns that may not be used are in none.
+// Groups of neighbouring columns; groups without a usable column are omitted.
 struct Blocks {
   std::vector<std::size_t> begin, end;
   std::vector<std::size_t> size;  // usable columns
@@ -66,7 +66,7 @@ Blocks make_blocks(std::span<const std::uint8_t> usable) {
   return blocks;
 }
 
-// Light of one value, in (rows × blocks) sums over each block's columns.
+// (rows × blocks) sums of `light` over each block's usable columns.
 template <class T, class Light>
 void sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
                 Light light, Matrix& sums) {
@@ -79,7 +79,7 @@ void sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> u
     }
 }
 
-// The same of stored integers, as differences of a row's prefix sums, which are exact: nearly all pixels pass here.
+// The same for stored integers, as differences of a row's prefix sums, which are exact; the usual case.
 template <class T>
 void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
                 Matrix& sums) {
@@ -93,11 +93,11 @@ void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> u
   }
 }
 
-// Light of each block in each row, summed over its columns, into `sums`, (rows × blocks), whose memory is used again.
-// Gives the dark level that every column still has.
+// Light of each block and row, summed over its columns, into `sums`, (rows × blocks), whose memory is reused. Returns
+// the dark level still contained in every column.
 template <class T>
 double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::span<const std::uint8_t> usable,
-                 const Blocks& blocks, Matrix& sums) {
+                  const Blocks& blocks, Matrix& sums) {
   sums.resize(static_cast<Index>(view.rows), static_cast<Index>(blocks.begin.size()));
   double dark = 0;
   const auto light = [&](auto value) { return linear_light(curve, static_cast<double>(value), sample_maximum<T>()); };
@@ -117,8 +117,8 @@ double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::
   return dark;
 }
 
-// The blocks' swings about their moving means over rows n − reach … n + reach: a gradient along the rows is not common
-// light. count·x − Σx is exact for integers, so that constant columns have no swing at all.
+// Swings of the blocks about their moving means over rows n − reach … n + reach, which removes gradients along the
+// rows. count·x − Σx is exact for integers, so constant columns have exactly zero swing.
 void take_swings(const Matrix& sums, Matrix& swings) {
   const Index rows = sums.rows(), reach = rows / 16 + 1;
   swings.resize(rows, sums.cols());
@@ -132,10 +132,10 @@ void take_swings(const Matrix& sums, Matrix& swings) {
   }
 }
 
-// Columns of a frame in blocks, with the blocks' light. Half a megabyte each: asking for it anew in every frame costs
-// as much as the sums (page faults).
+// Blocks of a frame with their light. Half a megabyte, reused from frame to frame: a new allocation per frame costs as
+// much as the sums (page faults).
 struct BlockedFrame {
-  std::vector<double> clipped;       // (columns) share of saturated rows
+  std::vector<double> clipped;       // (columns) fraction of saturated rows
   std::vector<std::uint8_t> usable;  // (columns)
   Blocks blocks;
   Matrix means, swings;  // (rows × blocks)
@@ -167,13 +167,13 @@ Matrix covariance_of(const Matrix& swings) {
 
 double min_own_variance(const VectorXd& power) { return std::max(kMinOwnVariance * power.maxCoeff(), 1e-12); }
 
-// Blocks that see one light, with the one that shows it best.
+// Blocks of one light, and the block that represents it.
 struct BlockGroup {
   Index seed;
   std::vector<Index> members;
 };
 
-// Of the blocks that agree with no group's seed, the strongest that agrees with another of them begins the next group.
+// The next seed is the strongest block that is apart from all seeds and correlates with another such block.
 std::vector<BlockGroup> block_groups(const Matrix& cosines, const VectorXd& power) {
   const Index count = cosines.rows();
   std::vector<BlockGroup> groups;
@@ -289,7 +289,7 @@ double agreement(std::span<const double> signal, const LightGroup& group) {
 
 namespace {
 
-// Weights a/v of the blocks. `factor`: of the covariance of their swings.
+// Combination with weights a/v of the blocks. `factor`: model of the covariance of their swings.
 CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
   const std::size_t count = frame.blocks.begin.size();
   VectorXd weights(static_cast<Index>(count));
@@ -327,8 +327,8 @@ CombinedColumn combined_anew(const BlockedFrame& frame) {
   return result;
 }
 
-// One step of common_factor's iteration from weights w that are nearly right, without the covariance C: with
-// C = a·aᵀ + diag(v), C·w − v∘w = a·(aᵀw). Absent where the weighted sum has no power beyond the blocks' own.
+// One step of common_factor's iteration from approximate weights w, without the covariance C: with C = a·aᵀ + diag(v),
+// C·w − v∘w = a·(aᵀw). Absent where the weighted sum has no power beyond the blocks' own.
 std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& weights) {
   const double scale = 1 / static_cast<double>(swings.rows());
   const VectorXd power = swings.colwise().squaredNorm() * scale;

@@ -6,7 +6,7 @@
 
 namespace ocisac {
 
-// Mean over rows n − reach … n + reach, as many of them as there are.
+// Mean over rows n − reach … n + reach, clipped at the ends.
 std::vector<double> moving_mean(std::span<const double> signal, std::size_t reach);
 
 }  // namespace ocisac

@@ -1,4 +1,4 @@
-// Neighbouring columns summed: few signals of low noise in place of a wide frame.
+// Sums of neighbouring columns: few signals of low noise represent a wide frame.
 #pragma once
 
 #include <cstddef>
@@ -8,17 +8,17 @@
 
 namespace ocisac {
 
-// Block b of a frame is the sum of columns [b·width, (b+1)·width), in DN: a memoryless tone curve keeps every period,
-// so that a frequency needs no linear light.
+// Block b of a frame is the sum of columns [b·width, (b+1)·width), in DN: a memoryless tone curve preserves every
+// period, so a frequency estimate needs no linear light.
 struct ColumnBlocks {
   std::size_t frames, rows, columns;
-  std::size_t blocks;                   // in a frame
+  std::size_t blocks;                   // per frame
   std::size_t width;                    // columns in a block; the last one may have fewer
-  std::vector<double> signals;          // (frames · blocks × rows), each less its mean
-  std::vector<double> saturated_share;  // (blocks): pixels at or above the saturation level
+  std::vector<double> signals;          // (frames · blocks × rows), mean removed
+  std::vector<double> saturated_share;  // (blocks): fraction of pixels at or above the saturation level
 };
 
-// At most 64 blocks a frame, fewer when there are many frames. `saturation`: DN; NaN where there is no such level.
+// At most 64 blocks per frame, fewer for many frames. `saturation`: DN; NaN without such a level.
 ColumnBlocks column_blocks(const AnyFramesView& frames, double saturation);
 
 }  // namespace ocisac

@@ -1,4 +1,4 @@
-// From pixels to one signal: which columns carry the light, and how much each of them counts.
+// Combination of pixel columns into one signal: selection of the columns with light, and their weights.
 #pragma once
 
 #include <cstddef>
@@ -14,41 +14,41 @@ namespace ocisac {
 
 struct CombinedColumn {
   std::vector<double> signal;   // (rows), linear light, DN above dark
-  std::vector<double> weights;  // (columns), sum 1; 0: left out
+  std::vector<double> weights;  // (columns), sum 1; 0: not used
   double noise = 0;             // standard deviation of `signal` about the common light; NaN for a single column
-  double quality = 0;           // power of the common light over noise after combining; one column: its power
-  bool saturated = false;       // columns with saturated pixels had to be used, or are all there is
+  double quality = 0;           // power of the common light over noise after combination; single column: its power
+  bool saturated = false;       // columns with saturated pixels had to be used, or no others exist
 };
 
 enum class SaturatedColumns { leave_out, use };
 
-// Share of the rows in which each column of a frame is saturated (within 2 % of the top of the scale). Floating-point
-// samples saturate only where the curve names a white level.
+// Fraction of the rows in which each column of a frame is saturated (within 2 % of the top of the scale).
+// Floating-point samples saturate only if the curve has a white level.
 std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
-// Columns that see one light where several lights are in the picture.
+// Columns dominated by one of several lights.
 struct LightGroup {
-  std::vector<std::uint8_t> columns;  // (columns) 1: sees it
-  std::vector<double> swings;         // (rows) its swings about their moving mean, of length 1
+  std::vector<std::uint8_t> columns;  // (columns) 1: member
+  std::vector<double> swings;         // (rows) its swings about their moving mean, normalised to length 1
 };
 
-// The lights that stand side by side, the strongest first: groups of columns whose swings agree with each other (cosine
-// above 0.6) and not with another group's (below 0.3). Empty where all columns may see one light. Saturated columns are
-// in none.
+// Lights side by side, the strongest first: groups of columns whose swings correlate with each other (cosine above 0.6)
+// and not with another group's (below 0.3). Empty where all columns may have one light. Saturated columns belong to no
+// group.
 std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
-// Cosine of a signal's swings about their moving mean with a group's.
+// Cosine between a signal's swings about their moving mean and a group's.
 double agreement(std::span<const double> signal, const LightGroup& group);
 
-// Weights that maximise the signal-to-noise ratio: with a one-factor model of the columns' covariance (all see the
-// same light, each has noise and texture of its own), gain over own variance. Neighbouring columns share a weight.
-// `columns`: 1 for those that may be used, empty for all.
+// Weights that maximise the signal-to-noise ratio under a one-factor model of the columns' covariance (one common
+// light, independent noise and texture per column): gain over own variance. Neighbouring columns share a weight.
+// `columns`: 1 for allowed columns, empty for all.
 CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
                                SaturatedColumns saturated = SaturatedColumns::leave_out,
                                std::span<const std::uint8_t> columns = {});
 
-// combine_columns for the frames of one light in turn: the first frame's weights are found anew, the next ones' by one
-// step of the factor model from those before, which takes O(blocks · rows) instead of O(blocks² · rows).
+// combine_columns for successive frames of one light. The first frame's weights are estimated in full; each later frame
+// takes one step of the factor model from the previous weights, in O(blocks · rows) instead of O(blocks² · rows).
 class ColumnFollower {
  public:
   explicit ColumnFollower(const ToneCurve& curve);
@@ -56,20 +56,20 @@ class ColumnFollower {
   ColumnFollower& operator=(ColumnFollower&&) noexcept;
   ~ColumnFollower();
 
-  // `frame`: one picture. Weights are found anew where its width is another, or the weights before give no signal.
+  // `frame`: one picture. A full estimate follows a change of width, or previous weights that give no signal.
   CombinedColumn combine(const AnyFramesView& frame);
 
-  // The next frame begins so many columns further right.
+  // Shifts the weights: the next frame begins so many columns further right.
   void move(std::ptrdiff_t columns);
 
-  // The weights of the next frame are found anew.
+  // The next frame gets a full estimate of the weights.
   void forget() { weights_.clear(); }
 
  private:
   struct Memory;
   ToneCurve curve_;
-  std::vector<double> weights_;     // (columns) of the frame before
-  std::unique_ptr<Memory> memory_;  // used again from frame to frame
+  std::vector<double> weights_;     // (columns) of the last frame
+  std::unique_ptr<Memory> memory_;  // reused from frame to frame
 };
 
 // One-factor model C = a·aᵀ + diag(v) of a covariance (size × size) by principal-factor iteration.
