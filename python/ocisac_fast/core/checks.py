@@ -27,7 +27,7 @@ def count(name: str, value: Any, minimum: int, maximum: int = 255) -> int:
 
 
 def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Raise a ValueError that names the argument where its type is not the annotated one.
+    """Raise a ValueError that names the argument if its type is not the annotated one.
 
     Numbers, booleans, strings, tuples of numbers and classes are checked before the call. Array-likes are checked after
     the call has failed, since the function converts them.

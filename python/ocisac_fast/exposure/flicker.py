@@ -141,8 +141,8 @@ def flicker_free_exposure(
             the data light's gain; if none keeps it, the smallest of all.
 
     Raises:
-        ValueError: an argument outside its range, no multiple of ``step`` within the bounds, a data light of the
-            frequency to avoid, or a bound that every exposure satisfies, so that none is the shortest.
+        ValueError: an argument outside its range, no multiple of ``step`` within the bounds, ``f_comm`` within the
+            frequencies of ``lights``, or a bound that every exposure satisfies, so that none is the shortest.
     """
     _check(lights, below, near, f_comm, f_sense, min_gain)
     low, high = _checked_bounds(bounds)

@@ -57,7 +57,7 @@ class PulseCalibration:
         rows: (recordings,) lit rows at half height; NaN if no pulse was within a frame.
         pulse_widths: (recordings,) rows * row_time - offset in s: the measured t_on.
         bands: of each recording.
-        flags: "one_duty": the row time is that without an offset; "model_misfit": the ramps are none of a lamp's edges.
+        flags: "one_duty": the row time is that without an offset; "model_misfit": the ramps do not fit a lamp's edges.
     """
 
     row_time: float
