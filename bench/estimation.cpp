@@ -1,4 +1,4 @@
-// Projection, reading, gains, spectra, equalisation and exposure choice. Each case is checked once before it is timed.
+// Projection, reading, gains, spectra, equalisation and exposure choice. Each case is checked once before timing.
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -114,7 +114,7 @@ void equalize(benchmark::State& state) {
       state.range(0) ? ocisac::EqualizerMethod::wiener : ocisac::EqualizerMethod::inverse, 10, {}};
   const auto view = ocisac::dense_view<double>(out.data(), 1, kRows, columns);
   ocisac::equalize(ocisac::dense_view<const double>(ramp.data(), 1, kRows, columns), camera, settings, view);
-  for (std::size_t i = 0; i < out.size(); ++i)  // a ramp comes back half an exposure earlier
+  for (std::size_t i = 0; i < out.size(); ++i)  // a ramp is restored half an exposure earlier
     if (!(std::abs(out[i] - ramp[i] - 3.65) < 1e-6)) return state.SkipWithError("a ramp not restored");
   const auto noisy = bench::noise<std::uint8_t>(kRows * columns);
   const auto frames = ocisac::dense_view<const std::uint8_t>(noisy.data(), 1, kRows, columns);

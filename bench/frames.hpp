@@ -1,4 +1,4 @@
-// What the benchmarks work on: the same in every run.
+// Input of the benchmarks, equal in every run.
 #pragma once
 
 #include <cmath>
@@ -14,12 +14,12 @@ namespace bench {
 
 inline constexpr std::size_t kRows = 1080;
 inline constexpr std::size_t kColumns = 1920;
-inline constexpr std::size_t kFrames = 48;  // 100 MB of bytes: more than caches hold
+inline constexpr std::size_t kFrames = 48;  // 100 MB of bytes: more than the caches
 
 template <class T>
 std::vector<T> noise(std::size_t size, unsigned seed = 1) {
   std::vector<T> values(size);
-  std::uint32_t state = seed;  // a linear congruence: cheap beside the work that is measured
+  std::uint32_t state = seed;  // linear congruential generator: cheap relative to the measured work
   for (T& value : values) value = static_cast<T>((state = 1664525U * state + 1013904223U) >> 24);
   return values;
 }

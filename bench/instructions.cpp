@@ -1,4 +1,4 @@
-// A small fixed set of work for counting instructions: instructions NAME runs one case once, without a name it lists
+// A small fixed workload for counting instructions: `instructions NAME` runs one case once; without a name it lists
 // them.
 #include <cstdio>
 #include <functional>
@@ -18,7 +18,7 @@ constexpr std::size_t kColumns = 640;
 
 const ocisac::Camera kCamera{22.2e-6, 1202e-6, {}, {}};
 
-// Results are added up, so that nothing is left out and a wrong sum shows.
+// Sum of the results: keeps the work from being optimised away and reveals wrong values.
 template <class Values>
 double total(const Values& values) {
   return std::accumulate(values.begin(), values.end(), 0.0);
@@ -76,7 +76,7 @@ const std::map<std::string, std::function<double()>> kCases{
 
 }  // namespace
 
-// What counts: valgrind --tool=callgrind --toggle-collect=run_measured
+// Counted region: valgrind --tool=callgrind --toggle-collect=run_measured
 extern "C" __attribute__((noinline)) double run_measured(const std::function<double()>& work) { return work(); }
 
 int main(int argc, char** argv) {
@@ -86,6 +86,6 @@ int main(int argc, char** argv) {
   }
   const auto found = kCases.find(argv[1]);
   if (found == kCases.end()) return 2;
-  frame();  // made before the count begins
+  frame();  // creates the frame before the counted region
   std::printf("%.12g\n", run_measured(found->second));
 }

@@ -1,5 +1,4 @@
-// Every kernel of the tests' list (cpp/tests/kernels), on the best SIMD target. Each case is checked before it is
-// timed.
+// Every kernel of the tests' list (cpp/tests/kernels) on the best SIMD target. Each case is checked before timing.
 #include <benchmark/benchmark.h>
 
 #include "kernels/kernel_cases.hpp"

@@ -1,4 +1,4 @@
-// Exposure integration of every waveform, 1080 rows a call, against the mean of 20000 samples of one exposure.
+// Exposure integration of every waveform, 1080 rows per call, against the mean of 20000 samples of one exposure.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -13,7 +13,7 @@ namespace {
 
 const ocisac::Camera kCamera{22.2e-6, 1202e-6, {}, {}};
 
-// What an oversampled exposure of the row says; light that jumps leaves it off by jumps over samples.
+// Mean of samples over the exposure of the row; steps of the light give errors of order step/samples.
 double oversampled(const ocisac::Waveform& waveform, std::int64_t row) {
   constexpr int kSamples = 20000;
   std::vector<double> times(kSamples), values(kSamples);

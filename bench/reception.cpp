@@ -1,4 +1,4 @@
-// Blind reception of on-off keying: the bits must be those sent before the time counts.
+// Blind reception of on-off keying; the bits are compared with those sent before timing.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace {
 
-// Range: columns. 720 rows, 6.2 rows a chip, an exposure of half a chip, noise 2 % of the swing.
+// Range: columns. 720 rows, 6.2 rows per chip, an exposure of half a chip, noise 2 % of the swing.
 void receive(benchmark::State& state) {
   const std::size_t rows = 720;
   const auto columns = static_cast<std::size_t>(state.range(0));

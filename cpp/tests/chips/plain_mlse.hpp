@@ -1,4 +1,4 @@
-// Maximum-likelihood sequence detection over every state, as plain as can be: what estimators are tested with.
+// Reference maximum-likelihood sequence detection over all states.
 #pragma once
 
 #include <bit>
@@ -14,7 +14,7 @@ inline std::vector<double> plain_mlse(const ocisac::ChipQuestion& question) {
   const auto memory = static_cast<int>(std::ceil(length));
   const std::uint32_t states = 1U << memory, mask = states - 1;
   std::vector<double> cost(states, 0.0), next(states);
-  std::vector<std::vector<std::uint8_t>> oldest;  // chip that left the state on the way here
+  std::vector<std::vector<std::uint8_t>> oldest;  // chip shifted out of the state on the best path
   std::size_t row = 0;
   for (std::size_t chip = 0; chip < question.count; ++chip) {
     struct Seen {

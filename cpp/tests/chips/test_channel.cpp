@@ -19,7 +19,7 @@ std::vector<double> random_chips(unsigned seed, std::size_t count) {
   return chips;
 }
 
-// 720 rows of a swing of 40 on 10, noise 1 % of the swing.
+// 720 rows with swing 40 above 10, noise 1 % of the swing.
 std::vector<double> make_rows(const ocisac::KnownChips& chips, const ocisac::ChipClock& clock, unsigned seed) {
   std::vector<double> rows(720);
   ocisac::expose_chips(chips, clock, rows);

@@ -8,7 +8,8 @@
 
 namespace {
 
-// A light of 3.7 rows a chip, frames 1501.3 rows apart, measured with an error of `phase_std` rows in the middle chip.
+// A light of 3.7 rows per chip, frames 1501.3 rows apart, measured with an error of `phase_std` rows at the middle
+// chip.
 struct Light {
   double rows_per_chip = 3.7, frame_rows = 1501.3, start = 1.1;
   std::mt19937 random{1};
@@ -47,7 +48,7 @@ TEST_CASE("the next frame's phase is predicted within its standard error, missin
     REQUIRE(predicted);
     const double first = std::ceil((43 * light.frame_rows - light.start) / light.rows_per_chip);
     const double truth = light.chip_time(static_cast<double>(predicted->chip)) - 43 * light.frame_rows;
-    CHECK(std::abs(static_cast<double>(predicted->chip) - first) <= 1);  // no chip lost or won in 16 000
+    CHECK(std::abs(static_cast<double>(predicted->chip) - first) <= 1);  // correct chip count over 16 000 chips
     squares += std::pow((predicted->clock.phase - truth) / predicted->errors.phase_std(0), 2);
     ++count;
     CHECK(predicted->chips_lost < 0.03);
@@ -63,8 +64,8 @@ TEST_CASE("a clock that drifts is followed") {
   Light light;
   ocisac::ClockTracker tracker({.frame_rows = 1501.3, .drift = 2e-6});
   ocisac::ClockErrors errors;
-  double offset = 0;                                    // rows that the drift has added so far
-  for (std::int64_t frame = 0; frame < 200; ++frame) {  // 50 ppm in the end
+  double offset = 0;                                    // rows added by the drift so far
+  for (std::int64_t frame = 0; frame < 200; ++frame) {  // 50 ppm at the end
     auto clock = light.measure(frame, 0.02, 3e-4, errors);
     const double drift = 50e-6 * static_cast<double>(frame) / 200;
     offset += drift * light.frame_rows;

@@ -34,7 +34,7 @@ struct Frame {
   Frame(const Frame&) = delete;
   Frame& operator=(const Frame&) = delete;
 
-  // Of chips `exposures` away from the ends.
+  // Errors among chips at least `exposures` exposures from the ends.
   struct Count {
     std::size_t wrong = 0, chips = 0;
   };
@@ -110,7 +110,7 @@ TEST_CASE("chips of which only one kind was kept have the certainty of the neare
         if (std::abs(all[k]) < 12) continue;
         ++sure;
         alike += std::abs(found[k] - all[k]) < 0.02 * std::abs(all[k]);
-        CHECK(found[k] / all[k] > 0.98);  // one other sequence is an upper bound
+        CHECK(found[k] / all[k] > 0.98);  // a single other sequence gives an upper bound
       }
     }
   CHECK(sure > 1000);
@@ -156,7 +156,7 @@ TEST_CASE("detectors make the errors that are foretold") {
     CHECK(measured(DetectorMethod::slicer) == doctest::Approx(told.slicer).epsilon(0.15));
     CHECK(measured(DetectorMethod::inverse) == doctest::Approx(told.inverse).epsilon(0.25));
     CHECK(measured(DetectorMethod::wiener) == doctest::Approx(told.wiener).epsilon(0.15));
-    CHECK(measured(DetectorMethod::dfe) > 0.8 * told.dfe);  // others follow
+    CHECK(measured(DetectorMethod::dfe) > 0.8 * told.dfe);  // error propagation is not included
     const double likeliest = measured(DetectorMethod::mlse);
     CHECK(likeliest < 1.3 * told.mlse);
     CHECK(likeliest > 0.4 * told.mlse);
@@ -216,7 +216,7 @@ TEST_CASE("questions without meaning are refused by every detector") {
     frame.question.rows = {};
     for (const double ratio : ocisac::detect_chips(frame.question, method).llr) CHECK(ratio == 0);
     if (method == DetectorMethod::mlse) continue;
-    frame.question.clock.exposure_rows = 4 * 23.9;  // no more sequences are kept than there is room for
+    frame.question.clock.exposure_rows = 4 * 23.9;  // bounded by the number of sequences kept
     CHECK(ocisac::detect_chips(frame.question, method).llr.size() == 30);
   }
   CHECK_THROWS_WITH_AS(ocisac::detector_method("best"), doctest::Contains("method: got best"), std::invalid_argument);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kRows = 1080;
 
-// Random chips with a preamble, through an exposure, on a light that falls by `fall` along the frame.
+// Random chips with a preamble, through an exposure, under light that falls by `fall` along the frame.
 struct Column {
   std::vector<double> chips, preamble, rows;
   ocisac::ChipClock clock{};
@@ -39,7 +39,7 @@ struct Column {
                          (1 - fall * static_cast<double>(n) / static_cast<double>(kRows));
   }
 
-  // Errors among the chips that the frame shows whole, with their number: `shift` added to numbers of found chips.
+  // Errors among the chips that lie whole in the frame; `shift` is added to the indices of detected chips.
   [[nodiscard]] std::size_t errors(const ocisac::RefinedChannel& found, std::ptrdiff_t shift) const {
     const auto edge = static_cast<std::ptrdiff_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip));
     const auto last = static_cast<std::ptrdiff_t>(static_cast<double>(kRows) / clock.rows_per_chip) - edge - 1;
@@ -155,7 +155,7 @@ TEST_CASE("noise that follows the light leaves the frame even, a clock lost in a
     CHECK(column.errors(*found, column.start) == 0);
     CHECK(found->even);
 
-    // The last third from another light of the same kind.
+    // The last third comes from another light of the same kind.
     const Column other(seed + 100, 4.0, 3.0, 0.01);
     std::copy(other.rows.begin() + 720, other.rows.end(), column.rows.begin() + 720);
     const auto lost = ocisac::refine_channel(column.rows, matches.front().channel, plain_mlse);

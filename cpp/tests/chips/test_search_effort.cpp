@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kRows = 720;
 constexpr double kRowsPerChip = 5.0;
 
-// Nothing but noise: what a search goes through without an end.
+// Pure noise, for which an unbounded search is endless.
 std::vector<double> noise_alone() {
   std::mt19937 random(11);
   std::normal_distribution<double> noise(100, 10);
@@ -40,7 +40,7 @@ TEST_CASE("a search in vain ends when its effort is used up, and soon") {
     ocisac::SearchEffort effort{passes * kRows};
     CHECK_FALSE(ocisac::search_frame(rows, {kRowsPerChip, 0.02, {}, {}, &effort}));
     CHECK(effort.rows < 0);
-    // Whatever is still asked for when nothing is left is counted as well, and is not done: a question a start.
+    // Requests after the budget is used up are counted but not executed: at most one per start.
     CHECK(effort.rows > -(passes + 1000.0) * kRows);
   }
 }

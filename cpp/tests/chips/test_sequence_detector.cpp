@@ -17,7 +17,7 @@ std::vector<double> detect_levels(const ocisac::ChipQuestion& question) {
   return ocisac::level_detector(ocisac::DetectorMethod::mlse)(question);
 }
 
-// Random chips, and the rows that see none but them.
+// Random chips, and the rows that depend on them only.
 struct Frame {
   std::vector<double> chips, rows;
   ocisac::ChipQuestion question;
@@ -32,7 +32,7 @@ struct Frame {
     question.rows = rows;
   }
 
-  // Without the chips that only a few rows at the ends see.
+  // Without the chips that affect only a few rows at the ends.
   [[nodiscard]] std::size_t errors() const {
     const auto found = detect_levels(question);
     const auto edge = static_cast<std::size_t>(question.clock.exposure_rows / question.clock.rows_per_chip) + 2;
@@ -105,7 +105,7 @@ TEST_CASE("long exposures are read without an error at little noise") {
 }
 
 TEST_CASE("the closest pair lies where the sum of squares says") {
-  // √(4R/3)/L for many rows a chip.
+  // √(4R/3)/L for many rows per chip.
   CHECK(ocisac::closest_pair_distance(50, 350) == doctest::Approx(std::sqrt(4 * 50.0 / 3) / 7).epsilon(1e-3));
   CHECK(ocisac::closest_pair_distance(4, 28) == doctest::Approx(std::sqrt(16.0 / 3) / 7).epsilon(0.1));
 }

@@ -14,7 +14,7 @@ using ocisac::for_each_block;
 
 namespace {
 
-// How often each block is worked on.
+// Number of executions of each block.
 std::vector<int> turns(std::size_t blocks, int threads) {
   std::vector<std::atomic<int>> counted(blocks);
   for_each_block(blocks, threads, [&](std::size_t block) { ++counted[block]; });
@@ -23,7 +23,7 @@ std::vector<int> turns(std::size_t blocks, int threads) {
 
 bool each_once(std::size_t blocks, int threads) { return turns(blocks, threads) == std::vector<int>(blocks, 1); }
 
-// Whether two blocks meet, each waiting for the other; without a second processor nobody is there to meet.
+// True if two blocks run at the same time, each waiting for the other; trivially true with a single processor.
 bool helper_comes() {
   if (std::thread::hardware_concurrency() < 2) return true;
   std::atomic<int> begun = 0, met = 0;
@@ -60,7 +60,7 @@ TEST_CASE("the first exception comes back, and the next call works") {
       --at_work;
     };
     CHECK_THROWS_WITH_AS(for_each_block(50, 4, work), "block", std::runtime_error);
-    CHECK(at_work == 0);  // nobody is left behind
+    CHECK(at_work == 0);  // all threads have finished
     CHECK(each_once(20, 4));
   }
 }
@@ -86,7 +86,7 @@ TEST_CASE("blocks may be divided again") {
 }
 
 #ifdef __SANITIZE_ADDRESS__
-constexpr bool kForkLosesLocks = true;  // its allocator's, where another thread held them (GCC 12)
+constexpr bool kForkLosesLocks = true;  // locks of the allocator, held by another thread at the fork (GCC 12)
 #else
 constexpr bool kForkLosesLocks = false;
 #endif
@@ -100,7 +100,7 @@ TEST_CASE("a fork's child has helpers of its own, whatever its parent was doing"
     const pid_t child = fork();
     REQUIRE(child >= 0);
     if (child == 0) {
-      alarm(40);  // ends a child that hangs
+      alarm(40);  // terminates a child that hangs
       _exit(each_once(100, 4) && helper_comes() ? 0 : 1);
     }
     int status = -1;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint32_t kRows = 400, kColumns = 24;
 
-// A tone of 900 Hz at 20 us a row: 100 + 80·cos.
+// A tone of 900 Hz at 20 us per row: 100 + 80·cos.
 template <class T>
 std::vector<T> picture() {
   std::vector<T> pixels(kRows * kColumns);
@@ -45,7 +45,7 @@ TEST_CASE("C: frames in, results out") {
   ocisac_result_init(&result);
   CHECK(ocisac_poll(receiver, &result) == OCISAC_NOTHING);
   const auto pixels = picture<std::uint16_t>();
-  // The same picture from its last row up is the same tone.
+  // The same picture, bottom row first, contains the same tone.
   for (const int direction : {1, -1}) {
     const std::uint16_t* first = direction > 0 ? pixels.data() : pixels.data() + (kRows - 1) * kColumns;
     const ocisac_frame frame{
@@ -111,7 +111,7 @@ TEST_CASE("C: what has no meaning is a code and a line") {
 TEST_CASE("C: a program that knows less of the structs gets what it knows") {
   ocisac_options options = told();
   options.size = offsetof(ocisac_options, region);
-  options.region = {99, 99, 99, 99};  // beyond its size: not looked at
+  options.region = {99, 99, 99, 99};  // beyond the given size: ignored
   ocisac_receiver* receiver = nullptr;
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   const auto pixels = picture<std::uint8_t>();

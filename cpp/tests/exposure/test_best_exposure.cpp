@@ -48,7 +48,7 @@ TEST_CASE("two tones take less than a microsecond") {
     sum += ocisac::best_exposure_exact(frequency(random), frequency(random), 1, 1).exposure;
   const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - start;
   CHECK(sum > 0);
-  WARN(spent.count() < 0.1);  // busy machines and sanitizers are slower
+  WARN(spent.count() < 0.1);  // may be slower on busy machines and with sanitizers
 }
 
 TEST_CASE("bounds, steps and refusals of the exposure choice") {

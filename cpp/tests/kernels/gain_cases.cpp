@@ -91,7 +91,7 @@ KernelCase gains_case(std::size_t count) {
   auto input = std::make_shared<ToneInput>(
       ToneInput{random_rows<double>(1, count, count, 100, 5), random_rows<double>(1, count, count, 0, 20),
                 random_rows<double>(1, count, count, 0, 20), random_rows<double>(1, count, count, 4, 0.5)});
-  // Columns with a remark: no tone, little noise, none at all.
+  // Columns with each remark: no tone, little noise, no noise.
   if (count > 2) input->cosine.data()[1] = input->sine.data()[1] = 0;
   if (count > 3) input->noise.data()[2] = 0.25;
   if (count > 4) input->noise.data()[3] = 0;

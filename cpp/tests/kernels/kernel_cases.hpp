@@ -1,5 +1,5 @@
-// One list of kernels: each case runs a kernel on the SIMD target in use and compares it with its plain loop.
-// test_kernels.cpp forces every target through it, bench/kernels.cpp times it. A new kernel is one more function here.
+// One list of kernels: each case runs a kernel on the current SIMD target and compares it with its plain loop.
+// test_kernels.cpp runs it on every target, bench/kernels.cpp times it. A new kernel needs one more function here.
 #pragma once
 
 #include <algorithm>
@@ -19,9 +19,10 @@
 namespace kernel_cases {
 
 struct KernelCase {
-  std::string name;                   // kernel, then what is special about the case
-  std::function<void()> run;          // the kernel alone, for timing; empty: not timed
-  std::function<double()> deviation;  // from the plain loop, over the largest magnitude; infinite where it must not be
+  std::string name;           // kernel and variant
+  std::function<void()> run;  // the kernel alone, for timing; empty: not timed
+  // From the plain loop, relative to the largest magnitude; infinite for writes out of bounds.
+  std::function<double()> deviation;
   double tolerance;
 };
 
@@ -37,7 +38,7 @@ inline std::vector<KernelCase> all() {
   return cases;
 }
 
-// Around one vector, whatever the target: from 1 value to more than two of the longest vectors.
+// Lengths around one vector of any target: from 1 value to more than two of the longest vectors.
 inline constexpr std::array<std::size_t, 12> kLengths{1, 2, 3, 4, 7, 8, 9, 15, 16, 17, 33, 70};
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
@@ -48,7 +49,7 @@ constexpr T filler() {
   return std::numeric_limits<T>::max();
 }
 
-// Values at an offset that no vector is aligned to, NaN (or the largest integer) before and after them.
+// Values at an offset that is unaligned for every vector, surrounded by NaN (or the largest integer).
 template <class T>
 class Misaligned {
  public:
@@ -66,7 +67,7 @@ class Misaligned {
   std::size_t size_;
 };
 
-// `rows` of `length` random values, `stride` apart; what lies between is filler.
+// `rows` of `length` random values, `stride` apart, with filler between.
 template <class T>
 Misaligned<T> random_rows(std::size_t rows, std::size_t length, std::size_t stride, double mean = 0, double std = 1) {
   static std::mt19937 source(7);
@@ -82,7 +83,7 @@ Misaligned<T> random_rows(std::size_t rows, std::size_t length, std::size_t stri
   return values;
 }
 
-// Largest |got − want| over the largest |want|. NaN equals NaN, and infinities of one sign.
+// Largest |got − want| over the largest |want|. Equal NaN and equal infinities count as 0.
 template <class T>
 double deviation(std::span<const T> got, std::span<const T> want) {
   double largest = 1e-300, worst = 0;
@@ -96,13 +97,12 @@ double deviation(std::span<const T> got, std::span<const T> want) {
   return worst;
 }
 
-// Outputs of a kernel: `sections` of `length` values each, `stride` apart (length to stride: padding that may be
-// written).
+// Outputs of a kernel: `sections` of `length` values each, `stride` apart; the kernel may write the padding.
 struct Sections {
   std::size_t sections, length, stride;
 };
 
-// `run(plain, out)`: the kernel or its plain loop, into room for all sections, which must be all that is written.
+// `run(plain, out)`: runs the kernel or its plain loop into a buffer for all sections; writes elsewhere are errors.
 template <class T, class Run>
 KernelCase kernel_case(std::string name, double tolerance, Sections of, Run run, bool timed) {
   const auto out = std::make_shared<std::array<Misaligned<T>, 2>>(

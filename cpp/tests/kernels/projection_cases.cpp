@@ -14,7 +14,7 @@ struct FrameCase {
   bool upside_down = false, symmetric = false;
 };
 
-// Every other output symmetric about the middle, the others antisymmetric.
+// Alternately symmetric and antisymmetric about the middle.
 std::vector<double> weights_for(const FrameCase& of) {
   const std::size_t groups = of.rows / static_cast<std::size_t>(of.row_group);
   const auto random = random_rows<double>(of.outputs, groups, groups);
@@ -25,7 +25,7 @@ std::vector<double> weights_for(const FrameCase& of) {
   return weights;
 }
 
-// A frame whose rows are `width` apart: an even number of columns gives whole vectors.
+// A frame with rows `width` apart: an even number of columns gives whole vectors.
 template <class T>
 struct Frame {
   std::size_t width;
@@ -44,7 +44,7 @@ struct Frame {
              static_cast<std::ptrdiff_t>(width),
              static_cast<std::ptrdiff_t>(of.column_step)},
         weights(weights_for(of), of.outputs, of.rows, of.row_group, of.limbs) {
-    for (std::size_t r = 0; r < of.rows; ++r)  // between columns of a frame lie others
+    for (std::size_t r = 0; r < of.rows; ++r)  // between the columns of a frame are others
       for (std::size_t c = 0; c < of.columns * of.column_step; ++c)
         if (c % of.column_step != 0) memory.data()[r * width + c] = filler<T>();
     if (of.upside_down) {
@@ -54,7 +54,7 @@ struct Frame {
   }
 };
 
-// Totals against 1 + |total|, squares value by value; a part of the columns must give the same bits.
+// Totals relative to 1 + |total|, squares value by value; a part of the columns must give identical bits.
 template <class T>
 double projection_deviation(const Frame<T>& frame, const FrameCase& of) {
   const auto got = ocisac::project(frame.view, 0, 0, of.columns, frame.weights);

@@ -98,7 +98,7 @@ KernelCase harmonics_case(std::size_t blocks) {
   const auto input = std::make_shared<Input>(Input{random_rows<double>(1, count, count, 5),
                                                    {kFrequency * fine_turns, -middle / fine_turns, blocks},
                                                    {kFrequency, 0, fine_turns}});
-  const auto run = [=](bool plain, double* out) {  // a section for each power q
+  const auto run = [=](bool plain, double* out) {  // one section per power q
     const auto store = [&](int q, std::size_t h, double real, double imaginary) {
       out[static_cast<std::size_t>(q) * 2 * max_harmonics + 2 * h] = real;
       out[static_cast<std::size_t>(q) * 2 * max_harmonics + 2 * h + 1] = imaginary;

@@ -67,10 +67,10 @@ struct Window {
   }
 };
 
-// From the rows themselves, in float64. `out`: energies, and behind them 1 where there is a candidate.
+// Computed from the rows in float64. `out`: energies, followed by 1 if there is a candidate.
 void plain_energies(const Window& window, std::size_t tiles, const TileBound& bound, float* out) {
   constexpr std::size_t rows = 2 * chunk_rows;
-  const auto product = [&](std::size_t g, std::size_t h) {  // beyond mean and slope of each
+  const auto product = [&](std::size_t g, std::size_t h) {  // after removal of mean and slope
     double both = 0, sums[2] = {0, 0}, slopes[2] = {0, 0};
     for (std::size_t n = 0; n < rows; ++n) {
       const double x[2] = {window.rows.data()[n * window.stride + g], window.rows.data()[n * window.stride + h]};
@@ -95,7 +95,7 @@ void plain_energies(const Window& window, std::size_t tiles, const TileBound& bo
 }
 
 KernelCase energies_case(std::size_t tiles, std::size_t tile) {
-  // Moments of the last groups see two more, as in a wider picture.
+  // Moments of the last groups include two more, as in a wider picture.
   const auto window = std::make_shared<Window>(tiles + tile - 1, tiles + tile + 1);
   const std::size_t stride = tiles + chunk_padding;
   const auto run = [=](bool plain, float* out) {

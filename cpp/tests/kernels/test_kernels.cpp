@@ -12,7 +12,7 @@ TEST_CASE("every kernel agrees with its plain loop on every SIMD target") {
   for (const auto& target : targets) {
     CAPTURE(target);
     ocisac::force_simd_target(target);
-    CHECK(ocisac::simd_target() == target);  // the code that ran says so itself
+    CHECK(ocisac::simd_target() == target);  // reported by the code that runs
     for (const auto& one : cases) {
       CAPTURE(one.name);
       CHECK(one.deviation() <= one.tolerance);

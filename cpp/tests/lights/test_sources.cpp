@@ -16,7 +16,7 @@ namespace {
 constexpr std::size_t rows = 240, columns = 320;
 constexpr double row_time = 1e-5;
 
-// A dim picture with noise of a linear congruential generator; a square of light of 0.08 cycles per row in it.
+// A dim picture with noise of a linear congruential generator and a square of light with 0.08 cycles per row.
 std::vector<std::uint8_t> picture(bool lit) {
   std::vector<std::uint8_t> pixels(rows * columns);
   std::uint32_t state = 1;
@@ -80,7 +80,7 @@ TEST_CASE("screening gives the place and, roughly, the frequency") {
   CHECK(suspects.front().column + suspects.front().width >= 172);
 }
 
-// Columns 60 to 259 of rows 40 to 199 lit by `light(row, column)`, on even ground.
+// Columns 60 to 259 of rows 40 to 199 lit by `light(row, column)`, on uniform background.
 template <class Light>
 std::vector<std::uint8_t> lit_picture(Light light) {
   auto pixels = picture(false);

@@ -16,8 +16,8 @@ namespace {
 using Random = std::mt19937_64;
 using Bytes = std::vector<std::uint8_t>;
 
-// What was sent and what may be done to it: a sender's packet in a random format, another of the same length whose
-// headers look the same, and the receiver of both.
+// A transmission and its damage: a packet in a random format, another of the same length with the same headers, and the
+// receiver of both.
 struct Link {
   ocisac::PacketFormat format;
   std::array<Bytes, 2> payloads;
@@ -49,7 +49,7 @@ struct Link {
   }
 };
 
-// Bursts turned, weakened, lost or made up.
+// Bursts inverted, weakened, erased or invented.
 void damage_bursts(std::vector<double>& llr, Random& random) {
   const std::size_t bursts = random() % 40;
   for (std::size_t burst = 0; burst < bursts; ++burst) {
@@ -60,7 +60,7 @@ void damage_bursts(std::vector<double>& llr, Random& random) {
   }
 }
 
-// One chip in so many turned or lost: bytes wrong or unseen about where the code just does not correct them.
+// One chip in so many inverted or erased: wrong and erased bytes near the limit of the code's correction.
 void damage_chips(std::vector<double>& llr, Random& random) {
   const std::uint64_t one_in = 4 + random() % 60;
   const bool lost = random() % 2 != 0;
@@ -68,8 +68,8 @@ void damage_chips(std::vector<double>& llr, Random& random) {
     if (random() % one_in == 0) chip = lost ? 0.0 : -chip;
 }
 
-// A part of the cycle, damaged; or chips that nobody sent; with the other packet's from some place on; at its place, or
-// at a wrong one.
+// A damaged part of the cycle, or random chips; optionally continued by the other packet; at the right or a wrong
+// place.
 std::vector<double> damaged(Link& link, Random& random, std::ptrdiff_t& first) {
   const std::size_t length = link.cycles[0].size();
   const std::size_t count = length / 3 + random() % (2 * length / 3), begin = random() % length;
@@ -92,7 +92,7 @@ struct Tally {
   std::size_t wrong = 0, right = 0;
 };
 
-constexpr std::size_t kTold = 100'000;  // tries, after which it is told how far one is
+constexpr std::size_t kTold = 100'000;  // tries between two progress messages
 
 Tally try_links(std::size_t tries, std::uint64_t seed) {
   Random random(seed);

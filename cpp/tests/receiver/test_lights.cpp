@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t kRows = 480, kColumns = 160, kWidth = 30;
 constexpr double kRowTime = 2e-5;
 
-// A light of 800 Hz, 60 DN of swing on 80, between columns `left` and `left` + kWidth of a dim, noisy picture.
+// A light of 800 Hz, swing 60 DN about 80, from column `left` to `left` + kWidth of a dim, noisy picture.
 std::vector<std::uint8_t> tone_picture(std::size_t left, double start, std::mt19937& random, bool on = true) {
   std::normal_distribution<double> noise(20, 1);
   std::vector<std::uint8_t> picture(kRows * kColumns);
@@ -63,7 +63,7 @@ TEST_CASE("a light is found once, its gain told in every frame") {
     REQUIRE(result.gain);
     CHECK(!result.received);
     CHECK(result.gain->frequency == doctest::Approx(800).epsilon(2e-3));
-    CHECK(result.gain->gain == doctest::Approx(60.0 / 80).epsilon(0.02));  // depth of the swing
+    CHECK(result.gain->gain == doctest::Approx(60.0 / 80).epsilon(0.02));  // modulation depth
     REQUIRE(result.suggestion);
     CHECK(result.suggestion->exposure == doctest::Approx(1.0 / 1600).epsilon(2e-3));
   }

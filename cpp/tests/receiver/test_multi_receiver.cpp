@@ -20,7 +20,7 @@ constexpr double kRowsPerChip = 5.3, kExposure = 8.1, kFrameRows = 1251.3;
 
 const ocisac::PacketFormat kFormat{.block_bytes = 4};
 
-// A light's box in pictures of noise about a level of 20.
+// Box of a light in noisy pictures of level 20.
 struct Lamp {
   ocisac::Region box;
   std::vector<std::uint8_t> chips;
@@ -65,7 +65,7 @@ ocisac::ReceiverOptions told(std::vector<ocisac::Region> regions = {}) {
   return options;
 }
 
-// Payload bytes by the light whose box holds the source's middle.
+// Payload bytes by light, assigned by the box that contains the source's centre.
 std::map<std::size_t, std::set<std::uint8_t>> receive(const std::vector<Lamp>& lamps, ocisac::Receiver& receiver,
                                                       int frames) {
   std::mt19937 random(7);

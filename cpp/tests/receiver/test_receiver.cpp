@@ -27,7 +27,7 @@ struct Frame {
   }
 };
 
-// Random chips seen through an exposure of half a chip, with noise and a light that halves along the rows.
+// Random chips through an exposure of half a chip, with noise, under light that halves along the rows.
 Frame make_frame(unsigned seed, double rows_per_chip) {
   Frame frame;
   std::mt19937 random(seed);

@@ -16,7 +16,7 @@ namespace {
 constexpr double kRowsPerChip = 5.6, kFrameRows = 1500.4, kExposure = 16.8;
 constexpr std::size_t kRows = 1080;
 
-// Rows of a frame of a light that sends `chips` over and over, 2 % noise.
+// Rows of a frame of a light that repeats `chips`, 2 % noise.
 std::vector<double> frame_of(const std::vector<std::uint8_t>& chips, int frame, std::mt19937& random) {
   const double start = 777.7 + frame * kFrameRows / kRowsPerChip;  // chip at the first row
   const auto first = static_cast<std::size_t>(start) - 8;

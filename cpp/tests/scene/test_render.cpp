@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t rows = 70;
 constexpr std::size_t columns = 33;
 
-// Two parts that overlap: one in runs, one with gains and a table of three phases.
+// Two overlapping parts: one of runs, one with gains and a table of three phases.
 struct Parts {
   std::vector<float> signal, table, gains;
   std::vector<std::uint16_t> phase;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double two_pi = 2 * std::numbers::pi;
 
-// (rows × columns): 10 + tone with a phase of its own in every column + noise.
+// (rows × columns): 10 + tone with a separate phase per column + noise.
 std::vector<double> toned(std::size_t rows, std::size_t columns, double frequency, double noise,
                           double phase_step = 0) {
   std::mt19937 random(1);
@@ -95,7 +95,7 @@ TEST_CASE("combined columns keep the power of the noise and all of the tone") {
 }
 
 TEST_CASE("chance energies are those of the chi-squared distribution") {
-  CHECK(ocisac::chance_energy(2) == doctest::Approx(-2 * std::log(0.79e-6)).epsilon(0.12));  // exact: −2·log(odds)
+  CHECK(ocisac::chance_energy(2) == doctest::Approx(-2 * std::log(0.79e-6)).epsilon(0.12));  // exact: −2·log(p)
   CHECK(ocisac::chance_energy(1000) == doctest::Approx(1000 + 4.8 * std::sqrt(2000.0)).epsilon(0.02));
 }
 

@@ -58,7 +58,7 @@ TEST_CASE("few rows leave room for larger weights, and none for overflow") {
         CAPTURE(rows);
         CAPTURE(limbs);
         const std::size_t groups = rows / static_cast<std::size_t>(row_group);
-        std::vector<double> values(2 * groups, 1.0);  // output 0; output 1: any limb may be as large as it can
+        std::vector<double> values(2 * groups, 1.0);  // output 0; output 1: every limb at its maximum
         for (std::size_t g = 1; g < groups; ++g) values[groups + g] = 1.0 / 3 + 1e-4 * static_cast<double>(g % 7);
         const ocisac::RowWeights weights(values, 2, rows, row_group, limbs);
         std::vector<std::uint8_t> pixels(rows * 40, 255);

@@ -71,7 +71,7 @@ TEST_CASE("gain, phase and mean of a clean tone, by both methods, through a nega
 }
 
 TEST_CASE("the phasor keeps its phase at large indices") {
-  // 2^40 rows of a third of a cycle each, less a known rest: 1/3 as a double is 1/3 − 2^−54/3.
+  // 2^40 rows of 1/3 cycle each, minus a known remainder: 1/3 as a double is 1/3 − 2^−54/3.
   const double third = 1.0 / 3.0;
   const double u = 3.0 * 0x1p40;
   const double rest = -u * 0x1p-54 / 3;

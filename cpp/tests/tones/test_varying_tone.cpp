@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kRows = 720;
 
-// Light of mean 100 that falls by `slope` of it along the rows, a tone of gain 0.5, a frequency that rises by `drift`.
+// Light of mean 100 with relative slope `slope` along the rows, tone of gain 0.5, frequency that rises by `drift`.
 std::vector<double> column(double cycles, double slope, double drift) {
   std::vector<double> signal(kRows);
   for (std::size_t n = 0; n < kRows; ++n) {
