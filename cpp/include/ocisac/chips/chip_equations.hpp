@@ -1,4 +1,4 @@
-// The rows as linear equations of the chips, which the exposure's box makes a narrow band: what detectors solve.
+// Rows as linear equations of the chips, for the detectors; the exposure's box makes them a narrow band.
 #pragma once
 
 #include <cstddef>
@@ -14,27 +14,26 @@ namespace ocisac {
 // range.
 void check(const ChipQuestion& question, double longest);
 
-// Level of chip first + k, where the question says that it is known.
+// Level of chip first + k if the question marks it as known.
 std::optional<double> known_level(const ChipQuestion& question, std::size_t k);
 
-// A chip x off its known level costs ½·kKnownPrecision·x² nats.
+// Cost of a chip at distance x from its known level: ½·kKnownPrecision·x² nats.
 inline constexpr double kKnownPrecision = 1e8;
 
-// With x = chip − ½ = ±½ and row n seeing the share h_nk of chip k in its exposure (their sum is 1),
+// Let x = chip − ½ = ±½ and h_nk the share of chip k in the exposure of row n (Σ_k h_nk = 1). Then
 //
 //   −ln p(rows | chips) = ½·xᵀA·x − bᵀx + constant,   A = HᵀH/σ² + 4·I,   b = Hᵀ(rows − ½)/σ²
 //
-// The 4·I is a prior of variance ¼. It changes no comparison of sequences, since x² = ¼ for each, but tells how
-// uncertain chips are that are not decided yet. Known chips add kKnownPrecision to it. A has as many diagonals beside
-// the main one as an exposure has chips, rounded up. Factored from the last chip to the first, A = MᵀDM with M unit
-// lower triangular, the same is
+// The term 4·I is a prior of variance ¼. It changes no comparison of sequences, since x² = ¼ for each, but models the
+// uncertainty of undecided chips. Known chips add kKnownPrecision to it. A has ⌈exposure in chips⌉ diagonals beside the
+// main one. Factored from the last chip to the first, A = MᵀDM with M unit lower triangular, the cost is
 //
 //   Σ_k ½·d_k·(x_k − m_k)²,   m_k = z_k − Σ_j M_kj·x_j over j < k
 //
-// m_k and 1/d_k are mean and variance of chip k given those before it and all rows, where later chips are Gaussian.
+// m_k and 1/d_k are mean and variance of chip k given the earlier chips and all rows, with Gaussian later chips.
 class ChipEquations {
  public:
-  // Refuses what check() does.
+  // Throws as check().
   ChipEquations(const ChipQuestion& question, double longest);
 
   [[nodiscard]] std::size_t count() const { return count_; }
@@ -50,7 +49,7 @@ class ChipEquations {
   }                                                                              // [j]: M_(k,k−j)
   [[nodiscard]] double target(std::size_t chip) const { return target_[chip]; }  // z_k
 
-  // Diagonal of A⁻¹: what is left of the chips' variance of ¼ by the best linear estimate of each from all rows.
+  // Diagonal of A⁻¹: variance of each chip after the best linear estimate from all rows (prior: ¼).
   [[nodiscard]] std::vector<double> variances() const;
 
  private:

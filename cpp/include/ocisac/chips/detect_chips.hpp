@@ -1,4 +1,4 @@
-// The detectors behind one interface: from rows and a channel to a log-likelihood ratio for each chip.
+// Common interface of the detectors: log-likelihood ratios of the chips from rows and a channel.
 #pragma once
 
 #include <array>
@@ -14,35 +14,35 @@
 
 namespace ocisac {
 
-// In the order of what they cost.
+// In order of run time.
 enum class DetectorMethod {
-  slicer,     // the middle of each chip against a threshold half way between dark and bright
-  wiener,     // the best linear estimate of each chip from all rows, and a threshold
-  dfe,        // the same with the chips before it taken as decided and their part in the box taken away
+  slicer,     // the middle of each chip against the mean of dark and bright
+  wiener,     // linear MMSE estimate of each chip from all rows, then a threshold
+  dfe,        // the same with decision feedback: the contribution of earlier decided chips is subtracted
   inverse,    // equalize(), then as the slicer
-  reduced,    // search_reduced: the likeliest sequences; up to kLongestReducedExposure chips of exposure
-  mlse,       // detect_sequence: all sequences; up to kLongestDetectedExposure
-  automatic,  // slicer where it makes at most 1.5 times the errors of the likeliest sequence (or 1e-9), else reduced
+  reduced,    // search_reduced: the most likely sequences; exposures up to kLongestReducedExposure chips
+  mlse,       // detect_sequence: all sequences; exposures up to kLongestDetectedExposure chips
+  automatic,  // slicer if its error rate is at most 1.5 times that of the ML sequence (or 1e-9), else reduced
 };
 inline constexpr std::array<std::string_view, 7> kDetectorNames{"slicer",  "wiener", "dfe", "inverse",
                                                                 "reduced", "mlse",   "auto"};
 DetectorMethod detector_method(std::string_view name);  // throws std::invalid_argument for another
 
 struct DetectedChips {
-  // (chips) ln p(rows | bright) − ln p(rows | dark); 0 for a chip that no row tells. Of slicer, inverse, wiener and
-  // dfe with the other chips taken as Gaussian noise.
+  // (chips) ln p(rows | bright) − ln p(rows | dark); 0 for a chip that no row covers. Slicer, inverse, wiener and dfe
+  // model the other chips as Gaussian noise.
   std::vector<double> llr;
-  DetectorMethod method;  // that was used
+  DetectorMethod method;  // the method used
 };
 
-// Throws std::invalid_argument for an exposure beyond what the method takes (linear ones: kLongestReducedExposure),
+// Throws std::invalid_argument for an exposure beyond the range of the method (linear ones: kLongestReducedExposure),
 // and for values that are not finite or out of range.
 DetectedChips detect_chips(const ChipQuestion& question, DetectorMethod method = DetectorMethod::automatic);
 
-// What refine_channel and find_channel take: the same as levels, 0 or 1. An exposure beyond the longest gives 0s.
+// Hard decisions 0 or 1 for refine_channel and find_channel; all 0 for an exposure beyond the range.
 DetectChips level_detector(DetectorMethod method = DetectorMethod::automatic);
 
-// A signal of linear light as rows from 0 (steady dark) to 1 (steady bright), with the chips that they see.
+// A signal of linear light scaled to rows from 0 (steady dark) to 1 (steady bright), with the chips that affect them.
 class ChipRows {
  public:
   ChipRows(std::span<const double> signal, const ChannelEstimate& channel);
@@ -59,7 +59,7 @@ class ChipRows {
 // Chips of columns that share a channel.
 struct ColumnChips {
   std::vector<double> llr;   // frames × chips × columns
-  std::ptrdiff_t first = 0;  // number of the first chip that a row sees
+  std::ptrdiff_t first = 0;  // index of the first chip that affects a row
   std::size_t count = 0;
   DetectorMethod method{};
 };

@@ -1,4 +1,4 @@
-// What every detector takes and gives: a combined column and its chip grid in, decisions with their levels out.
+// Interface of the blind detectors: from a combined column and its chip grid to decisions and levels.
 #pragma once
 
 #include <cstddef>
@@ -27,17 +27,17 @@ ChipGrid whole_chips(const ChipLattice& lattice, std::size_t rows);
 
 struct Detection {
   std::vector<std::uint8_t> bits;  // (chips) 1 = bright
-  std::vector<double> dark;        // (chips) level of a dark chip there
-  std::vector<double> bright;      // (chips) level of a bright chip there
-  std::vector<double> soft;        // (chips) −1 at the dark level, 1 at the bright one
+  std::vector<double> dark;        // (chips) local level of dark chips
+  std::vector<double> bright;      // (chips) local level of bright chips
+  std::vector<double> soft;        // (chips) −1 at the dark level, 1 at the bright level
 };
 
 class Detector {
  public:
   virtual ~Detector() = default;
 
-  // `exposure_rows`: rows, absent where unknown. `guess`: bits to start from, one a chip of the grid. Absent where the
-  // signal does not hold both kinds of chips.
+  // `exposure_rows`: rows, absent if unknown. `guess`: initial bits, one per chip of the grid. Absent if the signal
+  // does not contain both kinds of chips.
   [[nodiscard]] virtual std::optional<Detection> detect(std::span<const double> signal, const ChipGrid& grid,
                                                         std::optional<double> exposure_rows,
                                                         std::span<const std::uint8_t> guess) const = 0;

@@ -1,4 +1,4 @@
-// Where a signal goes from dark to bright and back, whatever its level and gradient.
+// Detection of edges between dark and bright, independent of level and gradient.
 #pragma once
 
 #include <cstddef>
@@ -8,10 +8,10 @@
 
 namespace ocisac {
 
-// Rows of alternating minima and maxima; each differs from the next by more than `hysteresis`.
+// Rows of alternating minima and maxima; neighbours differ by more than `hysteresis`.
 std::vector<std::size_t> turning_points(std::span<const double> signal, double hysteresis);
 
-// Leaves out the swings that are small beside those around them: noise and texture on a steady level.
+// Removes swings that are small relative to those around them: noise and texture on a steady level.
 std::vector<std::size_t> prune_turning_points(std::span<const double> signal, std::vector<std::size_t> points);
 
 struct Edges {
@@ -19,10 +19,10 @@ struct Edges {
   std::vector<std::uint8_t> rising;  // 1: from dark to bright; alternates
 };
 
-// Places where the signal passes `share` of the height (from dark to bright) between neighbouring turning points.
+// Places where the signal crosses `share` of the height (from dark to bright) between neighbouring turning points.
 Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share);
 
-// All edges but a low one at either end: a run that the frame's edge cuts may not show its level.
+// All edges except a low one at either end: a run cut by the frame's edge may not reach its level.
 Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points);
 
 }  // namespace ocisac

@@ -1,4 +1,4 @@
-// A known sequence of chips found in a column, at any exposure; the channel comes with it.
+// Detection of a known chip sequence in a column at any exposure, and the channel estimate from it.
 #pragma once
 
 #include <cstddef>
@@ -12,21 +12,22 @@ namespace ocisac {
 
 struct PreambleSearch {
   double rows_per_chip;                 // nominal
-  double tolerance = 0.02;              // the true one lies within this share of it
+  double tolerance = 0.02;              // max relative error of rows_per_chip
   std::optional<double> exposure_rows;  // rows; absent: estimated
-  double max_exposure_chips = 14;       // chips, where it is estimated
-  std::size_t max_matches = 1;          // matches to give
+  double max_exposure_chips = 14;       // chips, if the exposure is estimated
+  std::size_t max_matches = 1;          // maximum number of results
 };
 
 struct PreambleMatch {
-  ChannelEstimate channel;  // clock.phase: where the preamble's first chip begins
-  double explained = 0;     // share of the variance of its rows that the preamble explains
-  double certainty = 0;     // ln of the odds against random chips of the same rate, less the places tried
+  ChannelEstimate channel;  // clock.phase: start of the preamble's first chip
+  double explained = 0;     // fraction of the variance of its rows explained by the preamble
+  double certainty = 0;     // log-odds against random chips of the same rate, minus the log of the places tried
 };
 
-// Places of a sequence of chips (levels 0 … 1) that lies whole in the frame, the surest first; none where nothing like
-// it is seen. Correlation of all places over a grid of exposures and rates with the exposed sequence, mean and slope
-// taken out, then fit_channel from the best. At least kFewestChipsSeen chips must be longer than the exposure.
+// Positions of a chip sequence (levels 0 … 1) that lies whole in the frame, in order of certainty; empty if nothing
+// matches. Correlates all positions with the exposed sequence, mean and slope removed, over a grid of exposures and
+// rates; then runs fit_channel from the best. The preamble must be longer than the exposure by at least
+// kFewestChipsSeen chips.
 std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::span<const double> preamble,
                                          const PreambleSearch& search);
 

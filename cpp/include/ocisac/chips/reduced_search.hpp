@@ -1,4 +1,4 @@
-// Sequence detection that follows the likeliest sequences only: nearly maximum likelihood, at any exposure.
+// Reduced sequence detection over the most likely sequences: nearly maximum likelihood, at any exposure.
 #pragma once
 
 #include <cstddef>
@@ -11,17 +11,18 @@ namespace ocisac {
 inline constexpr double kLongestReducedExposure = 24;  // chips
 
 struct ReducedSearch {
-  std::size_t max_sequences = 1024;  // sequences kept at a chip
+  std::size_t max_sequences = 1024;  // sequences kept per chip
   std::size_t max_first_sequences =
       16384;          // the same in the first four exposures: what lies before the frame is not known
-  double reach = 10;  // nats; sequences that much less likely than the best are given up
+  double reach = 10;  // nats; sequences whose cost exceeds the best by more are discarded
 };
 
-// The M-algorithm (Anderson and Mohan 1984) on ChipEquations: at each chip the likeliest sequences of those that
-// differ in the last band() chips are kept, what later rows will say of them counted in as far as it is known; then
-// backward over what was kept (Franz and Anderson 1998). (count) log-likelihood ratios as in SequenceDetection; where
-// no sequence with the other chip was kept, by the likeliest that differs from the best in a run of up to four chips,
-// or in two an exposure apart. Time grows with the sequences kept: few where chips are sure.
+// M-algorithm (Anderson and Mohan 1984) on ChipEquations. At each chip it keeps the most likely sequences that differ
+// in the last band() chips; the known part of the later rows' cost is included. A backward pass over the kept sequences
+// gives the soft outputs (Franz and Anderson 1998): (count) log-likelihood ratios as in SequenceDetection. If no kept
+// sequence has the opposite chip, the ratio comes from the most likely sequence that differs from the best in a run of
+// up to four chips, or in two such runs an exposure apart. Run time is proportional to the sequences kept, which are
+// few at high signal-to-noise ratios.
 std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search = {});
 
 }  // namespace ocisac

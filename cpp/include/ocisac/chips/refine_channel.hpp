@@ -1,5 +1,5 @@
-// The channel of a whole frame, from a channel known in a part of it or from nothing but a nominal chip rate: detection
-// of chips and least squares on them in turn.
+// Channel of a whole frame from a channel valid in a part of it, or from a nominal chip rate: alternates chip detection
+// and least squares.
 #pragma once
 
 #include <cstddef>
@@ -12,48 +12,48 @@
 
 namespace ocisac {
 
-// What a detector is asked: the chips first, first + 1, … that consecutive rows see, all of them.
+// Input of a detector: all chips first, first + 1, … that affect consecutive rows.
 struct ChipQuestion {
   std::span<const double> rows;  // 0: steady dark, 1: steady bright
   ChipClock clock;               // phase relative to the first of `rows`
   double noise;                  // standard deviation of `rows`
   std::ptrdiff_t first;
   std::size_t count;
-  KnownChips known{};  // of these chips, or others: `reduced` and `mlse` go through them, others may pass them over
+  KnownChips known{};  // of these chips or others; used by `reduced` and `mlse`, optional for others
 };
 
-// One level (0 or 1) a chip.
+// One level (0 or 1) per chip.
 using DetectChips = std::function<std::vector<double>(const ChipQuestion&)>;
 
 struct RefineOptions {
   bool exposure_known = false;
-  std::size_t highest_degree = 4;  // of dark and swing along the frame; the data decide up to it (Schwarz's criterion)
-  KnownChips known{};              // chips that need not be detected: a preamble
-  SearchEffort* effort = nullptr;  // where it is used up, what was found so far is the answer; nullptr: no limit
+  std::size_t highest_degree = 4;  // maximum degree of dark and swing along the frame, selected by Schwarz's criterion
+  KnownChips known{};              // chips that need no detection: a preamble
+  SearchEffort* effort = nullptr;  // once used up, the best result so far is returned; nullptr: no limit
 };
 
 struct RefinedChannel {
   ChannelEstimate channel;
   std::vector<double> chips;  // of the whole frame
-  std::ptrdiff_t first = 0;   // number of the first of them
-  bool settled = false;       // the last detection changed none of them
-  bool even = false;          // no part of the frame is explained worse than the others: the clock was not lost there
+  std::ptrdiff_t first = 0;   // index of the first of them
+  bool settled = false;       // the last detection changed no chip
+  bool even = false;          // all parts of the frame are explained equally well: the clock was not lost
 };
 
-// From the rows where the channel was found outwards, only as far at a time as its clock is sure, to the whole frame.
-// Absent where the chips found do not determine a channel.
+// Grows the rows from those of the start to the whole frame, limited at each step by the certainty of the clock. Absent
+// if the detected chips do not determine a channel.
 std::optional<RefinedChannel> refine_channel(std::span<const double> signal, const ChannelEstimate& start,
                                              const DetectChips& detect, const RefineOptions& options = {});
 
 struct ChannelSearch {
   double rows_per_chip;                 // nominal
-  double tolerance = 0.02;              // the true one lies within this share of it
+  double tolerance = 0.02;              // max relative error of rows_per_chip
   std::optional<double> exposure_rows;  // rows; absent: estimated
-  double max_exposure_chips = 7;        // chips, where it is estimated
+  double max_exposure_chips = 7;        // chips, if the exposure is estimated
 };
 
-// The channel without a preamble: several phases, rates and exposures as starts on a short part of the frame; the one
-// whose chips leave the least residual is refined over the frame. Absent where no start leads to a channel.
+// Channel without a preamble: starts over several phases, rates and exposures on a short part of the frame; the start
+// with the smallest residual is refined over the frame. Absent if no start leads to a channel.
 std::optional<RefinedChannel> find_channel(std::span<const double> signal, const ChannelSearch& search,
                                            const DetectChips& detect, const RefineOptions& options = {});
 
