@@ -13,9 +13,9 @@ using Eigen::Index;
 
 namespace {
 
-constexpr double kMinPivot = 1e-11;  // of a normal matrix with a unit diagonal
+constexpr double kMinPivot = 1e-11;  // relative to the unit diagonal of a normal matrix
 
-// Where the clock does not count.
+// Zero swing: the clock has no effect.
 double no_swing(std::size_t, const double*) { return 0; }
 
 double product(const double* parts, const Eigen::VectorXd& values) {

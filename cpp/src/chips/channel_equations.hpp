@@ -1,4 +1,4 @@
-// The rows as equations of a channel: clock and levels, linear about a clock.
+// Rows as equations of the channel parameters (clock and levels), linearised about a clock.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,13 +15,13 @@ namespace ocisac {
 
 void check_model(const ChannelModel& model);
 
-// Legendre polynomials 0 … degree at x; where a row lies along the frame, −1 … 1; a sum of such polynomials.
+// Legendre polynomials 0 … degree at x; position of a row along the frame, −1 … 1; a sum of such polynomials.
 void legendre(double x, std::size_t degree, double* out);
 double along_frame(double row, std::size_t rows);
 double polynomial(std::span<const double> coefficients, double x);
 
-// Weighted least squares of one column of numbers against the parts of the model, by normal equations with a unit
-// diagonal. Unknowns: phase, rows per chip, exposure (the first `clock_size` of them), dark levels, swings.
+// Weighted least squares of one column against the model's derivatives, by normal equations with a unit diagonal.
+// Unknowns: phase, rows per chip, exposure (the first `clock_size` of them), dark levels, swings.
 class ChannelEquations {
  public:
   using Index = Eigen::Index;
@@ -46,7 +46,7 @@ class ChannelEquations {
   [[nodiscard]] Index level_size() const { return dark_size_ + swing_size_; }
   [[nodiscard]] std::span<const double> signal() const { return signal_; }
 
-  // For `clock` the s of each row and its derivatives.
+  // Computes s of each row and its derivatives for `clock`.
   void expose(const ChipClock& clock, RowRange range) {
     exposed_.resize(range.size());
     const auto origin = static_cast<double>(origin_);
@@ -54,8 +54,8 @@ class ChannelEquations {
       exposed_[n - range.begin] = box_.at(static_cast<double>(n), clock, origin);
   }
 
-  // Row n of the model's derivatives by its unknowns, and of its levels: calls use(n, parts). swing_of(n, basis): of
-  // row n, by which the clock counts.
+  // Calls use(n, parts) for each row n with the derivatives of the model. height_of(n, basis): swing of row n, which
+  // scales the derivatives by the clock.
   template <class Swing, class Use>
   void for_each_row(RowRange range, Swing height_of, Use use) const {
     std::array<double, 3 + 2 * (kHighestDegree + 1)> parts{};
@@ -98,7 +98,7 @@ class ChannelEquations {
   std::vector<Exposed> exposed_;
 };
 
-// Normal equations scaled to a unit diagonal; absent where columns are dependent.
+// Solution of normal equations scaled to a unit diagonal; absent where columns are dependent.
 struct Solved {
   Eigen::VectorXd values;
   Eigen::MatrixXd inverse;
@@ -106,11 +106,11 @@ struct Solved {
 
 std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
 
-// With the exposure among the unknowns, the third. Where no row tells it from the phase (all edges fall on the same
-// part of a row, say) it is left where it is, with an infinite variance.
+// Solution with the exposure as third unknown. If the rows do not separate it from the phase (for example, all edges at
+// the same fraction of a row) it is kept, with infinite variance.
 std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
 
-// Sums of products of parts, and of parts and values, row by row; spelled out, the parts being few.
+// Sums of products of parts, and of parts and values, row by row; explicit loops, as the parts are few.
 class NormalSums {
  public:
   explicit NormalSums(Eigen::Index size) : products_(RowMajor::Zero(size, size)), right_(Eigen::VectorXd::Zero(size)) {}
@@ -132,26 +132,25 @@ class NormalSums {
   Eigen::VectorXd right_;
 };
 
-// The levels that leave least, at the clock that was exposed last.
+// Least-squares levels at the last exposed clock.
 std::optional<Eigen::VectorXd> fit_levels(const ChannelEquations& equations, RowRange range);
 
-// Squares that the best levels leave, at the clock that was exposed last.
+// Residual squares of the best levels at the last exposed clock.
 std::optional<double> squares_left(const ChannelEquations& equations, RowRange range);
 
-// Levels for a clock, the squares they leave, and the step of the clock that Gauss–Newton takes from there.
+// Levels for a clock, their residual squares, and the Gauss–Newton step of the clock.
 struct Linearised {
   Eigen::VectorXd levels, step;
   Eigen::MatrixXd inverse;  // of all unknowns
   double squares = 0;
 };
 
-// A rate known beforehand, as a reading of it: `weight` is the inverse of its variance in that of a row.
+// Prior of the rate as a measurement; `weight`: variance of a row over its variance.
 struct KnownRate {
   double rows_per_chip = 0, weight = 0;
 };
 
-// `nearby`: levels that suit a clock not far from this one; absent: found first. The derivatives by the clock are taken
-// at them.
+// `nearby`: levels for a similar clock, at which the derivatives by the clock are evaluated; absent: estimated first.
 std::optional<Linearised> linearise(ChannelEquations& equations, const ChipClock& clock, RowRange range,
                                     const KnownRate& known, const std::optional<Eigen::VectorXd>& nearby = {});
 

@@ -15,13 +15,13 @@ namespace {
 
 constexpr int kRounds = 20;
 constexpr int kPasses = 3;
-constexpr double kMinShare = 1e-3;       // of a step; the model has kinks
-constexpr double kSmallFall = 1e-5;      // of the squares, in variances of a row; so is a step that gains less
-constexpr double kSmallStep = 1e-3;      // standard errors; such a step is the last
-constexpr double kSettled = 1e-9;        // chips; a step below it is the last
+constexpr double kMinShare = 1e-3;       // min fraction of a step; the model has kinks
+constexpr double kSmallFall = 1e-5;      // min reduction of the squares by a step, in variances of a row
+constexpr double kSmallStep = 1e-3;      // standard errors; a smaller step is the last
+constexpr double kSettled = 1e-9;        // chips; a smaller step is the last
 constexpr double kLongestExposure = 24;  // chips
 
-// A part of the step that keeps the clock where the model is nearly linear; and the clock there.
+// The clock after a fraction of the step, limited to the range where the model is nearly linear.
 ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double share, double half_chips) {
   const double reach = std::max({std::abs(step[0]) / (0.4 * clock.rows_per_chip),
                                  std::abs(step[1]) * half_chips / (0.4 * clock.rows_per_chip), 1.0});
@@ -35,14 +35,14 @@ ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double sh
   return next;
 }
 
-// A step beside the standard errors of what it changes.
+// True if a step is small relative to the standard errors.
 bool is_small(const Eigen::VectorXd& step, const Eigen::MatrixXd& inverse, double variance) {
   for (Eigen::Index k = 0; k < step.size(); ++k)
     if (!(std::abs(step[k]) <= kSmallStep * std::sqrt(variance * inverse(k, k)))) return false;
   return true;
 }
 
-// Gauss–Newton with a step halved until the squares fall. Clock and errors refer to the equations's origin.
+// Gauss–Newton with step halving until the squares decrease. Clock and errors refer to the equations' origin.
 struct Descent {
   ChipClock clock;
   RowRange rows;
@@ -75,7 +75,7 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
       if (last || moved < kSettled * clock.rows_per_chip) return Descent{clock, range, std::move(*here), true};
       break;
     }
-    if (!better) return Descent{clock, range, std::move(*here), true};  // at the bottom to the last digit
+    if (!better) return Descent{clock, range, std::move(*here), true};  // minimum to full precision
   }
   return Descent{clock, range, std::move(*here), false};
 }
@@ -109,7 +109,7 @@ double ChannelEstimate::swing_at(double row, std::size_t frame_rows) const {
 
 namespace {
 
-// Descent on the rows that see known chips only. Which ones do, and their noise, depend on the clock.
+// Descent on the rows that depend on known chips only. These rows and their noise depend on the clock.
 std::optional<Descent> descend_on_known_rows(ChannelEquations& equations, const KnownChips& chips,
                                              const ChipClock& start, double rate_std, SearchEffort& effort) {
   const double half_chips = 0.5 * static_cast<double>(chips.levels.size());

@@ -11,14 +11,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kSurePhase = 0.08;  // chips; standard error up to which rows are detected
+constexpr double kSurePhase = 0.08;  // chips; max standard error for detection of rows
 constexpr double kMaxGrowth = 2;
-// Least growth of the rows from one round to the next, in up to three tries.
+// Min growth factor of the rows per round, in up to three attempts.
 constexpr std::array kGrowths{1.3, 1.2, 1.12};
 constexpr int kMaxRounds = 40;
-constexpr int kSettlingRounds = 4;  // once all rows are in
+constexpr int kSettlingRounds = 4;  // with all rows
 
-// Rows on either side as far as the clock is sure, at least the least growth.
+// Rows extended on either side while the clock is certain, by at least the min growth.
 RowRange grown(const ChannelEstimate& channel, std::size_t frame_rows, double min_growth) {
   const ChipClock& clock = channel.clock;
   const double middle = clock.phase + static_cast<double>(channel.errors.chip) * clock.rows_per_chip;

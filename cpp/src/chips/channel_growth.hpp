@@ -1,4 +1,4 @@
-// A channel that is right in a part of a frame, followed to the whole frame.
+// Extends a channel that is valid in a part of a frame to the whole frame.
 #pragma once
 
 #include <optional>
@@ -7,10 +7,10 @@
 
 namespace ocisac {
 
-// Outwards by at least so much from one round to the next (1.3: by 30 %), only as far at a time as the clock is sure.
+// Extends by at least this factor per round (1.3: by 30 %), further only while the clock is certain.
 std::optional<RefinedChannel> grow(const TurnContext& context, const ChannelEstimate& start, double min_growth);
 
-// The same; where the clock was lost in a part of the frame, again from the best part in smaller steps.
+// The same; if the clock was lost in a part of the frame, restarts from the best part with smaller steps.
 std::optional<RefinedChannel> grow_to_frame(const TurnContext& context, const ChannelEstimate& start);
 
 }  // namespace ocisac

@@ -12,19 +12,19 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFollowed = 0.25;         // of the rows that told levels: so far beyond them a slope is believed
-constexpr double kMinSwing = 0.1;          // of that in the middle of those rows
+constexpr double kFollowed = 0.25;         // fraction of the fitted rows over which a slope is extrapolated
+constexpr double kMinSwing = 0.1;          // relative to the middle of those rows
 constexpr double kCertainPhase = 0.04;     // chips; with a larger standard error other rates are tried
 constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
 constexpr double kMaxExposureMove = 0.8;
 constexpr double kMovedErrors = 1.5, kMaxMove = 0.4;  // standard errors, chips
-constexpr double kMinNoise = 1e-4;                    // of the swing, for the detector
+constexpr double kMinNoise = 1e-4;                    // relative to the swing, for the detector
 constexpr double kMaxChips = 1e6;                     // in a frame
-constexpr double kStatesPerRow = 64;                  // of the trellis, that take as long as a row of a fit
-constexpr double kMaxStateChips = 11;                 // with longer exposures not all of the states are looked at
-constexpr double kLevelFits = 2;                      // to choose the levels of a turn, in fits of levels and clock
+constexpr double kStatesPerRow = 64;                  // states of the trellis whose cost equals that of a row of a fit
+constexpr double kMaxStateChips = 11;                 // for longer exposures not all states are evaluated
+constexpr double kLevelFits = 2;                      // cost of the choice of levels, in fits of levels and clock
 
-// The channel's levels, held a little beyond the rows that told them.
+// The channel's levels, constant beyond a short extrapolation.
 struct Levels {
   const ChannelEstimate& channel;
   std::size_t frame_rows;
@@ -50,8 +50,7 @@ void put_known(const KnownChips& known, FoundChips& chips) {
   }
 }
 
-// Degrees of dark and swing: the smallest of Schwarz's criterion at a fixed clock. In a part of the frame at most
-// lines.
+// Degrees of dark and swing that minimise Schwarz's criterion at a fixed clock. In a part of the frame, at most lines.
 ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, const ChipClock& clock,
                            bool most_of_frame) {
   const RefineOptions& options = context.options;
@@ -60,7 +59,7 @@ ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, 
   const std::size_t highest = most_of_frame ? options.highest_degree : std::min<std::size_t>(options.highest_degree, 1);
   for (std::size_t degree = 0; degree <= highest; ++degree)
     for (const std::size_t swing_degree : {std::size_t{0}, degree}) {
-      if (swing_degree == 0 && degree > 1) continue;  // a light that varies takes its surroundings along
+      if (swing_degree == 0 && degree > 1) continue;  // a light with gradients also lights its surroundings
       const ChannelModel model{degree, swing_degree, options.exposure_known};
       const auto left = level_squares(context.signal, chips.known(), clock, model);
       if (!left) return best;
@@ -162,10 +161,10 @@ std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEsti
   for (const double longer : {0.0, 1.0, -1.0}) {
     if (longer != 0 && (context.options.exposure_known || exposure_move == 0)) continue;
     for (const double faster : {0.0, -1.0, 1.0}) {
-      if (longer == 0 && faster == 0) continue;  // taken
+      if (longer == 0 && faster == 0) continue;  // the unmodified turn, already evaluated
       const ChannelEstimate moved =
           with_exposure_moved(with_rate_moved(channel, range, faster * rate_move), longer * exposure_move);
-      if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // of a frame of a few rows
+      if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // for frames of a few rows
       auto other = take_turn(context, moved, range);
       if (other && (!best || other->channel.noise < best->channel.noise)) best = std::move(other);
     }

@@ -1,4 +1,4 @@
-// A turn of refining a channel: the chips of some rows detected with it, and the channel fitted to them.
+// One turn of channel refinement: detects the chips of some rows and fits the channel to them.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace ocisac {
 
-// What all turns of a frame share.
+// Data shared by all turns of a frame.
 struct TurnContext {
   std::span<const double> signal;
   const DetectChips& detect;
@@ -18,7 +18,7 @@ struct TurnContext {
 
   [[nodiscard]] RowRange frame() const { return {0, signal.size()}; }
   [[nodiscard]] bool is_used_up() const { return options.effort != nullptr && !(options.effort->rows > 0); }
-  // Whether there is effort left to detect the rows' chips and to fit levels `fits` times.
+  // True if the remaining effort allows detection of the rows' chips and `fits` fits of levels.
   [[nodiscard]] bool may_try(RowRange range, const ChipClock& clock, double fits) const;
 };
 
@@ -34,17 +34,17 @@ struct Turn {
   FoundChips chips;
 };
 
-// Absent where there is no effort left, or the chips do not determine a channel of positive swing.
+// Absent if the effort is used up, or the chips do not determine a channel of positive swing.
 std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
 
-// A turn; where the clock is not sure at the ends of the rows, also from a higher and a lower rate, and where the
-// exposure is not sure either, from a longer and a shorter one: the one that leaves least.
+// The best of several turns by residual: where the clock is uncertain at the ends of the rows, also with a higher and a
+// lower rate; where the exposure is uncertain, also with a longer and a shorter one.
 std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
 
-// All chips that the rows see; those of the options' known ones as they are known.
+// All chips that affect the rows; known chips of the options replace detected ones.
 std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
 
-// Edge chips are seen by a few rows only: those do not count.
+// Removes the chips at the ends, which affect only a few rows.
 FoundChips without_edges(const FoundChips& chips);
 
 std::ptrdiff_t chip_at(double row, const ChipClock& clock);
@@ -52,7 +52,7 @@ std::ptrdiff_t chip_at(double row, const ChipClock& clock);
 // Standard error of the clock at the farther end of the rows, chips.
 double end_error(const ChannelEstimate& channel, RowRange range);
 
-// The clock with a rate that moves the ends of the rows by `chips`, if they lie about the chips that told it.
+// The clock with a rate that moves the ends of the rows by `chips`, if they lie about the chips of the fit.
 ChannelEstimate with_rate_moved(ChannelEstimate channel, RowRange range, double chips);
 
 // The clock with a longer or shorter exposure.

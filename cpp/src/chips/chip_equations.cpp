@@ -9,7 +9,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kPrior = 4;  // inverse of the variance of a chip
+constexpr double kPrior = 4;  // inverse prior variance of a chip
 
 double length_of(const ChipClock& clock) {
   return std::max(clock.exposure_rows, kShortestExposure) / clock.rows_per_chip;
@@ -51,11 +51,11 @@ void ChipEquations::add_rows(const ChipQuestion& question) {
   const ChipClock& clock = question.clock;
   const double length = length_of(clock), scale = 1 / (question.noise * question.noise);
   const double last = static_cast<double>(count_ - 1);
-  std::vector<double> seen(band_ + 1);  // [j]: share of the newest chip − j
+  std::vector<double> seen(band_ + 1);  // [j]: weight of the chip j before the newest
   for (std::size_t row = 0; row < question.rows.size(); ++row) {
     const double end = (static_cast<double>(row) + 0.5 * clock.exposure_rows - clock.phase) / clock.rows_per_chip -
                        static_cast<double>(question.first);
-    // The first and the last chip are taken to go on: a row hardly beyond them by rounding is theirs.
+    // The first and the last chip extend: a row beyond them by rounding belongs to them.
     const double newest = std::clamp(std::floor(end), 0.0, last), begin = end - length;
     const std::size_t chip = static_cast<std::size_t>(newest), chips = std::min(band_, chip) + 1;
     for (std::size_t back = 0; back < chips; ++back) {

@@ -16,11 +16,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};    // shares of an edge's height; 0.5 is right for linear light
+constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};  // fractions of an edge's height; 0.5 is right for linear light
 constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the moving mean, rows
 constexpr std::size_t kFewestEdges = 4;
 constexpr std::size_t kCandidates = 16;
-constexpr double kLargestDuty = 0.2;       // chips, in the search; a little more is let through after the fit
+constexpr double kLargestDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
 constexpr double kMinCertainty = 5.5;      // nats
 constexpr double kLargestResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
 
@@ -31,7 +31,7 @@ double median(std::vector<double> values) {
   return 0.5 * (*middle + *std::max_element(values.begin(), middle));
 }
 
-// Noise of a single column: the smallest quarter of the second differences lies on steady light.
+// Noise of a single column: the lower quartile of the second differences comes from steady light.
 double noise_on_steady_light(std::span<const double> signal) {
   std::vector<double> second;
   for (std::size_t n = 2; n < signal.size(); ++n)
@@ -42,7 +42,7 @@ double noise_on_steady_light(std::span<const double> signal) {
   return *quarter / (0.3186 * std::sqrt(6.0));  // quartile of |x| for a normal x; variance of the difference
 }
 
-// From the tenth of the rows that is darkest to the tenth that is brightest.
+// Span from the darkest to the brightest tenth of the rows.
 double span_of(std::span<const double> signal) {
   std::vector<double> sorted(signal.begin(), signal.end());
   std::ranges::sort(sorted);
@@ -50,14 +50,14 @@ double span_of(std::span<const double> signal) {
   return sorted[sorted.size() - 1 - tenth] - sorted[tenth];
 }
 
-// How well a lattice of one frequency explains the edges.
+// Coherence of the edges with a lattice of one frequency.
 struct Coherence {
-  double score = 0;  // share of the edges, 0 … 1
-  double duty = 0;   // cycles by which falling edges come late
+  double score = 0;  // fraction of the edges, 0 … 1
+  double duty = 0;   // delay of the falling edges, cycles
   double phase = 0;  // cycles
 };
 
-// Σ exp(−j2πfx) over places x, at `count` frequencies: each phase from the index, with one table per place and block.
+// Σ exp(−j2πfx) over places x, at `count` frequencies; each phase from the index, with one table per place and block.
 std::vector<std::complex<double>> edge_spectrum(const Edges& edges, bool rising, double lowest, double step,
                                                 std::size_t count) {
   constexpr std::size_t kBlock = 32;
@@ -73,7 +73,7 @@ std::vector<std::complex<double>> edge_spectrum(const Edges& edges, bool rising,
     for (std::size_t first = 0; first < count; first += kBlock) {
       const auto at_first = turn((lowest + step * static_cast<double>(first)) * place);
       const double re = at_first.real(), im = at_first.imag();
-      for (std::size_t i = 0; i < kBlock; ++i)  // spelled out: operator* checks for NaN
+      for (std::size_t i = 0; i < kBlock; ++i)  // written out: operator* checks for NaN
         sums[first + i] +=
             std::complex(re * within[i].real() - im * within[i].imag(), re * within[i].imag() + im * within[i].real());
     }
@@ -95,7 +95,7 @@ std::vector<Coherence> coherence(const Edges& edges, double lowest, double step,
   return result;
 }
 
-// Peaks of the score within 60 % of the highest, the highest first.
+// Peaks of the score of at least 60 % of the highest, in descending order.
 std::vector<std::size_t> best_peaks(const std::vector<Coherence>& scores) {
   double highest = 0;
   for (const auto& at : scores) highest = std::max(highest, at.score);
@@ -113,7 +113,8 @@ double place_on(const ChipLattice& lattice, double chip, bool falling) {
   return lattice.phase + lattice.rows_per_chip * chip + (falling ? lattice.duty_offset : 0.0);
 }
 
-// Least squares over the edges with used[edge]; here `phase` is that of the rising edges. `middle` conditions the fit.
+// Least squares over the edges with used[edge]; here `phase` is that of the rising edges. `middle` improves the
+// conditioning.
 std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chips, std::span<const std::uint8_t> used,
                                  double middle) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
@@ -151,7 +152,7 @@ std::vector<double> residuals(const Edges& edges, std::span<const double> chips,
   return result;
 }
 
-// Edges within three standard deviations, by the median: the few that a speck or a wrong level moved do not count.
+// Edges within three robust standard deviations (median); excludes edges displaced by specks or wrong levels.
 std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double allowance) {
   const double limit = 3 * (1.4826 * median(distance) + allowance);
   std::vector<std::uint8_t> used(distance.size());
@@ -163,13 +164,13 @@ double mean_chip(std::span<const double> chips) {
   return std::floor(std::accumulate(chips.begin(), chips.end(), 0.0) / static_cast<double>(chips.size()));
 }
 
-// With the phase half way between the rising and the falling edges' lattices.
+// Moves the phase to the mean of the rising and the falling edges' lattices.
 ChipLattice centred(ChipLattice lattice) {
   lattice.phase += 0.5 * lattice.duty_offset;
   return lattice;
 }
 
-// Nats that tell where the edges are: their residual, and which places of the lattice hold one.
+// Code length of the edges in nats: their residual, and the occupied places of the lattice.
 double description_length(const ChipLattice& lattice, double residual, std::size_t edge_count, double span,
                           std::size_t collisions) {
   const auto edges = static_cast<double>(edge_count);
@@ -177,11 +178,11 @@ double description_length(const ChipLattice& lattice, double residual, std::size
   const double entropy = share < 1 ? -(share * std::log(share) + (1 - share) * std::log(1 - share)) : 0.0;
   const double duty = lattice.duty_offset / lattice.rows_per_chip;
   return edges * std::log(std::max(residual, 0.05)) + cells * entropy + 4 * static_cast<double>(collisions) +
-         8 * edges * duty * duty                           // of two thresholds, the one that is fair to both levels
-         - 0.3 * edges * std::log(lattice.rows_per_chip);  // of two lattices, the slower one
+         8 * edges * duty * duty                           // prefers the threshold with equal runs of both levels
+         - 0.3 * edges * std::log(lattice.rows_per_chip);  // prefers the slower lattice
 }
 
-// Rounds edges to chips and fits, in turn.
+// Alternates rounding of edges to chips and fitting.
 std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
   std::vector<double> chips(edges.rows.size()), distance;
   std::vector<std::uint8_t> used(edges.rows.size(), 1);

@@ -14,12 +14,12 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinNoise = 1e-4;       // of the swing, for a detector
-constexpr double kSlicedExposure = 1.5;  // chips; with a longer one neighbours close the slicer's eye
-constexpr double kHardlyMore = 1.5;      // times the errors of the likeliest sequence
+constexpr double kMinNoise = 1e-4;       // relative to the swing, for a detector
+constexpr double kSlicedExposure = 1.5;  // chips; longer exposures close the slicer's eye
+constexpr double kHardlyMore = 1.5;      // times the error rate of the ML sequence
 constexpr double kHardlyAny = 1e-9;
 
-// Row-wise estimates x = M⁻¹z; a decision instead of it where it is fed back.
+// Estimates x = M⁻¹z by forward substitution; optionally with decisions fed back in their place.
 std::vector<double> estimates(const ChipEquations& equations, bool feed_decisions_back) {
   std::vector<double> values(equations.count()), fed(equations.count());
   for (std::size_t chip = 0; chip < values.size(); ++chip) {
@@ -33,8 +33,8 @@ std::vector<double> estimates(const ChipEquations& equations, bool feed_decision
   return values;
 }
 
-// Estimate x of a chip with variance e left of its ¼: for the chip's two kinds Gaussian about ±(1 − 4e)/2 with
-// variance e·(1 − 4e), so that the logarithm of the ratio of the likelihoods is x/e.
+// Estimate x of a chip with remaining variance e (prior: ¼): given the chip it is Gaussian about ±(1 − 4e)/2 with
+// variance e·(1 − 4e), so that the log-likelihood ratio is x/e.
 std::vector<double> linear_ratios(const ChipEquations& equations) {
   auto ratios = estimates(equations, false);
   const auto variances = equations.variances();
@@ -48,8 +48,8 @@ std::vector<double> feedback_ratios(const ChipEquations& equations) {
   return ratios;
 }
 
-// The slicer where it is right: with exposures that leave a chip's middle to the chip. Wiener and decision feedback
-// cost what the reduced search costs where these are right, and make more errors elsewhere.
+// Selects the slicer for exposures short enough. Wiener and decision feedback cost as much as the reduced search where
+// they are adequate, and have higher error rates elsewhere.
 DetectedChips detect_automatically(const ChipQuestion& question) {
   const bool sliceable = question.clock.exposure_rows < kSlicedExposure * question.clock.rows_per_chip;
   const double slicer = sliceable ? slicer_error_rate(question.clock, question.noise) : 0.5;

@@ -8,10 +8,10 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kSmallSwing = 0.3;       // share of the swings around that a swing must have
-constexpr std::size_t kSwingsAround = 6;  // before, and as many after
+constexpr double kSmallSwing = 0.3;       // min size of a swing relative to those around it
+constexpr std::size_t kSwingsAround = 6;  // before, and equally many after
 
-// Median in which a value counts as many times as it is large.
+// Median of values weighted by themselves.
 double weighted_median(std::span<double> values) {
   std::ranges::sort(values);
   double total = 0;
@@ -28,8 +28,9 @@ std::vector<double> swings_between(std::span<const double> signal, std::span<con
   return swings;
 }
 
-// Small beside those around it and not above its neighbours; at an end, where only its outer point can go, below its
-// one neighbour: of equal swings the inner one goes, which keeps the level.
+// True if a swing is small relative to those around it and not larger than its neighbours. At an end, where only the
+// outer point can be removed, it must be smaller than its one neighbour: of equal swings the inner one is removed,
+// which preserves the level.
 bool is_small(std::span<const double> swings, std::size_t k) {
   const std::size_t final = swings.size() - 1;
   const bool at_end = k == 0 || k == final;
@@ -56,7 +57,7 @@ std::vector<std::size_t> turning_points(std::span<const double> signal, double h
     if (n != points.back()) points.push_back(n);
   };
   std::size_t low = 0, high = 0;
-  int direction = 0;  // 1: going up, looking for a maximum
+  int direction = 0;  // 1: rising, next point is a maximum
   for (std::size_t n = 0; n < signal.size(); ++n) {
     if (signal[n] > signal[high]) high = n;
     if (signal[n] < signal[low]) low = n;
@@ -83,7 +84,7 @@ std::vector<std::size_t> prune_turning_points(std::span<const double> signal, st
       if (gone[k] || gone[k + 1] || !is_small(swings, k)) continue;
       any = true;
       if (k + 1 < swings.size() || k == 0)
-        gone[k] = 1;  // within the frame both ends go, so maxima and minima alternate
+        gone[k] = 1;  // inside the frame both ends are removed, so maxima and minima alternate
       if (k > 0) gone[k + 1] = 1;
     }
     if (!any) break;

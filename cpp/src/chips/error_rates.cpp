@@ -14,12 +14,12 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kMaxEnumerated = 8;  // other chips whose signs are all tried
-constexpr double kNegligible = 1e-7;       // of the gain
-constexpr double kMinNoise = 1e-5;         // of the values' range: steps of the distribution are smoothed so far
-constexpr double kHopelessNoise = 1e6;     // swings: beyond, every rate is 1/2 to 1e-6
-constexpr int kPlaces = 4;                 // of the chips to the rows
-constexpr std::size_t kChips = 6;          // looked at for each
+constexpr std::size_t kMaxEnumerated = 8;  // number of other chips up to which all signs are enumerated
+constexpr double kNegligible = 1e-7;       // relative to the gain
+constexpr double kMinNoise = 1e-5;  // relative to the range of the values: smoothing of the steps of the distribution
+constexpr double kHopelessNoise = 1e6;  // swings: above, every rate is 1/2 within 1e-6
+constexpr int kPlaces = 4;              // positions of the chips relative to the rows
+constexpr std::size_t kChips = 6;       // evaluated for each
 
 double tail(double deviations) { return 0.5 * std::erfc(deviations / std::numbers::sqrt2); }
 
@@ -33,7 +33,7 @@ double by_all_signs(double gain, std::span<const double> others, double noise) {
   return sum / static_cast<double>(std::size_t{1} << others.size());
 }
 
-// The distribution of the value as a Fourier series over a period that holds it with eight deviations of noise.
+// Distribution of the value as a Fourier series; its period contains the range and eight standard deviations of noise.
 double by_series(double gain, std::span<const double> others, double noise) {
   double reach = 0.5 * std::abs(gain) + 8 * noise;
   for (const double other : others) reach += 0.5 * std::abs(other);
@@ -48,7 +48,7 @@ double by_series(double gain, std::span<const double> others, double noise) {
   return std::clamp(0.5 - 2 / std::numbers::pi * sum, 0.0, 1.0);
 }
 
-// Chips that lie an exposure from the ends of the equations, at most `most`, evenly spread.
+// At most `max_count` evenly spaced chips at least an exposure from the ends of the equations.
 std::vector<std::size_t> inner_chips(const ChipEquations& equations, std::size_t max_count) {
   const std::size_t edge = std::min(2 * equations.band() + 2, equations.count() / 2);
   const std::size_t inside = equations.count() - 2 * edge,
@@ -58,11 +58,12 @@ std::vector<std::size_t> inner_chips(const ChipEquations& equations, std::size_t
   return chips;
 }
 
-// Column `chip` of A⁻¹, or of the inverse of A without the chips before.
+// Column `chip` of A⁻¹, or of the inverse of A without the earlier chips.
 std::vector<double> inverse_column(const ChipEquations& equations, std::size_t chip, bool without_earlier) {
   const std::size_t count = equations.count(), band = equations.band();
   std::vector<double> column(count, 0.0);
-  // Mᵀ·u = e, D, then M·x = u/d. M is lower, so Mᵀ is solved from the last chip on: what lies after `chip` stays 0.
+  // Solve Mᵀ·u = e, then D, then M·x = u/d. M is lower triangular, so Mᵀ is solved from the last chip on: entries after
+  // `chip` stay 0.
   column[chip] = 1;
   if (!without_earlier)
     for (std::size_t k = chip + 1; k-- > 0;)
@@ -93,7 +94,7 @@ double linear_error_rate(const ChipEquations& equations, bool without_earlier) {
   return sum / static_cast<double>(chips.size());
 }
 
-// Two sequences differ by ±1 in some chips.
+// Error event: two sequences that differ by ±1 in some chips.
 struct Difference {
   std::array<std::size_t, 4> chips;  // after the first
   std::array<int, 4> signs;
@@ -112,7 +113,8 @@ double squared_distance(const ChipEquations& equations, std::size_t chip, const 
   return std::max(sum, 0.0);
 }
 
-// Wrong chips times the share of places: n chips of which the first is free and the others are given by it.
+// Wrong chips times the probability of the pattern: n chips of which the first is free and the others are determined by
+// it.
 double weight(const Difference& difference) {
   const auto chips = static_cast<double>(difference.count);
   return chips * std::exp2(1 - chips);
@@ -135,7 +137,7 @@ double sequence_error_rate(const ChipEquations& equations, std::size_t chip) {
   return std::min(sum, 0.5);
 }
 
-// Of rows that see all of eight exposures of chips and more.
+// Equations of rows that cover eight exposures of chips or more.
 ChipEquations inner_equations(const ChipClock& clock, double noise) {
   const auto band = static_cast<std::size_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip));
   const std::size_t count = 8 * band + 24;

@@ -1,4 +1,4 @@
-// What rows see of chips through an exposure, with its derivatives by the clock.
+// Exposure integral of chips at each row, and its derivatives by the clock.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ struct Exposed {
   double value, by_phase, by_period, by_exposure;
 };
 
-// Chips with their running sums.
+// Chips with their cumulative sums.
 class ChipBox {
  public:
   explicit ChipBox(const KnownChips& chips) : levels_(chips.levels), first_(static_cast<double>(chips.first)) {
@@ -25,13 +25,13 @@ class ChipBox {
     for (double level : levels_) sums_.push_back(sums_.back() + level);
   }
 
-  // With clock.phase that of chip `origin`.
+  // s at a row; clock.phase is that of chip `origin`.
   [[nodiscard]] Exposed at(double row, const ChipClock& clock, double origin) const {
     const double half = 0.5 * clock.exposure_rows, per_row = 1 / clock.exposure_rows;
     const double chips_begin = (row - half - clock.phase) / clock.rows_per_chip;
     const double chips_end = (row + half - clock.phase) / clock.rows_per_chip;
     const Place begin = place(chips_begin + origin - first_), end = place(chips_end + origin - first_);
-    // ∫ chips, in chips: whole ones as a difference of sums of few digits.
+    // ∫ chips, in chips: differences of cumulative sums are exact for whole chips.
     const double area = begin.chip == end.chip
                             ? end.level * clock.exposure_rows / clock.rows_per_chip
                             : (sums_[end.chip] - sums_[begin.chip]) + end.level * end.part - begin.level * begin.part;
@@ -44,7 +44,7 @@ class ChipBox {
  private:
   struct Place {
     std::size_t chip;
-    double part, level;  // chips past its beginning; its light
+    double part, level;  // chips past its beginning; its level
   };
   [[nodiscard]] Place place(double chips) const {
     const double last = static_cast<double>(levels_.size() - 1);
@@ -61,10 +61,10 @@ class ChipBox {
 void check_clock(const ChipClock& clock);
 void check_chips(const KnownChips& chips);
 
-// With an exposure of at least kShortestExposure.
+// Clock with an exposure of at least kShortestExposure.
 ChipClock with_least_exposure(ChipClock clock);
 
-// The clock with chip `chips` as chip 0.
+// Clock renumbered so that chip `chips` becomes chip 0.
 ChipClock moved_to(ChipClock clock, std::ptrdiff_t chips);
 
 }  // namespace ocisac

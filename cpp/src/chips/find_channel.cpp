@@ -14,17 +14,17 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kSearchChips = 36;    // in the part of the frame searched, beside the exposure
-constexpr double kSearchSlack = 0.15;  // chips by which the grid of starts may miss
+constexpr double kSearchChips = 36;    // length of the searched part of the frame, beside the exposure
+constexpr double kSearchSlack = 0.15;  // max error of the grid of starts, chips
 constexpr int kSearchRounds = 4;
-constexpr double kRateErrors = 3, kMaxRateError = 0.01;           // standard errors, share
-constexpr std::size_t kSearchParts = 3;                           // parts of the frame that are tried
-constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // of the exposure; of each where it is not known
-constexpr std::size_t kStartsRefined = 3;                         // the best of all parts and exposures
-constexpr std::size_t kStartsCompared = 8;                        // of each part
+constexpr double kRateErrors = 3, kMaxRateError = 0.01;           // standard errors; relative
+constexpr std::size_t kSearchParts = 3;                           // parts of the frame
+constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // for a known exposure; per exposure if unknown
+constexpr std::size_t kStartsRefined = 3;                         // best starts over all parts and exposures
+constexpr std::size_t kStartsCompared = 8;                        // per part
 constexpr double kSureGrowth = 1.35;                      // of the residual, from the best part to the whole frame
 constexpr double kHopeless = 1.5;                         // half the distance of the closest pair over the noise
-constexpr double kFirstNoise = 0.05;                      // of the swing
+constexpr double kFirstNoise = 0.05;                      // relative to the swing
 constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, from a part to the whole frame
 
 struct Start {
@@ -33,13 +33,13 @@ struct Start {
   double score = std::numeric_limits<double>::infinity();  // residual over swing
 };
 
-// The darkest and the brightest rows of a part as the levels to begin with: an exposure of several chips seldom sees
-// only bright ones, so the swing is taken from the rows' variance where that says more.
+// Initial levels from the darkest and the brightest rows of a part. An exposure of several chips seldom covers bright
+// ones only, so the swing from the rows' variance is used if larger.
 std::pair<double, double> first_levels(std::span<const double> part, double exposure_chips) {
   double mean = 0, square = 0;
   for (double value : part) mean += value / static_cast<double>(part.size());
   for (double value : part) square += (value - mean) * (value - mean) / static_cast<double>(part.size());
-  // Variance of the mean of L random chips: 1/(4L) for whole ones, less what one chip's ramps take.
+  // Variance of the mean of L random chips: 1/(4L) for whole ones, reduced by the ramps of one chip.
   const double shrink = exposure_chips < 1 ? 1 - exposure_chips / 3 : (1 - 1 / (3 * exposure_chips)) / exposure_chips;
   const double swing = 2 * std::sqrt(square / std::max(shrink, 1e-3));
   return {mean - 0.5 * swing, swing};
@@ -60,7 +60,7 @@ std::vector<RowRange> search_parts(std::span<const double> signal, double length
   return best;
 }
 
-// A channel to begin with; absent where the part is steady.
+// Initial channel; absent where the part is steady.
 std::optional<ChannelEstimate> first_channel(std::span<const double> signal, RowRange part, const ChipClock& clock) {
   const auto [dark, swing] =
       first_levels(signal.subspan(part.begin, part.size()), clock.exposure_rows / clock.rows_per_chip);
@@ -84,7 +84,7 @@ std::optional<Start> try_start(const TurnContext& context, RowRange part, const 
   return best;
 }
 
-// A start with the chips detected there, by what the levels that suit them leave; without a fit of the clock.
+// A candidate start with its detected chips, scored by the residual of the best levels, without a fit of the clock.
 struct Guess {
   ChipClock clock;
   RowRange part;
@@ -102,7 +102,7 @@ std::optional<Guess> guess(const TurnContext& context, RowRange part, const Chip
   return Guess{clock, part, std::sqrt(left->squares / static_cast<double>(left->rows)) / channel->swing[0]};
 }
 
-// Over parts of the frame, rates and phases, the best first.
+// Guesses over parts of the frame, rates and phases, in order of score.
 std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& search, double exposure_rows) {
   const double chips = kSearchChips + exposure_rows / search.rows_per_chip;
   const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
@@ -121,8 +121,8 @@ std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& sear
   return found;
 }
 
-// Beyond the tolerance by more than its error: chips of a frame of a few rows, say, that were explained by another
-// rate.
+// True if the rate deviates beyond the tolerance by more than its error, as for chips of a frame of a few rows
+// explained by another rate.
 bool is_other_rate(const ChannelEstimate& channel, const ChannelSearch& search) {
   const double off = std::abs(channel.clock.rows_per_chip / search.rows_per_chip - 1);
   const double error = channel.errors.rows_per_chip_std() / search.rows_per_chip;
@@ -138,7 +138,7 @@ std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
   return result;
 }
 
-// The best first.
+// Starts in order of score.
 std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
   const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
@@ -151,10 +151,10 @@ std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& 
   return starts;
 }
 
-// What is left of the rows over the swing.
+// Residual relative to the swing.
 double score_of(const RefinedChannel& found) { return found.channel.noise / found.channel.swing[0]; }
 
-// From the starts one after the other, until one gets through the frame as well as through its part.
+// Tries the starts in order until the residual over the frame is as small as over the part.
 std::optional<RefinedChannel> try_starts(const TurnContext& context, std::span<const Start> starts,
                                          const ChannelSearch& search) {
   std::optional<RefinedChannel> best;
@@ -168,14 +168,14 @@ std::optional<RefinedChannel> try_starts(const TurnContext& context, std::span<c
   return best;
 }
 
-// Whether more is left of the frame than of its best part, where chips are easily taken for others; not where no chip
-// can be told.
+// True if the residual over the frame exceeds that of the best part where chips are easily confused; false where no
+// chips are detectable.
 bool may_be_wrong(const RefinedChannel& found, double min_score, std::size_t frame_rows) {
   const double close = closeness(found.channel, frame_rows);
   return score_of(found) > kSureGrowth * min_score && close < kCloseSequences && close > kHopeless;
 }
 
-// From the starts of each part side by side, while what was found may be wrong.
+// Compares the starts of each part while the current result may be wrong.
 std::optional<RefinedChannel> compare_starts(const TurnContext& context, std::span<const Start> starts,
                                              const ChannelSearch& search, std::optional<RefinedChannel> found) {
   std::vector<std::pair<RowRange, std::vector<ChannelEstimate>>> parts;
@@ -184,7 +184,7 @@ std::optional<RefinedChannel> compare_starts(const TurnContext& context, std::sp
     if (part == parts.end()) part = parts.insert(part, {start.part, {}});
     if (part->second.size() < kStartsCompared) part->second.push_back(start.channel);
   }
-  // With half of the effort that is left: what is found is to be read as well.
+  // Uses half of the remaining effort, to keep the rest for the final detection.
   RefineOptions options = context.options;
   const double kept = options.effort == nullptr ? 0.0 : 0.5 * options.effort->rows;
   SearchEffort share{kept};
@@ -208,7 +208,7 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
   if (search.exposure_rows) require_not_negative("exposure_rows", *search.exposure_rows);
   for (double value : signal) require_finite("signal", value);
-  // Every row sees all chips of the frame: they cannot be told apart.
+  // Every row covers all chips of the frame, which cannot be separated.
   if (search.exposure_rows && *search.exposure_rows >= static_cast<double>(signal.size())) return std::nullopt;
   RefineOptions fixed = options;
   fixed.exposure_known = options.exposure_known || search.exposure_rows.has_value();

@@ -7,9 +7,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kEven = 1.15, kEvenErrors = 6;  // of the residuals of two parts of the frame; standard errors
+constexpr double kEven = 1.15, kEvenErrors = 6;  // ratio of the residuals of two parts of the frame; standard errors
 constexpr double kSmoothRows = 4;
-constexpr double kWindowChips = 30;  // length of such a part, beside the exposure
+constexpr double kWindowChips = 30;  // length of a part, beside the exposure
 
 }  // namespace
 

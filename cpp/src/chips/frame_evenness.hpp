@@ -1,4 +1,4 @@
-// Whether a channel explains all parts of a frame alike, or lost the clock in one.
+// Test that a channel explains all parts of a frame equally well; a lost clock raises the residual of a part.
 #pragma once
 
 #include <optional>
@@ -9,8 +9,8 @@
 
 namespace ocisac {
 
-// Root mean square of what the channel leaves of the rows it used, over windows, half overlapping; and of what of that
-// changes from row to row as noise does.
+// Root mean square of the channel's residual over windows with half overlap, and of its component that changes from row
+// to row like noise.
 struct ResidualWindow {
   RowRange rows;
   double left, as_noise;
@@ -18,12 +18,12 @@ struct ResidualWindow {
 
 std::vector<ResidualWindow> residual_windows(std::span<const double> signal, const RefinedChannel& found);
 
-// The clock lost in a part of the frame leaves more there than elsewhere. So does more noise (of more light, say);
-// where chips or exposures are several rows long, wrong chips leave what hardly changes from row to row, and noise
-// does.
+// A clock lost in a part of the frame raises the residual there. So does higher noise (of brighter light, for example).
+// If chips or exposures are several rows long, wrong chips give a residual that changes slowly from row to row, unlike
+// noise.
 bool is_even(std::span<const ResidualWindow> windows, const ChipClock& clock);
 
-// The channel of the part of the frame that is explained best, to begin from again.
+// Channel of the part of the frame with the smallest residual, for a restart.
 std::optional<ChannelEstimate> channel_of_best_part(const TurnContext& context, const RefinedChannel& found,
                                                     std::span<const ResidualWindow> windows);
 

@@ -10,14 +10,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kPhaseSlack = 0.2;      // chips by which the grid of rates may miss the ends of the preamble
-constexpr double kPlaceStep = 0.3;       // chips, of the grid of places; at most a row
-constexpr std::size_t kCandidates = 12;  // places from which the channel is fitted
+constexpr double kPhaseSlack = 0.2;      // max error of the grid of rates at the ends of the preamble, chips
+constexpr double kPlaceStep = 0.3;       // chips, step of the grid of positions; at most a row
+constexpr std::size_t kCandidates = 12;  // positions for fits of the channel
 constexpr double kMinCertainty = 5.5;    // nats
-constexpr double kToleranceError = 0.5;  // standard error of a rate somewhere within the tolerance
+constexpr double kToleranceError = 0.5;  // standard error of a rate uniformly within the tolerance
 constexpr double kMaxExplained = 1 - 1e-9;
 
-// Sums over windows of the rows: what a mean and a slope leave of their squares.
+// Sliding sums of the rows: residual squares about a mean and a slope.
 class WindowSums {
  public:
   explicit WindowSums(std::span<const double> signal) : sums_(signal.size() + 1) {
@@ -48,7 +48,7 @@ std::vector<double> without_mean(std::span<const double> signal) {
   return rest;
 }
 
-// Without its mean and slope, of unit length; empty where nothing is left.
+// Removes mean and slope and normalises to unit length; empty where nothing remains.
 std::vector<double> as_direction(std::vector<double> shape) {
   const auto count = static_cast<double>(shape.size());
   const double middle = 0.5 * (count - 1);
@@ -65,10 +65,10 @@ std::vector<double> as_direction(std::vector<double> shape) {
   return shape;
 }
 
-// The preamble as the rows that see nothing else of the frame show it; the first of them `past` rows after it begins
-// to be so.
+// The preamble as it appears in the rows that depend on it alone; the first of these is `past` rows after their
+// beginning.
 struct Template {
-  ChipClock clock;  // with the first of those rows as row 0
+  ChipClock clock;  // relative to the first of those rows
   std::vector<double> shape;
 };
 
@@ -82,20 +82,20 @@ Template make_template(std::span<const double> preamble, double rows_per_chip, d
 
 struct Candidate {
   ChipClock clock;
-  double gain = 0;  // of the logarithm of the likelihood
+  double gain = 0;  // gain in log-likelihood
 };
 
 double gain_of(double explained, double count) {
   return -0.5 * count * std::log(1 - std::clamp(explained, 0.0, kMaxExplained));
 }
 
-// The best of each place, a place being a chip long.
+// Best correlation for each position, in bins of a chip.
 void correlate(std::span<const double> signal, const WindowSums& sums, const Template& known,
                std::vector<Candidate>& places) {
   const std::size_t length = known.shape.size();
   if (length < 3 || length > signal.size()) return;
   std::vector<double> products(signal.size() - length + 1, 0.0);
-  for (std::size_t j = 0; j < length; ++j) {  // along the places, so that the additions are independent
+  for (std::size_t j = 0; j < length; ++j) {  // along the positions, so that the additions are independent
     const double weight = known.shape[j];
     const double* values = signal.data() + j;
     for (std::size_t n = 0; n < products.size(); ++n) products[n] += weight * values[n];
@@ -121,7 +121,7 @@ std::vector<double> exposures(const PreambleSearch& search, std::size_t chips) {
   return result;
 }
 
-// Rates within the tolerance such that one of them misses neither end of the preamble by more than the slack.
+// Grid of rates within the tolerance; its error at either end of the preamble is at most the slack.
 std::vector<double> rates(const PreambleSearch& search, double chips_seen) {
   const double steps = std::ceil(search.tolerance * 0.5 * std::max(chips_seen, 1.0) / kPhaseSlack);
   std::vector<double> result;
@@ -155,7 +155,7 @@ std::vector<Candidate> best_places(std::span<const double> signal, std::span<con
 std::optional<PreambleMatch> match_at(std::span<const double> signal, const WindowSums& sums,
                                       std::span<const double> preamble, const PreambleSearch& search,
                                       const ChipClock& clock) {
-  // The grid's rate is a start; the nominal one with its tolerance is what is known.
+  // The grid's rate is the start; the nominal rate with its tolerance is the prior.
   const ChannelModel free{1, 0, search.exposure_rows.has_value()};
   ChannelModel bound = free;
   bound.rate_std = kToleranceError * search.tolerance * search.rows_per_chip;

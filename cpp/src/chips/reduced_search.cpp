@@ -16,15 +16,15 @@ constexpr float kNever = std::numeric_limits<float>::infinity();
 constexpr std::size_t kFirstExposures = 4;
 constexpr std::uint32_t kNone = ~std::uint32_t{0};
 
-// A sequence that is kept: its last chips (bit 0 the newest), and the one or two kept before of which it goes on.
+// A kept sequence: its last chips (bit 0 the newest), and its one or two predecessors.
 struct Kept {
   std::uint32_t state;
   float cost;  // nats above the best
   std::array<std::uint32_t, 2> from;
-  std::array<float, 2> step;  // cost of its newest chip after either
+  std::array<float, 2> step;  // cost of its newest chip after either predecessor
 };
 
-// What the chips before say of a chip, by tables of four chips each.
+// Contribution of the earlier chips to a chip's target, by tables of four chips each.
 class Feedback {
  public:
   void set(const ChipEquations& equations, std::size_t chip) {
@@ -55,8 +55,8 @@ class Feedback {
   std::size_t tables_ = 0;
 };
 
-// By how much sequences near the best one are less likely than it, with A the equations' matrix and g the gradient at
-// the best sequence x: for chips turned over, e = −2x there and 0 elsewhere, e·g + ½·eᵀAe nats.
+// Cost of sequences near the best one relative to it, with A the equations' matrix and g the gradient at the best
+// sequence x. For inverted chips e = −2x there and 0 elsewhere: e·g + ½·eᵀAe nats.
 class Neighbours {
  public:
   Neighbours(const ChipEquations& equations, std::span<const double> ratios)
@@ -66,7 +66,7 @@ class Neighbours {
     const std::size_t band = equations_.band();
     for (std::size_t chip = 0; chip < chips_.size(); ++chip) {
       for (std::size_t count = 1; count <= kLongestRun; ++count) turn(chip, count, 0);
-      for (const std::size_t apart : {band - 1, band})  // where an exposure ends
+      for (const std::size_t apart : {band - 1, band})  // the ends of an exposure
         if (apart >= 2) turn(chip, 2, apart);
     }
   }
@@ -87,7 +87,7 @@ class Neighbours {
     }
   }
 
-  // A run of chips, and with `apart` the same again so far after its beginning.
+  // A run of inverted chips; with `apart`, a second such run that begins this far after the first.
   void turn(std::size_t first, std::size_t count, std::size_t apart) {
     if (first + apart + count > chips_.size()) return;
     std::array<std::size_t, 2 * kLongestRun> turned{};
@@ -129,9 +129,9 @@ class Search {
     return std::span(kept_).subspan(begins_[chip], begins_[chip + 1] - begins_[chip]);
   }
 
-  // Both chips after each of `before`, which are in order of their states. Those whose oldest chip is dark give
-  // states in order too, so do those where it is bright, and the two lists are merged; what ends in the same state is
-  // one from then on, the likelier.
+  // Extends each of `before`, in order of their states, by both chips. Sequences whose oldest chip is dark yield states
+  // in order, and so do those with a bright one; the two lists are merged. Sequences that end in the same state are
+  // joined, and the more likely one determines the cost.
   void extend(std::size_t chip, std::span<const Kept> before) {
     feedback_.set(equations_, chip);
     next_.clear();
@@ -162,7 +162,7 @@ class Search {
     keep(chip < kFirstExposures * equations_.band() ? search_.max_first_sequences : search_.max_sequences);
   }
 
-  // The likeliest of next_, in order of their states.
+  // Keeps the most likely of next_, in order of their states.
   void keep(std::size_t max_count) {
     float least = kNever;
     for (const Kept& k : next_) least = std::min(least, k.cost);
@@ -174,7 +174,7 @@ class Search {
       std::ranges::nth_element(costs_, last);
       limit = std::min(limit, *last);
     }
-    // Of those that are alike at the limit (chips that no row tells) only as many as there is room for.
+    // Ties at the limit (chips that no row covers) are kept only while there is room.
     auto room = static_cast<std::ptrdiff_t>(max_count) -
                 std::ranges::count_if(next_, [&](const Kept& k) { return k.cost < limit; });
     for (Kept& k : next_) {
@@ -207,7 +207,7 @@ class Search {
     return ratios;
   }
 
-  // Infinite where only one of the chip's two kinds was kept.
+  // Infinite if only one value of the chip was kept.
   [[nodiscard]] static double ratio(std::array<float, 2> best) {
     return static_cast<double>(best[0]) - static_cast<double>(best[1]);
   }
@@ -223,7 +223,7 @@ class Search {
   const ReducedSearch search_;
   std::uint32_t mask_;
   Feedback feedback_;
-  std::vector<Kept> kept_, next_;  // of all chips, one after the other; of a chip before the likeliest are chosen
+  std::vector<Kept> kept_, next_;  // of all chips in sequence; candidates at a chip before the selection
   std::vector<std::size_t> begins_;
   std::vector<float> costs_;
 };

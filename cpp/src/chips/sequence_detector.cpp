@@ -18,16 +18,16 @@ namespace {
 
 constexpr float kNever = std::numeric_limits<float>::infinity();
 
-// What a row sees, in chips from the end of the chip that is its newest back: all of the chips between, `end` of the
-// newest, `begin` of the oldest, which is `back` chips older.
+// A row's exposure in chips, counted from the newest one: `end` of the newest, `begin` of the oldest, which is `back`
+// chips older, and all chips between.
 struct RowView {
   double value;
   double end, begin;
   std::size_t back;
 };
 
-// A history is a word of the newest chip (bit 0) and those before it. Of it a row whose oldest chip lies `back` chips
-// before the newest needs but this: how many of the chips between are bright, the newest, the oldest.
+// A history is a word of the newest chip (bit 0) and earlier ones. A row whose oldest chip lies `back` chips before the
+// newest depends only on the number of bright chips between, the newest and the oldest.
 std::uint8_t class_of(std::uint32_t history, std::size_t back) {
   if (back == 0) return static_cast<std::uint8_t>(history & 1U);
   const std::uint32_t between = (history >> 1U) & ((1U << (back - 1)) - 1U);
@@ -52,7 +52,7 @@ class Trellis {
   }
 
  private:
-  // Rows by their newest chip: those of chip k are rows_[begin_of_chip_[k]] … rows_[begin_of_chip_[k + 1]].
+  // Groups rows by their newest chip: those of chip k are rows_[begin_of_chip_[k]] … rows_[begin_of_chip_[k + 1]].
   void find_rows() {
     const ChipClock& clock = question_.clock;
     std::size_t chip = 0;
@@ -77,7 +77,7 @@ class Trellis {
     return of_history;
   }
 
-  // Adds a row's squares, over twice the noise's variance, to the classes of its `back`.
+  // Adds a row's squared residual over 2σ² to the classes of its `back`.
   void add_row(const RowView& row, std::span<float> table) const {
     if (row.back == 0) {
       for (std::size_t bright = 0; bright < 2; ++bright)
@@ -115,7 +115,7 @@ class Trellis {
       }
   }
 
-  // forward_[chip·states + s]: least cost of the rows up to the chip before, the last chips being s.
+  // forward_[chip·states + s]: min cost of the rows up to the previous chip, given the last chips s.
   void run_forward() {
     forward_.assign((question_.count + 1) * states_, 0.0F);
     std::vector<float> costs(2 * states_);
@@ -131,7 +131,7 @@ class Trellis {
         to[state] = std::min(from[state / 2] + costs[state], from[state / 2 + half] + costs[state + states_]);
         least = std::min(least, to[state]);
       }
-      for (std::size_t state = 0; state < states_; ++state) to[state] -= least;  // keeps single precision's digits
+      for (std::size_t state = 0; state < states_; ++state) to[state] -= least;  // preserves single precision
     }
   }
 
@@ -161,16 +161,17 @@ class Trellis {
   double length_;  // of the exposure, chips
   std::size_t memory_, states_;
   double scale_;
-  std::vector<std::vector<std::uint8_t>> classes_;  // (back) of histories, made when wanted
+  std::vector<std::vector<std::uint8_t>> classes_;  // (back) class of each history, computed on demand
   std::vector<RowView> rows_;
   std::vector<std::size_t> begin_of_chip_;
   std::vector<float> forward_;
 };
 
-constexpr double kMaxSummedRows = 1 << 17;  // a chip: beyond, sums over rows are integrals to 1e-10
+constexpr double kMaxSummedRows = 1 << 17;  // per chip: above, sums over rows equal integrals to 1e-10
 
-// Of the rows of 01 and 10, exposures of `length` chips: the integral over chips of the squared differences,
-// 2·(C(0) − C(length))/length², C the autocorrelation of a triangle two chips wide (a cubic B-spline).
+// Mean square difference between the rows of 01 and 10, for exposures of `length` chips: the integral over chips of the
+// squared difference, 2·(C(0) − C(length))/length², with C the autocorrelation of a triangle two chips wide (a cubic
+// B-spline).
 double mean_square_difference(double length) {
   if (length <= 1) return 2 - length;
   const double apart = length < 2 ? std::pow(2 - length, 3) / 6 : 0;
@@ -188,12 +189,12 @@ SequenceDetection detect_sequence(const ChipQuestion& question) {
 double closest_pair_distance(double rows_per_chip, double exposure_rows) {
   require_positive("rows_per_chip", rows_per_chip);
   require_positive("exposure_rows", exposure_rows);
-  constexpr int kPlaces = 16;  // of a chip to the rows
+  constexpr int kPlaces = 16;  // positions of a chip relative to the rows
   const double length = exposure_rows / rows_per_chip;
   if (rows_per_chip > kMaxSummedRows) return std::sqrt(rows_per_chip * mean_square_difference(length));
-  // Bright from 0 to 1, dark from 1 to 2, as an integral up to a place.
+  // Bright from 0 to 1, dark from 1 to 2, integrated up to a place.
   const auto area = [](double place) { return std::clamp(place, 0.0, 1.0) - std::clamp(place - 1, 0.0, 1.0); };
-  // Rows see the chips while they enter the exposure and while they leave it; between, all of both.
+  // Rows differ while the chips enter or leave the exposure; between, the exposure contains both entirely.
   const double changing = std::floor(2 * rows_per_chip) + 2, all = std::floor(exposure_rows) + changing;
   double least = std::numeric_limits<double>::infinity();
   for (int place = 0; place < kPlaces; ++place) {

@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kRounds = 4;
 
-// Integral of the signal, straight between its rows, from row 0.
+// Integral of the linearly interpolated signal from row 0.
 class Area {
  public:
   explicit Area(std::span<const double> signal) : signal_(signal), total_(signal.size(), 0.0) {
@@ -26,8 +26,8 @@ class Area {
   std::vector<double> total_;
 };
 
-// The line through the other chips of a kind, weighted by nearness, at chip `at`; its slope is held back where few tell
-// it.
+// Line through the other chips of a kind, weighted by distance, evaluated at chip `at`; its slope is regularised if
+// there are few.
 double line_through_others(std::span<const double> values, std::span<const std::size_t> chips, std::size_t at,
                            double reach) {
   const bool alone = chips.size() == 1;
