@@ -28,7 +28,8 @@ class ChannelEquations {
 
   ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model, std::size_t rows)
       : signal_(signal),
-        box_(chips),
+        chips_(chips),
+        box_(chips, {}),
         model_(model),
         origin_(chips.first + static_cast<std::ptrdiff_t>(chips.levels.size() / 2)),
         clock_size_(model.exposure_known ? 2 : 3),
@@ -48,6 +49,7 @@ class ChannelEquations {
 
   // Computes s of each row and its derivatives for `clock`.
   void expose(const ChipClock& clock, RowRange range) {
+    if (!box_.has_shape_of(clock)) box_ = ChipBox(chips_, clock);
     exposed_.resize(range.size());
     const auto origin = static_cast<double>(origin_);
     for (std::size_t n = range.begin; n < range.end; ++n)
@@ -89,6 +91,7 @@ class ChannelEquations {
 
  private:
   std::span<const double> signal_;
+  KnownChips chips_;
   ChipBox box_;
   ChannelModel model_;
   std::ptrdiff_t origin_;

@@ -26,7 +26,9 @@ ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double sh
   const double reach = std::max({std::abs(step[0]) / (0.4 * clock.rows_per_chip),
                                  std::abs(step[1]) * half_chips / (0.4 * clock.rows_per_chip), 1.0});
   const double part = share / reach;
-  ChipClock next{clock.rows_per_chip + part * step[1], clock.phase + part * step[0], clock.exposure_rows};
+  ChipClock next = clock;
+  next.rows_per_chip += part * step[1];
+  next.phase += part * step[0];
   if (step.size() == 3) {
     const double limit = 0.3 * clock.exposure_rows + 0.3 * clock.rows_per_chip;
     next.exposure_rows = std::clamp(clock.exposure_rows + std::clamp(part * step[2], -limit, limit), kShortestExposure,

@@ -53,6 +53,10 @@ Matrix2 measured_covariance(const ClockErrors& errors) {
   return moved;
 }
 
+constexpr double kMaxJitteredCount = 0.35;  // chips, standard error of the count where starts jitter
+constexpr double kSmallJump = 0.25;         // chips; the count of chips stays sure
+constexpr double kJitterKept = 0.9;         // of the variance learned, from update to update
+
 }  // namespace
 
 ClockTracker::ClockTracker(const TrackerOptions& options) : options_(options) {
@@ -65,6 +69,7 @@ ClockTracker::ClockTracker(const TrackerOptions& options) : options_(options) {
 
 void ClockTracker::reset() {
   started_ = false;
+  jitter_variance_ = 0;
   state_ = {0, 0, options_.frame_rows};
   covariance_ = {};
   covariance_[8] = options_.frame_rows_std * options_.frame_rows_std;
@@ -80,6 +85,7 @@ void ClockTracker::begin(std::int64_t frame, const ChipClock& clock, const Clock
   const double frame_rows_variance = covariance(2, 2);
   covariance.setZero();
   covariance.topLeftCorner<2, 2>() = measured;
+  covariance(0, 0) += jitter_variance_;
   covariance(2, 2) = frame_rows_variance;  // the camera's own
   exposure_ = clock.exposure_rows;
   exposure_variance_ = errors.covariance[8];
@@ -102,14 +108,29 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
   const double away = std::nearbyint((here.mean[0] - clock.phase) / clock.rows_per_chip);
   ClockErrors shifted = errors;
   shifted.chip -= static_cast<std::ptrdiff_t>(away);
-  const Matrix2 noise = measured_covariance(shifted);
+  Matrix2 noise = measured_covariance(shifted);
+  noise(0, 0) += jitter_variance_;
   const Vector2d seen(clock.phase + away * clock.rows_per_chip, clock.rows_per_chip);
   const Vector2d innovation = seen - here.mean.head<2>();
-  const Matrix2 expected = here.covariance.topLeftCorner<2, 2>() + noise;
-  const bool count_lost = std::sqrt(here.covariance(0, 0)) > kCountLost * here.mean[1];
-  if (count_lost || innovation.dot(expected.inverse() * innovation) > kLostErrors * kLostErrors) {
+  Matrix2 expected = here.covariance.topLeftCorner<2, 2>() + noise;
+  const auto is_lost = [&] { return innovation.dot(expected.inverse() * innovation) > kLostErrors * kLostErrors; };
+  const bool small_jump = std::abs(innovation[0]) < kSmallJump * clock.rows_per_chip &&
+                          innovation[1] * innovation[1] < kLostErrors * kLostErrors * expected(1, 1);
+  if (is_lost() && small_jump) {
+    const double more = std::max(innovation[0] * innovation[0] - jitter_variance_, 0.0);
+    jitter_variance_ += more;
+    noise(0, 0) += more;
+    expected(0, 0) += more;
+  }
+  const double most_lost = jitter_variance_ > 0 ? kMaxJitteredCount : kCountLost;
+  const bool count_lost = std::sqrt(here.covariance(0, 0)) > most_lost * here.mean[1];
+  if (count_lost || is_lost()) {
     begin(frame, clock, errors);
     return false;
+  }
+  if (jitter_variance_ > 0) {
+    const double unexpected = innovation[0] * innovation[0] - (expected(0, 0) - jitter_variance_);
+    jitter_variance_ = std::max(kJitterKept * jitter_variance_ + (1 - kJitterKept) * unexpected, 0.0);
   }
   const Eigen::Matrix<double, 3, 2> gain = here.covariance.leftCols<2>() * expected.inverse();
   Eigen::Map<Vector3d>(state_.data()) = here.mean + gain * innovation;
@@ -139,10 +160,11 @@ std::optional<TrackedClock> ClockTracker::predict(std::int64_t frame) const {
                 frame - frame_, options_);
   const double wander = std::pow(options_.exposure_wander * exposure_, 2) * static_cast<double>(frame - frame_);
   const auto& c = there.covariance;
-  return TrackedClock{{there.mean[1], there.mean[0], exposure_},
-                      there.chip,
-                      {0, {c(0, 0), c(0, 1), 0, c(1, 0), c(1, 1), 0, 0, 0, exposure_variance_ + wander}},
-                      std::sqrt(c(0, 0)) / there.mean[1]};
+  return TrackedClock{
+      {there.mean[1], there.mean[0], exposure_},
+      there.chip,
+      {0, {c(0, 0) + jitter_variance_, c(0, 1), 0, c(1, 0), c(1, 1), 0, 0, 0, exposure_variance_ + wander}},
+      std::sqrt(c(0, 0)) / there.mean[1]};
 }
 
 }  // namespace ocisac

@@ -28,7 +28,7 @@ ChipClock moved_to(ChipClock clock, std::ptrdiff_t chips) {
 void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<double> out) {
   check_chips(chips);
   check_clock(clock);
-  const ChipBox box(chips);
+  const ChipBox box(chips, clock);
   const ChipClock used = with_least_exposure(clock);
   for (std::size_t n = 0; n < out.size(); ++n) out[n] = box.at(static_cast<double>(n), used, 0).value;
 }

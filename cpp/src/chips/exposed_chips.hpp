@@ -17,24 +17,39 @@ struct Exposed {
 };
 
 // Chips with their cumulative sums.
+// From level l at the beginning of chip c on, p chips into it, with τ the clock's rise or fall:
+//
+//   level c + (l − c)·e^(−p/τ), integral c·p + (l − c)·τ·(1 − e^(−p/τ))
 class ChipBox {
  public:
-  explicit ChipBox(const KnownChips& chips) : levels_(chips.levels), first_(static_cast<double>(chips.first)) {
-    sums_.reserve(levels_.size() + 1);
+  // Of the clock its rise and fall.
+  ChipBox(const KnownChips& chips, const ChipClock& shape)
+      : targets_(chips.levels), rise_(shape.rise), fall_(shape.fall), first_(static_cast<double>(chips.first)) {
+    sums_.reserve(targets_.size() + 1);
     sums_.push_back(0);
-    for (double level : levels_) sums_.push_back(sums_.back() + level);
+    const bool at_once = rise_ == 0 && fall_ == 0;
+    if (!at_once) starts_.reserve(targets_.size());
+    double level = targets_.empty() ? 0.0 : targets_.front();
+    for (double target : targets_) {
+      if (!at_once) starts_.push_back(level);
+      const Place end = at_once ? Place{0, 1, target, target} : approach(target, level, 1);
+      sums_.push_back(sums_.back() + end.integral);
+      level = end.level;
+    }
   }
 
-  // s at a row; clock.phase is that of chip `origin`.
+  [[nodiscard]] bool has_shape_of(const ChipClock& clock) const { return clock.rise == rise_ && clock.fall == fall_; }
+
+  // With clock.phase that of chip `origin`.
   [[nodiscard]] Exposed at(double row, const ChipClock& clock, double origin) const {
     const double half = 0.5 * clock.exposure_rows, per_row = 1 / clock.exposure_rows;
     const double chips_begin = (row - half - clock.phase) / clock.rows_per_chip;
     const double chips_end = (row + half - clock.phase) / clock.rows_per_chip;
     const Place begin = place(chips_begin + origin - first_), end = place(chips_end + origin - first_);
     // ∫ chips, in chips: differences of cumulative sums are exact for whole chips.
-    const double area = begin.chip == end.chip
+    const double area = begin.chip == end.chip && starts_.empty()
                             ? end.level * clock.exposure_rows / clock.rows_per_chip
-                            : (sums_[end.chip] - sums_[begin.chip]) + end.level * end.part - begin.level * begin.part;
+                            : (sums_[end.chip] - sums_[begin.chip]) + end.integral - begin.integral;
     const double value = clock.rows_per_chip * per_row * area;
     return {value, per_row * (begin.level - end.level),
             per_row * (area - end.level * chips_end + begin.level * chips_begin),
@@ -44,16 +59,28 @@ class ChipBox {
  private:
   struct Place {
     std::size_t chip;
-    double part, level;  // chips past its beginning; its level
+    double part, level, integral;  // chips past its beginning; the light there, and its integral from there
   };
+  [[nodiscard]] Place approach(double target, double start, double part) const {
+    const double time = target > start ? rise_ : fall_;
+    if (time == 0 || part <= 0) return {0, part, part <= 0 ? start : target, (part <= 0 ? start : target) * part};
+    const double left = std::exp(-part / time);
+    return {0, part, target + (start - target) * left, target * part + (start - target) * time * (1 - left)};
+  }
   [[nodiscard]] Place place(double chips) const {
-    const double last = static_cast<double>(levels_.size() - 1);
+    const double last = static_cast<double>(targets_.size() - 1);
     const double whole = std::clamp(std::floor(chips), 0.0, last);
     const auto chip = static_cast<std::size_t>(whole);
-    return {chip, chips - whole, levels_[chip]};
+    const double part = chips - whole;
+    if (starts_.empty()) return {chip, part, targets_[chip], targets_[chip] * part};
+    Place there = approach(targets_[chip], starts_[chip], part);
+    there.chip = chip;
+    return there;
   }
 
-  std::span<const double> levels_;
+  std::span<const double> targets_;
+  double rise_, fall_;
+  std::vector<double> starts_;  // light at the chips' beginnings; empty where it is there at once
   std::vector<double> sums_;
   double first_;
 };

@@ -16,6 +16,8 @@ namespace ocisac {
 
 namespace {
 
+constexpr double kUnsettled = 0.05;         // share of a step
+constexpr std::size_t kMaxSlowMemory = 10;  // chips
 constexpr float kNever = std::numeric_limits<float>::infinity();
 
 // A row's exposure in chips, counted from the newest one: `end` of the newest, `begin` of the oldest, which is `back`
@@ -40,18 +42,83 @@ class Trellis {
   explicit Trellis(const ChipQuestion& question)
       : question_(question),
         length_(std::max(question.clock.exposure_rows, kShortestExposure) / question.clock.rows_per_chip),
-        memory_(static_cast<std::size_t>(std::ceil(length_))),
+        reach_(static_cast<std::size_t>(std::ceil(length_))),
+        memory_(memory_of(question.clock, reach_)),
         states_(std::size_t{1} << memory_),
         scale_(0.5 / (question.noise * question.noise)),
         classes_(memory_ + 1) {}
 
   SequenceDetection detect() {
     find_rows();
+    if (is_slow()) find_lights();
     run_forward();
     return run_backward();
   }
 
  private:
+  [[nodiscard]] bool is_slow() const { return question_.clock.rise > 0 || question_.clock.fall > 0; }
+
+  // Chips before those that a row sees count as far as the light has not settled, to kUnsettled.
+  static std::size_t memory_of(const ChipClock& clock, std::size_t reach) {
+    const double settling = std::ceil(std::max(clock.rise, clock.fall) * std::log(1 / kUnsettled));
+    const auto most = std::max(kMaxSlowMemory, reach);
+    return std::min(reach + static_cast<std::size_t>(std::max(settling, 0.0)), most);
+  }
+
+  // Light of a chip of a history: its target, what its integral lacks of the target's once it has settled, and its
+  // integral over the whole chip and all that are newer but the newest one.
+  struct ChipLight {
+    float target, lack, sum;
+  };
+
+  // Of all histories, from the oldest chip on, which begins at its own level.
+  void find_lights() {
+    const ChipClock& clock = question_.clock;
+    lights_.resize((memory_ + 1) * 2 * states_);
+    for (std::size_t history = 0; history < 2 * states_; ++history) {
+      double level = static_cast<double>((history >> memory_) & 1U);
+      for (std::size_t back = memory_ + 1; back-- > 0;) {
+        const double target = static_cast<double>((history >> back) & 1U);
+        const double time = target > level ? clock.rise : clock.fall;
+        const double left = time > 0 ? std::exp(-1 / time) : 0.0, lack = (level - target) * time;
+        lights_[back * 2 * states_ + history] = {static_cast<float>(target), static_cast<float>(lack),
+                                                 static_cast<float>(target + lack * (1 - left))};
+        level = target + (level - target) * left;
+      }
+      for (std::size_t back = 2; back <= memory_; ++back)
+        lights_[back * 2 * states_ + history].sum += lights_[(back - 1) * 2 * states_ + history].sum;
+    }
+  }
+
+  // Share of the way to a chip's level after `part` chips, by the chip's kind.
+  [[nodiscard]] std::array<float, 2> settled(double part) const {
+    const auto share = [part](double time) { return time > 0 ? static_cast<float>(1 - std::exp(-part / time)) : 1.0F; };
+    return {share(question_.clock.fall), share(question_.clock.rise)};
+  }
+
+  // Adds a row's squares, over twice the noise's variance, to all histories.
+  void add_slow_row(const RowView& row, std::span<float> costs) const {
+    const ChipLight* newest = lights_.data();
+    const ChipLight* oldest = &lights_[row.back * 2 * states_];
+    const double before = row.back == 0 ? row.end - length_ : 1 - row.begin;
+    const auto at_end = settled(row.end), at_begin = settled(before);
+    const auto end = static_cast<float>(row.end), begin = static_cast<float>(before);
+    const auto value = static_cast<float>(row.value), per_chip = static_cast<float>(1 / length_);
+    const auto scale = static_cast<float>(scale_);
+    for (std::size_t history = 0; history < costs.size(); ++history) {
+      const ChipLight& last = newest[history];
+      const ChipLight& first = oldest[history];
+      // Of the oldest chip what came before the exposure is taken off; of newer ones all counts.
+      const float whole = row.back == 0 ? 0.0F : first.sum;
+      const float last_share = at_end[0] + last.target * (at_end[1] - at_end[0]);
+      const float first_share = at_begin[0] + first.target * (at_begin[1] - at_begin[0]);
+      const float area =
+          whole + last.target * end + last.lack * last_share - first.target * begin - first.lack * first_share;
+      const float off = value - area * per_chip;
+      costs[history] += scale * off * off;
+    }
+  }
+
   // Groups rows by their newest chip: those of chip k are rows_[begin_of_chip_[k]] … rows_[begin_of_chip_[k + 1]].
   void find_rows() {
     const ChipClock& clock = question_.clock;
@@ -64,8 +131,8 @@ class Trellis {
       for (; chip < static_cast<std::size_t>(newest); ++chip) begin_of_chip_[chip + 1] = rows_.size();
       const double begin = end - newest - length_;
       const double whole = std::min(std::floor(begin), 0.0);
-      rows_.push_back({question_.rows[row], end - newest, 1 - (begin - whole),
-                       std::min(static_cast<std::size_t>(-whole), memory_)});
+      rows_.push_back(
+          {question_.rows[row], end - newest, 1 - (begin - whole), std::min(static_cast<std::size_t>(-whole), reach_)});
     }
     for (; chip < question_.count; ++chip) begin_of_chip_[chip + 1] = rows_.size();
   }
@@ -96,7 +163,9 @@ class Trellis {
   // Costs of all histories at a chip.
   void weigh(std::size_t chip, std::vector<float>& costs) {
     std::fill(costs.begin(), costs.end(), 0.0F);
-    for (std::size_t back = 0; back <= memory_; ++back) {
+    if (is_slow())
+      for (std::size_t r = begin_of_chip_[chip]; r < begin_of_chip_[chip + 1]; ++r) add_slow_row(rows_[r], costs);
+    for (std::size_t back = 0; back <= memory_ && !is_slow(); ++back) {
       std::array<float, 4 * 16> table{};
       bool any = false;
       for (std::size_t r = begin_of_chip_[chip]; r < begin_of_chip_[chip + 1]; ++r) {
@@ -158,12 +227,13 @@ class Trellis {
   }
 
   const ChipQuestion& question_;
-  double length_;  // of the exposure, chips
-  std::size_t memory_, states_;
+  double length_;                        // of the exposure, chips
+  std::size_t reach_, memory_, states_;  // chips before the newest that a row sees; that count
   double scale_;
   std::vector<std::vector<std::uint8_t>> classes_;  // (back) class of each history, computed on demand
   std::vector<RowView> rows_;
   std::vector<std::size_t> begin_of_chip_;
+  std::vector<ChipLight> lights_;  // (chips of a history, histories)
   std::vector<float> forward_;
 };
 

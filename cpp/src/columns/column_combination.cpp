@@ -10,6 +10,7 @@
 
 #include "columns/moving_mean.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/lamp_slope.hpp"
 
 namespace ocisac {
 
@@ -22,6 +23,7 @@ using Eigen::VectorXd;
 constexpr std::size_t kBlocks = 64;              // groups of neighbouring columns, one weight each
 constexpr double kClippedShare = 0.01;           // max fraction of saturated rows of a column
 constexpr double kTogether = 0.6, kApart = 0.3;  // cosines between swings of one light, of different lights
+constexpr int kMaxShears = 3;
 constexpr std::size_t kMaxLights = 8;
 constexpr int kIterations = 8;            // of the factor model, and of the eigenvector within each
 constexpr double kMinOwnVariance = 0.01;  // relative to the strongest block: bounds the weight of a block without noise
@@ -319,6 +321,15 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
   return result;
 }
 
+// Columns per row by which the blocks' light moves.
+double slope_of(const BlockedFrame& frame) {
+  std::vector<double> centres;
+  for (std::size_t block = 0; block < frame.blocks.begin.size(); ++block)
+    centres.push_back(0.5 * static_cast<double>(frame.blocks.begin[block] + frame.blocks.end[block] - 1));
+  const Matrix by_block = frame.swings.transpose();
+  return lamp_slope({by_block.data(), static_cast<std::size_t>(by_block.size())}, centres);
+}
+
 CombinedColumn combined_anew(const BlockedFrame& frame) {
   const Matrix covariance = covariance_of(frame.swings);
   const auto count = static_cast<std::size_t>(covariance.rows());
@@ -351,7 +362,22 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
                                SaturatedColumns saturated, std::span<const std::uint8_t> columns) {
   BlockedFrame pixels;
   pixels.fill(frames, frame, curve, saturated, columns);
-  return combined_anew(pixels);
+  auto result = combined_anew(pixels);
+  if (columns.empty()) result.slope = slope_of(pixels);
+  return result;
+}
+
+CombinedColumn combine_upright(const AnyFramesView& frame, const ToneCurve& curve, double slope) {
+  CombinedColumn result;
+  double total = slope;
+  for (int shear = 0; shear < kMaxShears; ++shear) {
+    const UprightFrame upright(frame, 0, total);
+    result = combine_columns(upright.view(), 0, curve);
+    result.weights = upright.own_weights(result.weights);
+    if (result.slope == 0) break;
+    total += result.slope;
+  }
+  return result;
 }
 
 struct ColumnFollower::Memory : BlockedFrame {};
@@ -373,6 +399,7 @@ CombinedColumn ColumnFollower::combine(const AnyFramesView& frame) {
     factor = next_factor(pixels.swings, weights);
   }
   auto result = factor ? combined(pixels, *factor) : combined_anew(pixels);
+  result.slope = slope_of(pixels);
   weights_ = result.weights;
   return result;
 }

@@ -7,7 +7,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array<std::pair<Flags, const char*>, 19> kNames{{{flag::saturated, "saturated"},
+constexpr std::array<std::pair<Flags, const char*>, 20> kNames{{{flag::saturated, "saturated"},
                                                                 {flag::near_null, "near_null"},
                                                                 {flag::weak, "weak"},
                                                                 {flag::few_cycles, "few_cycles"},
@@ -22,6 +22,7 @@ constexpr std::array<std::pair<Flags, const char*>, 19> kNames{{{flag::saturated
                                                                 {flag::no_signal, "no_signal"},
                                                                 {flag::too_few_edges, "too_few_edges"},
                                                                 {flag::long_exposure, "long_exposure"},
+                                                                {flag::periodic, "periodic"},
                                                                 {flag::model_misfit, "model_misfit"},
                                                                 {flag::quantised, "quantised"},
                                                                 {flag::ambiguous_motion, "ambiguous_motion"},

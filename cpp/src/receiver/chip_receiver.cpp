@@ -1,12 +1,14 @@
 #include "ocisac/receiver/chip_receiver.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <tuple>
 #include <utility>
 
 #include "ocisac/chips/detector.hpp"
+#include "ocisac/chips/lit_rows.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
 
@@ -26,9 +28,17 @@ constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
 constexpr std::size_t kPhases = 6;  // tried per chip without a prediction
 constexpr double kMinChips = 12;    // in a frame
 constexpr double kWeakSnr = 9;
-constexpr std::size_t kMaxWait = 7;      // frames
-constexpr double kMaxSearchRows = 4096;  // rows that count for the bound of the search
-constexpr std::size_t kForgotten = 60;   // consecutive frames without chips, after which another light may appear
+constexpr std::array kMains{100.0, 120.0};                  // Hz
+constexpr double kSlowLight = 260;                          // Hz; hum of mains of 50 and 60 Hz and its first harmonic
+constexpr double kMinSlow = 2e-3;                           // share of a signal's variance that slow light has at least
+constexpr double kHighestTone = 0.25, kMinProminence = 20;  // cycles a chip; over the median of all tones
+constexpr std::size_t kMaxVainTries = 4;  // doublings of the frames from one try of other models to the next
+constexpr double kBetter = 0.8;           // of the noise that another model leaves
+constexpr std::array kExposuresOfTold{0.9, 1.1, 0.8, 1.2};           // shares of an exposure that seems to be another
+constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, of one that is not known
+constexpr std::size_t kMaxWait = 7;                                  // frames
+constexpr double kMaxSearchRows = 4096;                              // rows that count for the bound of the search
+constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
 
 double mean_error_rate(std::span<const double> llr) {
   double sum = 0;
@@ -55,6 +65,9 @@ void ChipReceiver::forget() {
   rows_per_chip_.reset();
   if (options_.chip_rate) rows_per_chip_ = 1 / (*options_.chip_rate * camera_.row_time);
   channel_.reset();
+  model_ = {{}, {}, camera_.exposure.has_value()};
+  vain_tries_ = until_try_ = 0;
+  if (camera_.exposure) model_.exposure_rows = *camera_.exposure / camera_.row_time;
   relative_noise_ = 0;
   tracker_.reset();
   if (camera_.frame_time) {
@@ -73,42 +86,116 @@ std::optional<double> ChipReceiver::nominal_rows_per_chip(const CombinedColumn& 
 
 // Detection from the channel of earlier frames: levels, rate and exposure, with the predicted phase or else several
 // trials.
-std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal, std::int64_t frame,
-                                                 SearchEffort& effort) const {
+std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal, const RowModel& model,
+                                                 Frame& frame) const {
   if (!channel_) return std::nullopt;
   ChannelEstimate start = *channel_;
-  const auto predicted = tracker_ ? tracker_->predict(frame) : std::nullopt;
+  const auto predicted = tracker_ ? tracker_->predict(frame.number) : std::nullopt;
   if (predicted) {
     start.clock = predicted->clock;
+    start.clock.rise = channel_->clock.rise;
+    start.clock.fall = channel_->clock.fall;
     start.clock.phase -= static_cast<double>(first_row_);
     start.errors = predicted->errors;
   }
+  if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
   const double chip = start.clock.rows_per_chip;
   const bool sure = predicted && predicted->errors.phase_std(0) < kSurePrediction * chip;
-  const bool exposure_known = camera_.exposure.has_value();
   std::optional<FrameReading> best;
   for (std::size_t phase = 0; phase < (sure ? 1 : kPhases); ++phase) {
     ChannelEstimate tried = start;
     tried.clock.phase += static_cast<double>(phase) / kPhases * chip;
-    auto reading = read_frame(signal, tried, exposure_known, &effort);
+    auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
   }
   if (!best) return std::nullopt;
   const double as_before =
       std::max({kAsNoisy * relative_noise_, std::min(kMaxNoiseRatio * relative_noise_, kLittleNoise), kNoNoise});
   if (best->relative_noise < as_before && is_sound(*best)) return best;
-  auto extended = extend_reading(signal, best->channel, exposure_known, &effort);
+  auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort);
   if (extended && extended->relative_noise < kMaxNoiseRatio * relative_noise_ && is_sound(*extended)) return extended;
   return std::nullopt;
 }
 
-std::optional<FrameReading> ChipReceiver::search(const CombinedColumn& column, SearchEffort& effort) {
-  const auto rows_per_chip = nominal_rows_per_chip(column);
-  const auto& signal = column.signal;
+std::optional<FrameReading> ChipReceiver::search(std::span<const double> signal, const RowModel& model, Frame& frame) {
+  const auto rows_per_chip = nominal_rows_per_chip(frame.column);
   if (!rows_per_chip || static_cast<double>(signal.size()) < kMinChips * *rows_per_chip) return std::nullopt;
-  FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, {}, preamble_, &effort};
-  if (camera_.exposure) what.exposure_rows = *camera_.exposure / camera_.row_time;
-  return search_frame(signal, what);
+  FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, model.exposure_rows, preamble_,
+                   &frame.effort};
+  auto reading = search_frame(signal, what);
+  if (!reading || !model.exposure_rows || model.exposure_known) return reading;
+  return read_frame(signal, reading->channel, false, &frame.effort);
+}
+
+// What else may be in the rows: slow light, a tone, another exposure.
+std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const double> signal) const {
+  const RowModel told{{},
+                      camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
+                      camera_.exposure.has_value()};
+  std::vector<RowModel> models;
+  if (!model_.nuisance.empty() || model_.exposure_known != told.exposure_known || model_.slow_light)
+    models.push_back(told);
+  const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
+  const auto add = [&](RowNuisance nuisance) {
+    models.push_back({std::move(nuisance), told.exposure_rows, told.exposure_known});
+  };
+  const auto fit = remove_nuisance(signal, {slow, {}});
+  const auto plain = remove_nuisance(signal, {});
+  const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
+  if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
+    for (const double mains : kMains) add({0, {mains * row_time}});
+    add({slow, {}});
+  }
+  if (fit && slow < highest) {
+    const auto tone = strongest_tone(fit->rest, slow, highest);
+    if (tone.prominence > kMinProminence) add({0, {tone.frequency}});
+  }
+  if (!model_.slow_light) {
+    models.push_back(told);
+    models.back().slow_light = true;
+  }
+  if (told.exposure_rows)
+    for (const double share : kExposuresOfTold) models.push_back({model_.nuisance, share * *told.exposure_rows, false});
+  else if (rows_per_chip_)
+    for (const double chips : kExposures) models.push_back({model_.nuisance, chips * *rows_per_chip_, false});
+  return models;
+}
+
+// Chips and nuisance in turn, until the chips stay.
+std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> signal, RowModel& model, Frame& frame) {
+  const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(signal, model.nuisance);
+  const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
+  auto reading = follow(rest, model, frame);
+  if (!reading && frame.searched) reading = search(rest, model, frame);
+  if (!model.nuisance.empty() && reading)
+    reading = refine_nuisance(signal, *reading, model.nuisance, model.exposure_known, &frame.effort);
+  const bool without_shape = reading && reading->channel.clock.rise == 0 && reading->channel.clock.fall == 0;
+  if (model.slow_light && without_shape) {
+    auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
+    if (shaped) reading = std::move(shaped);
+  }
+  return reading;
+}
+
+// With the model of the frame before; where that leaves more than noise, with others, until one does not.
+std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, Frame& frame) {
+  auto best = read_with(signal, model_, frame);
+  if (best ? !is_misfit(*best) : !frame.searched) return best;
+  if (best && until_try_ > 0) {
+    --until_try_;
+    return best;
+  }
+  frame.effort = frame.effort_of_others;
+  for (RowModel& model : other_models(signal)) {
+    auto other = read_with(signal, model, frame);
+    if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
+    best = std::move(other);
+    model_ = std::move(model);
+    if (!is_misfit(*best)) break;
+  }
+  vain_tries_ = best && !is_misfit(*best) ? 0 : vain_tries_ + 1;
+  until_try_ = (std::size_t{1} << std::min<std::size_t>(vain_tries_, kMaxVainTries)) - 1;
+  return best;
 }
 
 // Index, on the light's clock, of the chip that begins at the estimated phase.
@@ -128,15 +215,19 @@ std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::in
 // Chips of the whole frame and their use by the packet.
 void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
-  result.stretch = assembler_.push(chip_number(channel, result.frame) + reading.first, reading.llr);
+  // Rows of correlated residuals count as so many fewer.
+  const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
+  std::vector<double> llr = reading.llr;
+  for (double& value : llr) value *= independent;
+  result.stretch = assembler_.push(chip_number(channel, result.frame) + reading.first, llr);
 
   const ChipLattice lattice{channel.clock.rows_per_chip, channel.errors.rows_per_chip_std(), channel.clock.phase, 0};
   const ChipGrid whole = whole_chips(lattice, rows);
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
-    if (at < 0 || at >= static_cast<std::ptrdiff_t>(reading.llr.size())) continue;
+    if (at < 0 || at >= static_cast<std::ptrdiff_t>(llr.size())) continue;
     if (result.bits.empty()) result.phase = whole.start(k) + static_cast<double>(first_row_);
-    result.llr.push_back(reading.llr[static_cast<std::size_t>(at)]);
+    result.llr.push_back(llr[static_cast<std::size_t>(at)]);
     result.bits += result.llr.back() > 0 ? '1' : '0';
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
@@ -146,7 +237,9 @@ void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedF
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), 1e12);
   result.error_rate = mean_error_rate(result.llr);
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
+  if (is_misfit(reading)) result.flags |= flag::model_misfit;
   channel_ = channel;
+  if (model_.exposure_rows) model_.exposure_rows = channel.clock.exposure_rows;
   relative_noise_ = std::max(reading.relative_noise, kNoiseKept * relative_noise_);
   rows_per_chip_ = channel.clock.rows_per_chip;
   lost_ = fruitless_ = wait_ = 0;
@@ -180,18 +273,19 @@ ReceivedFrame nothing_received(std::int64_t frame) {
 
 ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row) {
   ReceivedFrame result = nothing_received(frame);
-  first_row_ = first_row;
+  const RowRange lit = lit_rows(column.signal, column.noise).rows;
+  const auto signal = std::span(column.signal).subspan(lit.begin, lit.size());
+  first_row_ = first_row + lit.begin;
   if (column.saturated) result.flags |= flag::saturated;
   const double passes =
       options_.search_passes.value_or(camera_.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
-  SearchEffort effort{.rows = passes * std::min(static_cast<double>(column.signal.size()), kMaxSearchRows)};
-  auto reading = follow(column.signal, frame, effort);
-  const bool searched = !reading && wait_ == 0;
-  if (searched) reading = search(column, effort);
+  const SearchEffort effort{.rows = passes * std::min(static_cast<double>(signal.size()), kMaxSearchRows)};
+  Frame now{column, frame, wait_ == 0, effort, effort};
+  const auto reading = read(signal, now);
   if (reading)
-    take(*reading, column.signal.size(), result);
+    take(*reading, signal.size(), result);
   else
-    lose(result, searched);
+    lose(result, now.searched);
   return result;
 }
 

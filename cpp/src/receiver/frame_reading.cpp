@@ -1,6 +1,7 @@
 #include "ocisac/receiver/frame_reading.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -21,6 +22,18 @@ constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kMaxRelativeNoise = 1.0 / 3;
 constexpr double kMaxErrors = 2e-3;  // expected error rate
 constexpr double kMaxErrorsIfEven = 0.08;
+constexpr double kMaxCorrelation = 0.3;  // right frames have at most 0.07, wrong ones at least 0.7
+constexpr int kNuisanceRounds = 6;
+constexpr double kNuisanceSettled = 0.95;  // of the noise left by the round before
+constexpr double kToneReach = 0.25;        // spectral lines of a frame
+constexpr int kToneSteps = 8;
+constexpr std::array<std::pair<double, double>, 4> kShapes{
+    {{0.4, 0.4}, {0.8, 0.8}, {0.5, 0.1}, {0.1, 0.5}}};  // rise and fall, chips
+constexpr std::array<std::pair<double, double>, 6> kShapeSteps{{{1, 1}, {-1, -1}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+constexpr double kFirstShapeStep = 0.2, kLastShapeStep = 0.02, kSlowest = 2;  // chips
+constexpr int kShapeRounds = 3;
+constexpr double kShapeInPhase = 0.75;
+constexpr double kNoResidual = 0.005;  // of the swing: rounding to whole values may be correlated
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -40,10 +53,12 @@ bool detectable(std::span<const double> signal, const ChannelEstimate& channel) 
 
 // Longest exposure in chips at which the full trellis costs less than the reduced search: for read_frame, where few
 // sequences are likely, and for a search, where wrong channels make all sequences likely.
-constexpr double kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
+constexpr double kLongestSlowTrellis = 9, kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
 
 DetectorMethod method_for(const ChipClock& clock, double longest_trellis) {
-  return clock.exposure_rows <= longest_trellis * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
+  const bool slow = clock.rise > 0 || clock.fall > 0;  // known to the trellis alone
+  const double longest = slow ? kLongestSlowTrellis : longest_trellis;
+  return clock.exposure_rows <= longest * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
 }
 
 // Fails, so that the channel is rejected, where the estimated exposure is too long.
@@ -60,7 +75,22 @@ double error_rate_within(const FrameReading& reading) {
   return sum / static_cast<double>(reading.llr.size() - 2 * edge);
 }
 
-// True if detection with one channel is equivalent to that with the other.
+double residual_correlation(std::span<const double> signal, const FrameReading& reading) {
+  const ChannelEstimate& channel = reading.channel;
+  auto left = exposed_rows(reading, signal.size());
+  for (std::size_t n = 0; n < left.size(); ++n) {
+    const auto row = static_cast<double>(n);
+    left[n] = signal[n] - channel.dark_at(row, left.size()) - channel.swing_at(row, left.size()) * left[n];
+  }
+  double squares = 0, products = 0;
+  for (std::size_t n = channel.rows.begin + 1; n < channel.rows.end; ++n) {
+    squares += left[n] * left[n];
+    products += left[n] * left[n - 1];
+  }
+  return squares > 0 ? products / squares : 0.0;
+}
+
+// Whether detection with one channel may stand for that with the other.
 bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t rows) {
   const auto last = static_cast<double>(rows);
   const auto chips_off = [&](double row) {
@@ -108,7 +138,102 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   }
   reading.channel = std::move(channel);
   reading.error_rate = error_rate_within(reading);
+  reading.correlation = residual_correlation(signal, reading);
   return reading;
+}
+
+std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows) {
+  std::vector<double> chips(reading.llr.size()), exposed(rows);
+  std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+  expose_chips({chips, reading.first}, reading.channel.clock, exposed);
+  return exposed;
+}
+
+// Golden-section search about where the tone is, within a quarter of a frame's spectral line.
+static void move_tone(std::span<const double> signal, std::span<const double> exposed, RowNuisance& nuisance,
+                      double& tone) {
+  constexpr double kGolden = 0.6180339887498949;
+  const auto left_at = [&](double frequency) {
+    tone = frequency;
+    const auto fit = remove_nuisance(signal, nuisance, exposed);
+    return fit ? fit->squares : std::numeric_limits<double>::infinity();
+  };
+  const double reach = kToneReach / static_cast<double>(signal.size());
+  double low = tone - reach, high = tone + reach;
+  double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+  double at_a = left_at(a), at_b = left_at(b);
+  for (int step = 0; step < kToneSteps; ++step) {
+    if (at_a < at_b) {
+      high = std::exchange(b, a);
+      at_b = at_a;
+      at_a = left_at(a = high - kGolden * (high - low));
+    } else {
+      low = std::exchange(a, b);
+      at_a = at_b;
+      at_b = left_at(b = low + kGolden * (high - low));
+    }
+  }
+  tone = 0.5 * (low + high);
+}
+
+std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
+                                            bool exposure_known, SearchEffort* effort) {
+  for (int round = 0; round < kNuisanceRounds; ++round) {
+    const auto exposed = exposed_rows(reading, signal.size());
+    for (double& tone : nuisance.tones) move_tone(signal, exposed, nuisance, tone);
+    const auto fit = remove_nuisance(signal, nuisance, exposed);
+    auto again = fit ? read_frame(fit->rest, reading.channel, exposure_known, effort) : std::nullopt;
+    if (!again) return std::nullopt;
+    const bool stays = again->first == reading.first && exposed_rows(*again, signal.size()) == exposed;
+    const bool settled = again->relative_noise > kNuisanceSettled * reading.relative_noise;
+    again->even = reading.even;
+    reading = std::move(*again);
+    if (stays || (settled && round > 0)) break;
+  }
+  return reading;
+}
+
+// The clock whose rise and fall leave least beside the chips of a reading, by steps that are halved.
+static void move_shape(std::span<const double> signal, FrameReading& reading, bool exposure_known) {
+  std::vector<double> chips(reading.llr.size());
+  std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+  ChannelEstimate& best = reading.channel;
+  const ChannelModel model{best.dark.size() - 1, best.swing.size() - 1, exposure_known};
+  for (double step = kFirstShapeStep; step > kLastShapeStep; step *= 0.5)
+    for (const auto& [rise, fall] : kShapeSteps) {
+      ChipClock clock = best.clock;
+      clock.rise = std::clamp(clock.rise + step * rise, 0.0, kSlowest);
+      clock.fall = std::clamp(clock.fall + step * fall, 0.0, kSlowest);
+      auto fitted = fit_channel(signal, {chips, reading.first}, clock, model);
+      if (fitted && fitted->noise < best.noise) best = std::move(*fitted);
+    }
+}
+
+std::optional<FrameReading> refine_shape(std::span<const double> signal, const FrameReading& reading,
+                                         bool exposure_known, SearchEffort* effort) {
+  std::optional<FrameReading> best;
+  for (const auto& [rise, fall] : kShapes) {
+    ChannelEstimate start = reading.channel;
+    start.clock.rise = rise;
+    start.clock.fall = fall;
+    // By which the light is late, and most of which the phase has taken.
+    start.clock.phase -= kShapeInPhase * 0.5 * (rise + fall) * start.clock.rows_per_chip;
+    auto tried = read_frame(signal, start, exposure_known, effort);
+    if (tried && (!best || tried->relative_noise < best->relative_noise)) best = std::move(tried);
+  }
+  for (int round = 0; best && round < kShapeRounds; ++round) {
+    FrameReading moved = *best;
+    move_shape(signal, moved, exposure_known);
+    auto again = read_frame(signal, moved.channel, exposure_known, effort);
+    if (!again || again->relative_noise >= best->relative_noise) break;
+    best = std::move(again);
+  }
+  if (best) best->even = reading.even;
+  return best;
+}
+
+bool is_misfit(const FrameReading& reading) {
+  return reading.correlation > kMaxCorrelation && reading.relative_noise > kNoResidual;
 }
 
 bool is_sound(const FrameReading& reading) {

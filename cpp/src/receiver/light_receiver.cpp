@@ -80,7 +80,9 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
   CombinedColumn best;
   std::size_t colour = 0;
   for (std::size_t k = 0; k < colours.size(); ++k) {
-    auto column = followers_[k].combine(part_of(colours[k], region_));
+    const auto part = part_of(colours[k], region_);
+    auto column = followers_[k].combine(part);
+    if (column.slope != 0) column = combine_upright(part, camera_.tone_curve, column.slope);
     if (k > 0 && !(column.quality > best.quality)) continue;
     best = std::move(column);
     colour = k;

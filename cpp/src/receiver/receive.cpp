@@ -1,6 +1,7 @@
 #include "ocisac/receiver/receive.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -9,13 +10,17 @@
 
 #include "chips/slicer.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/chips/lit_rows.hpp"
+#include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
+#include "ocisac/columns/lamp_slope.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
 namespace {
 
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
 constexpr double kLargestChange = 0.02;                    // relative, of the period in the last fit
@@ -24,7 +29,14 @@ constexpr double kLongExposure = 1.05;                     // chips
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
 constexpr double kMaxSnr = 1e12;
 constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
-constexpr double kWeakSnr = 9;      // swing of ±3 standard deviations
+constexpr int kMaxShears = 3;
+constexpr std::size_t kMaxPeriod = 4, kPeriodicBits = 24;  // chips; of which all repeat
+constexpr double kInterpolated = 0.1;                      // of the second differences of the other rows
+constexpr std::array kMains{100.0, 120.0};                 // Hz
+constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 50;  // Hz; over the median of all tones
+constexpr double kMinHumCycles = 1, kMinToneCycles = 8;                        // in the frame
+constexpr double kBetter = 1.5;                                                // times the signal-to-noise ratio
+constexpr double kWeakSnr = 9;                                                 // swing of ±3 standard deviations
 
 // A decoded signal: timing and decisions.
 struct Decoded {
@@ -141,9 +153,43 @@ std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming
 // 1 / variance of the soft values about ±1 (the threshold is 0).
 double snr_of(std::span<const double> soft) {
   double variance = 0;
-  for (double value : soft) variance += std::pow(std::abs(value) - 1, 2);
-  variance /= static_cast<double>(soft.size());
+  std::size_t count = 0;
+  for (double value : soft) {
+    if (value == 0) continue;  // in rows that are not lit
+    variance += std::pow(std::abs(value) - 1, 2);
+    ++count;
+  }
+  variance /= static_cast<double>(std::max<std::size_t>(count, 1));
   return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
+}
+
+// Chips of all rows: those that no lit row tells are read against the nearest levels, with a soft value of 0.
+Decoded spread_over(std::span<const double> signal, Decoded lit) {
+  const ChipGrid whole = whole_chips(lit.grid.lattice, signal.size());
+  if (whole.first == lit.grid.first && whole.count == lit.grid.count) return lit;
+  Decoded spread{whole, {}};
+  const auto last = static_cast<std::ptrdiff_t>(lit.grid.count) - 1;
+  for (std::size_t k = 0; k < whole.count; ++k) {
+    const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - lit.grid.first;
+    const auto nearest = static_cast<std::size_t>(std::clamp(at, std::ptrdiff_t{0}, last));
+    const Detection& seen = lit.detection;
+    const auto row = static_cast<std::size_t>(std::clamp(whole.centre(k), 0.0, static_cast<double>(signal.size() - 1)));
+    const bool is_lit = at >= 0 && at <= last;
+    const bool bright = signal[row] > 0.5 * (seen.dark[nearest] + seen.bright[nearest]);
+    spread.detection.bits.push_back(is_lit ? seen.bits[nearest] : static_cast<std::uint8_t>(bright));
+    spread.detection.dark.push_back(seen.dark[nearest]);
+    spread.detection.bright.push_back(seen.bright[nearest]);
+    spread.detection.soft.push_back(is_lit ? seen.soft[nearest] : 0.0);
+  }
+  return spread;
+}
+
+// Whether the bits are up to kMaxPeriod of them over and over.
+bool is_periodic(const std::string& bits) {
+  if (bits.size() < kPeriodicBits) return false;
+  for (std::size_t period = 1; period <= kMaxPeriod; ++period)
+    if (std::equal(bits.begin() + static_cast<std::ptrdiff_t>(period), bits.end(), bits.begin())) return true;
+  return false;
 }
 
 void fill(Received& received, Decoded decoded, std::optional<double> exposure_rows) {
@@ -155,23 +201,50 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   received.snr = snr_of(decoded.detection.soft);
   received.detection = std::move(decoded.detection);
   if (received.snr < kWeakSnr) received.flags |= flag::weak;
+  if (is_periodic(received.bits)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongExposure * lattice.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
 // Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
+TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::size_t begin, FrequencyRange range) {
+  const std::size_t first = lit.begin > 0 ? lit.begin + 1 : 0;
+  const std::size_t last = lit.end < column.signal.size() ? lit.end - 1 : lit.end;
+  if (last < first + 2) return {};
+  auto search = find_chip_timing(std::span(column.signal).subspan(first, last - first), column.noise, range);
+  if (!search.timing) return search;
+  const double moved = static_cast<double>(first) - static_cast<double>(begin);
+  search.timing->lattice.phase += moved;
+  for (double& row : search.timing->edges.rows) row += moved;
+  return search;
+}
+
+// Every second row is the mean of its neighbours: a colour of a mosaic, whose own rows are half of them.
+bool is_interpolated(std::span<const double> signal) {
+  std::array<double, 2> squares{};
+  for (std::size_t n = 1; n + 1 < signal.size(); ++n)
+    squares[n % 2] += std::pow(signal[n] - 0.5 * (signal[n - 1] + signal[n + 1]), 2);
+  return std::min(squares[0], squares[1]) < kInterpolated * std::max(squares[0], squares[1]);
+}
+
+// Tries one combination of columns; true where it was decoded. Otherwise `received` says what was found.
 bool decode(const CombinedColumn& column, const Search& what, Received& received) {
-  const auto search = find_chip_timing(column.signal, column.noise, what.range);
+  const auto lit = lit_rows(column.signal, column.noise);
+  // Chips that end dark show it a chip beyond the last row that stands out.
+  const std::size_t begin = lit.rows.begin - std::min(lit.shortest, lit.rows.begin);
+  const std::size_t end = std::min(lit.rows.end + lit.shortest, column.signal.size());
+  const auto signal = std::span(column.signal).subspan(begin, end - begin);
+  const auto search = find_lit_timing(column, lit.rows, begin, what.range);
   const bool few_edges = search.edges > 0 && search.edges < what.sure_edges;
   received.weights = column.weights;
   received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
   if (search.timing) {
-    auto decoded = detect_and_refine(column.signal, *search.timing, Slicer{}, what.exposure_rows);
+    auto decoded = detect_and_refine(signal, *search.timing, Slicer{}, what.exposure_rows);
     const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
     if (slower)
-      if (auto again = detect_and_refine(column.signal, *slower, Slicer{}, what.exposure_rows))
-        decoded = std::move(again);
+      if (auto again = detect_and_refine(signal, *slower, Slicer{}, what.exposure_rows)) decoded = std::move(again);
     if (decoded && snr_of(decoded->detection.soft) >= kMinSnr) {
-      fill(received, std::move(*decoded), what.exposure_rows);
+      decoded->grid.lattice.phase += static_cast<double>(begin);
+      fill(received, spread_over(column.signal, std::move(*decoded)), what.exposure_rows);
       return true;
     }
   }
@@ -180,9 +253,41 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
 }
 
 // One source and its signal; `signal` is empty where decoding failed.
+std::vector<std::vector<double>> without_other_light(std::span<const double> signal, double row_time) {
+  std::vector<std::vector<double>> rests;
+  const auto add = [&](const RowNuisance& nuisance) {
+    if (auto fit = remove_nuisance(signal, nuisance)) rests.push_back(std::move(fit->rest));
+  };
+  const auto rows = static_cast<double>(signal.size());
+  for (const double mains : kMains)
+    if (mains * row_time * rows >= kMinHumCycles) add({0, {mains * row_time}});
+  const auto tone = strongest_tone(signal, kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
+  if (tone.prominence > kMinProminence && tone.frequency * rows >= kMinToneCycles)
+    rests.push_back(without_square_wave(signal, tone.frequency));
+  return rests;
+}
+
+// As decode; where that finds no chips, or weak ones, with what else may be in the rows taken out.
+bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
+  const bool decoded = decode(column, what, received);
+  if (decoded && (received.flags & flag::weak) == 0) return true;
+  bool better = decoded;
+  for (auto& rest : without_other_light(column.signal, row_time)) {
+    CombinedColumn other = column;
+    other.signal = std::move(rest);
+    Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};
+    if (!decode(other, what, tried) || (better && tried.snr < kBetter * received.snr)) continue;
+    received = std::move(tried);
+    better = true;
+  }
+  return better;
+}
+
+// One source with the signal it was read from; `signal` is empty where none was decoded.
 struct Source {
   Received received;
   std::vector<double> signal;
+  double slope = 0;  // of the light that all columns show
 };
 
 // The light of best quality in the `allowed` columns (empty: all).
@@ -190,31 +295,56 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
                       const Search& what, std::span<const std::uint8_t> allowed) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
   Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0};
+  double slope = 0;
   bool first = true;
   for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
     std::vector<std::pair<CombinedColumn, std::size_t>> columns;
     for (std::size_t colour = 0; colour < colours.size(); ++colour)
       columns.emplace_back(combine_columns(colours[colour], frame, camera.tone_curve, saturated, allowed), colour);
-    std::ranges::stable_sort(columns, [](const auto& a, const auto& b) { return a.first.quality > b.first.quality; });
+    std::ranges::stable_sort(columns, [](const auto& a, const auto& b) {
+      const bool half = is_interpolated(a.first.signal), other_half = is_interpolated(b.first.signal);
+      return half != other_half ? other_half : a.first.quality > b.first.quality;
+    });
+    if (first) slope = columns.front().first.slope;
     for (auto& [column, colour] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
       Received received{frame, 0, colour, {}, nan, nan, nan, nan, {}, {}, 0};
-      if (decode(column, what, received)) return {std::move(received), std::move(column.signal)};
+      if (decode_any(column, what, camera.row_time, received))
+        return {std::move(received), std::move(column.signal), slope};
       if (std::exchange(first, false)) best = std::move(received);
     }
   }
-  return {std::move(best), {}};
+  return {std::move(best), {}, slope};
 }
 
 bool is_clean(const Source& source) {
   return !source.signal.empty() && (source.received.flags & ~flag::saturated) == 0;
 }
 
-// All lights of a frame, each from its own columns if there are several; first the one that dominates the combination
-// of all columns.
 std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
-                                    const Search& what) {
+                                    const Search& what, int shears = 0);
+
+// A frame whose light stands obliquely, sheared upright.
+std::vector<Received> receive_upright(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
+                                      const Search& what, double slope, int shears) {
+  std::vector<UprightFrame> upright;
+  std::vector<AnyFramesView> views;
+  for (const auto& colour : colours) upright.emplace_back(colour, frame, slope);
+  for (const auto& colour : upright) views.push_back(colour.view());
+  auto sources = receive_frame(views, 0, camera, what, shears);
+  for (Received& received : sources) {
+    received.frame = frame;
+    received.weights = upright.front().own_weights(received.weights);
+  }
+  return sources;
+}
+
+// All lights of a frame, each from columns of its own where there are several; first the one that all columns show.
+std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
+                                    const Search& what, int shears) {
   Source whole = receive_source(colours, frame, camera, what, {});
+  if (whole.slope != 0 && shears < kMaxShears)
+    return receive_upright(colours, frame, camera, what, whole.slope, shears + 1);
   const auto lights = light_groups(colours[whole.received.colour], frame, camera.tone_curve);
   std::vector<Received> sources;
   for (const auto& light : lights) {

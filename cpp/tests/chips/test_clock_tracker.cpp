@@ -94,3 +94,21 @@ TEST_CASE("a jump of the clock begins anew, and time does not go back") {
   CHECK_FALSE(tracker.predict(9));
   CHECK_THROWS_AS(ocisac::ClockTracker({.frame_rows = 0}), std::invalid_argument);
 }
+
+TEST_CASE("starts that jitter by a tenth of a chip lose no count, and the prediction counts them in") {
+  Light light;
+  ocisac::ClockTracker tracker({.frame_rows = 1501.3});
+  ocisac::ClockErrors errors;
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> jitter(-0.1, 0.1);  // chips
+  for (std::int64_t frame = 0; frame < 40; ++frame) {
+    auto clock = light.measure(frame, 0.002, 1e-5, errors);
+    clock.phase += jitter(random) * clock.rows_per_chip;
+    CHECK(tracker.update(frame, clock, errors));
+  }
+  const auto predicted = tracker.predict(40);
+  REQUIRE(predicted);
+  const double chips = predicted->errors.phase_std(0) / predicted->clock.rows_per_chip;
+  CHECK(chips > 0.03);
+  CHECK(chips < 0.15);
+}

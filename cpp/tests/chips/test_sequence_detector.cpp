@@ -117,7 +117,7 @@ TEST_CASE("questions without meaning are refused") {
                        std::invalid_argument);
   frame.question.noise = 0.1;
   frame.question.clock.exposure_rows = 64;
-  CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("exposure: got 64"),
+  CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("exposure_rows: got 64"),
                        std::invalid_argument);
   frame.question.count = 0;
   frame.question.clock.exposure_rows = 8;

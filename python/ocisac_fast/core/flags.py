@@ -38,10 +38,12 @@ class Flag(IntFlag):
     TOO_FEW_EDGES = 1 << 17
     """``receive``: fewer than 12 changes of the light (4 with a known rate): no bits, or the rate may be wrong."""
     LONG_EXPOSURE = 1 << 18
-    """``receive``: the exposure is longer than a chip; the bits are unreliable."""
+    """``receive``: the exposure is longer than a chip; the bits are not to be trusted."""
+    PERIODIC = 1 << 19
+    """``receive``: the same up to four chips over and over, as of a PWM lamp or still bars: no data tell from that."""
     MODEL_MISFIT = 1 << 24
-    """``varying_tone_gain``: light or tone vary along the column, which biases the gain of ``tone_gain`` by more than
-    its standard error."""
+    """``varying_tone_gain``: light or tone vary along the column, and the gain of ``tone_gain`` is biased by more than
+    its standard error. ``Receiver``: what is left of the rows is no noise; the bits are less sure than they seem."""
     QUANTISED = 1 << 25
     """The rows have less noise than half a step of the stored values: the rounding error is not random then and may
     bias the gain by more than the standard error."""

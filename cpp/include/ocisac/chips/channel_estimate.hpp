@@ -26,6 +26,9 @@ struct ChipClock {
   double rows_per_chip;
   double phase;          // rows, of chip 0, in the middle of the exposure: half an exposure after the light's edge
   double exposure_rows;  // rows; at least kShortestExposure is used
+  // Time constants with which the light approaches a chip that is brighter or darker than it, chips; 0: at once. The
+  // level at the beginning of the first known chip is its own.
+  double rise = 0, fall = 0;
 };
 
 inline constexpr double kShortestExposure = 1e-3;

@@ -28,6 +28,9 @@ struct TrackedClock {
 
 // Kalman filter of phase, rows per chip and rows per frame, and of the exposure separately. Bounded memory, no
 // allocation.
+//
+// Frames whose starts jitter jump about a steady clock. The variance of the starts is estimated from jumps below a
+// quarter of a chip at an unchanged rate, and added to the noise of each phase.
 class ClockTracker {
  public:
   explicit ClockTracker(const TrackerOptions& options);
@@ -51,6 +54,7 @@ class ClockTracker {
   std::int64_t frame_ = 0, chip_ = 0;  // of the last update; the chip of `phase`
   std::array<double, 3> state_{};      // phase in frame_, rows per chip, rows per frame
   std::array<double, 9> covariance_{};
+  double jitter_variance_ = 0;  // of frame starts, rows²
   double exposure_ = 0, exposure_variance_ = 0;
 };
 

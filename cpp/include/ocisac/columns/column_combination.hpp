@@ -17,6 +17,7 @@ struct CombinedColumn {
   std::vector<double> weights;  // (columns), sum 1; 0: not used
   double noise = 0;             // standard deviation of `signal` about the common light; NaN for a single column
   double quality = 0;           // power of the common light over noise after combination; single column: its power
+  double slope = 0;             // columns per row, by lamp_slope; 0 where only some columns were asked for
   bool saturated = false;       // columns with saturated pixels had to be used, or no others exist
 };
 
@@ -71,6 +72,10 @@ class ColumnFollower {
   std::vector<double> weights_;     // (columns) of the last frame
   std::unique_ptr<Memory> memory_;  // reused from frame to frame
 };
+
+// Columns combined of one picture whose light moves by about `slope` columns a row, sheared upright; the slope is
+// estimated again from the sheared picture. Weights are those of the picture's own columns, the mean over the rows.
+CombinedColumn combine_upright(const AnyFramesView& frame, const ToneCurve& curve, double slope);
 
 // One-factor model C = a·aᵀ + diag(v) of a covariance (size × size) by principal-factor iteration.
 struct CommonFactor {

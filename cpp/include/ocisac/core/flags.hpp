@@ -25,8 +25,11 @@ inline constexpr Flags at_bound = 1U << 11;       // search: the best frequency 
 inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no bits
 inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to be sure of the chip rate
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
-inline constexpr Flags model_misfit = 1U << 24;   // light or tone vary along the column: tone_gain is biased
-inline constexpr Flags quantised = 1U << 25;      // less noise than half a step: rounding may exceed the standard error
+inline constexpr Flags periodic = 1U << 19;       // receive: the same few chips over and over; no data tell from that
+// Light or tone vary along the column: tone_gain is biased. Receiver: more is left of the rows than noise; bits are
+// less sure than their likelihoods.
+inline constexpr Flags model_misfit = 1U << 24;
+inline constexpr Flags quantised = 1U << 25;  // less noise than half a step: rounding may exceed the standard error
 inline constexpr Flags ambiguous_motion = 1U << 26;  // sense: several motions show the same rows
 inline constexpr Flags ambiguous_kind = 1U << 27;    // sense: a light, a moving or a still texture would look alike
 }  // namespace flag

@@ -10,6 +10,7 @@
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/chips/clock_tracker.hpp"
+#include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/flags.hpp"
 #include "ocisac/packets/packets.hpp"
@@ -63,9 +64,26 @@ class ChipReceiver {
 
  private:
   std::optional<double> nominal_rows_per_chip(const CombinedColumn& column);
-  [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, std::int64_t frame,
-                                                   SearchEffort& effort) const;
-  std::optional<FrameReading> search(const CombinedColumn& column, SearchEffort& effort);
+  // What is in a frame's rows beside the chips, and the exposure.
+  struct RowModel {
+    RowNuisance nuisance;
+    std::optional<double> exposure_rows;  // absent: estimated from nothing
+    bool exposure_known = false;          // kept as it is
+    bool slow_light = false;              // rise and fall are estimated
+  };
+  // One frame as it is read.
+  struct Frame {
+    const CombinedColumn& column;
+    std::int64_t number;
+    bool searched;                          // the clock may be looked for where it cannot be followed
+    SearchEffort effort, effort_of_others;  // of other models than that of the frame before
+  };
+  std::optional<FrameReading> read(std::span<const double> signal, Frame& frame);
+  std::optional<FrameReading> read_with(std::span<const double> signal, RowModel& model, Frame& frame);
+  [[nodiscard]] std::vector<RowModel> other_models(std::span<const double> signal) const;
+  [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, const RowModel& model,
+                                                   Frame& frame) const;
+  std::optional<FrameReading> search(std::span<const double> signal, const RowModel& model, Frame& frame);
   std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
   void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);
   void lose(ReceivedFrame& result, bool searched);
@@ -74,13 +92,15 @@ class ChipReceiver {
   ChipOptions options_;
   PacketAssembler assembler_;
   std::vector<double> preamble_;
-  std::optional<ClockTracker> tracker_;     // with a known frame time; phases in rows of the picture
-  std::optional<double> rows_per_chip_;     // nominal, or estimated from earlier frames
-  std::optional<ChannelEstimate> channel_;  // of the last received frame
-  double relative_noise_ = 0;               // max of the last frame's and of the decayed earlier values
-  std::size_t first_row_ = 0;               // of the current frame
-  std::size_t lost_ = 0;                    // consecutive frames without chips
-  std::size_t fruitless_ = 0, wait_ = 0;    // consecutive failed searches; frames until the next search
+  std::optional<ClockTracker> tracker_;         // with a known frame time; phases in rows of the picture
+  std::optional<double> rows_per_chip_;         // nominal, or estimated from earlier frames
+  std::optional<ChannelEstimate> channel_;      // of the last received frame
+  RowModel model_;                              // that explained the last frame
+  double relative_noise_ = 0;                   // max of the last frame's and of the decayed earlier values
+  std::size_t first_row_ = 0;                   // of the current frame
+  std::size_t lost_ = 0;                        // consecutive frames without chips
+  std::size_t vain_tries_ = 0, until_try_ = 0;  // of other models in a row; frames until the next
+  std::size_t fruitless_ = 0, wait_ = 0;        // consecutive failed searches; frames until the next search
 };
 
 }  // namespace ocisac

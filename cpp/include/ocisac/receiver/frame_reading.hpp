@@ -8,6 +8,7 @@
 
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/chips/refine_channel.hpp"
+#include "ocisac/chips/row_nuisance.hpp"
 
 namespace ocisac {
 
@@ -17,6 +18,7 @@ struct FrameReading {
   std::ptrdiff_t first = 0;  // index of the first one on the channel's clock
   double error_rate = 1;  // expected, without the chips near the frame's ends that only a part of the exposure covers
   double relative_noise = 0;  // standard deviation of a row over the swing at the middle row
+  double correlation = 0;     // of what the channel leaves, from one row to the next: about 0 where it is noise
   bool even = false;          // the channel explains all parts of the frame equally well
 };
 
@@ -40,6 +42,23 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
                                            bool exposure_known, SearchEffort* effort = nullptr,
                                            const KnownChips& known = {});
+
+// s_n of all rows by a reading's chips.
+std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows);
+
+// A reading again, of the rows less slow light and tones that are fitted beside its chips; tones that are nearly right
+// move to where they leave least. Absent as read_frame.
+std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
+                                            bool exposure_known, SearchEffort* effort = nullptr);
+
+// A reading again with the light's rise and fall: those of a few, then of ones nearby, that leave least. Absent as
+// read_frame.
+std::optional<FrameReading> refine_shape(std::span<const double> signal, const FrameReading& reading,
+                                         bool exposure_known, SearchEffort* effort = nullptr);
+
+// More is left than noise: chips are wrong, or something in the rows is in no model. Log-likelihood ratios then count
+// correlated rows as independent ones.
+bool is_misfit(const FrameReading& reading);
 
 // True if the expected error rate is small; the bound is tighter unless the channel explains all parts of the frame
 // equally well. Detection in pure noise gives an expected error rate of 1/5.

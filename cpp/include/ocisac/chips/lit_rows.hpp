@@ -1,0 +1,22 @@
+// The rows in which a lamp stands, where it leaves a part of the frame dark.
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "ocisac/chips/channel_estimate.hpp"
+
+namespace ocisac {
+
+struct LitRows {
+  RowRange rows;
+  std::size_t shortest = 0;  // rows from a turning point of the light to the next, lower quartile: about a chip
+};
+
+// All rows, less the steady ones at either end that are too many for a run of chips: more than four times as many as
+// between any two turning points of the light, and sixteen times as many as their lower quartile. They end where the
+// signal leaves its level there by more than its noise and an eighth of the light's swing. `noise`: standard deviation
+// of the signal, NaN where unknown.
+LitRows lit_rows(std::span<const double> signal, double noise);
+
+}  // namespace ocisac

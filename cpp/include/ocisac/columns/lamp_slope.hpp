@@ -1,0 +1,39 @@
+// Oblique lamps: the slope of a light's columns along the rows, and frames sheared so that it stands upright.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+// Columns per row by which a light moves along the rows; 0 where it stands upright as far as the blocks tell: a slope
+// below six standard errors, or that moves the light by less than half of its standard deviation. `swings`:
+// (blocks × rows) of groups of columns about their moving means; `centres`: (blocks) columns. Line through the
+// centroids of the light in windows of rows, each at the mean row of the window's light.
+double lamp_slope(std::span<const double> swings, std::span<const double> centres);
+
+// One frame with each row moved along the columns by slope·(row − middle row), to whole columns; of the columns, those
+// that lie in the frame in all rows, at least one.
+class UprightFrame {
+ public:
+  UprightFrame(const AnyFramesView& frames, std::size_t frame, double slope);
+
+  [[nodiscard]] AnyFramesView view() const;
+  // Weights of the frame's own columns, the mean over the rows, from weights of the view's.
+  [[nodiscard]] std::vector<double> own_weights(std::span<const double> weights) const;
+
+ private:
+  template <class T>
+  void copy(const FramesView<const T>& view);
+
+  std::variant<std::vector<std::uint8_t>, std::vector<std::uint16_t>, std::vector<float>, std::vector<double>> pixels_;
+  std::vector<std::size_t> first_;  // (rows) column of the frame at which the view's begin
+  std::size_t columns_, width_;     // of the frame, of the view
+};
+
+}  // namespace ocisac

@@ -1,0 +1,87 @@
+#include "ocisac/chips/lit_rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "ocisac/chips/edges.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kNoiseErrors = 6;       // standard deviations that a turn of the light has at least
+constexpr double kMaxNoise = 0.04;       // of the span
+constexpr double kMinUnsteady = 0.01;    // of the span: light that varies less is steady
+constexpr double kNoiseKept = 2;         // standard deviations
+constexpr double kMinTurn = 0.15;        // of the span of the signal
+constexpr double kMinDeparture = 0.125;  // of the light's swing, from the level of the dark rows
+constexpr double kDarkRuns = 4;          // times the longest run of the light
+constexpr double kDarkChips = 16;        // shortest runs
+constexpr std::size_t kFewestTurns = 8;
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+// Standard deviation about a straight line.
+double unsteadiness(std::span<const double> part) {
+  const auto count = static_cast<double>(part.size()), middle = 0.5 * (count - 1);
+  double mean = 0, slope = 0, moment = 0, squares = 0;
+  for (std::size_t n = 0; n < part.size(); ++n) {
+    const double along = static_cast<double>(n) - middle;
+    mean += part[n] / count;
+    slope += along * part[n];
+    moment += along * along;
+  }
+  slope /= std::max(moment, 1.0);
+  for (std::size_t n = 0; n < part.size(); ++n)
+    squares += std::pow(part[n] - mean - slope * (static_cast<double>(n) - middle), 2);
+  return std::sqrt(squares / count);
+}
+
+// Rows from the end of `signal` on that stay near the level of its steady part, which is `steady` rows long; none where
+// that varies by more than `noise`.
+std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double departure, double noise) {
+  const auto part = signal.last(steady);
+  if (unsteadiness(part) > noise) return 0;
+  const double level = median({part.begin(), part.end()});
+  std::size_t count = 0;
+  while (count < signal.size() && std::abs(signal[signal.size() - 1 - count] - level) <= departure) ++count;
+  return count;
+}
+
+}  // namespace
+
+LitRows lit_rows(std::span<const double> signal, double noise) {
+  LitRows lit{{0, signal.size()}, 0};
+  if (signal.size() < 2) return lit;
+  std::vector<double> sorted(signal.begin(), signal.end());
+  std::ranges::sort(sorted);
+  const std::size_t tail = sorted.size() / 50;
+  const double span = sorted[sorted.size() - 1 - tail] - sorted[tail];
+  const double spread = std::isfinite(noise) ? std::min(noise, kMaxNoise * span) : 0.0;
+  const auto points = turning_points(signal, std::max(kNoiseErrors * spread, kMinTurn * span));
+  if (points.size() < kFewestTurns + 2) return lit;
+  // The first point is row 0; the second and the last one lie anywhere in steady rows.
+  std::vector<std::size_t> runs;
+  for (std::size_t k = 3; k + 1 < points.size(); ++k) runs.push_back(points[k] - points[k - 1]);
+  std::ranges::sort(runs);
+  lit.shortest = runs[runs.size() / 4];  // noise moves single turning points
+  const double enough =
+      std::max(kDarkRuns * static_cast<double>(runs.back()), kDarkChips * static_cast<double>(lit.shortest));
+  const double departure = std::max(kNoiseErrors * spread, kMinDeparture * span);
+  const double unsteady = std::max(kMinUnsteady * span, kNoiseKept * std::min(spread, 0.5 * kMaxNoise * span));
+  const std::size_t after = signal.size() - 1 - points[points.size() - 2], before = points[2];
+  if (static_cast<double>(after) > enough) lit.rows.end -= dark_rows(signal, after / 2, departure, unsteady);
+  if (static_cast<double>(before) > enough) {
+    const std::vector<double> reversed(signal.rbegin(), signal.rend());
+    lit.rows.begin += dark_rows(reversed, before / 2, departure, unsteady);
+  }
+  if (lit.rows.begin >= lit.rows.end) return {{0, signal.size()}, lit.shortest};
+  return lit;
+}
+
+}  // namespace ocisac

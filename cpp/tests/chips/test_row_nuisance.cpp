@@ -1,0 +1,55 @@
+// Slow light and tones fitted out of the rows, alone and beside chips.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "ocisac/chips/row_nuisance.hpp"
+
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+}  // namespace
+
+TEST_CASE("tones and slow light are fitted out beside chips to the last digit, and not beside nothing") {
+  std::mt19937 random(3);
+  std::vector<double> exposed, light, signal;
+  for (std::size_t row = 0; row < 900; ++row) {
+    const auto n = static_cast<double>(row);
+    if (row % 6 == 0) exposed.resize(exposed.size() + 6, static_cast<double>(random() & 1U));
+    light.push_back(30 + 80 * exposed[row]);
+    signal.push_back(light[row] + 9 * std::cos(kTurn * 0.031 * n + 1) + 3 * std::sin(kTurn * 0.062 * n) +
+                     12 * std::cos(std::numbers::pi * 5 * (n + 0.5) / 900));
+  }
+  const ocisac::RowNuisance nuisance{0.006, {0.031}};
+  const auto beside = ocisac::remove_nuisance(signal, nuisance, exposed);
+  REQUIRE(beside);
+  CHECK(beside->squares == doctest::Approx(0).epsilon(1e-6));
+  double off = 0, off_alone = 0;
+  const auto alone = ocisac::remove_nuisance(signal, nuisance);
+  REQUIRE(alone);
+  for (std::size_t row = 0; row < 900; ++row) {
+    off = std::max(off, std::abs(beside->rest[row] - light[row]));
+    off_alone = std::max(off_alone, std::abs(alone->rest[row] - light[row]));
+  }
+  CHECK(off < 1e-8);
+  CHECK(off_alone > 1e-3);
+  CHECK(!ocisac::remove_nuisance(std::vector<double>(10, 1.0), {0.5, {0.1}}));
+}
+
+TEST_CASE("the strongest tone stands out at its frequency") {
+  std::mt19937 random(4);
+  std::normal_distribution<double> noise(0, 1);
+  std::vector<double> signal(1080);
+  for (std::size_t row = 0; row < signal.size(); ++row)
+    signal[row] = 50 + noise(random) + 2 * std::cos(kTurn * 0.0222 * static_cast<double>(row));
+  const auto found = ocisac::strongest_tone(signal, 0.006, 0.1);
+  CHECK(found.frequency == doctest::Approx(0.0222).epsilon(0.01));
+  CHECK(found.prominence > 50);
+  for (double& value : signal) value = noise(random);
+  CHECK(ocisac::strongest_tone(signal, 0.006, 0.1).prominence < 20);
+}

@@ -1,0 +1,74 @@
+// Lights that rise and fall slowly: their chips detected, their time constants estimated.
+#include <doctest/doctest.h>
+
+#include <cstddef>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "ocisac/receiver/frame_reading.hpp"
+
+namespace {
+
+struct SlowLight {
+  std::vector<double> chips, signal;
+  ocisac::ChannelEstimate channel;  // as it is
+};
+
+// Manchester code of random bits, 5.63 rows a chip, an exposure of five chips, noise of 0.4 % of the swing.
+SlowLight slow_light(double rise, double fall) {
+  SlowLight light;
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, 0.4);
+  for (int bit = 0; bit < 220; ++bit) {
+    light.chips.push_back(static_cast<double>(random() & 1U));
+    light.chips.push_back(1 - light.chips.back());
+  }
+  ocisac::ChipClock clock{5.63, -100.3, 28.0};
+  clock.rise = rise;
+  clock.fall = fall;
+  light.signal.resize(1080);
+  ocisac::expose_chips({light.chips, 0}, clock, light.signal);
+  for (double& value : light.signal) value = 20 + 100 * value + noise(random);
+  light.channel.clock = clock;
+  light.channel.dark = {20};
+  light.channel.swing = {100};
+  light.channel.noise = 1.5;
+  light.channel.rows = {0, 1080};
+  return light;
+}
+
+int wrong_chips(const ocisac::FrameReading& reading, const std::vector<double>& chips) {
+  int wrong = 0;
+  for (std::size_t k = 3; k + 3 < reading.llr.size(); ++k)
+    wrong += (reading.llr[k] > 0) != (chips[static_cast<std::size_t>(reading.first) + k] > 0.5);
+  return wrong;
+}
+
+}  // namespace
+
+TEST_CASE("chips of a light with known rise and fall are detected, and what is left is noise") {
+  for (const auto& [rise, fall] : {std::pair{0.3, 0.3}, std::pair{0.7, 0.7}, std::pair{0.5, 0.05}}) {
+    const SlowLight light = slow_light(rise, fall);
+    const auto reading = ocisac::read_frame(light.signal, light.channel, true);
+    REQUIRE(reading);
+    CHECK(wrong_chips(*reading, light.chips) == 0);
+    CHECK(reading->relative_noise < 0.006);
+  }
+}
+
+TEST_CASE("a slow light taken for an abrupt one is a misfit; its rise and fall are found") {
+  const SlowLight light = slow_light(0.5, 0.5);
+  ocisac::ChannelEstimate abrupt = light.channel;
+  abrupt.clock.rise = abrupt.clock.fall = 0;
+  abrupt.clock.phase += 0.4 * 5.63;
+  const auto reading = ocisac::read_frame(light.signal, abrupt, true);
+  REQUIRE(reading);
+  CHECK(ocisac::is_misfit(*reading));
+  const auto shaped = ocisac::refine_shape(light.signal, *reading, true);
+  REQUIRE(shaped);
+  CHECK_FALSE(ocisac::is_misfit(*shaped));
+  CHECK(shaped->channel.clock.rise == doctest::Approx(0.5).epsilon(0.15));
+  CHECK(shaped->channel.clock.fall == doctest::Approx(0.5).epsilon(0.15));
+  CHECK(wrong_chips(*shaped, light.chips) == 0);
+}
