@@ -47,8 +47,8 @@ def limits(directory: Path, text: Path | None, as_json: bool) -> None:
         point = limit.point_at_spot(points)
         spot = f"{limit.sweep} = {point.x:g}"
         rows.append([limit.title, spot, limit.error, number(point.plain), number(point.library), told(point)])
-    header = ["limit", "at", "error", "plain", "library", "it tells"]
-    emit_table("", header, rows, left=("at", "error", "it tells"))
+    header = ["limit", "at", "error", "plain", "library", "it reports"]
+    emit_table("", header, rows, left=("at", "error", "it reports"))
     click.echo(f"picture: {picture}")
 
 

@@ -76,7 +76,7 @@ def _float32_sums() -> list[Point]:
     sweep="rows",
     error="RMS error of the gain",
     plain="fit of mean and tone by the normal equations",
-    why="Three unknowns pass through three rows without a rest, whatever the noise; a few more rows tell little.",
+    why="Three unknowns fit three rows without a residual, whatever the noise; a few more rows add little.",
     then="Up to three rows: NaN, UNRESOLVABLE. From four on an answer with its standard error.",
     spot=3,
     fails_by=0.05,

@@ -79,7 +79,7 @@ def _draw_legend(figure: Figure) -> None:
         Line2D([], [], color=RED, marker="s", lw=2.2, ms=5, label="plain method"),
         Line2D([], [], color=BLUE, marker="o", ms=4, label="library"),
         Line2D([], [], color=BLUE, marker="D", mfc="white", ms=5, label="library, flagged"),
-        Line2D([], [], color=BLUE, lw=4.0, alpha=0.25, label="standard error that it tells"),
+        Line2D([], [], color=BLUE, lw=4.0, alpha=0.25, label="standard error that it reports"),
         Line2D([], [], color=BLACK, marker="X", ls="", ms=6, label="library, wrong and silent"),
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=9)

@@ -27,7 +27,7 @@ def update_text(path: str | os.PathLike[str], measured: Measured) -> None:
 
 def figures(measured: Measured) -> str:
     """Markdown: every entry at its spot."""
-    lines = ["| limit | at | error | plain | library | it tells |", "|---|---|---|---:|---:|---|"]
+    lines = ["| limit | at | error | plain | library | it reports |", "|---|---|---|---:|---:|---|"]
     for limit, points in measured:
         point = limit.point_at_spot(points)
         cells = (limit.title, f"{limit.sweep} = {point.x:g}", limit.error, number(point.plain))

@@ -67,7 +67,7 @@ def _null_equalisation() -> list[Point]:
     plain="DFT divided by sinc(f·T_e)",
     why="Every frequency that the frame can show lies beyond the first null: there is next to nothing to divide.",
     then="From one frame on returns the mean of the column, and reports all frequencies as lost. At half a frame the "
-    "ends still cost 0.2 of the swing, which the report does not tell.",
+    "ends still cost 0.2 of the swing, which the report does not contain.",
     spot=2.0,
     fails_by=100.0,
     good=0.06,

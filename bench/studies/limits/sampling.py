@@ -32,7 +32,8 @@ def _frame(scene: Scene) -> npt.NDArray[np.uint8]:
     plain="Fourier sum over |sinc(f·T_e)|, to get the depth of the light",
     why="Around whole f·T_e the exposure averages the tone away; what is left in the sum is noise, and the division "
     "blows it up.",
-    then="Tells the noise's share and takes it out of the magnitude; NEAR_NULL below |sinc| = 0.05, WEAK below three "
+    then="Estimates the noise's share and subtracts it from the magnitude; NEAR_NULL below |sinc| = 0.05, WEAK below "
+    "three "
     "standard errors.",
     spot=1e-4,
     fails_by=5.0,
@@ -79,8 +80,8 @@ def _few_cycles() -> list[Point]:
     error="RMS error, cycles/frame",
     plain="the highest bin beside the mean",
     why="Bins are a whole cycle apart, and those next to the mean hold its mirror images too.",
-    then="`find_frequency` fits trend, tone and harmonics of one frequency; FEW_CYCLES below two, where a trend passes "
-    "for a part of the tone. Below one it does not look unless `bounds=` say so: NO_TONE.",
+    then="`find_frequency` fits trend, tone and harmonics of one frequency; FEW_CYCLES below two, where a trend is "
+    "fitted as a part of the tone. Below one it searches only with `bounds=`: NO_TONE.",
     spot=1.5,
     fails_by=0.3,
     good=0.02,
@@ -131,8 +132,8 @@ def _harmonics() -> list[Point]:
     sweep="bins below half the row rate",
     error="RMS error of the gain",
     plain="Fourier sum at the exact frequency",
-    why="At half the row rate the rows see the tone at two points of its cycle: amplitude and phase cannot be told "
-    "apart, and the sum counts its own mirror image.",
+    why="At half the row rate the rows see the tone at two points of its cycle: amplitude and phase are not separable, "
+    "and the sum includes its own mirror image.",
     then="Fits both; the standard error grows. At half the row rate and its multiples: NaN, UNRESOLVABLE.",
     spot=0.1,
     fails_by=0.1,
@@ -183,7 +184,7 @@ def _alias() -> list[Point]:
     error="RMS error of the gain",
     plain="the paper's: the bin nearest to N·T_r·f",
     why="Off its centre a bin holds |sinc| of the distance, 2/π half-way, and the leak of the mirror image.",
-    then="Fits at the exact frequency. Method `dft` is the paper's and says OFF_BIN.",
+    then="Fits at the exact frequency. Method `dft` is the paper's and flags OFF_BIN.",
     spot=0.5,
     fails_by=0.15,
     good=0.005,
@@ -204,7 +205,7 @@ def _rounded_bin() -> list[Point]:
     sweep="distance in bins",
     error="RMS error of the gain",
     plain="fit of mean and one tone",
-    why="Within a frame neighbours less than a bin apart look alike; a fit that knows one of them takes the other in.",
+    why="Within a frame neighbours less than a bin apart are nearly alike; a fit of one of them includes the other.",
     then="Fits all frequencies it is given together: unbiased, with a standard error that grows as they approach.",
     spot=0.1,
     fails_by=0.1,
@@ -236,9 +237,9 @@ def _two(bins: float) -> tuple[Scene, Scene, npt.NDArray[np.uint8]]:
     sweep="distance in bins",
     error="RMS error of the gain",
     plain="fit of mean and one tone, as in `tone_gain`",
-    why="As before, but nobody tells of the other source.",
-    then="`varying_tone_gain` sees the slow beat of the two, MODEL_MISFIT, but cannot mend it. Nearer than a quarter "
-    "of a bin nothing in one frame tells them apart; from two bins on the other source counts as noise, and the "
+    why="As before, with an unknown second source.",
+    then="`varying_tone_gain` sees the slow beat of the two, MODEL_MISFIT, but cannot correct it. Nearer than a "
+    "quarter of a bin one frame does not separate them; from two bins on the other source counts as noise, and the "
     "standard error is at first half of the error.",
     spot=0.5,
     fails_by=0.05,
@@ -275,8 +276,8 @@ def _varying_point(x: float, scene: Scene, slope: float, drift: float) -> Point:
     plain="fit of mean and tone, as in `tone_gain`",
     why="A slope is not orthogonal to a few cycles and leaks into them, as 1/cycles. The standard error takes what is "
     "left of the slope for noise: too much at many cycles, too little at few.",
-    then="`varying_tone_gain` fits light and tone that vary as polynomials; MODEL_MISFIT where `tone_gain` is off by "
-    "more than it tells. `tone_gain` alone does not see it; `ocisac gain` looks and flags.",
+    then="`varying_tone_gain` fits light and tone that vary as polynomials; MODEL_MISFIT where the error of "
+    "`tone_gain` exceeds its standard error. `tone_gain` alone does not detect it; `ocisac gain` flags it.",
     spot=1.2,
     fails_by=0.02,
     good=0.005,
@@ -295,8 +296,8 @@ def _gradient() -> list[Point]:
     plain="fit of mean and tone at the mean frequency, as in `tone_gain`",
     why="The tone runs out of step with the model, and the parts cancel; a frequency that is off by a part of a cycle "
     "in the frame does the same.",
-    then="`varying_tone_gain` follows the phase: right to about 2 cycles/frame of drift, low beyond; MODEL_MISFIT says "
-    "that `tone_gain` is off. `tone_gain` alone does not see it; `ocisac gain` looks and flags.",
+    then="`varying_tone_gain` follows the phase: right to about 2 cycles/frame of drift, low beyond; MODEL_MISFIT "
+    "marks a wrong `tone_gain`. `tone_gain` alone does not detect it; `ocisac gain` flags it.",
     spot=2.0,
     fails_by=0.04,
     good=0.005,

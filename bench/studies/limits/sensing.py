@@ -71,7 +71,7 @@ def _motion_along() -> list[Point]:
     sweep="speed against the read-out, m/s",
     error="RMS error of f_x·v, Hz",
     plain="the frequency that a column shows",
-    why="Two frames tell f_x·v but for multiples of the frame rate, and a column only with the texture at rest in it.",
+    why="Two frames give f_x·v modulo the frame rate, and a column only with the texture at rest in it.",
     then="Gives the slowest of the answers that fit and lists others, AMBIGUOUS_MOTION, unless `motion_bounds` leave "
     "one.",
     spot=1.751,
@@ -90,8 +90,8 @@ def _motion_frames() -> list[Point]:
     error="error of the restored gain",
     plain="DFT divided by sinc(f·T_e)",
     why="Towards the null the division multiplies noise, and what the frame's ends brought, without bound.",
-    then="`restore_contrast` gives back up to `max_boost`; what the ends and the boost leave is foretold (`expected`), "
-    "and noise ends it with NEAR_NULL, WEAK.",
+    then="`restore_contrast` gives back up to `max_boost`; what the ends and the boost leave is predicted "
+    "(`expected`); noise gives NEAR_NULL, WEAK.",
     spot=0.6,
     fails_by=1.0,
     good=0.02,
