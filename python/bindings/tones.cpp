@@ -1,6 +1,7 @@
 #include "bindings.hpp"
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/tones/calibrate.hpp"
 #include "ocisac/tones/equalize.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/projection.hpp"
@@ -133,14 +134,29 @@ py::tuple columns_as_arrays(const ToneColumns& columns) {
 
 // Cycles per row, its standard error, signal-to-noise ratio, highest harmonic, flags, columns (used, strength,
 // saturated).
+py::tuple tuple_of(const FoundFrequency& found) {
+  return py::make_tuple(found.frequency, found.frequency_std, found.snr, found.harmonics, found.flags,
+                        columns_as_arrays(found.columns));
+}
+
 py::tuple find(const py::array& columns, const Camera& camera, const Bounds& bounds, const std::string& waveform,
                bool select_columns) {
   const AnyFramesView view = any_view(columns);
   FrequencySearch search = search_of(camera, bounds, waveform, select_columns);
   search.saturation = saturation_of(camera, view);
-  const FoundFrequency found = unlocked([&] { return find_frequency(view, search); });
-  return py::make_tuple(found.frequency, found.frequency_std, found.snr, found.harmonics, found.flags,
-                        columns_as_arrays(found.columns));
+  return tuple_of(unlocked([&] { return find_frequency(view, search); }));
+}
+
+// Row time (s), its standard error (s) and the tone as of find(). Bounds: cycles per row.
+py::tuple row_time_of(const py::array& columns, double frequency, const Bounds& bounds, const std::string& waveform,
+                      bool select_columns) {
+  const AnyFramesView view = any_view(columns);
+  Camera per_row;
+  per_row.row_time = 1;
+  FrequencySearch search = search_of(per_row, bounds, waveform, select_columns);
+  search.saturation = saturation_of(per_row, view);
+  const Calibration result = unlocked([&] { return calibrate(view, frequency, search); });
+  return py::make_tuple(result.row_time, result.row_time_std, tuple_of(result.found));
 }
 
 py::tuple columns_of_tone(const py::array& columns, const Camera& camera, double frequency) {
@@ -200,6 +216,8 @@ void register_tones(py::module_& module) {
   module.def("simd_targets", &simd_targets);
   module.def("force_simd_target", &force_simd_target, arg("name"));
   module.def("find_frequency", &find, arg("columns"), arg("camera"), arg("bounds"), arg("waveform"),
+             arg("select_columns"));
+  module.def("calibrate", &row_time_of, arg("columns"), arg("frequency"), arg("bounds"), arg("waveform"),
              arg("select_columns"));
   module.def("tone_columns", &columns_of_tone, arg("columns"), arg("camera"), arg("frequency"));
   module.def("pick_colour", &colour_of, arg("colours"), arg("camera"), arg("bounds"), arg("waveform"));

@@ -93,6 +93,17 @@ def find_frequency(
     waveform: str,
     select_columns: bool,
 ) -> tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]: ...
+def calibrate(
+    columns: npt.NDArray[Any],
+    frequency: float,
+    bounds: tuple[float, float] | None,
+    waveform: str,
+    select_columns: bool,
+) -> tuple[
+    float,
+    float,
+    tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]],
+]: ...
 def tone_columns(
     columns: npt.NDArray[Any], camera: Camera, frequency: float
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]: ...

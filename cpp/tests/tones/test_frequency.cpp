@@ -8,7 +8,7 @@
 
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
-#include "tones/calibrate.hpp"
+#include "ocisac/tones/calibrate.hpp"
 #include "tones/combine_columns.hpp"
 
 namespace {

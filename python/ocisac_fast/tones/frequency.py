@@ -15,6 +15,9 @@ from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 
+# Cycles per row, standard error, signal-to-noise ratio, highest harmonic, flags, (used, strength, saturated).
+_CoreFound = tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToneColumns:
@@ -120,11 +123,14 @@ def find_frequency(
             half the row rate, or an unknown waveform.
     """
     array = as_columns(columns, scan_axis=camera.scan_axis)
-    values = _core.find_frequency(array, camera._handle, bounds, waveform, select)
+    return _found(_core.find_frequency(array, camera._handle, bounds, waveform, select), camera.row_period)
+
+
+def _found(values: _CoreFound, row_period: float) -> FoundFrequency:
     cycles, cycles_std, snr, harmonics, flags, (used, strength, saturated) = values
     return FoundFrequency(
-        frequency=cycles / camera.row_period,
-        frequency_std=cycles_std / camera.row_period,
+        frequency=cycles / row_period,
+        frequency_std=cycles_std / row_period,
         cycles_per_row=cycles,
         cycles_per_row_std=cycles_std,
         snr=snr,
@@ -149,7 +155,8 @@ def calibrate(
     Args:
         columns: as for :func:`find_frequency`; the columns that show the light are selected among them.
         frequency: of the light, Hz, above 0 and below half the row rate.
-        bounds: shortest and longest row time, seconds; None: at least one cycle in the frame.
+        bounds: shortest and longest row time, seconds; None: two cycles or more in the frame, one to two only where no
+            tone is found there (the outline of a lamp resembles one cycle).
         waveform: as for :func:`find_frequency`.
         select: as for :func:`find_frequency`.
         scan_axis: direction of the read-out, as in :class:`ocisac_fast.Camera`.
@@ -160,16 +167,11 @@ def calibrate(
     Raises:
         ValueError: a frequency that is not finite and above 0, or as for :func:`find_frequency`.
     """
-    if not (np.isfinite(frequency) and frequency > 0):
-        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0")
+    array = as_columns(columns, scan_axis=scan_axis)
     per_row = None if bounds is None else (bounds[0] * frequency, bounds[1] * frequency)
-    found = find_frequency(columns, Camera(None, scan_axis=scan_axis), bounds=per_row, waveform=waveform, select=select)
-    return Calibration(
-        row_time=found.cycles_per_row / frequency,
-        row_time_std=found.cycles_per_row_std / frequency,
-        found=found,
-        flags=found.flags,
-    )
+    row_time, row_time_std, values = _core.calibrate(array, frequency, per_row, waveform, select)
+    found = _found(values, 1.0)
+    return Calibration(row_time=row_time, row_time_std=row_time_std, found=found, flags=found.flags)
 
 
 @checked
@@ -211,7 +213,8 @@ def pick_colour(
         waveform: as for :func:`find_frequency`.
 
     Returns:
-        The index of the colour whose frequency has the smallest standard error; 0 if none shows a tone.
+        The index of the colour whose frequency has the smallest relative standard error, searched as in
+        :func:`calibrate`; colours flagged ``FEW_CYCLES`` or ``AT_BOUND`` come last; 0 if none shows a tone.
 
     Raises:
         ValueError: no colours, or as for :func:`find_frequency`.

@@ -37,8 +37,13 @@ struct FoundFrequency {
 // One frequency, shared by all columns and frames; amplitudes and phases are free.
 FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch& search);
 
-// Of several views of the same scene, the index of the one whose frequency has the smallest standard error; the first
-// where none shows a tone.
+// The same for a picture of a lamp: the outline of a lamp, text or drawn lines often fit one cycle better than the
+// stripes do. Without a lower bound, frequencies of two cycles or more in the frame are therefore searched first, slower
+// ones only where no tone is found there.
+FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search);
+
+// Index of the colour plane whose find_lamp_frequency has the smallest relative standard error; planes with few_cycles
+// or at_bound come after the others. 0 where none shows a tone.
 std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search);
 
 }  // namespace ocisac
