@@ -22,7 +22,7 @@ pytest.importorskip("av")
 
 from ocisac_fast.cli import main
 from ocisac_fast.cli.output import plain, quantity, with_spread
-from ocisac_fast.cli.pictures import PictureOptions, arrange
+from ocisac_fast.cli.pictures import PictureOptions, open_pictures, select
 from ocisac_fast.cli.units import Quantity
 from ocisac_fast.files import read_frames, write_frames
 
@@ -128,24 +128,41 @@ STORED = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
     ("changed", "want"),
     [
         ({}, STORED),
-        ({"scan_axis": "-y"}, STORED[::-1]),
-        ({"scan_axis": "x"}, STORED.transpose(1, 0, 2)),
-        ({"scan_axis": "-x"}, STORED[:, ::-1].transpose(1, 0, 2)),
         ({"region": (2, 1, 4, 3)}, STORED[1:4, 2:6]),
-        ({"region": (2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 5:1:-1].transpose(1, 0, 2)),
+        ({"region": (2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 2:6]),
         ({"channel": "b"}, STORED[..., 2]),
         ({"channel": 1}, STORED[..., 1]),
         ({"region": (0, 0, 8, 6)}, STORED),
     ],
 )
 def test_geometry_is_a_view_of_what_is_stored(changed, want):
-    arranged = arrange(STORED, options(**changed))
-    assert np.array_equal(arranged, want)
-    assert np.shares_memory(arranged, STORED)
+    selected = select(STORED, options(**changed))
+    assert np.array_equal(selected, want)
+    assert np.shares_memory(selected, STORED)
+
+
+@pytest.mark.parametrize(
+    ("changed", "want"),
+    [
+        ({"scan_axis": "y"}, STORED),
+        ({"scan_axis": "-y"}, STORED[::-1]),
+        ({"scan_axis": "x"}, STORED.transpose(1, 0, 2)),
+        ({"scan_axis": "-x"}, STORED[:, ::-1].transpose(1, 0, 2)),
+        ({"region": (2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 5:1:-1].transpose(1, 0, 2)),
+    ],
+)
+def test_row_batches_are_in_time_order_and_frames_as_stored(tmp_path, changed, want):
+    np.save(tmp_path / "two.npy", np.stack([STORED, STORED]))
+    with open_pictures(str(tmp_path / "two.npy"), options(**changed)) as pictures:
+        assert pictures.camera.row_time is None
+        assert pictures.camera.scan_axis == changed["scan_axis"]
+        assert np.array_equal(next(pictures.row_batches()), [want, want])
+    with open_pictures(str(tmp_path / "two.npy"), options(**changed)) as pictures:
+        assert np.array_equal(next(pictures.batches())[1], select(STORED, options(**changed)))
 
 
 def test_luma_is_the_weighted_sum():
-    assert arrange(STORED, options(channel="y")) == pytest.approx(STORED @ np.array([0.299, 0.587, 0.114]))
+    assert select(STORED, options(channel="y")) == pytest.approx(STORED @ np.array([0.299, 0.587, 0.114]))
 
 
 @pytest.mark.parametrize(
@@ -158,12 +175,12 @@ def test_luma_is_the_weighted_sum():
 )
 def test_what_lies_outside_the_picture_is_refused(changed, message):
     with pytest.raises(ValueError, match=message):
-        arrange(STORED, options(**changed))
+        select(STORED, options(**changed))
 
 
 def test_a_grey_picture_has_no_red():
     with pytest.raises(ValueError, match="--channel: got r, the picture is grey"):
-        arrange(STORED[..., 0], options(channel="r"))
+        select(STORED[..., 0], options(channel="r"))
 
 
 # Simulation
@@ -293,7 +310,9 @@ def test_frames_of_a_video_are_pooled_by_their_precision(facts, square):
 
 def test_without_a_row_time_everything_is_per_row(facts, square):
     (got,) = facts("gain", square("s.png"), *DARK, "--frequency", "auto", "--waveform", "square")
-    assert got["frequency_hz"] == pytest.approx(500 * 22.2e-6, rel=1e-4)
+    assert got["frequency_cycles_per_row"] == pytest.approx(500 * 22.2e-6, rel=1e-4)
+    assert 0 < got["frequency_std_cycles_per_row"] < 1e-4
+    assert not [key for key in got if key.endswith("_hz")]
     assert got["theory"] is None
 
 
@@ -341,6 +360,23 @@ def test_any_readout_direction_gives_the_same_phase(facts, square, tmp_path, axi
     (got,) = facts("gain", tmp_path / "turned.png", *options, "--scan-axis", axis, *region)
     assert (got["rows"], got["columns"]) == (720, 20)
     assert got["phase_rad"] == pytest.approx(1, abs=0.01)
+
+
+@pytest.mark.parametrize("axis", ["y", "-y", "x", "-x"])
+def test_boxes_are_in_stored_pixels_and_rates_per_row(facts, tmp_path, axis):
+    lit = np.arange(100) > 55
+    light = 30 + 80 * (1 + np.cos(0.1 * np.pi * np.arange(400)))[:, np.newaxis] * lit
+    light = (light + np.random.default_rng(2).normal(0, 1, light.shape)).astype(np.uint8)
+    stored = {"y": light, "-y": light[::-1], "x": light.T, "-x": light[::-1].T}[axis]
+    write_frames(tmp_path / "lit.png", np.ascontiguousarray(stored))
+    region = "10,4,88,396" if axis.endswith("y") else "4,10,396,88"
+    (got,) = facts("detect", tmp_path / "lit.png", "--scan-axis", axis, "--region", region)
+    (source,) = got["sources"]
+    assert source["frequency_cycles_per_row"] == pytest.approx(0.05, rel=0.01)
+    first = source["x"] if axis.endswith("y") else source["y"]
+    last = first + (source["width"] if axis.endswith("y") else source["height"])
+    assert abs(first - 56) <= 8
+    assert 90 <= last <= 98
 
 
 def test_the_best_channel_is_taken_unless_one_is_named(facts, square, tmp_path):
@@ -429,7 +465,8 @@ def test_receive_takes_several_files_and_a_known_rate(facts, chips):
 
 def test_receive_in_rows_without_a_row_time(facts, chips):
     (got, *_) = facts("receive", chips)
-    assert got["chip_rate_hz"] == pytest.approx(8000 * 22.2e-6, rel=1e-3)
+    assert got["rows_per_chip"] == pytest.approx(1 / (8000 * 22.2e-6), rel=1e-3)
+    assert not [key for key in got if key.endswith("_hz")]
 
 
 def test_the_readme_runs(facts, tmp_path, monkeypatch, capsys):
@@ -437,7 +474,7 @@ def test_the_readme_runs(facts, tmp_path, monkeypatch, capsys):
     (code,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
     *_, block = re.findall(r"```sh\n(.*?)```", readme, re.DOTALL)
     monkeypatch.chdir(tmp_path)
-    light = ("--waveform", "square", "--frequency", "500", "--frames", 2, "--columns", 3, "--noise", 1, *DARK)
+    light = ("--waveform", "square", "--frequency", "500", "--frames", 2, "--columns", 5, "--noise", 1, *DARK)
     facts("simulate", *light, "--row-time", "22.2us", "--exposure", "1202us", "-o", "recording.mkv")
     exec(compile(code, "README.md", "exec"), {})
     assert capsys.readouterr().out.count("\n") >= 4

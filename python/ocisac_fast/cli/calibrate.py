@@ -45,9 +45,9 @@ def calibrate(
     from ocisac_fast.tones import calibrate as measure
 
     with open_pictures(files[0], unknown) as pictures:
-        frames = next(pictures.batches())
+        camera, frames = pictures.camera.in_time_order, next(pictures.row_batches())
     waveform = frequency_waveform(picture)
-    columns, _ = one_colour(frames, pictures.camera, waveform)
+    columns, _ = one_colour(frames, camera, waveform)
     result = measure(columns, float(frequency), waveform=waveform)
     found, flags = result.found, flag_names(result.flags)
     if as_json:
@@ -109,7 +109,5 @@ def _calibrate_pulses(
 def _row_light(file: str, picture: PictureOptions) -> npt.NDArray[np.float64]:
     """(frames, rows) mean linear light."""
     with open_pictures(file, picture) as pictures:
-        means = [
-            linear_light(batch, pictures.camera).mean(axis=tuple(range(2, batch.ndim))) for batch in pictures.batches()
-        ]
+        means = [linear_light(batch, pictures.camera).mean(axis=(2, 3)) for batch in pictures.row_batches()]
     return np.concatenate(means)

@@ -10,8 +10,8 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import emit_json, emit_table, progress, quantity
-from ocisac_fast.cli.pictures import PictureOptions, arrange, json_option, picture_options
+from ocisac_fast.cli.output import emit_json, emit_table, progress, rate
+from ocisac_fast.cli.pictures import PictureOptions, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
 
@@ -67,7 +67,7 @@ def clean(
         for facts in cleaner.facts:
             emit_json(facts)
     else:
-        emit_table("", _HEADER, [_row(facts, picture.row_time is not None) for facts in cleaner.facts])
+        emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts])
     if not cleaner.facts:
         raise click.ClickException(f"{source}: no frame in it")
 
@@ -95,51 +95,46 @@ class _Cleaner:
         waiting: list[Frame] = []
         for raw in stored:
             camera = camera or camera_of(raw)
-            view = arrange(raw, self._picture)
+            view = select(raw, self._picture)
             if view.dtype.kind == "f" and raw.dtype.kind == "u":  # channel y
                 view = np.rint(view).astype(raw.dtype)
             if self._still:
                 waiting.append(view)
                 continue
-            yield from self._cleaned(view[np.newaxis], camera)
+            yield from self._cleaned([view], camera)
         if waiting and camera is not None:
             if any(view.shape != waiting[0].shape for view in waiting):
                 raise ValueError("--still: frames of different sizes")
-            yield from self._cleaned(np.stack(waiting), camera)
+            yield from self._cleaned(waiting, camera)
 
-    def _cleaned(self, frames: Frame, camera: Camera) -> Iterator[Frame]:
+    def _cleaned(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
         from ocisac_fast.cleaning import Mark, remove_bands
 
-        done = remove_bands(frames, camera, still=self._still, **self._options)
+        done = remove_bands(stack(views), camera, still=self._still, **self._options)
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
             self.facts.append(
-                {
-                    "frame": len(self.facts),
-                    "model": done.model[k],
-                    "frequency_hz": float(done.frequency[k]),
-                    "share": float(done.share[k].mean()),
-                    "toe": float(done.toe[k]),
-                    "saturated": float((marks == Mark.SATURATED).mean()),
-                    "too_dark": float((marks == Mark.DARK).mean()),
-                }
+                self._picture.in_units(
+                    {
+                        "frame": len(self.facts),
+                        "model": done.model[k],
+                        "frequency_hz": float(done.frequency[k]),
+                        "share": float(done.share[k].mean()),
+                        "toe": float(done.toe[k]),
+                        "saturated": float((marks == Mark.SATURATED).mean()),
+                        "too_dark": float((marks == Mark.DARK).mean()),
+                    }
+                )
             )
             if self._mark:
-                worst = marks.max(axis=2) if marks.ndim == 3 else marks
-                self.marks.append(self._as_stored(np.array([0, 128, 255], np.uint8)[worst]))
-            yield self._as_stored(frame)
-
-    def _as_stored(self, frame: Frame) -> Frame:
-        """Convert rows in time order to the stored order."""
-        axis = self._picture.scan_axis
-        view = frame[::-1] if axis.startswith("-") else frame
-        return np.ascontiguousarray(view.swapaxes(0, 1) if axis.endswith("x") else view)
+                self.marks.append(np.array([0, 128, 255], np.uint8)[marks.max(axis=2)])
+            yield np.ascontiguousarray(frame.reshape(views[0].shape))
 
 
 def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
     return [
         str(facts["frame"]),
         facts["model"],
-        quantity(facts["frequency_hz"], "Hz" if in_hertz else "", 5),
+        rate(facts["frequency_hz" if in_hertz else "frequency_cycles_per_row"], None, in_hertz, 5),
         f"{100 * facts['share']:.3g} %",
         f"{facts['toe']:.3g}",
         *(f"{100 * facts[name]:.3g} %" for name in ("saturated", "too_dark")),

@@ -16,11 +16,15 @@ def frequency_waveform(picture: PictureOptions) -> str:
 
 
 def one_colour(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int | None]:
-    """Frames (frames, rows, columns) of the colour that shows a tone best, and its index; None: only one colour."""
+    """Select the colour of (frames, rows, columns, colours) that shows a tone best.
+
+    Returns:
+        (frames, rows, columns) and the colour's index; None: there is only one.
+    """
     from ocisac_fast.tones import pick_colour
 
-    if frames.ndim == 3:
-        return frames, None
+    if frames.shape[-1] == 1:
+        return frames[..., 0], None
     colour = int(pick_colour(list(np.moveaxis(frames, -1, 0)), camera, waveform=waveform))
     return frames[..., colour], colour
 

@@ -9,15 +9,8 @@ from typing import Any
 import click
 import numpy as np
 
-from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity, with_spread
-from ocisac_fast.cli.pictures import (
-    PictureOptions,
-    json_option,
-    open_pictures,
-    picture_options,
-    plot_option,
-    stored_region,
-)
+from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity, rate
+from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.files.recording import Frame
 
 _HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "data", "remark")
@@ -51,7 +44,7 @@ def detect(
             emit_json(found)
             continue
         title = "" if found["frames"] == 1 else f"frame {found['frame']}"
-        rows = [_row(k, source, picture.row_time is not None) for k, source in enumerate(found["sources"])]
+        rows = [_row(k, source, picture) for k, source in enumerate(found["sources"])]
         if rows or header:
             emit_table(title, _HEADER, rows, left=("remark",))
         header = False
@@ -67,11 +60,11 @@ def _detected(
         for index, frame in enumerate(progress(pictures.frames, "detecting", count)):
             grey = grey_of(frame)
             found = detect_sources(grey, pictures.camera, **options)
-            sources = [_facts(source, grey.shape, picture) for source in found]
+            sources = [_facts(source, picture) for source in found]
             if plot is not None and index == 0:
                 from ocisac_fast.plots import plot_sources
 
-                plot_sources(plot, grey, found)
+                plot_sources(plot, grey, pictures.camera, found)
             yield {"frame": index, "frames": count, "sources": sources}
 
 
@@ -87,15 +80,15 @@ def grey_of(frame: Frame) -> Frame:
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 
-def stored_box(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, int]:
-    """Convert a box from rows in time order to stored pixels."""
-    x, y, width, height = stored_region((source.x, source.y, source.width, source.height), shape, picture)
+def box_facts(source: Any, picture: PictureOptions) -> dict[str, int]:
+    """Box of a light or region in pixels of the stored picture."""
+    x, y, width, height = picture.in_picture((source.x, source.y, source.width, source.height))
     return {"x": x, "y": y, "width": width, "height": height}
 
 
-def _facts(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, Any]:
-    return {
-        **stored_box(source, shape, picture),
+def _facts(source: Any, picture: PictureOptions) -> dict[str, Any]:
+    facts = {
+        **box_facts(source, picture),
         "frequency_hz": source.frequency,
         "frequency_std_hz": source.frequency_std,
         "gain": source.gain,
@@ -108,9 +101,11 @@ def _facts(source: Any, shape: tuple[int, ...], picture: PictureOptions) -> dict
         "reason": source.reason,
         "flags": flag_names(source.flags),
     }
+    return picture.in_units(facts)
 
 
-def _row(index: int, source: dict[str, Any], in_hertz: bool) -> list[str]:
+def _row(index: int, source: dict[str, Any], picture: PictureOptions) -> list[str]:
+    unit = "hz" if picture.in_hertz else "cycles_per_row"
     remark = source["reason"]
     if source["reflection_of"] is not None:
         remark = f"reflection of {source['reflection_of']} (by {remark})"
@@ -119,7 +114,7 @@ def _row(index: int, source: dict[str, Any], in_hertz: bool) -> list[str]:
     return [
         str(index),
         *(str(source[name]) for name in ("x", "y", "width", "height")),
-        with_spread(source["frequency_hz"], source["frequency_std_hz"], "Hz" if in_hertz else "", 5),
+        rate(source[f"frequency_{unit}"], source[f"frequency_std_{unit}"], picture.in_hertz, 5),
         quantity(source["gain"], "", 3),
         number(source["snr_db"], "dB", 3),
         "yes" if source["carries_data"] else "no",

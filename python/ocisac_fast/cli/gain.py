@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
-from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, with_spread
+from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, rate, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files.recording import Frame
@@ -51,15 +51,14 @@ def gain(
         from ocisac_fast.plots import plot_gain
 
         plot_gain(plot, measured.columns, measured.camera, measured.frequency, measured.gain, picture.waveform)
-    facts = measured.facts(background is not None)
+    facts = picture.in_units(measured.facts(background is not None))
     if as_json:
         emit_json(facts)
         return
-    frequency_text = with_spread(measured.frequency, measured.frequency_std, "Hz" if picture.row_time else "")
     emit_facts(
         "",
         {
-            "frequency": frequency_text + ("" if picture.row_time else " cycles per row"),
+            "frequency": rate(measured.frequency, measured.frequency_std, picture.in_hertz),
             "gain": with_spread(measured.gain, measured.gain_std, "", 5),
             "theory |sinc(f T_e)|": quantity(facts["theory"], "", 5),
             "signal-to-noise ratio": number(facts["snr_db"], "dB", 4),
@@ -119,7 +118,7 @@ class _Light:
 
     def columns(self, frames: Frame) -> Frame:
         """The selected columns of the selected colour; a view if all are selected."""
-        one = frames if self.colour is None else frames[..., self.colour]
+        one = frames[..., self.colour or 0]
         return one if self.used.all() else one[..., self.used]
 
 
@@ -144,23 +143,23 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
     given = picture.check_frequency("--frequency", frequency)
     options = {**options, "waveform": picture.waveform, "duty": picture.duty, "pooled": True}
     with open_pictures(file, picture) as pictures:
-        batches = pictures.batches()
+        camera, batches = pictures.camera.in_time_order, pictures.row_batches()
         first = next(batches)
-        light = _find_light(first, pictures.camera, picture, given)
+        light = _find_light(first, camera, picture, given)
         if math.isnan(light.frequency):
-            return _unanswered(light, pictures.camera, first)
+            return _unanswered(light, camera, first)
         gains = [
-            tone_gain(light.columns(batch), pictures.camera, light.frequency, **options)
+            tone_gain(light.columns(batch), camera, light.frequency, **options)
             for batch in _shown(itertools.chain([first], batches), pictures.frame_count, len(first))
         ]
     values = {name: np.concatenate([getattr(part, name) for part in gains]) for name in _FRAME_VALUES}
     weights = _weights(values["gain_std"])
     mask = np.bitwise_or.reduce(values["flags"])
     if options["method"] == "fit":
-        mask |= _misfit(light.columns(first)[0], pictures.camera, light.frequency, options)
+        mask |= _misfit(light.columns(first)[0], camera, light.frequency, options)
     flags = flag_names(mask)
     return _Measured(
-        camera=pictures.camera,
+        camera=camera,
         frequency=light.frequency,
         frequency_std=light.frequency_std,
         gain=_mean(values["gain"], weights),

@@ -100,6 +100,12 @@ def with_spread(value: float, spread: float | None, unit: str, digits: int = 7) 
     return f"{text} ± {quantity(spread, unit, 2)}" if unit else f"{value:.{digits}g} ± {spread:.2g}"
 
 
+def rate(value: float | None, spread: float | None, in_hertz: bool, digits: int = 7) -> str:
+    """A frequency and its standard error, in Hz or in cycles per row."""
+    text = with_spread(math.nan if value is None else value, spread, "Hz" if in_hertz else "", digits)
+    return text if in_hertz or text == "–" else f"{text} cycles per row"
+
+
 def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
     """Iterate with a progress bar on standard error, if that is a terminal and several items are expected."""
     if not sys.stderr.isatty() or (total is not None and total < 2):

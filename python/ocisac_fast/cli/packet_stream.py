@@ -10,7 +10,7 @@ from typing import Any
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import flag_names, quantity
-from ocisac_fast.cli.pictures import PictureOptions, region_in_time_order, stored_region
+from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.files.recording import Frame
 
 
@@ -46,19 +46,19 @@ class PacketStream:
         """The objects of the next frame; ``number``: in the file."""
         if self._receiver is None:
             self._camera = dataclasses.replace(camera, frame_time=self._options.frame_time or camera.frame_time)
-            self._receiver = self._make(self._camera, frame.shape)
+            self._receiver = self._make(self._camera)
         self._frames += 1
-        self._rows = frame.shape[0]
+        self._rows = self._picture.rows_and_columns(frame.shape)[0]
         if self._options.tones:
             result = self._receiver.push(frame)
             self._count(result)
-            yield self._tone_facts(result, number)
+            yield self._picture.in_units(self._tone_facts(result, number))
             return
         for result in self._receiver.push(frame):
             self._count(result.received)
             if math.isfinite(result.received.chip_rate):
                 self._chip_rate = result.received.chip_rate
-            yield self._chip_facts(result, number, frame.shape)
+            yield self._picture.in_units(self._chip_facts(result, number))
 
     def summary(self) -> str:
         """Number of payloads, and the goodput with its bounds by the gap between frames and by the code."""
@@ -102,7 +102,7 @@ class PacketStream:
             f"; a block of {size} bytes is {sent.block_chips} chips, a frame shows {shown}: send smaller --block-bytes"
         )
 
-    def _make(self, camera: Camera, shape: tuple[int, ...]) -> Any:
+    def _make(self, camera: Camera) -> Any:
         options = self._options
         if options.tones:
             from ocisac_fast.receiver import FskReceiver
@@ -116,7 +116,7 @@ class PacketStream:
             line_code=options.line_code,
             block_bytes=options.block_bytes,
             preamble=options.preamble,
-            regions=[region_in_time_order(region, shape, self._picture) for region in options.regions],
+            regions=[self._picture.in_region(region) for region in options.regions],
             max_sources=options.sources,
             gain=options.gain,
             frequency=options.frequency,
@@ -131,14 +131,14 @@ class PacketStream:
             self._payloads += 1
             self._payload_bytes += len(received.payload.data)
 
-    def _chip_facts(self, light: Any, number: int, shape: tuple[int, ...]) -> dict[str, Any]:
+    def _chip_facts(self, light: Any, number: int) -> dict[str, Any]:
         """Keys as in ocisac-rx."""
         received = light.received
         facts = {
             "frame": number,
             "source": light.source,
             "rows": self._rows,
-            "region": list(stored_region(light.region, shape, self._picture)),
+            "region": list(self._picture.in_picture(light.region)),
             "bits": received.bits,
             "rows_per_chip": received.rows_per_chip,
             "chip_rate_hz": received.chip_rate,

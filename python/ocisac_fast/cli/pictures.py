@@ -16,6 +16,7 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.units import TIME, ParameterType, Quantity
+from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.files import LightResponse, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame
 
@@ -83,19 +84,52 @@ class PictureOptions:
     raw: str | None = None
 
     def camera(self, response: LightResponse, frame_rate: float | None = None) -> Camera:
-        """The camera from the options, else from the file; one second per row if the row time is unknown."""
+        """The camera from the options, else from the file; without a row time if none is given."""
         if self.row_time is None and self.exposure is not None:
             raise click.UsageError("--exposure: needs --row-time")
         curve, gamma = self.tone_curve or (response.tone_curve, response.gamma)
         return Camera(
-            row_time=1.0 if self.row_time is None else float(self.row_time),
+            row_time=None if self.row_time is None else float(self.row_time),
             exposure=None if self.exposure is None else float(self.exposure),
             frame_time=1.0 / frame_rate if frame_rate and self.row_time is not None else None,
             tone_curve=curve,
             gamma=gamma,
             dark_level=response.dark_level if self.dark_level is None else self.dark_level,
             white_level=response.white_level if self.white_level is None else self.white_level,
+            scan_axis=self.scan_axis,  # type: ignore[arg-type]
         )
+
+    @property
+    def in_hertz(self) -> bool:
+        """True where rates are per second, False where they are per row for want of a row time."""
+        return self.row_time is not None
+
+    def in_units(self, facts: dict[str, Any]) -> dict[str, Any]:
+        """The JSON object with keys that name the units of `camera`: without a row time, rows instead of seconds.
+
+        ``chip_rate_hz`` is left out then, since ``rows_per_chip`` says the same.
+        """
+        if self.in_hertz:
+            return facts
+        return {
+            re.sub("_hz$", "_cycles_per_row", re.sub("exposure_s$", "exposure_rows", key)): value
+            for key, value in facts.items()
+            if key != "chip_rate_hz"
+        }
+
+    def in_picture(self, box: Region) -> Region:
+        """Convert a box in the region to pixels of the stored picture."""
+        left, top = (0, 0) if self.region is None else self.region[:2]
+        return box[0] + left, box[1] + top, box[2], box[3]
+
+    def in_region(self, box: Region) -> Region:
+        """The inverse of `in_picture`."""
+        left, top = (0, 0) if self.region is None else self.region[:2]
+        return box[0] - left, box[1] - top, box[2], box[3]
+
+    def rows_and_columns(self, shape: tuple[int, ...]) -> tuple[int, int]:
+        """Rows and columns of the camera in pictures of ``shape``, (height, width) first."""
+        return (shape[1], shape[0]) if self.scan_axis.endswith("x") else (shape[0], shape[1])
 
     def check_frequency(self, name: str, value: Any) -> float | None:
         """A frequency in the units of `camera`: Hz, or cycles per row without a row time; None for auto."""
@@ -112,7 +146,7 @@ class OpenPictures:
 
     Attributes:
         camera: timing and response.
-        frames: iterator of (rows, columns) or (rows, columns, colours), rows in time order, views where possible.
+        frames: iterator of (height, width) or (height, width, colours) as stored, views where possible.
         frame_count: announced number of frames.
     """
 
@@ -122,19 +156,26 @@ class OpenPictures:
     frame_rate: float | None
 
     def batches(self) -> Iterator[Frame]:
-        """The frames in arrays (frames, rows, columns[, colours]) of a bounded size."""
+        """The frames in arrays (frames, height, width, colours) of a bounded size."""
         batch: list[Frame] = []
         for frame in self.frames:
             if batch and (frame.shape != batch[0].shape or (len(batch) + 1) * frame.nbytes > _BATCH_BYTES):
-                yield _stacked(batch)
+                yield stack(batch)
                 batch = []
             batch.append(frame)
         if batch:
-            yield _stacked(batch)
+            yield stack(batch)
+
+    def row_batches(self) -> Iterator[Frame]:
+        """`batches` as (frames, rows, columns, colours) with rows in time order, for ``camera.in_time_order``."""
+        for batch in self.batches():
+            yield as_frames(batch, scan_axis=self.camera.scan_axis)
 
 
-def _stacked(frames: list[Frame]) -> Frame:
-    return frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames)
+def stack(frames: list[Frame]) -> Frame:
+    """(frames, height, width, colours) of pictures with or without colours; a view of a single one."""
+    stacked = frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames)
+    return stacked[..., np.newaxis] if stacked.ndim == 3 else stacked
 
 
 @contextlib.contextmanager
@@ -168,7 +209,8 @@ class _Reader:
         try:
             response = self._stream.response
             frames = iter(self._stream)
-            first = next(frames)
+            with _silent_libraries():
+                first = next(frames)
             if options.channel == "y" and response.white_level is None and first.dtype.kind == "u":
                 largest = float(np.iinfo(first.dtype).max)  # the weighted sum is of floats, whose full scale is 1
                 response = dataclasses.replace(response, white_level=largest)
@@ -176,7 +218,7 @@ class _Reader:
         except BaseException:
             self._stream.close()
             raise
-        arranged = (arrange(frame, options) for frame in _chain(first, frames))
+        arranged = (select(frame, options) for frame in _chain(first, frames))
         return OpenPictures(camera, arranged, self._stream.frame_count, self._stream.frame_rate)
 
     def __exit__(self, *_: object) -> None:
@@ -193,10 +235,9 @@ def open_pictures(path: str, options: PictureOptions) -> _Reader:
     return _Reader(path, options)
 
 
-def arrange(frame: Frame, options: PictureOptions) -> Frame:
-    """Region and channel as (rows, columns[, colours]), rows in time order: a view except for channel y."""
-    view = _in_time_order(_cropped(frame, options.region), options.scan_axis)
-    return _channel(view, options.channel)
+def select(frame: Frame, options: PictureOptions) -> Frame:
+    """Region and channel as (height, width[, colours]), as stored: a view except for channel y."""
+    return _channel(_cropped(frame, options.region), options.channel)
 
 
 def _cropped(frame: Frame, region: tuple[int, int, int, int] | None) -> Frame:
@@ -208,33 +249,6 @@ def _cropped(frame: Frame, region: tuple[int, int, int, int] | None) -> Frame:
         got = ",".join(map(str, region))
         raise ValueError(f"--region: got {got}, allowed: x,y,w,h inside the picture of {columns} x {rows} pixels")
     return frame[y : y + height, x : x + width]
-
-
-def _in_time_order(frame: Frame, scan_axis: str) -> Frame:
-    view = frame.swapaxes(0, 1) if scan_axis.endswith("x") else frame
-    return view[::-1] if scan_axis.startswith("-") else view
-
-
-def stored_region(region: Region, shape: tuple[int, ...], options: PictureOptions) -> Region:
-    """Convert a region of a frame of ``shape``, rows in time order, to stored pixels."""
-    x, y, width, height = region
-    if options.scan_axis.startswith("-"):
-        y = shape[0] - y - height
-    if options.scan_axis.endswith("x"):
-        x, y, width, height = y, x, height, width
-    left, top = (0, 0) if options.region is None else options.region[:2]
-    return left + x, top + y, width, height
-
-
-def region_in_time_order(region: Region, shape: tuple[int, ...], options: PictureOptions) -> Region:
-    """The inverse of `stored_region`."""
-    left, top = (0, 0) if options.region is None else options.region[:2]
-    x, y, width, height = region[0] - left, region[1] - top, region[2], region[3]
-    if options.scan_axis.endswith("x"):
-        x, y, width, height = y, x, height, width
-    if options.scan_axis.startswith("-"):
-        y = shape[0] - y - height
-    return x, y, width, height
 
 
 def _channel(frame: Frame, channel: str | int) -> Frame:

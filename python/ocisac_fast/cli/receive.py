@@ -94,7 +94,7 @@ def receive(
         stopped = True
     if not as_json:
         header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER]
-        emit_table("", header, [_row(facts, picture.row_time is not None) for facts in every], left=("flags",))
+        emit_table("", header, [_row(facts, picture.in_hertz) for facts in every], left=("flags",))
         for facts in every:
             if stream is None:
                 click.echo(facts["bits"] or "no bits")
@@ -133,7 +133,8 @@ def _received(
             if plot is not None and count == 0:
                 _plot_first(plot, batch[:1], pictures.camera, rate)
             for result in receive_frames(batch, pictures.camera, chip_rate=rate):
-                yield _facts(result, count, batch.shape[1])
+                rows = picture.rows_and_columns(batch.shape[1:])[0]
+                yield picture.in_units(_facts(result, count, rows))
             count += len(batch)
 
 
@@ -159,11 +160,12 @@ def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:
 
 
 def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
-    rate = (
-        quantity(facts.get("chip_rate_hz", facts.get("tone_hz")), "Hz")
-        if in_hertz
-        else f"{quantity(facts.get('chip_rate_hz'), '')} a row"
-    )
+    if in_hertz:
+        rate = quantity(facts.get("chip_rate_hz", facts.get("tone_hz")), "Hz")
+    elif "tone_cycles_per_row" in facts:
+        rate = number(facts["tone_cycles_per_row"], "cycles per row")
+    else:
+        rate = number(1.0 / facts["rows_per_chip"], "a row")
     return [
         *([facts["file"]] if "file" in facts else []),
         str(facts["frame"]),

@@ -8,12 +8,11 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.detect import grey_of, stored_box
-from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, quantity, with_spread
-from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.detect import box_facts, grey_of
+from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, quantity, rate, with_spread
+from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option, stack
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
 from ocisac_fast.files.recording import Frame
 
@@ -62,19 +61,20 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     if plot is not None:
         from ocisac_fast.plots import plot_regions
 
-        plot_regions(plot, view[0], regions)
-    facts = [_facts(region, view.shape[1:], picture) for region in regions]
+        plot_regions(plot, view[0, ..., 0], camera, regions)
+    facts = [_facts(region, picture) for region in regions]
     if as_json:
-        emit_json({"frames": len(view), "rows": view.shape[1], "columns": view.shape[2], "regions": facts})
+        rows, columns = picture.rows_and_columns(view.shape[1:])
+        emit_json({"frames": len(view), "rows": rows, "columns": columns, "regions": facts})
         return
-    rows = [_row(k, one, picture.row_time is not None) for k, one in enumerate(facts)]
-    emit_table("", _HEADER, rows, left=("kind", "flags"))
+    table = [_row(k, one, picture) for k, one in enumerate(facts)]
+    emit_table("", _HEADER, table, left=("kind", "flags"))
 
 
 def _read(file: str, picture: PictureOptions, most: int, frame_rate: Quantity | None) -> tuple[Frame, Camera]:
-    """The first frames in grey, (frames, rows, columns), and their camera."""
+    """The first frames in grey, (frames, height, width, 1), and their camera."""
     with open_pictures(file, picture) as pictures:
-        view = np.stack([grey_of(frame) for frame in itertools.islice(pictures.frames, most)])
+        view = stack([grey_of(frame) for frame in itertools.islice(pictures.frames, most)])
         camera = pictures.camera
     if frame_rate is not None:
         if not (math.isfinite(frame_rate) and frame_rate > 0.0):
@@ -104,9 +104,9 @@ def _regions(view: Frame, camera: Camera, picture: PictureOptions, told: dict[st
     return [sense_region(view, camera, frequency, background=measured, **told)]
 
 
-def _facts(region: SensedRegion, shape: tuple[int, ...], picture: PictureOptions) -> dict[str, Any]:
-    return {
-        **stored_box(region, shape, picture),
+def _facts(region: SensedRegion, picture: PictureOptions) -> dict[str, Any]:
+    facts = {
+        **box_facts(region, picture),
         "kind": region.kind,
         "frequency_hz": region.frequency,
         "frequency_std_hz": region.frequency_std,
@@ -132,16 +132,17 @@ def _facts(region: SensedRegion, shape: tuple[int, ...], picture: PictureOptions
         "snr_db": 10.0 * math.log10(region.snr) if region.snr > 0.0 else math.nan,
         "flags": flag_names(region.flags),
     }
+    return picture.in_units(facts)
 
 
-def _row(index: int, region: dict[str, Any], in_hertz: bool) -> list[str]:
-    unit = "Hz" if in_hertz else ""
+def _row(index: int, region: dict[str, Any], picture: PictureOptions) -> list[str]:
+    unit = "hz" if picture.in_hertz else "cycles_per_row"
     return [
         str(index),
         region["kind"],
         *(str(region[name]) for name in _BOX),
-        with_spread(region["frequency_hz"], region["frequency_std_hz"], unit, 6),
-        with_spread(region["motion_frequency_hz"], region["motion_frequency_std_hz"], unit, 6),
+        rate(region[f"frequency_{unit}"], region[f"frequency_std_{unit}"], picture.in_hertz, 6),
+        rate(region[f"motion_frequency_{unit}"], region[f"motion_frequency_std_{unit}"], picture.in_hertz, 6),
         with_spread(region["gain"], region["gain_std"], "", 4),
         quantity(region["theory"], "", 4),
         number(region["speed_m_s"], "m/s", 5),

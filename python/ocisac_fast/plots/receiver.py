@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.core.arrays import in_time_order
 from ocisac_fast.plots.picture import BLUE, ORANGE, RED, picture
 from ocisac_fast.receiver.blind import Received
 
@@ -22,11 +23,11 @@ def plot_received(path: str | os.PathLike[str], frame: npt.NDArray[Any], camera:
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        frame: (rows, columns) or (rows, columns, colours), stored values.
+        frame: (height, width) or (height, width, colours), stored values.
         camera: as for ``receive``.
         received: result of ``receive`` for the frame.
     """
-    rows = frame.shape[0]
+    rows = frame.shape[1 if camera.scan_axis.endswith("x") else 0]
     lines = min(4, max(1, rows // 200))
     edges = np.linspace(0, rows, lines + 1)
     found = f"{len(received.bits)} chips of {received.rows_per_chip:.4g} rows" if received.bits else "no chips found"
@@ -42,8 +43,8 @@ def draw_chips(
     axes: Axes, frame: npt.NDArray[Any], camera: Camera, received: Received, first: float, last: float
 ) -> None:
     """Draw rows ``first`` to ``last`` of the combined column, the threshold, and a 0 or 1 over every chip."""
-    picture = frame[..., received.colour] if frame.ndim == 3 else frame
-    light = linear_light(picture, camera)
+    stored = frame[..., received.colour] if frame.ndim == 3 else frame
+    light = linear_light(in_time_order(stored, camera.scan_axis), camera)
     used = received.weights if received.weights.sum() > 0.0 else np.full(light.shape[1], 1.0 / light.shape[1])
     signal = light @ used
     axes.plot(np.arange(signal.size), signal, color=BLUE, lw=1.1)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.lights.sources import LightSource
 from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, PURPLE, SKY, picture
@@ -28,17 +29,20 @@ def _over_frame(path: str | os.PathLike[str], frame: npt.NDArray[Any]) -> Iterat
         axes = figure.subplots()
         extent = (0, columns, rows, 0)
         axes.imshow(frame[::step, ::step], cmap="gray", extent=extent, aspect="equal", interpolation="nearest")
-        axes.set_xlabel("column")
-        axes.set_ylabel("row, in time order")
+        axes.set_xlabel("x / pixels")
+        axes.set_ylabel("y / pixels")
         yield axes
 
 
-def plot_sources(path: str | os.PathLike[str], frame: npt.NDArray[Any], sources: list[LightSource]) -> None:
+def plot_sources(
+    path: str | os.PathLike[str], frame: npt.NDArray[Any], camera: Camera, sources: list[LightSource]
+) -> None:
     """Plot a frame with box, number and frequency of every detected light; reflections are dashed.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        frame: (rows, columns), stored values.
+        frame: (height, width), stored values.
+        camera: as for ``detect_sources``.
         sources: result of ``detect_sources`` for the frame.
     """
     from matplotlib.patches import Rectangle
@@ -49,25 +53,32 @@ def plot_sources(path: str | os.PathLike[str], frame: npt.NDArray[Any], sources:
             style = "-" if source.reflection_of is None else "--"
             corner = (source.x, source.y)
             axes.add_patch(Rectangle(corner, source.width, source.height, fill=False, ec=colour, ls=style, lw=1.2))
-            text = f"{index}: {source.frequency:.4g} Hz"
+            text = f"{index}: {source.frequency:.4g} {_unit(camera)}"
             axes.annotate(text, corner, (0, 3), textcoords="offset points", color=colour, fontsize=8)
 
 
-def plot_regions(path: str | os.PathLike[str], frame: npt.NDArray[Any], regions: Sequence[SensedRegion]) -> None:
+def plot_regions(
+    path: str | os.PathLike[str], frame: npt.NDArray[Any], camera: Camera, regions: Sequence[SensedRegion]
+) -> None:
     """Plot a frame with box and kind of every region, and an arrow for a known motion.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        frame: (rows, columns), stored values.
+        frame: (height, width), stored values.
+        camera: as for ``sense``.
         regions: result of ``sense`` for the frame.
     """
     with _over_frame(path, frame) as axes:
         for index, region in enumerate(regions):
-            _draw_region(axes, index, region)
+            _draw_region(axes, index, camera, region)
         axes.grid(False)
 
 
-def _draw_region(axes: Axes, index: int, region: SensedRegion) -> None:
+def _unit(camera: Camera) -> str:
+    return "cycles per row" if camera.row_time is None else "Hz"
+
+
+def _draw_region(axes: Axes, index: int, camera: Camera, region: SensedRegion) -> None:
     from matplotlib.patches import Rectangle
 
     colour = {"light": ORANGE, "moving": SKY, "still": GREEN}.get(region.kind, PURPLE)
@@ -75,7 +86,10 @@ def _draw_region(axes: Axes, index: int, region: SensedRegion) -> None:
     corner = (region.x, region.y)
     axes.add_patch(Rectangle(corner, region.width, region.height, fill=False, ec=colour, ls=style, lw=1.6))
     frequency = region.frequency if region.kind == "light" else region.motion_frequency
-    lines = [f"{index}: {region.kind}, {frequency:.5g} Hz", f"gain {region.gain:.4f} ± {region.gain_std:.1g}"]
+    lines = [
+        f"{index}: {region.kind}, {frequency:.5g} {_unit(camera)}",
+        f"gain {region.gain:.4f} ± {region.gain_std:.1g}",
+    ]
     if np.isfinite(region.speed) and region.kind == "moving":
         lines.append(f"{region.speed:.4g} m/s")
     box = {"boxstyle": "square,pad=0.2", "fc": "black", "ec": "none", "alpha": 0.6}
@@ -86,8 +100,10 @@ def _draw_region(axes: Axes, index: int, region: SensedRegion) -> None:
     if region.kind == "moving" and region.direction:
         x, y = region.x + 0.5 * region.width, region.y + 0.6 * region.height
         along = abs(region.cycles_per_column) <= 4.0 * region.cycles_per_column_std
-        across, down = (0.0, 0.25 * region.height) if along else (0.25 * region.width, 0.0)
-        across, down = across * region.direction, down * region.direction
+        downwards = along != camera.scan_axis.endswith("x")
+        turn = -1 if along and camera.scan_axis.startswith("-") else 1
+        across, down = (0.0, 0.25 * region.height) if downwards else (0.25 * region.width, 0.0)
+        across, down = across * region.direction * turn, down * region.direction * turn
         axes.annotate(
             "",
             (x + across, y + down),
