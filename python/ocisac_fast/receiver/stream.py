@@ -271,7 +271,7 @@ class MultiReceiver:
             region=region,
             searched=searched,
             received=None if received is None else _received_frame(received, row_time, self._colour),
-            gain=None if gain is None else LightGain(*gain[:-1], Flag(gain[-1])),
+            gain=None if gain is None else LightGain(*(*gain[:-1], Flag(gain[-1]))),
             suggestion=None if suggestion is None else BestExposure(*suggestion),
         )
 
