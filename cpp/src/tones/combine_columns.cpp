@@ -12,7 +12,7 @@ using Eigen::Index;
 using Eigen::MatrixX2d;
 using Eigen::MatrixXd;
 
-// Amplitudes (signals × 2) of one frame, drawn towards their mean; `noise`: energy of the noise in one of them.
+// Amplitudes (signals × 2) of one frame, shrunk towards their mean; `noise`: noise energy of one of them.
 MatrixX2d shrunken(const MatrixX2d& amplitudes, double noise) {
   const Eigen::RowVector2d mean = amplitudes.colwise().mean();
   const MatrixX2d differences = amplitudes.rowwise() - mean;

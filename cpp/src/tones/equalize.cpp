@@ -30,19 +30,20 @@ void check_max_boost(double max_boost) {
 }
 
 // ---- The ends of the column ----------------------------------------------------------------------------------------
-// Rows beyond the ends are predicted from the nearest rows: the conditional mean where the light is white noise seen
-// through the exposure, on a smooth course of a hundred times its variance, and rows have a thousandth of the light's.
+// Rows beyond the ends are predicted from the nearest rows. The prediction is the conditional mean under a model of
+// white-noise light after the exposure, plus a smooth component of 100 times its variance, and row noise of 1/1000 of
+// its variance.
 constexpr double smooth_share = 100;
 constexpr double noise_share = 0.001;
-constexpr double longest_reach = 1024;  // rows; bounds the work for very long exposures
+constexpr double longest_reach = 1024;  // rows; bounds the run time for very long exposures
 
 double covariance(double rows_apart, double exposure_rows) {
   const double reach = rows_apart / (2 * exposure_rows + 16);
   return std::max(0.0, 1 - rows_apart / std::max(exposure_rows, 1.0)) + smooth_share / (1 + reach * reach);
 }
 
-// (rows predicted × rows used); row 0 predicts the first row beyond the end, column 0 weighs the last row before it.
-// Predictions fade to nothing, so that both ends meet in the period of the DFT.
+// (predicted rows × used rows); row 0 predicts the first row beyond the end, column 0 weights the last row before it.
+// Predictions decay to zero, so that both ends join in the period of the DFT.
 Matrix continuation(std::size_t rows, double exposure_rows) {
   const auto reach = [&](double beyond) {
     return static_cast<Index>(
@@ -92,7 +93,7 @@ double mean_square_difference(std::span<const double> signal, std::size_t lag) {
   return sum / static_cast<double>(signal.size() - lag);
 }
 
-// White noise passes y[n−1] − 2·y[n] + y[n+1] with power 6; light that changes over more than a few rows hardly passes.
+// The power gain of y[n−1] − 2·y[n] + y[n+1] is 6 for white noise and small for light that changes slowly.
 double noise_power_of_second_differences(std::span<const double> signal) {
   if (signal.size() < 3) return 0;
   double sum = 0;
@@ -103,7 +104,7 @@ double noise_power_of_second_differences(std::span<const double> signal) {
   return sum / (6 * static_cast<double>(signal.size() - 2));
 }
 
-// What the exposure does to tones of k/length cycles per row, k = 0 … length/2: |H|, with its sign, and its delay.
+// Response of the exposure at k/length cycles per row, k = 0 … length/2: |H| with its sign, and its delay.
 struct Response {
   Response(std::size_t length_of_dft, double exposure_rows)
       : length(length_of_dft), sinc_at(length / 2 + 1), advance(sinc_at.size()) {
@@ -120,8 +121,8 @@ struct Response {
   std::vector<std::complex<double>> advance;
 };
 
-// Power densities of light to choose from: 1/(1 + (f/corner)²) with corners from 1/2 cycle per row down by half
-// octaves, and a flat one.
+// Candidate power densities of the light: 1/(1 + (f/corner)²) with corners from 1/2 cycle per row down in half octaves,
+// and a flat one.
 class LightModel {
  public:
   LightModel(const Response& response, std::size_t lag) : lag_(lag) {
@@ -130,8 +131,9 @@ class LightModel {
       candidates_.push_back(candidate(response, 0.5 * std::exp2(-0.5 * half_octaves)));
   }
 
-  // Noise power over the light's power density at every frequency: the candidate whose share of differences over `lag`
-  // rows is nearest that of the column (`residual`: without its line). Empty where no light is seen above the noise.
+  // Noise power over the light's power density at every frequency. Selects the candidate whose ratio of mean squared
+  // differences over `lag` rows is nearest that of the column (`residual`: without its line). Empty if the light is not
+  // above the noise.
   [[nodiscard]] std::vector<double> noise_to_light(std::span<const double> residual, double noise_power) const {
     const double light = mean_square(residual) - noise_power;
     if (!(light > 0)) return {};
@@ -139,7 +141,7 @@ class LightModel {
     const auto misfit = [&](const Candidate& c) { return std::abs(std::log(c.ratio / ratio)); };
     const auto& best = *std::ranges::min_element(candidates_, {}, misfit);
     std::vector<double> result(best.shape);
-    const double noise_to_mean = noise_power / light;  // first: the light may be close to the smallest number
+    const double noise_to_mean = noise_power / light;  // divided first: the light may be close to the smallest number
     for (double& value : result) value = noise_to_mean * best.power / value;
     return result;
   }
@@ -148,7 +150,7 @@ class LightModel {
   struct Candidate {
     std::vector<double> shape;
     double power;  // of the rows, for light of power density `shape`
-    double ratio;  // mean square of differences over `lag` rows to that of the rows
+    double ratio;  // mean square of differences over `lag` rows over that of the rows
   };
 
   [[nodiscard]] Candidate candidate(const Response& response, double corner) const {
@@ -188,7 +190,7 @@ class Equalizer {
       light_model_.emplace(response_, static_cast<std::size_t>(std::max(lag, 1.0)));
   }
 
-  // `signals` (count × rows) become the equalised ones; `noise` (count, or empty: estimated).
+  // Equalises `signals` (count × rows) in place; `noise` (count, or empty: estimated).
   void run(std::span<double> signals, std::span<const double> noise, EqualizerReport& report) {
     const std::size_t count = signals.size() / rows_;
     std::vector<Line> lines(count);
@@ -214,7 +216,7 @@ class Equalizer {
             equalised[c * response_.length + n] + lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
   }
 
-  // Bands of frequencies (cycles per row) whose restored amplitude, mean over the columns so far, is below a half.
+  // Bands (cycles per row) whose restored amplitude, averaged over the columns so far, is below 1/2.
   [[nodiscard]] std::vector<FrequencyBand> bands_lost(double columns) const {
     std::vector<FrequencyBand> bands;
     const auto excess = [&](std::size_t k) { return restored_[k] / columns - 0.5; };
@@ -248,7 +250,8 @@ class Equalizer {
     return result;
   }
 
-  // G = H/max(|H|² + noise/light, 1/max_boost²), H without its delay, and the delay taken back. Returns the noise gain.
+  // G = H/max(|H|² + noise/light, 1/max_boost²) with H without its delay, which is corrected separately. Returns the
+  // noise gain.
   double filter(std::span<std::complex<double>> spectrum, std::span<const double> residual, double noise_power) {
     std::vector<double> noise_to_light(spectrum.size(), 0.0);
     if (noise_power > 0) noise_to_light = light_model_->noise_to_light(residual, noise_power);
@@ -270,7 +273,7 @@ class Equalizer {
   Matrix continuation_;
   Response response_;
   std::optional<LightModel> light_model_;  // for wiener
-  std::vector<double> restored_;           // sum over columns of the restored share of the amplitude
+  std::vector<double> restored_;           // sum over columns of the restored fraction of the amplitude
 };
 
 void write(const FramesView<double>& out, std::size_t frame, std::size_t first, std::span<const double> signals) {
@@ -279,7 +282,7 @@ void write(const FramesView<double>& out, std::size_t frame, std::size_t first, 
     for (std::size_t c = 0; c < count; ++c) out(frame, row, first + c) = signals[c * out.rows + row];
 }
 
-// Calls work(frame, first column, signals) with blocks of columns, and writes what it leaves in `signals`.
+// Calls work(frame, first column, signals) for blocks of columns, and writes the resulting `signals`.
 template <class Work>
 void for_each_block(const AnyFramesView& frames, const Camera& camera, std::size_t block, const FramesView<double>& out,
                     Work work) {
@@ -292,7 +295,7 @@ void for_each_block(const AnyFramesView& frames, const Camera& camera, std::size
     }
 }
 
-// No exposure: nothing to undo. An exposure of the whole frame or more: only the mean is left.
+// No exposure: identity. An exposure of the whole frame or more: only the mean remains.
 EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, const FramesView<double>& out) {
   const bool identity = *camera.exposure == 0;
   const std::size_t columns = out.frames * out.columns;
@@ -317,7 +320,7 @@ void check_settings(const EqualizerSettings& settings, std::size_t columns) {
   require(count <= 1 || count == columns, "noise", std::to_string(count) + " values", "none, one, or one a column");
 }
 
-// The largest |sinc| between the whole numbers k and k + 1 (k > 0) lies where πx·cos(πx) = sin(πx).
+// Maximum of |sinc| between the whole numbers k and k + 1 (k > 0): πx·cos(πx) = sin(πx).
 double lobe_peak(double k) {
   double low = k, high = k + 0.5;
   for (int step = 0; step < 60; ++step) {
@@ -328,7 +331,7 @@ double lobe_peak(double k) {
   return low;
 }
 
-// Where |sinc| crosses `level` between `above` (there it is higher) and `below` (there it is lower).
+// Bisection for |sinc(x)| = level between `above` (higher there) and `below` (lower there).
 double crossing(double above, double below, double level) {
   for (int step = 0; step < 60; ++step) {
     const double middle = (above + below) / 2;
@@ -349,7 +352,7 @@ std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boo
   double low = exposure > 0 ? crossing(0, 1, level) / exposure : infinity;
   for (double k = 1; low < highest; ++k) {
     const double peak = lobe_peak(k);
-    if (std::abs(sinc(peak)) < level) break;  // and so in all later lobes
+    if (std::abs(sinc(peak)) < level) break;  // also true in all later lobes
     const double high = crossing(peak, k, level) / exposure;
     if (high >= highest) break;
     bands.push_back({low, high});

@@ -20,7 +20,7 @@ namespace {
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t fewest_rows = 8;
 constexpr std::size_t max_harmonics = 31;
-constexpr std::size_t compared_harmonics = 3;  // enough to tell a fundamental from its harmonics
+constexpr std::size_t compared_harmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
 
 struct Range {
   double lower, upper;
@@ -40,7 +40,7 @@ double energy(std::span<const double> x) {
   return sum;
 }
 
-// At unit energy, so that no bright overlay outweighs the others; constant ones are left out.
+// Normalised to unit energy, so that bright overlays do not dominate; constant signals are omitted.
 Signals normalised(const Signals& signals) {
   Signals out{{}, signals.rows};
   for (std::size_t s = 0; s < signals.count(); ++s) {
@@ -51,8 +51,8 @@ Signals normalised(const Signals& signals) {
   return out;
 }
 
-// For each bin k of a DFT of `length`, summed over the signals: −log(1 − share of the Hann-weighted energy that a tone
-// at k/length explains). It is the likelihood when each signal has a noise level of its own.
+// For each bin k of a DFT of `length`, summed over the signals: −log(1 − fraction of the Hann-weighted energy explained
+// by a tone at k/length). This is the log-likelihood if each signal has its own noise level.
 std::vector<double> spectral_votes(const Signals& signals, std::size_t length) {
   const std::size_t rows = signals.rows;
   std::vector<double> window(rows);
@@ -99,7 +99,7 @@ std::vector<double> spectral_peaks(const Signals& signals, const Range& range, s
   return frequencies;
 }
 
-// Akin to the Bayesian information criterion for signals of unknown noise levels; the smaller the better.
+// Similar to the Bayesian information criterion, for signals of unknown noise levels; smaller is better.
 double misfit(const PeriodicFit& fit, const PeriodicModel& model, std::size_t rows) {
   const auto n = static_cast<double>(rows);
   double sum = 0;
@@ -108,8 +108,8 @@ double misfit(const PeriodicFit& fit, const PeriodicModel& model, std::size_t ro
   return sum;
 }
 
-// A few cycles are below the resolution of a spectrum: the least misfit of a tone on a fine grid up to 4 cycles, and
-// over the whole range where that is narrow.
+// A few cycles are below the resolution of a spectrum: minimises the misfit of a tone on a fine grid up to 4 cycles, or
+// over the whole range if that is narrow.
 std::vector<double> grid_minima(const Signals& signals, const Range& range) {
   const auto rows = static_cast<double>(signals.rows);
   const bool narrow = (range.upper - range.lower) * rows < 4;
@@ -140,8 +140,8 @@ struct Candidate {
   double misfit = std::numeric_limits<double>::infinity();
 };
 
-// The fundamental, refined by itself, then judged with its first harmonics. A sub-multiple of the true frequency has an
-// all but empty fundamental and does not count.
+// Refines the fundamental alone, then evaluates it with its first harmonics. A sub-multiple of the true frequency has
+// almost no fundamental and is rejected.
 Candidate judged(const Signals& signals, double frequency, const Range& range) {
   const auto tone = periodic_model(frequency, signals.rows, 1);
   const int steps = 2;  // from a quarter of a bin to a thousandth
@@ -149,12 +149,12 @@ Candidate judged(const Signals& signals, double frequency, const Range& range) {
       refine_periodic(signals.samples, signals.rows, tone, frequency, range.lower, range.upper, steps).frequency;
   const auto model = periodic_model(at, signals.rows, compared_harmonics);
   const auto fit = refine_periodic(signals.samples, signals.rows, model, at, range.lower, range.upper, steps);
-  const double min_share = 0.2;  // a third harmonic of a square wave that folds there has 0.1
+  const double min_share = 0.2;  // an aliased third harmonic of a square wave has 0.1
   if (fit.harmonic_energy[0] < min_share * sum(fit.harmonic_energy)) return {};
   return {fit.frequency, misfit(fit, model, signals.rows)};
 }
 
-// NaN where nothing varies.
+// NaN for constant signals.
 double coarse_frequency(const Signals& all, const Range& range) {
   const Signals signals = normalised(all);
   if (signals.count() == 0) return nan;
@@ -179,7 +179,7 @@ FinalFit refined(const Signals& signals, PeriodicModel model, double frequency, 
   final.fit = refine_periodic(signals.samples, signals.rows, model, frequency, range.lower, range.upper);
   final.model = std::move(model);
   const auto spare = static_cast<double>((signals.rows - final.model.parameters()) * signals.count());
-  // Rounding leaves no less than the second term, which keeps noiseless signals from being all harmonics.
+  // The second term is the rounding error; it prevents that noiseless signals seem to consist of harmonics.
   final.noise_power = std::max(final.fit.total_residual(), 1e-14 * sum(final.fit.periodic_energy)) / spare;
   return final;
 }
@@ -188,7 +188,7 @@ bool stands_out(const FinalFit& final, std::size_t harmonic, std::size_t signals
   return final.fit.harmonic_energy[harmonic] > chance_energy(2 * signals) * final.noise_power;
 }
 
-// The fundamental and those harmonics that stand out.
+// The fundamental and the significant harmonics.
 PeriodicModel pruned(const FinalFit& final, std::size_t signals) {
   PeriodicModel model{final.model.trend_degree, {1}};
   for (std::size_t i = 1; i < final.model.harmonics.size(); ++i)
@@ -196,7 +196,7 @@ PeriodicModel pruned(const FinalFit& final, std::size_t signals) {
   return model;
 }
 
-// Harmonics are added step by step: each step finds the frequency well enough for the next, whose minimum is narrower.
+// Adds harmonics step by step: each step refines the frequency enough for the next, whose minimum is narrower.
 FinalFit final_fit(const Signals& signals, double frequency, const Range& range, Harmonics wanted) {
   FinalFit final = refined(signals, periodic_model(frequency, signals.rows, 1), frequency, range);
   if (wanted == Harmonics::fundamental) return final;
@@ -215,7 +215,7 @@ FinalFit final_fit(const Signals& signals, double frequency, const Range& range,
   return final;
 }
 
-// The signals of the blocks that serve, the blocks of a frame beside each other.
+// Signals of the selected blocks, grouped by frame.
 Signals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
   Signals out{{}, blocks.rows};
   for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
@@ -226,7 +226,7 @@ Signals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used
   return out;
 }
 
-// At 0 and at half the row rate, cosine or sine cannot be told from the mean or vanish.
+// Excludes 0 and half the row rate, where cosine or sine vanish or equal the mean.
 Range resolvable(const FrequencySearch& search, double rows) {
   const double upper = std::clamp(search.upper, 0.1 / rows, 0.5 - 0.05 / rows);
   const double lower = search.lower > 0 ? search.lower : std::min(1 / rows, upper / 4);
@@ -238,7 +238,7 @@ FoundFrequency nothing_found(const ColumnBlocks& blocks) {
           0,   flag::no_tone, {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns)}};
 }
 
-// The sum of each frame's signals.
+// Sum of each frame's signals.
 Signals summed(const Signals& signals, std::size_t group) {
   Signals out{std::vector<double>(signals.samples.size() / group), signals.rows};
   for (std::size_t s = 0; s < signals.count(); ++s)
@@ -247,8 +247,8 @@ Signals summed(const Signals& signals, std::size_t group) {
   return out;
 }
 
-// No accident of noise: with a noise level of its own in every signal, (rows − p)·log(1 + tone/residual) of a tone of
-// given frequency is a sum of two squared normal deviates.
+// Significance test: with an individual noise level per signal, (rows − p)·log(1 + tone/residual) of a tone of given
+// frequency is a sum of two squared standard normal variables.
 bool shows_tone(const Signals& signals, double frequency) {
   const auto model = periodic_model(frequency, signals.rows, 1);
   const auto fit = fit_periodic(signals.samples, signals.rows, model, frequency);
@@ -261,11 +261,11 @@ bool shows_tone(const Signals& signals, double frequency) {
 
 struct Sighting {
   double frequency;
-  bool in_parts, in_sum;  // where the tone stands out
+  bool in_parts, in_sum;  // significance of the tone
 };
 
-// First in the parts of the frame, each with its own noise, phase and overlays; where nothing stands out there, in
-// their sum, which is stronger for a weak light that covers the frame.
+// Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches
+// their sum, which is better for a weak light over the whole frame.
 Sighting look(const Signals& parts, std::size_t group, const Range& range) {
   const double frequency = coarse_frequency(parts, range);
   if (std::isnan(frequency) || shows_tone(parts, frequency)) return {frequency, true, false};
@@ -279,7 +279,7 @@ Sighting look(const Signals& parts, std::size_t group, const Range& range) {
 
 Flags flags_of(double cycles, double cycles_std, bool columns_saturated) {
   Flags flags = 0;
-  if (!(cycles_std < 0.25)) flags |= flag::no_tone;  // over the frame: the peak could be any neighbour
+  if (!(cycles_std < 0.25)) flags |= flag::no_tone;  // over the frame: neighbouring peaks are not distinguished
   if (cycles < 2) flags |= flag::few_cycles;
   if (columns_saturated) flags |= flag::saturated;
   return flags;

@@ -17,7 +17,7 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr double kWeak = 3;                   // standard errors
-constexpr double kRounding = 1e-9;            // contrast below which a steady column differs from 0 by rounding alone
+constexpr double kRounding = 1e-9;            // contrast of rounding errors of a steady column
 constexpr double kRoundingOfSquares = 1e-14;  // of a column's sum of squares
 
 const hn::ScalableTag<double> d64;
@@ -25,8 +25,8 @@ using Vector = hn::Vec<decltype(d64)>;
 
 HWY_INLINE Vector constant(double value) { return hn::Set(d64, value); }
 
-// kVectors vectors of columns of `fit`, written `stride` apart. kEstimates: 3, those of one tone, or 0: fit.estimates.
-// Many columns at a time spare loads of the matrices.
+// Solves kVectors vectors of columns of `fit`, written `stride` apart. kEstimates: 3 for one tone, or 0: fit.estimates.
+// Many columns at a time save loads of the matrices.
 template <std::size_t kEstimates, std::size_t kVectors>
 HWY_INLINE void solve_columns(const FitSums& fit, std::size_t column, std::size_t stride,
                               double* HWY_RESTRICT parameters, double* HWY_RESTRICT noise) {
@@ -44,7 +44,7 @@ HWY_INLINE void solve_columns(const FitSums& fit, std::size_t column, std::size_
     for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[v], d64, parameters + i * stride + v * lanes);
   }
   for (std::size_t v = 0; v < kVectors; ++v) rest[v] = hn::LoadU(d64, fit.squares + column + v * lanes);
-  for (std::size_t i = 0; i < size; ++i) {  // gram is symmetric: what is beside its diagonal counts twice
+  for (std::size_t i = 0; i < size; ++i) {  // gram is symmetric: off-diagonal entries count twice
     const double* row = fit.gram + i * size;
     for (std::size_t v = 0; v < kVectors; ++v) sum[v] = hn::Zero(d64);
     for (std::size_t j = i + 1; j < size; ++j)
@@ -73,10 +73,10 @@ void parameters_of_estimates(const FitSums& fit, double* parameters, double* noi
   for (; c + lanes <= fit.count; c += lanes)
     solve_columns<kEstimates, 1>(fit, c, fit.count, parameters + c, noise_variance + c);
   if (c == fit.count) return;
-  // What is left, in padded copies.
+  // Remaining columns, in padded copies.
   const std::size_t rest = fit.count - c;
   std::vector<double> padded(2 * (fit.estimates + 1) * lanes);
-  double* sums = padded.data();  // the totals first
+  double* sums = padded.data();  // totals first
   double* squares = sums + fit.estimates * lanes;
   double* result = squares + lanes;
   double* noise = result + fit.estimates * lanes;
@@ -99,12 +99,12 @@ void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_vari
 HWY_INLINE Vector not_negative(Vector v) { return hn::IfThenElse(hn::Lt(v, hn::Zero(d64)), hn::Zero(d64), v); }
 
 struct Direction {
-  Vector cosine, angle;  // (−π, π]; of (0, 0): √½ and 0
+  Vector cosine, angle;  // (−π, π]; for (0, 0): √½ and 0
 };
 
-// Of (x, y), `length` long. Divisions and roots take most of a gain's time, so both share one. Folded into an octant
-// and turned back by the nearest multiple of π/8, the tangent t is at most tan(π/16), where eleven terms of t − t³/3 +
-// t⁵/5 − … leave 2·10⁻¹⁷.
+// Direction of (x, y) of the given length. Divisions and roots dominate the run time of a gain, so cosine and angle
+// share one. After reduction to an octant and rotation by the nearest multiple of π/8, the tangent t is at most
+// tan(π/16), where eleven terms of t − t³/3 + t⁵/5 − … have an error of 2·10⁻¹⁷.
 HWY_INLINE Direction direction_of(Vector x, Vector y, Vector length) {
   constexpr double kOneEighth = 0.41421356237309504880;        // tan(π/8)
   constexpr double kOneSixteenth = 0.19891236737965800691;     // tan(π/16)
@@ -119,7 +119,7 @@ HWY_INLINE Direction direction_of(Vector x, Vector y, Vector length) {
   const Vector reciprocal = hn::Div(constant(1), hn::Mul(along, length));
   const Vector t = hn::Mul(hn::Mul(beside, length), reciprocal);
   const Vector square = hn::Mul(t, t), fourth = hn::Mul(square, square);
-  // Every second term is added, the others are taken off: neither sum waits for the other.
+  // Positive and negative terms in separate sums, which are independent.
   Vector added = constant(1.0 / 21), taken_off = constant(1.0 / 19);
   for (int n = 17; n > 0; n -= 4) added = hn::MulAdd(added, fourth, constant(1.0 / n));
   for (int n = 15; n > 0; n -= 4) taken_off = hn::MulAdd(taken_off, fourth, constant(1.0 / n));
@@ -157,7 +157,7 @@ HWY_INLINE Outputs gains(const Inputs& in, const FittedTone& fit) {
       hn::MulAdd(share_cosine, constant(fit.variance_cosine), hn::Mul(share_sine, constant(fit.variance_sine)));
   const Vector tangential =
       hn::MulAdd(share_sine, constant(fit.variance_cosine), hn::Mul(share_cosine, constant(fit.variance_sine)));
-  // Noise across the phasor lengthens it: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
+  // Noise biases the length: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
   const Vector amplitude = hn::Sqrt(not_negative(hn::NegMulAdd(in.noise, tangential, power)));
   const auto noiseless = hn::Eq(in.noise, hn::Zero(d64));
   const Vector noise = hn::IfThenElse(noiseless, constant(1), in.noise);
@@ -165,7 +165,7 @@ HWY_INLINE Outputs gains(const Inputs& in, const FittedTone& fit) {
   const Vector per_mean = hn::Mul(noise, reciprocal);
   const Vector per_noise = hn::IfThenElse(noiseless, hn::Inf(d64), hn::Mul(in.mean, reciprocal));
   const Vector contrast = hn::Mul(amplitude, per_mean);
-  // The ratio's error by its first derivatives.
+  // First-order propagation of the ratio's error.
   const Vector of_mean = hn::MulAdd(contrast, constant(fit.variance_mean),
                                     hn::Mul(direction.cosine, constant(-2 * fit.covariance_mean_cosine)));
   const Vector variance = hn::Mul(in.noise, hn::MulAdd(contrast, of_mean, radial));
@@ -197,7 +197,7 @@ bool GainsOfFit(const FittedTone& fit, const GainOutputs& out) {
     hn::StoreU(result.remark, d64, out.remark + i);
     remarks = hn::Max(remarks, result.remark);
   }
-  // What is left, one column in all lanes: the same numbers as in a full vector.
+  // Remaining columns, one broadcast to all lanes: bit-identical to a full vector.
   for (; i < fit.count; ++i) {
     const Outputs result = gains(
         {constant(fit.mean[i]), constant(fit.cosine[i]), constant(fit.sine[i]), constant(fit.noise_variance[i])}, fit);

@@ -17,11 +17,11 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kIllConditioned = 1e6;  // condition number from which on an answer has lost its meaning in noise
+constexpr double kIllConditioned = 1e6;  // condition number above which noise dominates the result
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// A tone is lost where its sines or cosines vanish on every row: at multiples of half the row rate, but for the
-// rounding of f·T_r.
+// True if the tone's sines or cosines vanish on every row: at multiples of half the row rate, up to the rounding of
+// f·T_r.
 bool at_multiple_of_half_row_rate(double cycles_per_row) {
   const double halves = 2 * cycles_per_row;
   return std::abs(halves - std::nearbyint(halves)) <= 4 * std::numeric_limits<double>::epsilon() * halves;
@@ -45,8 +45,8 @@ struct Oscillations {
   std::size_t fundamentals = 0;
 };
 
-// The oscillations that the rows can carry: the fundamentals, then harmonics from the lowest on until half of the
-// degrees of freedom are used, without those that fall on another tone's fundamental (a quarter of a bin or nearer).
+// Oscillations that the rows determine: the fundamentals, then harmonics in ascending order until half of the degrees
+// of freedom are used, without those within a quarter of a bin of another tone's fundamental.
 Oscillations usable_oscillations(std::span<const ModelTone> tones, std::size_t rows, std::span<Flags> flags) {
   Oscillations usable;
   std::vector<Oscillation> harmonics;
@@ -73,7 +73,7 @@ Oscillations usable_oscillations(std::span<const ModelTone> tones, std::size_t r
 }
 
 // Rows u and −u enter a symmetric block only by (y(u) + y(−u))/√2, an antisymmetric one by the difference: half the
-// rows, orthonormally. This is the scale of folded row i, whose u is the (i+1)-th that is not negative.
+// rows, orthonormally. The function returns the scale of folded row i, whose u is the (i+1)-th non-negative one.
 struct Folding {
   explicit Folding(std::size_t rows) : count(static_cast<Index>((rows + 1) / 2)), odd(rows % 2 == 1) {}
   Index count;
@@ -82,7 +82,7 @@ struct Folding {
   [[nodiscard]] double scale(Index i) const { return odd && i == 0 ? 1.0 : std::numbers::sqrt2; }
 };
 
-// One half of the model: least squares by QR, which does not square the condition number as normal equations do.
+// One half of the model, solved by QR, which does not square the condition number as normal equations do.
 struct Block {
   MatrixXd basis;       // (folded rows × rank), orthonormal
   MatrixXd weights;     // (folded rows × wanted): columns of the transposed pseudo-inverse
@@ -133,7 +133,7 @@ MatrixXd sine_design(const std::vector<Oscillation>& oscillations, const Folding
   return design;
 }
 
-// Writes a folded column as the full one: symmetric (sign = 1) or antisymmetric (sign = −1).
+// Expands a folded column to the full one: symmetric (sign = 1) or antisymmetric (sign = −1).
 void unfold(const Eigen::Ref<const VectorXd>& folded, const Folding& folding, double sign, std::span<double> full) {
   const std::size_t rows = full.size();
   for (Index i = 0; i < folding.count; ++i) {
@@ -144,7 +144,7 @@ void unfold(const Eigen::Ref<const VectorXd>& folded, const Folding& folding, do
   }
 }
 
-// Adds what a block knows to the model; `places`: where its estimates stand among the model's.
+// Adds the solution of a block to the model; `places`: indices of its estimates in the model.
 void add_block(const Block& block, const Folding& folding, double sign, const std::vector<std::size_t>& places,
                HarmonicModel& model) {
   const auto row_of = [&](std::vector<double>& table, std::size_t index) {
@@ -189,7 +189,7 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
   for (std::size_t i = 1; i < model.estimates; ++i) model.covariance[i * model.estimates + i] = kInfinity;
   for (const ModelTone& tone : tones) {
     require_positive("frequency", tone.cycles_per_row);
-    const Flags too_few_rows = rows <= model.estimates ? flag::unresolvable : 0;  // one more, for the noise
+    const Flags too_few_rows = rows <= model.estimates ? flag::unresolvable : 0;  // one additional row for the noise
     model.tone_flags.push_back(frequency_flags(tone.cycles_per_row, rows) | too_few_rows);
   }
 

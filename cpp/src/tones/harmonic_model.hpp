@@ -25,12 +25,12 @@ std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
 // into two of half the size. All tables are dense.
 struct HarmonicModel {
   std::size_t rows = 0;
-  std::size_t estimates = 0;       // 1 + 2·tones: the parameters that have weights
-  std::size_t parameters = 0;      // all that are fitted; rows − parameters degrees of freedom are left to the noise
+  std::size_t estimates = 0;       // 1 + 2·tones: number of parameters with weights
+  std::size_t parameters = 0;      // all fitted; the noise has rows − parameters degrees of freedom
   std::vector<double> weights;     // (estimates × rows)
   std::vector<double> covariance;  // (estimates × estimates), of the estimates for noise of variance 1
-  std::vector<double> basis;       // (parameters × rows): orthonormal basis of all that the model can fit
-  // A flag word a tone: few_cycles, aliased, unresolvable, ill_conditioned, harmonics_dropped. An unresolvable tone
+  std::vector<double> basis;       // (parameters × rows): orthonormal basis of the model
+  // One flag word per tone: few_cycles, aliased, unresolvable, ill_conditioned, harmonics_dropped. An unresolvable tone
   // has weights of 0 and an infinite variance.
   std::vector<Flags> tone_flags;
 };
@@ -38,7 +38,7 @@ struct HarmonicModel {
 // Throws std::invalid_argument for 0 rows and for frequencies that are not finite and positive.
 HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones);
 
-// cos and sin of 2π·h·ν·u with the whole cycles taken off exactly before rounding.
+// cos and sin of 2π·h·ν·u; whole cycles are removed exactly before rounding.
 struct Phasor {
   double cosine, sine;
 };

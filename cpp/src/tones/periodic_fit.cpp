@@ -90,7 +90,7 @@ MatrixXd slope_coefficients(const PeriodicModel& model, const MatrixXd& coeffici
 
 std::vector<double> as_vector(const VectorXd& v) { return {v.begin(), v.end()}; }
 
-// Lag of the Bartlett window that suits a first-order autoregressive score (Andrews 1991, eqs. 5.3 and 6.4).
+// Lag of the Bartlett window for a first-order autoregressive score (Andrews 1991, eqs. 5.3 and 6.4).
 Index bartlett_lag(double rho, Index rows) {
   const double alpha = 4 * rho * rho / std::pow(1 - rho * rho, 2);
   const double lag = 1.1447 * std::cbrt(alpha * static_cast<double>(rows));
@@ -120,7 +120,7 @@ PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max
   const double cycles = frequency * static_cast<double>(rows);
   PeriodicModel model;
   model.trend_degree = cycles < 2 ? 0 : cycles < 4 ? 1 : 2;
-  const double below = 0.5 - 0.5 / static_cast<double>(rows);  // nearer to half the row rate, sine or cosine vanish
+  const double below = 0.5 - 0.5 / static_cast<double>(rows);  // closer to half the row rate, sine or cosine vanish
   for (std::size_t h = 2; h <= max_harmonics && static_cast<double>(h) * frequency <= below; ++h)
     model.harmonics.push_back(h);
   while (model.harmonics.size() > 1 && rows < 2 * model.parameters()) model.harmonics.pop_back();
@@ -136,7 +136,7 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
   require(rows > model.parameters(), "rows", rows, "more rows than the model has parameters");
   const Signals y = as_matrix(signals, rows);
   const Index first = trend_columns(model), parameters = static_cast<Index>(model.parameters());
-  // One product for the model and its slopes; the residual itself is not needed: its energy is what projection leaves.
+  // One product for the model and its slopes; the residual energy follows from the projection.
   MatrixXd both(y.rows(), 2 * parameters - first);
   both.leftCols(parameters) = model_matrix(model, y.rows(), frequency);
   const MatrixXd slopes = slope_matrix(model, both.leftCols(parameters));
@@ -159,7 +159,7 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
     fit.amplitudes.insert(fit.amplitudes.end(), coefficients.row(j).begin(), coefficients.row(j).end());
 
   const MatrixXd turned = slope_coefficients(model, coefficients);
-  const MatrixXd inside = both.leftCols(parameters).transpose() * slopes;  // what the model can imitate of the slopes
+  const MatrixXd inside = both.leftCols(parameters).transpose() * slopes;  // projection of the slopes on the model
   const MatrixXd gram = slopes.transpose() * slopes - inside.transpose() * inside;
   const MatrixXd against_residual = products.bottomRows(slopes.cols()) - inside.transpose() * coordinates;
   const double gradient = against_residual.cwiseProduct(turned).sum();
@@ -171,7 +171,7 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
 PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                             double frequency, double lower, double upper, int max_steps) {
   const double bin = 1 / static_cast<double>(rows);
-  const double trusted = 1e-5 * bin;  // energies hardly tell such neighbours apart; the step needs no test there
+  const double trusted = 1e-5 * bin;  // energies of such neighbours differ by rounding: the step needs no test
   const double converged = 1e-12 * bin;
   const double longest = 0.25 * bin / static_cast<double>(model.harmonics.back());
   PeriodicFit best = fit_periodic(signals, rows, model, std::clamp(frequency, lower, upper));
@@ -203,7 +203,7 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const double information = derivative.squaredNorm();
   if (!(information > 0)) return std::numeric_limits<double>::quiet_NaN();
 
-  // The fit has eaten a share of each row's noise (its leverage), which is given back.
+  // Corrects for the share of each row's noise absorbed by the fit (its leverage).
   const VectorXd leverage = p.q.rowwise().squaredNorm() + derivative.rowwise().squaredNorm() / information;
   const VectorXd spare = (1 - leverage.array()).max(1e-3).sqrt().inverse();
   const MatrixXd products = residual.cwiseProduct(derivative);

@@ -18,13 +18,13 @@ namespace {
 
 constexpr std::size_t kStagedRows = 16;  // a multiple of every row group
 
-// Puts a weight into its half of the word of a pair of groups.
+// Writes a weight into its half of the word of a pair of groups.
 void put_weight(std::int32_t& pair, std::size_t group, int weight) {
   const std::uint32_t half = static_cast<std::uint32_t>(weight) & 0xffffU;
   pair = static_cast<std::int32_t>(static_cast<std::uint32_t>(pair) | (group % 2 == 0 ? half : half << 16));
 }
 
-// Of an output's weights.
+// Magnitudes of an output's weights.
 struct Magnitudes {
   double sum, largest;
 };
@@ -38,15 +38,15 @@ Magnitudes magnitudes(std::span<const double> weights) {
   return found;
 }
 
-// That of a limb, as large as the sums have room for.
+// Largest integer of a limb that keeps the sums within range.
 double largest_integer(const std::vector<Magnitudes>& outputs, std::size_t rows, int row_group, int limbs) {
   if (rows > kernels::kRowsPerChunk) return kernels::kLargestWeight;
   const std::size_t whole_groups = rows / static_cast<std::size_t>(row_group);
   const auto groups = static_cast<double>(whole_groups);
-  // Rounding adds up to half a unit a row.
+  // rounding: up to half a unit per row
   const double room = kernels::kLargestSum / (255.0 * row_group) - 0.5 * groups;
   double largest = kernels::kLargestOfFewRows;
-  if (limbs > 1) largest = std::min(largest, room / groups);  // further limbs know no shape
+  if (limbs > 1) largest = std::min(largest, room / groups);  // the shape of further limbs is arbitrary
   for (const Magnitudes& of : outputs)
     if (of.sum > 0) largest = std::min(largest, room * of.largest / of.sum);
   return std::max<double>(std::floor(largest), kernels::kLargestWeight);
@@ -117,7 +117,7 @@ void RowWeights::fold() {
 std::vector<double> RowWeights::byte_weights() const {
   std::vector<double> values(outputs_ * groups_);
   const std::size_t limbs = units_.size() / outputs_;
-  for (std::size_t part = units_.size(); part-- > 0;)  // an output's smallest limb first
+  for (std::size_t part = units_.size(); part-- > 0;)  // smallest limb of an output first
     for (std::size_t g = 0; g < groups_; ++g)
       values[part / limbs * groups_ + g] += units_[part] * integer_weight(part, g);
   return values;
@@ -125,7 +125,7 @@ std::vector<double> RowWeights::byte_weights() const {
 
 namespace {
 
-// Blocks of whole row groups whose rows are dense: the frame's own memory, or a copy where its columns are strided.
+// Visits blocks of whole row groups with dense rows: the frame's own memory, or a copy if its columns are strided.
 template <class T, class Visit>
 void for_each_dense_block(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
                           std::size_t rows, std::size_t largest_block, Visit visit) {
@@ -171,7 +171,7 @@ void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, 
                        });
 }
 
-// What is there already stays as it is.
+// Resizes without initialisation.
 void make_room(std::size_t outputs, std::size_t count, Projection& result) {
   result.sums.resize(outputs * count);
   for (std::vector<double>* moments : {&result.totals, &result.squares, &result.maximum}) moments->resize(count);
@@ -187,7 +187,7 @@ kernels::ProjectionSums sums_of(Projection& result) {
   return {result.sums.data(), {result.totals.data(), result.squares.data(), result.maximum.data()}};
 }
 
-// From sums of parts, which are whole numbers and exact, to those of outputs, in place; the smallest limb first.
+// Combines the exact integer sums of parts into those of outputs, in place; smallest limb first.
 void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double>& sums) {
   const std::span units = weights.units();
   const std::size_t limbs = units.size() / weights.outputs();

@@ -14,11 +14,11 @@ struct ByteBlock {
   const std::uint8_t* mirrored;  // null: not folded
   std::ptrdiff_t row_stride;
   std::size_t groups;   // at most kRowsPerChunk rows, the mirrored ones included
-  std::size_t columns;  // any
+  std::size_t columns;  // any number
 };
 
-// Integer weights of the groups of a block, two groups a word: those of the part parts[p] begin at pairs + p·stride.
-// Folded, the first `even` weigh the sums of groups and their mirror images, the others the differences.
+// Integer weights of the groups of a block, two groups per word: those of part parts[p] begin at pairs + p·stride.
+// Folded, the first `even` apply to the sums of groups and their mirror images, the others to the differences.
 struct ByteWeights {
   int row_group;
   const std::int32_t* pairs;
@@ -27,8 +27,8 @@ struct ByteWeights {
   std::size_t even;
 };
 
-// 32-bit sums may grow over this many rows: 255·kRowsPerChunk·kLargestWeight < 2^31. Fewer rows leave room for larger
-// weights: 255·row_group·Σ|weight| may reach kLargestSum.
+// Max rows per 32-bit sum: 255·kRowsPerChunk·kLargestWeight < 2^31. Fewer rows allow larger weights:
+// 255·row_group·Σ|weight| <= kLargestSum.
 inline constexpr std::size_t kRowsPerChunk = 2048;
 inline constexpr std::int32_t kLargestWeight = 4095, kLargestOfFewRows = 32767, kLargestSum = 2147483647;
 
@@ -36,8 +36,8 @@ struct Moments {
   double *totals, *squares, *maximum;
 };
 
-// What a block is added to (the maximum: raised): sums (parts or outputs × columns), moments (columns,). Of bytes, the
-// first block of a pass is written there instead.
+// Accumulators of the blocks (the maximum: running maximum): sums (parts or outputs × columns), moments (columns,). The
+// first block of bytes of a pass overwrites them.
 struct ProjectionSums {
   double* sums;
   Moments moments;
@@ -66,13 +66,13 @@ struct SampleWeights {
 template <class T>
 void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to);
 
-// Adds up a block of bytes: the time of merely reading a frame.
+// Sums a block of bytes: reference for the time of reading a frame.
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);
 
-// The target whose code really runs.
+// The target whose code runs.
 const char* target_name();
 
-// Whether its vectors are as wide as a line of a cache.
+// True if its vectors are as wide as a cache line.
 bool has_wide_vectors();
 
 }  // namespace ocisac::kernels

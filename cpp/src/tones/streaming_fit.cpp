@@ -24,9 +24,9 @@ HarmonicModel fundamentals_only(std::size_t rows, std::span<const double> cycles
   return harmonic_model(rows, tones);
 }
 
-constexpr std::size_t kFewRows = 256;  // whose weights are large beside their rounding, and cost little
+constexpr std::size_t kFewRows = 256;  // fewer rows use 3 limbs, at little cost
 
-// Amplitude that a tone keeps when `row_group` rows are averaged.
+// Amplitude gain of averaging `row_group` rows.
 double group_gain(double cycles_per_row, int row_group) {
   if (row_group == 1) return 1;
   return std::sin(std::numbers::pi * cycles_per_row * row_group) /
@@ -77,16 +77,16 @@ StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<cons
 
 namespace {
 
-// Whether the sums can keep the share at all: a quick look, for many cycles in the frame. Tones must not fold.
+// Fast bound on the efficiency of the sums, for many cycles in the frame. Tones must not alias.
 bool may_keep(double efficiency, std::span<const double> cycles_per_row, int row_group) {
-  constexpr double kFewCycles = 0.95;  // what few cycles may add to the share
+  constexpr double kFewCycles = 0.95;  // tolerance for the effect of few cycles
   return std::ranges::all_of(cycles_per_row, [&](double cycles) {
     const double gain = group_gain(cycles, row_group);
     return efficiency < 1 && cycles * row_group < 0.5 && gain * gain >= kFewCycles * efficiency;
   });
 }
 
-// Whether the sums keep the share of every tone's information.
+// True if the sums preserve the required fraction of every tone's information.
 bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
   for (Eigen::Index a = 1; a < sums.rows(); a += 2) {
     const double before = all_rows(a, a) + all_rows(a + 1, a + 1);
@@ -125,7 +125,7 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
   covariance_ = dense(chosen.covariance);
   gram_ = dense(chosen.design.transpose() * chosen.design);
-  // The mean's row is not needed: with those of the tones, the plain sum spans the same estimates.
+  // The mean's row is omitted: with those of the tones, the plain sum spans the same estimates.
   const auto tones = chosen.weights.rows() - 1;
   weights_ = RowWeights(dense(chosen.weights.bottomRows(tones)), estimates_ - 1, rows, chosen.row_group, limbs);
   const auto transform = [&](std::span<const double> of_tones) {
@@ -154,8 +154,8 @@ struct KeptPlan {
 
 constexpr std::size_t kKeptPlans = 32;
 
-// In a pass over bytes: not with AVX-512 and one tone, where single rows are read and weighted as fast, and two threads
-// read them faster (bench/README.md).
+// In a pass over bytes: false with AVX-512 and one tone, where reading and weighting single rows is as fast, and two
+// threads are faster (bench/README.md).
 bool added_rows_are_faster(std::size_t tones) { return tones > 1 || !kernels::has_wide_vectors(); }
 
 }  // namespace
@@ -163,7 +163,7 @@ bool added_rows_are_faster(std::size_t tones) { return tones > 1 || !kernels::ha
 std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
                                                        double efficiency, bool bytes) {
   static std::mutex mutex;
-  static std::list<KeptPlan> kept;  // the last used first
+  static std::list<KeptPlan> kept;  // most recently used first
   const bool add_rows = !bytes || added_rows_are_faster(cycles_per_row.size());
   const PlanKey key{rows, efficiency, add_rows, cycles_per_row};
   {

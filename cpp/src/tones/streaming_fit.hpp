@@ -1,4 +1,4 @@
-// Least squares of mean + tones in one streaming pass over the pixels, with rows added first where that costs little.
+// Least squares of mean + tones in one streaming pass over the pixels; rows are summed first if the loss is small.
 #pragma once
 
 #include <cstddef>
@@ -12,22 +12,22 @@
 
 namespace ocisac {
 
-// Adding D neighbouring rows is a box filter, which leaves a tone a tone: amplitude times
-// g = sin(πνD)/(D·sin(πν)), ν = f·T_r. The fit of the sums knows g, so the estimate stays unbiased and only its
-// variance grows. For a row n the model is c + a·cos(2πν(n − middle)) + b·sin(2πν(n − middle)).
+// Summing D neighbouring rows is a box filter, which scales a tone by g = sin(πνD)/(D·sin(πν)), ν = f·T_r. The fit of
+// the sums includes g, so the estimate stays unbiased and only its variance grows. For a row n the model is c +
+// a·cos(2πν(n − middle)) + b·sin(2πν(n − middle)).
 class StreamingFit {
  public:
-  // Takes the largest D of 8, 4, 2, 1 that keeps the share `efficiency` of what the fit of all rows reaches, for every
-  // tone: ratio of the variances of the amplitude; without `add_rows`, 1. Weights for bytes are rounded to 13 bits or
-  // more; the estimate stays unbiased and its variance grows by less than 10⁻⁷.
+  // Selects the largest D of 8, 4, 2, 1 whose efficiency is at least `efficiency` for every tone: the ratio of the
+  // amplitude's variances, with all rows over with sums; without `add_rows`, 1. Weights for bytes are rounded to 13
+  // bits or more; the estimate stays unbiased and its variance grows by less than 10⁻⁷.
   StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows);
 
-  // The fastest of these for passes over bytes or other samples, made once and kept for the next calls (the 32 last
-  // used).
+  // The fastest plan for passes over bytes or other samples, cached for later calls (the 32 last used).
   static std::shared_ptr<const StreamingFit> plan(std::size_t rows, const std::vector<double>& cycles_per_row,
                                                   double efficiency, bool bytes);
 
-  // Whether there are rows to spare and no tone is lost, slower than the frame or tangled with another.
+  // True if there are degrees of freedom left and every tone is resolvable, with at least a cycle, and separate from
+  // others.
   [[nodiscard]] bool well_posed() const { return well_posed_; }
 
   // The pass over the pixels of columns [first, first + count).
@@ -38,8 +38,8 @@ class StreamingFit {
     std::vector<double> parameters;      // (1 + 2·tones, count): c, a_1, b_1, …, in DN as stored
     std::vector<double> noise_variance;  // (count), of one row
   };
-  // What its sums say of `count` columns from its column `first` on. bytes: it was a pass over bytes. `to` is
-  // overwritten and given the size: one for many calls spares their memory.
+  // Estimates of `count` columns from column `first` of the sums on. bytes: from a pass over bytes. `to` is overwritten
+  // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
   // Of the parameters, for rows with noise of variance 1.
@@ -60,7 +60,8 @@ class StreamingFit {
   std::vector<Flags> flags_;        // of the tones
   std::vector<double> covariance_;  // (estimates × estimates)
   std::vector<double> gram_;        // (estimates × estimates): AᵀA of the design A of the sums
-  // From totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of bytes.
+  // Matrices from totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of
+  // bytes.
   std::vector<double> of_samples_, of_bytes_;
   RowWeights weights_;
 };

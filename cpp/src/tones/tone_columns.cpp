@@ -19,7 +19,7 @@ struct BlockEnergy {
   [[nodiscard]] double share() const { return periodic > 0 ? periodic / (periodic + residual) : 0; }
 };
 
-// Over all frames.
+// Energies summed over all frames.
 std::vector<BlockEnergy> block_energies(const ColumnBlocks& blocks, const PeriodicFit& fit) {
   std::vector<BlockEnergy> energies(blocks.blocks);
   for (std::size_t signal = 0; signal < fit.residual_energy.size(); ++signal) {
@@ -66,7 +66,7 @@ ToneColumns tone_columns(const AnyFramesView& frames, double frequency, double s
   require_positive("frequency", frequency);
   const ColumnBlocks blocks = column_blocks(frames, saturation);
   const auto rows = static_cast<double>(blocks.rows);
-  // Not quite 0 or half the row rate, where a tone is no more than a mean or an alternation.
+  // Keeps away from 0 and half the row rate, where a tone degenerates to a mean or an alternation.
   const double alias =
       std::clamp(std::abs(frequency - std::nearbyint(frequency)), std::min(0.1 / rows, 0.25), 0.5 - 0.05 / rows);
   const PeriodicModel model = periodic_model(alias, blocks.rows, 3);

@@ -27,23 +27,23 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNearNull = 0.05;               // |sinc| below which a gain is called near a null
 constexpr double kOffBin = 0.01;                 // bins
-constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: memory is read best along rows
-constexpr std::size_t kColumnsPerPart = 256;     // at least, where threads share one
-constexpr std::size_t kColumnsPerBlock = 64;     // a fixed size, so that results do not depend on the threads
-constexpr std::size_t kColumnsAtOnce = 256;      // from sums to gains: few enough for the first cache
+constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading along rows is fastest
+constexpr std::size_t kColumnsPerPart = 256;     // minimum for parts shared by threads
+constexpr std::size_t kColumnsPerBlock = 64;     // fixed, so that results do not depend on the threads
+constexpr std::size_t kColumnsAtOnce = 256;      // from sums to gains: fits the first-level cache
 
-// What a block of columns says of one tone, on the way to the gain: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
+// Estimates of one tone in a block of columns: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
 struct Variances {  // for noise of variance 1
   double mean, cosine, sine, mean_and_cosine;
 };
 
 struct Estimates {
-  std::span<double> mean;                                // (columns,); turned into the source's own
-  std::span<const double> cosine, sine, noise_variance;  // (columns,); the noise is that of one row
+  std::span<double> mean;                                // (columns,); becomes the source's own
+  std::span<const double> cosine, sine, noise_variance;  // (columns,); noise of one row
   Variances variances;
 };
 
-// The same with memory of its own.
+// The same with owned memory.
 struct OwnEstimates {
   std::vector<double> mean, cosine, sine, noise_variance;
   Variances variances;
@@ -53,7 +53,7 @@ struct OwnEstimates {
 struct Tone {
   double frequency;
   double cycles_per_row;
-  Flags flags;           // those that hold for every column
+  Flags flags;           // common to every column
   double phase_at_zero;  // phase of the light at row 0 for a column whose fitted phase is 0, rad
 };
 
@@ -66,7 +66,7 @@ struct Context {
   bool whole_numbers;  // samples are light in steps of 1
 };
 
-// Half an exposure of delay, and half a turn where sinc is negative (angle of H).
+// Phase of H: half an exposure of delay, and π where sinc is negative.
 double exposure_phase(const Camera& camera, double frequency) {
   if (!camera.exposure) return 0;
   const double cycles = frequency * *camera.exposure;
@@ -78,11 +78,12 @@ Flags exposure_flags(const Camera& camera, double frequency) {
   return std::abs(sinc(frequency * *camera.exposure)) < kNearNull ? flag::near_null : 0;
 }
 
-// With less noise than half a step, rounding is a function of the light instead of noise. It pulls an amplitude by up
-// to this, in steps: RMS over where the light lies between two codes, from Widrow's series, with <J1²(x)> = 1/(πx).
+// If the noise is below half a step, rounding is a function of the light instead of noise. Bound of the resulting
+// amplitude error, in steps: RMS over the position of the light between two codes, from Widrow's series, with <J1²(x)>
+// = 1/(πx).
 double rounding_pull(double amplitude, double noise_variance) {
   constexpr double scale = 0.1111;                                  // √(ζ(3)/π⁴)
-  const bool on_two_codes = amplitude < 1 && noise_variance < 0.3;  // their changes look like noise
+  const bool on_two_codes = amplitude < 1 && noise_variance < 0.3;  // changes between two codes resemble noise
   const double noise = on_two_codes ? 0 : std::max(noise_variance - 1.0 / 12, 0.0);
   return scale / std::sqrt(std::max(amplitude, 0.1)) * std::exp(-2 * std::numbers::pi * std::numbers::pi * noise);
 }
@@ -93,7 +94,7 @@ double background_of(const Context& context, std::size_t frame, std::size_t colu
   return background.size() == 1 ? background[0] : background[frame * context.shape.columns + column];
 }
 
-// Of column 0 in the result's arrays.
+// Index of column 0 in the result's arrays.
 std::size_t index_of(const Context& context, std::size_t tone, std::size_t frame) {
   return (tone * context.shape.frames + frame) * context.shape.columns;
 }
@@ -107,7 +108,7 @@ void take_off(double light, std::span<double> mean) {
   for (double& value : mean) value -= light;
 }
 
-// Takes off what is not the source's.
+// Subtracts the background.
 void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::span<double> mean) {
   const auto& background = context.options->background;
   if (background.empty()) return;
@@ -115,8 +116,8 @@ void take_off_background(const Context& context, std::size_t frame, std::size_t 
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
 }
 
-// Whether rounding to codes may pull the amplitude of column i by more than noise does. From a noise variance of 1 on
-// the pull is below 10⁻⁸ of a step.
+// True if the amplitude error of column i by rounding may exceed that by noise. From a noise variance of 1 on it is
+// below 10⁻⁸ of a step.
 bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
   const double noise = estimates.noise_variance[i];
   const double cosine = estimates.cosine[i] * estimates.cosine[i];
@@ -126,13 +127,13 @@ bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
   return rounding_pull(amplitude, noise) > std::sqrt(radial);
 }
 
-// Gain, its error and the rest from the estimates of one tone, whose mean is the source's own, for the columns from
-// `first` in the result on. of_pixels: (columns,), flags beside the tone's.
+// Writes gain, standard error, phase, mean and snr of one tone for the columns from `first` of the result on; the
+// estimates' mean is the source's own. of_pixels: (columns,), additional flags.
 void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
                   std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result) {
   const std::size_t count = estimates.mean.size();
   const Variances& variances = estimates.variances;
-  thread_local std::vector<double> remarks;  // kept from call to call, as StreamMemory is
+  thread_local std::vector<double> remarks;  // reused from call to call, as StreamMemory
   remarks.resize(count);
   const bool any = kernels::gains_of_fit(
       {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
@@ -155,7 +156,7 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
   }
 }
 
-// Columns with samples at the top of the scale.
+// True for columns with samples at the top of the scale.
 template <class T>
 bool is_saturated(const FramesView<const T>& view, std::size_t frame, std::size_t column, double level) {
   for (std::size_t row = 0; row < view.rows; ++row)
@@ -167,7 +168,7 @@ double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
   return curve.white_level != 0 ? curve.white_level : ocisac::saturation_level(frames);
 }
 
-// One method's estimates for a block of signals (count × rows), of each tone.
+// Estimates of one method for a block of signals (count × rows), for each tone.
 class Estimator {
  public:
   virtual ~Estimator() = default;
@@ -215,7 +216,7 @@ class FitEstimator final : public Estimator {
 // The bin of eq. 25, folded into [0, rows/2].
 struct Bin {
   std::size_t index;
-  bool conjugate;  // seen through its alias
+  bool conjugate;  // aliased
 };
 
 Bin nearest_bin(double cycles_per_row, std::size_t rows) {
@@ -229,7 +230,7 @@ class DftEstimator final : public Estimator {
  public:
   DftEstimator(std::size_t rows, std::vector<Bin> bins) : rows_(rows), bins_(std::move(bins)) {}
 
-  // Steps 1–4 of the paper; the noise is all that is neither in the mean nor in the bin.
+  // Steps 1–4 of the paper; noise is all energy outside of the mean and the bin.
   [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
     const std::size_t count = signals.size() / rows_;
     const std::size_t width = rows_ / 2 + 1;
@@ -260,7 +261,7 @@ class DftEstimator final : public Estimator {
   std::vector<Bin> bins_;
 };
 
-// Row 0 lies `middle` rows before the point that a fit counts its phase from.
+// Row 0 lies `middle` rows before the phase origin of a fit.
 void count_phase_from(Tone& tone, double middle, Flags flags) {
   const Phasor turn = phasor(tone.cycles_per_row, -middle);
   tone.phase_at_zero += std::atan2(turn.sine, turn.cosine);
@@ -350,8 +351,8 @@ void check_room(const ToneGainView& result, std::size_t size) {
 
 bool holds_bytes(const AnyFramesView& frames) { return std::holds_alternative<FramesView<const std::uint8_t>>(frames); }
 
-// The plan of a pass over the pixels themselves, where that answers as well as the fit of signals of linear light in
-// float64 does; null otherwise. At full efficiency floats are left to the latter, which is exact in its residual too.
+// Plan of a pass over the stored pixels if it is as accurate as the float64 fit of linear light; else null. At full
+// efficiency floats use the latter, whose residual is exact too.
 std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
   const auto& options = *context.options;
   const bool integers = !std::holds_alternative<FramesView<const float>>(frames) &&
@@ -359,7 +360,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   if (options.method != GainMethod::fit || context.camera->tone_curve.kind != ToneCurve::Kind::linear ||
       (options.efficiency == 1 && !integers))
     return nullptr;
-  std::vector<double> cycles;  // the tones first, then their harmonics
+  std::vector<double> cycles;  // tones first, then their harmonics
   for (const Tone& tone : context.tones) cycles.push_back(tone.cycles_per_row);
   for (const Tone& tone : context.tones)
     for (const int harmonic : harmonics_of(context, tone))
@@ -382,29 +383,29 @@ Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& colu
           {fit.covariance(0, 0), fit.covariance(a, a), fit.covariance(a + 1, a + 1), fit.covariance(0, a)}};
 }
 
-// Memory of a thread, kept from call to call: the C library may give it back to the system after every one, and taking
-// it anew then takes longer than the arithmetic (four tones in 80 rows: 125 instead of 55 µs).
+// Memory of a thread, reused from call to call. The C library may return it to the system after every call, and a new
+// allocation takes longer than the arithmetic (four tones in 80 rows: 125 instead of 55 µs).
 struct StreamMemory {
   Projection sums;
   StreamingFit::Columns columns;
   std::vector<Flags> of_pixels;
 };
 
-// Columns that are done in one go.
+// Columns processed in one pass.
 struct Piece {
   std::size_t frame, first, count;
 };
 
-constexpr std::size_t kLine = 64;  // bytes of a cache
+constexpr std::size_t kLine = 64;  // bytes of a cache line
 
-// Of the parts of a frame that threads share: halves, or as many as let every thread have one.
+// Width of the parts of a frame that threads share: halves, or as many as there are threads.
 std::size_t columns_per_part(const Shape& shape, std::size_t threads) {
   const auto share = [](std::size_t of, std::size_t parts) { return (of + parts - 1) / parts; };
   const std::size_t parts = std::max<std::size_t>(share(threads, std::max<std::size_t>(shape.frames, 1)), 2);
   return std::max(share(share(shape.columns, parts), kLine) * kLine, kColumnsPerPart);
 }
 
-// Of a frame's first row, to where a line of a cache begins.
+// Columns of a frame's first row before the next cache line.
 std::size_t columns_before_line(const AnyFramesView& frames, std::size_t frame) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
@@ -414,8 +415,8 @@ std::size_t columns_before_line(const AnyFramesView& frames, std::size_t frame) 
       frames);
 }
 
-// Whole frames, whose rows are read best; the last one of each thread in parts, so that all end together. A line that
-// lay in two parts would be read twice. The numbers do not depend on it.
+// Whole frames, which are read fastest; the last one of each thread is split, so that all threads end together. Parts
+// begin at cache lines, so that no line is read twice. The results do not depend on the split.
 std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, std::size_t threads) {
   std::vector<Piece> pieces;
   const std::size_t part = std::min(columns_per_part(shape, threads), kColumnsPerStream);
@@ -459,7 +460,7 @@ std::unique_ptr<Estimator> make_estimator(Context& context) {
   return context.options->method == GainMethod::fit ? fit_estimator(context) : dft_estimator(context);
 }
 
-// All columns of a frame as one.
+// All columns of a frame combined.
 struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light
   double background = 0;
@@ -560,7 +561,7 @@ ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<
 void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                       const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
-  context.whole_numbers = false;  // a mean of columns is not
+  context.whole_numbers = false;  // a mean of columns has fractions
   const auto estimator = make_estimator(context);
   check_room(result, frequencies.size() * context.shape.frames);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {

@@ -22,12 +22,12 @@ using Eigen::VectorXd;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kIllConditioned = 1e6;
-constexpr double kSure = 4;         // standard errors from which on a bias is none of the noise
+constexpr double kSure = 4;         // standard errors above which a bias is significant
 constexpr double kWeak = 3;         // standard errors
 constexpr double kRounding = 1e-9;  // gains below it are rounding
 constexpr std::size_t kColumnsPerBlock = 64;
 
-// Places along the rows, −1 to 1, at which the tone's amplitude is taken, and their shares (Gauss–Legendre).
+// Gauss–Legendre nodes along the rows, −1 to 1, and weights for the mean of the tone's amplitude.
 struct Place {
   double x, share;
 };
@@ -68,8 +68,8 @@ MatrixXd design_matrix(std::size_t rows, double cycles_per_row, const std::vecto
   return design;
 }
 
-// Harmonics from the lowest on until half of the degrees of freedom are used, none so near to half the row rate that
-// its polynomials meet their mirror images.
+// Harmonics in ascending order until half of the degrees of freedom are used, without those so close to half the row
+// rate that their polynomials overlap with their mirror images.
 std::vector<int> usable_harmonics(std::vector<int> harmonics, std::size_t rows, double cycles_per_row, int degree) {
   const auto terms = static_cast<std::size_t>(degree) + 1;
   const double highest = 0.5 - static_cast<double>(terms) / (2 * static_cast<double>(rows));
@@ -79,8 +79,8 @@ std::vector<int> usable_harmonics(std::vector<int> harmonics, std::size_t rows, 
   return harmonics;
 }
 
-// Least squares for all columns: parameters = weights·y. The first `terms` parameters are of the light, then of cosine
-// and sine of the fundamental; the last three those of tone_gain: mean, cosine, sine.
+// Least squares for all columns: parameters = weights·y. The first `terms` parameters describe the light, the next the
+// cosine and the sine of the fundamental; the last three are those of tone_gain: mean, cosine, sine.
 struct Plan {
   Index terms = 1;
   MatrixXd weights;      // (3·terms + 3 × rows)
@@ -128,7 +128,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   return plan;
 }
 
-// The tone's amplitude, mean over the rows, and its derivatives by the parameters.
+// Mean of the tone's amplitude over the rows, and its derivatives by the parameters.
 struct Amplitude {
   double value = 0;
   VectorXd slope;
@@ -146,7 +146,7 @@ Amplitude mean_amplitude(const Plan& plan, const VectorXd& parameters, double no
     if (!(length > 0)) continue;
     VectorXd across(2 * terms);
     across << -sine / length * polynomials, cosine / length * polynomials;
-    // Noise across the phasor lengthens it, as in tone_gain.
+    // Bias of the length by noise, as in tone_gain.
     const double tangential = across.dot(covariance * across);
     amplitude.value += kPlaces[i].share * std::sqrt(std::max(length * length - tangential, 0.0));
     amplitude.slope.segment(terms, terms) += kPlaces[i].share * cosine / length * polynomials;
@@ -155,7 +155,7 @@ Amplitude mean_amplitude(const Plan& plan, const VectorXd& parameters, double no
   return amplitude;
 }
 
-// Derivatives of amplitude/mean by the parameters, where `mean` is that of parameter `index_of_mean`.
+// Derivatives of amplitude/mean by the parameters, where `mean` is parameter `index_of_mean`.
 VectorXd contrast_slope(const Amplitude& amplitude, double mean, Index index_of_mean) {
   VectorXd slope = amplitude.slope / mean;
   slope(index_of_mean) -= amplitude.value / (mean * mean);
@@ -181,7 +181,7 @@ Column judge(const Plan& plan, const VectorXd& parameters, double noise, double 
   const double gain = varying.value / mean / ratio;
   const double gain_std = error(slope);
 
-  const Index at = 3 * plan.terms;  // of tone_gain's own
+  const Index at = 3 * plan.terms;  // of tone_gain's parameters
   const double steady_mean = parameters(at) - background;
   Amplitude steady{std::hypot(parameters(at + 1), parameters(at + 2)), VectorXd::Zero(parameters.size())};
   if (steady.value > 0) steady.slope.tail(2) = parameters.tail(2) / steady.value;

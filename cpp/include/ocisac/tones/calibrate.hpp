@@ -1,4 +1,4 @@
-// The row time from a light of known frequency.
+// Estimate of the row time from a light of known frequency.
 #pragma once
 
 #include "ocisac/tones/find_frequency.hpp"

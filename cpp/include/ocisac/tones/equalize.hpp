@@ -1,4 +1,4 @@
-// Undoing what the exposure does to a column: from mean light over each exposure to light at its end.
+// Deconvolution of the exposure along columns: from mean light over each exposure to the light at its end.
 #pragma once
 
 #include <span>
@@ -13,9 +13,9 @@ enum class EqualizerMethod { inverse, wiener };
 
 struct EqualizerSettings {
   EqualizerMethod method = EqualizerMethod::inverse;
-  double max_boost = 10;  // the largest factor at any frequency, 1 … 1e6 (20·log10 of it in dB)
-  // RMS noise of a row in linear light, for wiener: empty (estimated column by column), one value for all columns,
-  // or frames × columns values.
+  double max_boost = 10;  // maximum gain at any frequency, 1 … 1e6 (20·log10 of it in dB)
+  // RMS noise of a row in linear light, for wiener: empty (estimated per column), one value for all columns, or frames
+  // × columns values.
   std::span<const double> noise;
 };
 
@@ -24,18 +24,18 @@ struct FrequencyBand {
 };
 
 struct EqualizerReport {
-  std::vector<FrequencyBand> frequencies_lost;  // less than half of the amplitude comes back; mean over the columns
-  std::vector<double> noise_gain;               // frames × columns: RMS noise of the result over that of the rows
-  std::vector<double> noise;                    // frames × columns: the RMS noise that wiener used; 0 for inverse
+  std::vector<FrequencyBand> frequencies_lost;  // restored amplitude below 1/2; mean over the columns
+  std::vector<double> noise_gain;               // frames × columns: RMS noise of the output over that of the input
+  std::vector<double> noise;                    // frames × columns: the RMS noise assumed by wiener; 0 for inverse
 };
 
-// Row n of `out` (same shape as `frames`, which it may not overlap) estimates the light at the end of row n's exposure,
-// in linear light above dark. docs/tones.md tells how. Exposures of the whole frame and longer leave the mean.
+// Row n of `out` (same shape as `frames`, without overlap) estimates the light at the end of row n's exposure, in
+// linear light above dark. Method: docs/tones.md. Exposures of the whole frame and longer leave only the mean.
 EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
                          const FramesView<double>& out);
 
-// Bands in which the bounded inverse gives back less than half of the amplitude: |sinc(f·T_e)| < 1/(√2·max_boost),
-// and all above half the row rate, which the rows cannot tell from what is below.
+// Bands in which the bounded inverse restores less than half of the amplitude: |sinc(f·T_e)| < 1/(√2·max_boost), and
+// all frequencies above half the row rate, which alias.
 std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boost);
 
 }  // namespace ocisac

@@ -1,4 +1,4 @@
-// The frequency of a periodic light, found from the rows alone.
+// Frequency estimate of a periodic light from the rows alone.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@
 namespace ocisac {
 
 enum class Harmonics {
-  automatic,    // as many as stand out of the noise
+  automatic,    // those significantly above the noise
   fundamental,  // a cosine
   all           // all below half the row rate, at most 31: a square wave of any duty
 };
@@ -21,14 +21,14 @@ struct FrequencySearch {
   double lower = 0;    // cycles per row; 0: one cycle in the frame
   double upper = 0.5;  // cycles per row
   Harmonics harmonics = Harmonics::automatic;
-  bool select_columns = true;                                    // leave out columns that do not show the light
-  double saturation = std::numeric_limits<double>::quiet_NaN();  // DN; NaN where there is no such level
+  bool select_columns = true;                                    // exclude columns without the light
+  double saturation = std::numeric_limits<double>::quiet_NaN();  // DN; NaN without such a level
 };
 
 struct FoundFrequency {
-  double frequency;       // cycles per row; NaN where nothing varies or there are fewer than 8 rows
+  double frequency;       // cycles per row; NaN for constant signals or fewer than 8 rows
   double frequency_std;   // its standard error, from the residual
-  double snr;             // power of the periodic part over that of the residual, of the signals fitted
+  double snr;             // power of the periodic part over that of the residual, of the fitted signals
   std::size_t harmonics;  // the highest one in the final fit
   Flags flags;            // saturated, few_cycles, no_tone, at_bound
   ToneColumns columns;
@@ -37,13 +37,13 @@ struct FoundFrequency {
 // One frequency, shared by all columns and frames; amplitudes and phases are free.
 FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch& search);
 
-// The same for a picture of a lamp: the outline of a lamp, text or drawn lines often fit one cycle better than the
-// stripes do. Without a lower bound, frequencies of two cycles or more in the frame are therefore searched first, slower
-// ones only where no tone is found there.
+// The same for a picture of a lamp. The outline of a lamp, text or drawn lines often fit a single cycle better than the
+// stripes. Without a lower bound, frequencies of at least two cycles in the frame are therefore searched first, lower
+// ones only if no tone is found.
 FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search);
 
 // Index of the colour plane whose find_lamp_frequency has the smallest relative standard error; planes with few_cycles
-// or at_bound come after the others. 0 where none shows a tone.
+// or at_bound come after the others. 0 if none contains a tone.
 std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search);
 
 }  // namespace ocisac

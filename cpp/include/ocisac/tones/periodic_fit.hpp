@@ -1,5 +1,5 @@
-// Least squares of a slow trend, a fundamental and harmonics of one shared, unknown frequency; every signal has its
-// own amplitudes and phases (separable least squares, Golub and Pereyra 1973; cf. IEEE Std 1057, four-parameter fit).
+// Least squares of a slow trend, a fundamental and harmonics of one shared, unknown frequency; amplitudes and phases
+// per signal (separable least squares, Golub and Pereyra 1973; cf. IEEE Std 1057, four-parameter fit).
 #pragma once
 
 #include <cstddef>
@@ -16,14 +16,14 @@ struct PeriodicModel {
   [[nodiscard]] std::size_t parameters() const { return trend_degree + 1 + 2 * harmonics.size(); }
 };
 
-// Up to `max_harmonics` below half the row rate, and a trend that few cycles cannot be mistaken for: a constant below
-// 2 cycles in the frame, a line below 4, then a parabola. Fewer where there are too few rows.
+// Up to `max_harmonics` below half the row rate, and a trend that few cycles do not resemble: a constant below 2 cycles
+// in the frame, a line below 4, then a parabola. Lower orders if there are too few rows.
 PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max_harmonics);
 
 struct PeriodicFit {
   double frequency = 0;                 // f, cycles per row
   std::vector<double> residual_energy;  // (signals): Σ r(n)²
-  std::vector<double> periodic_energy;  // (signals): what the harmonics explain beyond the trend
+  std::vector<double> periodic_energy;  // (signals): explained by the harmonics beyond the trend
   std::vector<double> harmonic_energy;  // (harmonics): rows/2·(a² + b²), summed over the signals
   std::vector<double> amplitudes;       // (2 × signals): a and b of the first harmonic
   double step = 0;                      // Gauss–Newton step of f towards the minimum of the summed residual energy
@@ -31,8 +31,8 @@ struct PeriodicFit {
   [[nodiscard]] double total_residual() const;
 };
 
-// `signals`: (count × rows) dense, best without their mean (energies are differences); rows above the model's number of
-// parameters; f in cycles per row.
+// `signals`: (count × rows) dense, preferably with mean removed (energies are differences); more rows than parameters
+// of the model; f in cycles per row.
 PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                          double frequency);
 
@@ -40,9 +40,9 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
 PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                             double frequency, double lower, double upper, int max_steps = 30);
 
-// Standard error of the minimum, from the residual: the sandwich estimate, which allows noise that is shared by the
-// signals of a group (the `group` neighbouring signals of one frame), grows with the light, or is correlated from row
-// to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991). NaN without spare rows.
+// Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
+// signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
+// row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991). NaN without degrees of freedom.
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency);
 

@@ -1,4 +1,4 @@
-// Weighted sums over the rows of a frame, for all columns in one pass: the product that every linear estimate is.
+// Weighted sums over the rows of a frame, for all columns in one pass: the common operation of all linear estimates.
 #pragma once
 
 #include <cstddef>
@@ -11,12 +11,12 @@
 
 namespace ocisac {
 
-// Row weights in the form that the kernels read. Immutable once made; may be shared by threads.
+// Row weights in the layout of the kernels. Immutable after construction; may be shared by threads.
 //
-// D neighbouring rows are added before they are weighted (D = 1: none), rows that do not fill a group are left out.
-// Bytes are multiplied as integers, exactly: a weight is a sum of `limbs` parts of 13 bits with their sign, of up to 16
-// where there are few rows (15 for a tone in 1080), so that 1 part is good to 1.3·10⁻⁴ of an output's largest weight or
-// better, 2 to 2·10⁻⁸ and 3 to 2·10⁻¹². Other samples are multiplied in float64.
+// D neighbouring rows are summed before weighting (D = 1: none); rows of an incomplete group are ignored. Bytes are
+// multiplied as integers, exactly: a weight is a sum of `limbs` parts of 13 signed bits, or up to 16 for few rows (15
+// for a tone in 1080). The error relative to an output's largest weight is at most 1.3·10⁻⁴ for 1 part, 2·10⁻⁸ for 2
+// and 2·10⁻¹² for 3. Other samples are multiplied in float64.
 class RowWeights {
  public:
   // weights: (outputs × (rows / row_group)), dense, finite. row_group: 1, 2, 4 or 8. limbs: 1, 2 or 3.
@@ -27,18 +27,18 @@ class RowWeights {
   [[nodiscard]] std::size_t outputs() const { return outputs_; }
   [[nodiscard]] int row_group() const { return row_group_; }
   [[nodiscard]] std::span<const double> weights() const { return weights_; }
-  // The weights that bytes are really multiplied with.
+  // The rounded weights used for bytes.
   [[nodiscard]] std::vector<double> byte_weights() const;
 
   // Value of one unit of each part: the limbs of output 0, those of output 1, …
   [[nodiscard]] std::span<const double> units() const { return units_; }
-  // For the kernels. Integer weights of groups 2i and 2i + 1 as one pair: (parts × pairs). order(): which parts.
+  // For the kernels. Integer weights of groups 2i and 2i + 1 as one pair: (parts × pairs). order(): index of each part.
   [[nodiscard]] std::span<const std::size_t> order() const { return order_; }
   [[nodiscard]] std::span<const std::int32_t> pairs() const { return pairs_; }
   [[nodiscard]] std::size_t pair_count() const { return (groups_ + 1) / 2; }
-  // The same for the first half of the groups, where every output is symmetric or antisymmetric about the middle and
-  // the groups are even in number; else empty. A fit's weights are: half the products do for it. The symmetric parts
-  // come first.
+  // The same for the first half of the groups, if every output is symmetric or antisymmetric about the middle and the
+  // number of groups is even; else empty. The weights of a fit are symmetric in this sense, which halves the products.
+  // Symmetric parts come first.
   [[nodiscard]] std::span<const std::size_t> folded_order() const { return folded_order_; }
   [[nodiscard]] std::span<const std::int32_t> folded_pairs() const { return folded_pairs_; }
   [[nodiscard]] std::size_t folded_pair_count() const { return (groups_ / 2 + 1) / 2; }
@@ -57,7 +57,7 @@ class RowWeights {
   std::size_t even_parts_ = 0;
 };
 
-// What a pass over columns [first, first + count) of one frame brings, dense.
+// Result of a pass over columns [first, first + count) of one frame, dense.
 struct Projection {
   std::vector<double> sums;     // (outputs × count): Σ_j weight(output, j)·s(j, column), s: sum of a group of rows
   std::vector<double> totals;   // (count,): Σ_j s(j, column)
@@ -65,22 +65,22 @@ struct Projection {
   std::vector<double> maximum;  // (count,): largest sample of a column
 };
 
-// One streaming pass along rows in memory order. Bit by bit the same for every split of the columns.
+// One streaming pass along rows in memory order. The result is bit-identical for every split of the columns.
 Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
                    const RowWeights& weights);
-// The same in place of `result`: one for many calls spares their memory.
+// The same into `result`, whose memory is reused.
 void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
              const RowWeights& weights, Projection& result);
 
-// The plain loop that the kernels are held against; bytes are multiplied with byte_weights().
+// Reference implementation of the kernels as a plain loop; bytes are multiplied with byte_weights().
 Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
                            const RowWeights& weights);
 
-// SIMD targets of this build that this processor has, best first, and the one in use.
+// SIMD targets of this build that this processor supports, best first, and the current one.
 std::vector<std::string> simd_targets();
 std::string simd_target();
-// Forces one of simd_targets(); an empty name goes back to the best. Not while other threads compute.
-// Throws std::invalid_argument for a name that is not among them.
+// Selects one of simd_targets(); an empty name restores the best. Not thread-safe during computations. Throws
+// std::invalid_argument for an unknown name.
 void force_simd_target(const std::string& name);
 
 }  // namespace ocisac

@@ -1,4 +1,4 @@
-// The yardstick of speed: bytes merely read.
+// Speed reference: the time of reading bytes.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +6,7 @@
 
 namespace ocisac {
 
-// Sum of all bytes, with the SIMD of the target in use (see simd_target): what it takes to read a frame, for measuring.
+// Sum of all bytes with the current SIMD target (see simd_target), to measure the time of reading a frame.
 std::uint64_t read_bytes(std::span<const std::uint8_t> bytes, int threads = 1);
 
 }  // namespace ocisac

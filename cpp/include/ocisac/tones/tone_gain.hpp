@@ -13,41 +13,41 @@ namespace ocisac {
 
 enum class GainMethod {
   fit,  // least squares at the exact frequency: mean + tones + harmonics (cf. IEEE Std 1057)
-  dft,  // the paper's: the DFT's bin nearest to the tone (eqs. 24–25, figure 8)
+  dft,  // the paper's method: the DFT bin nearest to the tone (eqs. 24–25, figure 8)
 };
 
 enum class WaveformShape { tone, square };
 
 struct ToneGainOptions {
   GainMethod method = GainMethod::fit;
-  WaveformShape waveform = WaveformShape::tone;  // square: all harmonics below half the row rate are in the fit
+  WaveformShape waveform = WaveformShape::tone;  // square: the fit includes all harmonics below half the row rate
   double duty = 0.5;                             // of the square wave, inside (0, 1)
   std::span<const double> background;            // DN above dark: empty (0), one value, or (frames × columns)
-  double efficiency = 1;                         // least share of the fit's efficiency to keep, (0, 1]
-  int threads = 1;                               // at most: see for_each_block in parallel.hpp
+  double efficiency = 1;                         // min fraction of the fit's efficiency, (0, 1]
+  int threads = 1;                               // upper bound: see for_each_block in parallel.hpp
 };
 
-// Arrays (tones × frames × columns), dense. Values that cannot be told are NaN and flagged.
+// Arrays (tones × frames × columns), dense. Undetermined values are NaN and flagged.
 //   gain      2|X(f)|/X(0) over the waveform's own ratio at full depth: |sinc(f·T_e)| in theory
 //   gain_std  standard error of gain
-//   phase     of the light's fundamental at the end of row 0's exposure, rad in (−π, π], exposure's delay taken out
+//   phase     of the light's fundamental at the end of row 0's exposure, rad in (−π, π], without the exposure's delay
 //             where the exposure is known
-//   mean      of the source's light, background taken off, DN above dark
+//   mean      of the source's light, background subtracted, DN above dark
 //   snr       ρ_c = G²·ρ̄, ρ̄ = mean²/(noise variance of a row) (eqs. 13–14)
-// The square root of |amplitude|² − (noise's share of it) keeps the magnitude unbiased while it is above the noise.
+// The magnitude is √(|amplitude|² − expected noise power), which is unbiased above the noise.
 struct ToneGain {
   std::size_t tones = 0, frames = 0, columns = 0;
   std::vector<double> gain, gain_std, phase, mean, snr;
   std::vector<Flags> flags;
 };
 
-// The same in memory of the caller's.
+// The same in the caller's memory.
 struct ToneGainView {
   std::span<double> gain, gain_std, phase, mean, snr;
   std::span<Flags> flags;
 };
 
-// Theory: frequencies in Hz, > 0, any number >= 1. Throws std::invalid_argument for values without meaning.
+// Frequencies in Hz, > 0, at least one. Throws std::invalid_argument for invalid values.
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                    const ToneGainOptions& options = {});
 
@@ -56,7 +56,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
                const ToneGainOptions& options, const ToneGainView& result);
 
 // The same for all columns of a frame combined into one, weighted by their brightness above background; saturated
-// columns are left out where others remain. Arrays (tones × frames × 1).
+// columns are excluded if others remain. Arrays (tones × frames × 1).
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                           const ToneGainOptions& options = {});
 

@@ -1,5 +1,5 @@
-// The gain of a tone while light and tone vary slowly along the column: a gradient of the light, a frequency that
-// drifts or is not quite the given one. tone_gain assumes neither; this tells whether that holds, and by how much not.
+// Gain of a tone whose light or amplitude varies slowly along the column: a gradient, a drifting or inaccurate
+// frequency. It tests tone_gain's assumption that these are constant, and estimates the bias if they are not.
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ struct VaryingToneOptions {
   int threads = 1;
 };
 
-// Arrays (frames × columns), dense. Values that cannot be told are NaN and flagged.
+// Arrays (frames × columns), dense. Undetermined values are NaN and flagged.
 //   gain      mean over the rows of the tone's amplitude, over the mean light and the waveform's ratio
 //   gain_std  standard error of gain
 //   mean      of the source's light, DN above dark
