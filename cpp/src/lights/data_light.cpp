@@ -19,19 +19,20 @@ namespace ocisac {
 namespace {
 
 constexpr int rounds = 2;
-constexpr double min_coherence = 0.6;  // of the halves, locally
-constexpr double min_power = 0.02;     // of the swing's, near its largest
-constexpr double min_likeness = 0.5;   // of a column with the middle
-constexpr double min_swing = 0.15;     // of the middle's
-constexpr double hysteresis = 0.5;     // of the waveform's RMS
+constexpr double min_coherence = 0.6;  // local correlation of the halves
+constexpr double min_power = 0.02;     // relative to the swing's near its maximum
+constexpr double min_likeness = 0.5;   // correlation of a column with the middle
+constexpr double min_swing = 0.15;     // relative to the middle's
+constexpr double hysteresis = 0.5;     // relative to the waveform's RMS
 constexpr std::size_t min_edges = 6, max_timed = 64;
-constexpr double edge_evidence = 0.5;                                          // nats
-constexpr double fastest_chip = 2.2, slowest_chip = 0.7, largest_clock = 0.4;  // chips in a short interval; a row
-constexpr double frequency_reach = 0.25;                                       // relative, about the suspect's
+constexpr double edge_evidence = 0.5;  // nats
+// Chips in a short interval; clock in cycles per row.
+constexpr double fastest_chip = 2.2, slowest_chip = 0.7, largest_clock = 0.4;
+constexpr double frequency_reach = 0.25;  // relative, about the suspect's
 
 using Range = std::pair<std::size_t, std::size_t>;
 
-// The run of true places about the middle one of those in [first, end).
+// The run of true values about the middle one of those in [first, end).
 std::optional<Range> run_about(const std::vector<std::uint8_t>& places, std::size_t first, std::size_t end) {
   std::vector<std::size_t> inside;
   for (std::size_t i = first; i < end; ++i)
@@ -43,7 +44,7 @@ std::optional<Range> run_about(const std::vector<std::uint8_t>& places, std::siz
   return Range{begin, last + 1};
 }
 
-// Signals side by side, as local_means() takes them.
+// Adjacent signals in the layout of local_means().
 class Signals {
  public:
   explicit Signals(std::size_t rows) : rows_(rows), values_(rows * kernels::patch_padding) {}
@@ -63,7 +64,7 @@ class Signals {
   std::vector<double> values_;
 };
 
-// Log light of the left and the right half of the box's columns in rows [top, bottom), less its local mean.
+// Log light of the left and the right half of the box's columns in rows [top, bottom), local mean removed.
 Signals swing_of_halves(const LitFrame& frame, const Box& box, std::size_t top, std::size_t bottom,
                         std::size_t length) {
   const std::size_t middle = box.column + box.width / 2;
@@ -78,7 +79,7 @@ Signals swing_of_halves(const LitFrame& frame, const Box& box, std::size_t top, 
   return logs;
 }
 
-// Whether the halves swing alike in the box: most suspects are noise, and cost no more than this.
+// Fast test that the halves of the box correlate; it rejects most suspects, which are noise.
 bool halves_alike(const LitFrame& frame, const Box& box, std::size_t length) {
   if (box.width < 2) return false;
   Signals logs = swing_of_halves(frame, box, box.row, box.row + box.height, length);
@@ -90,7 +91,7 @@ bool halves_alike(const LitFrame& frame, const Box& box, std::size_t length) {
   return ab > min_coherence * std::sqrt(aa * bb);
 }
 
-// Rows about the box whose halves swing alike.
+// Rows about the box in which the halves correlate.
 std::optional<Box> lit_rows(const LitFrame& frame, const Box& box, std::size_t length) {
   if (box.width < 2) return {};
   const std::size_t reach = std::max(8 * length, 2 * box.height), rows = shape_of(frame.frames).rows;
@@ -116,7 +117,7 @@ std::optional<Box> lit_rows(const LitFrame& frame, const Box& box, std::size_t l
   return Box{box.column, top + run->first, box.width, run->second - run->first};
 }
 
-// Columns about the box that swing as its own do.
+// Columns about the box that correlate with its own.
 std::optional<Box> lit_columns(const LitFrame& frame, const Box& box, std::size_t length) {
   const Patch patch = patch_of(frame, box, {std::max(box.width, box.height), 0});
   const auto slow = local_means(patch.logs, patch.rows, patch.stride, length);
@@ -146,7 +147,7 @@ std::optional<Box> lit_columns(const LitFrame& frame, const Box& box, std::size_
              box.height};
 }
 
-// Rows in which the waveform has crossed to the other side of its mean.
+// Rows at which the waveform has crossed its mean.
 std::vector<std::size_t> edges_of(std::span<const double> waveform) {
   const double power = std::inner_product(waveform.begin(), waveform.end(), waveform.begin(), 0.0);
   const double least = hysteresis * std::sqrt(power / static_cast<double>(waveform.size()));
@@ -161,8 +162,8 @@ std::vector<std::size_t> edges_of(std::span<const double> waveform) {
   return edges;
 }
 
-// Rayleigh's statistic |Σ e^{−j2πf·edge}|²/edges of the best clock f, less the ln of the number of clocks tried: the
-// shortest interval but one is taken for one or two chips.
+// Rayleigh's statistic |Σ e^{−j2πf·edge}|²/edges of the best clock f, minus the ln of the number of clocks tried; the
+// second shortest interval is assumed to be one or two chips.
 double clock_evidence(std::span<const std::size_t> edges) {
   edges = edges.first(std::min(edges.size(), max_timed));
   std::vector<std::size_t> intervals;
@@ -185,9 +186,9 @@ double clock_evidence(std::span<const std::size_t> edges) {
   return std::max(best - std::log(std::max((fastest - slowest) * span, 1.0)), 0.0);
 }
 
-// What the columns have in common, and what they have not.
+// Common waveform of the columns, and its residual.
 struct Waveform {
-  std::vector<double> values;  // (rows): Σ weight × log swing, over the root of Σ of squared weights
+  std::vector<double> values;  // (rows): Σ weight × log swing / √(Σ weight²)
   double energy = 0, common = 0, noise = 0;
 };
 
@@ -218,7 +219,7 @@ Waveform waveform_of(const Patch& patch, std::size_t length) {
   return out;
 }
 
-// RMS of the mean light over the columns, less its local mean.
+// RMS of the mean light over the columns, local mean removed.
 double swing_of_light(const Patch& patch, std::size_t length) {
   Signals light(patch.rows);
   for (std::size_t n = 0; n < patch.rows; ++n)

@@ -1,4 +1,4 @@
-// A light that sends data: no line in the spectrum, but one waveform in all its columns, and a clock in its edges.
+// Detection of lights that send data: no spectral line, but a common waveform of all columns and a clock in its edges.
 #pragma once
 
 #include <cstddef>
@@ -11,16 +11,16 @@
 namespace ocisac {
 
 struct DataLight {
-  RefinedLight light;  // its strongest tone near the suspect's; snr: common swing over the rest; amplitude: its RMS
+  RefinedLight light;  // its strongest tone near the suspect's; snr: common swing over the residual; amplitude: its RMS
   std::size_t edges;   // of its waveform
-  double evidence;     // nats: half a one for every edge, and that of their clock
+  double evidence;     // nats: 1/2 per edge, plus that of their clock
 };
 
-// Rows and columns are taken in turn, twice. Rows: where log light, less its mean over four cycles of the suspect's
-// frequency, swings alike in the left and the right half of the columns (local correlation above 0.6). Columns: those
-// that swing as the middle does (correlation above 0.5, and 0.15 as far). What the columns of the box have in common,
-// each element weighted with its own local swing, is the waveform. `dark`, `floor`: as of refine_source().
-// Nothing where fewer than six edges are left.
+// Rows and columns are estimated alternately, twice. Rows: where the log light, minus its mean over four cycles of the
+// suspect's frequency, correlates between the left and the right half of the columns (local correlation above 0.6).
+// Columns: those that correlate with the middle (above 0.5) and have at least 0.15 times its swing. The waveform is the
+// common component of the box's columns, each element weighted with its local swing. `dark`, `floor`: as of
+// refine_source(). Absent if fewer than six edges remain.
 std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
                                          const Suspect& suspect);
 

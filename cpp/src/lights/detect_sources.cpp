@@ -18,15 +18,15 @@ namespace {
 
 constexpr std::size_t max_suspects = 256;
 constexpr double min_rows = 24;       // of a box
-constexpr double min_periodic = 0.4;  // of the swing common to the columns
+constexpr double min_periodic = 0.4;  // fraction of the swing common to the columns
 constexpr double max_uneven = 0.25;
-constexpr double data_periodic = 0.7;     // a tone or a square wave has more
-constexpr double largest_spread = 0.05;   // relative standard error of a frequency that was told at all
-constexpr double frequency_apart = 0.04;  // relative: parts that differ by more are of a light that sends data
-constexpr double data_texture = 0.3;      // of what a tone may have
+constexpr double data_periodic = 0.7;     // upper bound; a tone or a square wave has more
+constexpr double largest_spread = 0.05;   // max relative standard error of a usable frequency
+constexpr double frequency_apart = 0.04;  // relative: parts that differ by more belong to a light that sends data
+constexpr double data_texture = 0.3;      // relative to the bound for a tone
 constexpr double settled_cycles = 5, settled_periodic = 0.95;
 constexpr double faint_level = 0.1;
-constexpr double reflection_level = 0.5;  // a light as strong as this share of another is one of its own
+constexpr double reflection_level = 0.5;  // min strength relative to another light for a separate light
 
 void check(const DetectOptions& options) {
   require(options.false_alarms > 0 && options.false_alarms <= 1, "false_alarms", options.false_alarms,
@@ -38,18 +38,18 @@ void check(const DetectOptions& options) {
 
 struct Found {
   RefinedLight light;  // the strongest part
-  LightPart box;       // of all parts
+  LightPart box;       // union of all parts
   std::size_t merged = 0;
-  bool joined = false;  // parts beside or above each other
-  bool data = false;    // their frequencies differ, or no tone goes through them
-  bool known = false;   // from the frame before
+  bool joined = false;  // of parts beside or above each other
+  bool data = false;    // frequencies differ, or no tone spans the parts
+  bool known = false;   // from the last frame
   std::optional<std::size_t> reflection_of = {};
   bool by_phase = false;
 };
 
 bool one_frequency(double f, double g) { return std::abs(f - g) <= frequency_apart * std::max(f, g); }
 
-// As all its columns and rows together send, roughly.
+// Approximate total flux of the box.
 double flux(const RefinedLight& light) { return light.amplitude * static_cast<double>(light.width * light.height); }
 
 double size_of(const RefinedLight& light) {
@@ -62,37 +62,39 @@ Region region_of(const T& of) {
   return {of.column, of.row, of.width, of.height};
 }
 
-// Overlap of two boxes over the smaller one.
+// Intersection of two boxes over the smaller one.
 double overlap(const RefinedLight& a, const RefinedLight& b) {
   return static_cast<double>(shared_pixels(region_of(a), region_of(b))) /
          static_cast<double>(std::min(a.width * a.height, b.width * b.height));
 }
 
-// −ln of the odds that texture looks so periodic: its variation in a box is taken as one independent cell a cycle.
+// −ln of the probability that texture looks as periodic; its variation in a box counts as one independent cell per
+// cycle.
 double evidence(const RefinedLight& light) {
   return std::log1p(light.snr) * static_cast<double>(light.height) * light.frequency;
 }
 
-// What a suspect must reach. Edges that line up by chance are rarer with more evidence as e^(−evidence/1.6), and below
-// one in 50 pictures, where three bars need no noise to be even, as e^(−evidence/2.6): seen on 600 pictures of
-// overlapping boxes, the grounds that hold most of them; there the rate is then at most the one asked for.
+// Evidence required of a suspect. On 600 pictures of overlapping boxes, the background with most chance alignments of
+// edges, false detections fall as e^(−evidence/1.6). Below one in 50 pictures, where three bars can be even without
+// noise, they fall as e^(−evidence/2.6). The rate is then at most the requested one.
 double evidence_for(std::size_t suspects, double false_alarms) {
   return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.6 * std::log(false_alarms) -
          std::min(std::log(false_alarms / 0.02), 0.0) - 1.1;
 }
 
-// One stored step: smaller swings are as often made by compression as by light.
+// One stored step: smaller swings are often compression artefacts.
 double min_amplitude(const AnyFramesView& frames) {
   return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T> ? 1.0 : 0.0; }, frames);
 }
 
-// The same of data: on 400 other such pictures edges with more evidence are rarer as e^(−evidence/1.2), and the rate is
-// a quarter of the one asked for.
+// The same for data: on 400 other such pictures false detections fall as e^(−evidence/1.2), and the rate is a quarter
+// of the requested one.
 double data_evidence_for(std::size_t suspects, double false_alarms) {
   return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.2 * std::log(false_alarms) + 3;
 }
 
-// Texture beside the periodic swing; lines of text have more. Few columns are alike by chance.
+// Max texture relative to the periodic swing; lines of text have more. The bound decreases for few columns, which may
+// be similar by chance.
 double max_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
 
 bool accepted(const DataLight& data, const LightLimits& limits, double min_evidence) {
@@ -102,7 +104,7 @@ bool accepted(const DataLight& data, const LightLimits& limits, double min_evide
          light.texture <= data_texture * max_texture(light);
 }
 
-// Texture that comes and goes with the rows is no picture under a light.
+// True for texture that varies periodically with the rows, unlike a picture under a light.
 bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > max_uneven; }
 
 bool accepted(const RefinedLight& light, const LightLimits& limits, double min_evidence) {
@@ -114,21 +116,22 @@ bool accepted(const RefinedLight& light, const LightLimits& limits, double min_e
 
 bool clean(const Found& one) { return !one.data && one.light.periodic >= data_periodic; }
 
-// No part of a light that sends data: its chips alternate for fewer cycles.
+// True if the detection is certain to be no part of a light that sends data, whose chips alternate for fewer cycles.
 bool settled(const Found& one) {
   return one.data || one.known ||
          (clean(one) && (one.light.periodic >= settled_periodic ||
                          static_cast<double>(one.light.height) * one.light.frequency >= settled_cycles));
 }
 
-// Texture under a faint reflection pulls at its frequency by more than the scatter among its cycles tells.
+// Compares frequencies with a tolerance: texture under a faint reflection biases its frequency by more than the
+// standard error.
 bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
   const double spread = 3 * std::hypot(weak.frequency_std, strong.frequency_std) + 0.002 * strong.frequency;
   const double least = weak.amplitude < faint_level * strong.amplitude ? 0.03 * strong.frequency : 0;
   return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, least, 0.05 * strong.frequency);
 }
 
-// A suspect that lies in a light's box, or at most a cycle beside it, needs no second look.
+// True if a suspect lies in a light's box, or at most a cycle beside it, and needs no refinement.
 bool explained(const Suspect& suspect, const RefinedLight& light) {
   const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
   const std::size_t left = light.column - std::min(light.column, cycle), top = light.row - std::min(light.row, cycle);
@@ -136,12 +139,12 @@ bool explained(const Suspect& suspect, const RefinedLight& light) {
   return 2 * shared_pixels(region_of(suspect), about) > suspect.width * suspect.height;
 }
 
-// A suspect's frequency is known to half a cycle of no fewer than 2.5.
+// Compares frequencies; that of a suspect is accurate to half a cycle of at least 2.5.
 bool may_show(const Suspect& suspect, double frequency) {
   return std::abs(suspect.frequency - frequency) <= 0.25 * frequency;
 }
 
-// A coarse suspect around a light of its frequency.
+// True if a coarse suspect contains a light of its frequency.
 bool holds(const Suspect& suspect, const RefinedLight& light) {
   return 2 * shared_pixels(region_of(suspect), region_of(light)) > light.width * light.height &&
          may_show(suspect, light.frequency);
@@ -151,13 +154,13 @@ LightPart part_of(const RefinedLight& light) {
   return {light.column, light.row, light.width, light.height, light.frequency};
 }
 
-// Boxes that share half of the smaller one, whatever the frequency; but lights that are known to be two may cross.
+// True if boxes share half of the smaller one at any frequency; lights known to be separate may cross.
 bool doubles(const Found& a, const Found& b) {
   return overlap(a.light, b.light) > 0.5 &&
          !(a.known && b.known && !one_frequency(a.light.frequency, b.light.frequency));
 }
 
-// One light seen twice becomes the stronger one.
+// Merges double detections of a light into the stronger one.
 std::vector<Found> without_doubles(std::vector<Found> lights) {
   std::ranges::stable_sort(lights, std::greater{}, [](const Found& one) { return size_of(one.light); });
   std::vector<Found> kept;
@@ -176,8 +179,8 @@ void extend(LightPart& box, const LightPart& by) {
   box = {both.x, both.y, both.width, both.height, box.frequency};
 }
 
-// A light that sends data is periodic here and there: its parts become one, again with what has been joined so far.
-// `across`, `down`: whether two parts are of one light.
+// Joins the parts of a light that sends data, which is periodic in places; repeats with the joined parts. `across`,
+// `down`: predicates for two parts of one light.
 template <class Across, class Down>
 void join_parts(std::vector<Found>& found, const Across& across, const Down& down) {
   for (std::size_t i = 0; i < found.size(); ++i)
@@ -198,15 +201,15 @@ void join_parts(std::vector<Found>& found, const Across& across, const Down& dow
     }
 }
 
-// A reflection shows the same light at the same time: its phase at row 0 is the light's own. Where the rows between
-// them are too many to carry the phase over, the frequency alone has to do.
+// A reflection has the light's phase at row 0. If the distance in rows is too large to extrapolate the phase, only
+// frequencies are compared.
 void find_reflections(std::vector<Found>& found) {
   for (std::size_t i = 1; i < found.size(); ++i)
     for (std::size_t k = 0; k < i && !found[i].reflection_of && !found[i].known; ++k) {
       const RefinedLight &weak = found[i].light, &strong = found[k].light;
       if (found[k].reflection_of || !same_frequency(weak, strong) || flux(weak) > reflection_level * flux(strong))
         continue;
-      // Both phases at the weaker one's middle: only the stronger one's frequency carries over the distance.
+      // Phases at the centre of the weaker light: the error of its own frequency does not matter there.
       const auto middle = [](const RefinedLight& light) {
         return static_cast<double>(light.row) + 0.5 * static_cast<double>(light.height);
       };
@@ -253,7 +256,7 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   return source;
 }
 
-// One frame as lights are looked for in it.
+// Detection of lights in one frame.
 class Look {
  public:
   Look(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const DetectOptions& options)
@@ -261,13 +264,13 @@ class Look {
         frame_(frame),
         options_(options),
         limits_{min_rows, options.min_cycles, min_amplitude(frames)} {
-    // A memoryless curve keeps every period, and stored values show darkness best.
+    // A memoryless curve preserves every period, and stored values resolve darkness best.
     stored_.dark_level = camera.tone_curve.dark_level;
     stored_.white_level = camera.tone_curve.white_level;
     floor_ = logarithm_floor(frames, stored_);
   }
 
-  // Whether the light is where it is expected, and nothing else has been found there.
+  // Returns true if the expected light is confirmed at its place and no other detection is there.
   bool find_expected(const Region& box, double cycles_per_row) {
     const Suspect suspect{box.x, box.y, box.width, box.height, cycles_per_row, 1, 0};
     const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
@@ -278,8 +281,8 @@ class Look {
     return true;
   }
 
-  // Lights of a region, but those that were found before: tones of `frequencies`, in cycles per row; if none are given,
-  // any tones, and data where no tone explains a suspect.
+  // Detects the lights of a region except those already found: tones of `frequencies` in cycles per row. Without
+  // frequencies: any tone, and data where no tone explains a suspect.
   void search(const Region& region, std::span<const double> frequencies = {}) {
     auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms);
     suspects.resize(std::min(suspects.size(), max_suspects));
@@ -313,7 +316,7 @@ class Look {
     }
   }
 
-  // A light, or the lamps that touch and were found as one: each looked at in its own columns.
+  // Adds a light, or adjacent lamps that were detected as one, each refined in its own columns.
   void add_tone(const RefinedLight& light, double min_evidence) {
     std::vector<RefinedLight> lamps;
     for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, part_of(light))) {
@@ -330,7 +333,7 @@ class Look {
 
   void find_data(const std::vector<Suspect>& suspects) {
     const double min_evidence = data_evidence_for(suspects.size(), options_.false_alarms);
-    std::vector<RefinedLight> tones;  // that made a light
+    std::vector<RefinedLight> tones;  // tones that were joined into lights
     for (const Suspect& suspect : suspects) {
       const auto explains = [&](const RefinedLight& light) {
         return explained(suspect, light) || holds(suspect, light);
@@ -352,7 +355,7 @@ class Look {
     }
   }
 
-  // A tone, and lamps above each other, swing alike in all their columns too.
+  // True for a tone, and for lamps above each other, whose columns also have a common swing.
   [[nodiscard]] bool made_of_tones(const RefinedLight& light) const {
     std::size_t rows = 0;
     for (const Found& one : found_)
@@ -370,13 +373,13 @@ class Look {
   std::vector<Found> found_;
 };
 
-// Where to search, and for what: nothing given, for any frequency.
+// Search region and frequencies; without frequencies: any.
 struct Search {
   Region region;
   std::vector<double> frequencies;
 };
 
-// Searches whose regions overlap become one of the region that holds both.
+// Replaces searches with overlapping regions by one of the enclosing region.
 std::vector<Search> united(std::vector<Search> searches) {
   for (std::size_t i = 0; i < searches.size(); ++i)
     for (std::size_t k = i + 1; k < searches.size();) {

@@ -18,8 +18,8 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr std::size_t max_groups = 64;   // of columns in a patch
-constexpr std::size_t max_columns = 32;  // read for a mean
-constexpr std::size_t widest_sharp = 8;  // columns in a group of a small light
+constexpr std::size_t max_columns = 32;  // evaluated for a mean
+constexpr std::size_t widest_sharp = 8;  // max columns in a group of a small light
 
 // Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
 template <class T>
@@ -39,7 +39,7 @@ void read_rows(const FramesView<const T>& view, std::size_t frame, double dark, 
   }
 }
 
-// Columns lie in memory one after the other.
+// For columns that are contiguous in memory.
 template <class T>
 void read_columns(const FramesView<const T>& view, std::size_t frame, double dark, Patch& patch) {
   const double share = 1 / static_cast<double>(patch.group);
@@ -63,7 +63,7 @@ std::vector<double> group_means(const Patch& patch, const std::vector<double>& v
   return means;
 }
 
-// One carrier times another, or with sign −1 its conjugate.
+// Product of two carriers; with sign −1, of the first with the conjugate of the second.
 Turns times(const Turns& a, const Turns& b, double sign) {
   Turns out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
   for (std::size_t i = 0; i < out.real.size(); ++i) {

@@ -15,11 +15,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kMaxCuts = 4;              // one within the other
-constexpr double kMaxRows = 0.9;         // of a box; a light in so many of them has it whole
+constexpr int kMaxCuts = 4;              // recursion depth
+constexpr double kMaxRows = 0.9;         // of a box; lights with more rows get the whole box
 constexpr std::size_t kMinRows = 64;     // of a light
-constexpr std::size_t kReach = 14;       // rows to either side in which a swing is looked for
-constexpr double kActive = 0.06;         // of the strongest swing
+constexpr std::size_t kReach = 14;       // rows to either side for the local mean of a swing
+constexpr double kActive = 0.06;         // relative to the strongest swing
 constexpr double kAboveNoise = 4;        // standard deviations of a mean over a window
 constexpr std::size_t kMinDarkRows = 8;  // between two lights
 
@@ -27,7 +27,7 @@ struct Run {
   std::size_t begin, end;
 };
 
-// Root mean square over windows of the rows' swings about their moving mean, as far as noise does not explain it.
+// Root mean square of the rows' swings about their moving mean, over windows, with the noise subtracted.
 std::vector<double> activity(const CombinedColumn& column) {
   const auto slow = moving_mean(column.signal, kReach);
   std::vector<double> squares(column.signal.size());
@@ -39,7 +39,7 @@ std::vector<double> activity(const CombinedColumn& column) {
   return active;
 }
 
-// Runs of rows in which something swings, with at least so many rows between two of them in which nothing does.
+// Runs of rows with swings, separated by at least kMinDarkRows rows without.
 std::vector<Run> active_runs(const CombinedColumn& column) {
   const auto active = activity(column);
   const double least = kActive * *std::ranges::max_element(active);
@@ -56,7 +56,7 @@ std::vector<Run> active_runs(const CombinedColumn& column) {
   return runs;
 }
 
-// Columns from the first to the last that a light has.
+// From the first to the last column of a light.
 Run extent(const std::vector<std::uint8_t>& columns) {
   const auto first = std::ranges::find_if(columns, [](auto has) { return has != 0; });
   const auto last = std::find_if(columns.rbegin(), columns.rend(), [](auto has) { return has != 0; });
@@ -74,7 +74,7 @@ class Cutter {
  public:
   Cutter(const AnyFramesView& frame, const ToneCurve& curve) : frame_(frame), curve_(curve) {}
 
-  // By rows, and what that leaves by columns, until nothing is cut.
+  // Cuts by rows, then by columns, until nothing is cut.
   void cut(const Region& region, int depth) {
     const auto parts = depth < kMaxCuts ? parts_of(region) : std::vector<Region>{};
     if (parts.size() < 2) {

@@ -1,4 +1,4 @@
-// Where the lights are that carry data: boxes that each hold one light's chips.
+// Regions of the lights that carry data: boxes with one light's chips each.
 #pragma once
 
 #include <cstddef>
@@ -9,14 +9,14 @@
 
 namespace ocisac {
 
-// Boxes of lights beside each other (columns that swing differently: light_groups) and above each other (rows between
-// them in which nothing swings), cut in turn until each holds one, without rows at its ends in which nothing does,
-// where these are many. From the left, then from the top; the whole frame where nothing tells more than one light.
-// Lights that touch above each other are not told apart.
+// Boxes of lights beside each other (groups of columns with different swings: light_groups) and above each other
+// (separated by rows without swings), cut recursively until each contains one. Rows without swings at the ends are
+// removed if there are many. Order: from the left, then from the top; the whole frame unless several lights are
+// detected. Lights that touch above each other are not separated.
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve);
 
-// The part of a region from the first to the last of its rows in which its columns swing together; the whole region
-// where that is more than 90 % of it, or nothing swings.
+// The part of a region from the first to the last row with a common swing of its columns; the whole region if that is
+// more than 90 % of it, or without swings.
 Region swinging_rows(const AnyFramesView& frame, const Region& region, const ToneCurve& curve);
 
 }  // namespace ocisac

@@ -15,8 +15,8 @@ namespace ocisac {
 namespace {
 
 constexpr double min_beside = 0.8, min_above = 0.9;          // correlation of swings
-constexpr double min_between = 0.4, min_rows_between = 0.7;  // swing between parts, of the fainter part's
-constexpr double min_alike = 0.5;                            // correlation of lamps that touch
+constexpr double min_between = 0.4, min_rows_between = 0.7;  // swing between parts, relative to the fainter part's
+constexpr double min_alike = 0.5;                            // correlation of touching lamps
 constexpr std::size_t min_strip = 8, max_strips = 24;        // columns; strips of a box
 constexpr std::size_t touching = 8;                          // columns apart
 
@@ -31,13 +31,13 @@ Span columns_of(const LightPart& part) { return {part.column, part.column + part
 Span rows_of(const LightPart& part) { return {part.row, part.row + part.height}; }
 Span common(const Span& a, const Span& b) { return {std::max(a.begin, b.begin), std::min(a.end, b.end)}; }
 
-// Two of the slower one's cycles, an odd number of rows.
+// Two cycles of the slower one, an odd number of rows.
 std::size_t mean_length(const LightPart& a, const LightPart& b) {
   return 2 * static_cast<std::size_t>(std::floor(1 / std::min(a.frequency, b.frequency) + 0.5)) + 1;
 }
 
-// Logarithm of the mean light less its running mean over `length` rows; rows before and after repeat the first and the
-// last.
+// Logarithm of the mean light minus its running mean over `length` rows; the first and the last row are repeated beyond
+// the ends.
 std::vector<double> swing(const Frame& frame, const Span& columns, const Span& rows, std::size_t length) {
   std::vector<double> logs = mean_light(frame, columns.begin, columns.end, rows.begin, rows.end);
   for (double& value : logs) value = std::log(std::max(value, 0.0) + frame.floor);
@@ -58,7 +58,7 @@ double extent(std::span<const double> a) {
   return a.empty() ? 0 : std::sqrt(product(a, a) / static_cast<double>(a.size()));
 }
 
-// Correlation about zero.
+// Correlation without removal of means.
 double likeness(std::span<const double> a, std::span<const double> b) {
   const double energy = product(a, a) * product(b, b);
   return energy > 0 ? product(a, b) / std::sqrt(energy) : 0;

@@ -1,4 +1,4 @@
-// Parts of one light told from lights beside each other: what lies between parts of one light swings as they do.
+// Separates parts of one light from adjacent lights: between parts of one light the swing is the same.
 #pragma once
 
 #include <cstddef>
@@ -14,21 +14,21 @@ struct LightPart {
   double frequency;
 };
 
-// Whether parts beside each other are of one light: log light, less its mean over two cycles, swings alike (correlation
-// 0.8) in the rows of both, and in the columns between. Parts farther apart than they are wide are not looked at.
-// `dark`: DN of no light; `floor`: of the logarithm, DN.
+// True if parts beside each other belong to one light: log light, minus its mean over two cycles, correlates (0.8) in
+// the rows of both and in the columns between. False for parts farther apart than their width. `dark`: DN without
+// light; `floor`: of the logarithm, DN.
 bool one_light_across(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
                       const LightPart& b);
 
-// The same of parts above each other, in much the same columns: the rows between, at least a cycle, swing alike in the
-// left and the right half (0.9), and at least 0.7 times as far as the parts. A tone would have been found as a whole:
-// such a light sends data. Parts farther apart than they are high together are not looked at.
+// The same for parts above each other in about the same columns: in the rows between, at least a cycle, the left and
+// the right half correlate (0.9) and swing at least 0.7 times as much as the parts. A tone would have been detected as
+// a whole, so such a light sends data. False for parts farther apart than their total height.
 bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
                     const LightPart& b);
 
-// Lamps that touch, found as one: runs of columns whose log light swings unlike (correlation below 0.5) that of the run
-// before, each at least a fifth of the box, and the strongest frequency in each between half and twice the box's.
-// Nothing where the outer quarters swing alike, or fewer than two runs are wide enough.
+// Touching lamps that were detected as one: runs of columns whose log light has a correlation below 0.5 with the run
+// before. Each run is at least a fifth of the box, with its strongest frequency between half and twice the box's. Empty
+// if the outer quarters correlate, or fewer than two runs are wide enough.
 std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
                                     const LightPart& box);
 

@@ -20,7 +20,7 @@ struct Energy {
   double fundamental = 0, value = 0, slope = 0, curvature = 0;
 };
 
-// Values in whole blocks of the kernel; turns are made anew for every frequency.
+// Values in whole blocks of the kernel; the turns are recomputed for every frequency.
 class Profile {
  public:
   explicit Profile(std::span<const double> x)
@@ -68,8 +68,8 @@ class Profile {
   std::size_t size_;
 };
 
-// The maximum near `frequency`: Newton's steps, none longer than a quarter of a cycle over the profile, and uphill
-// where there is no summit yet.
+// Maximum near `frequency` by Newton steps of at most a quarter of a cycle over the profile, uphill where the curvature
+// has the wrong sign.
 double climbed(Profile& profile, double frequency, double lower, double upper) {
   const double longest = 0.25 / static_cast<double>(profile.size());
   for (int step = 0; step < 40; ++step) {

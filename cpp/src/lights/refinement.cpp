@@ -17,13 +17,13 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double box_edge = 0.15;         // of the largest amplitude
+constexpr double box_edge = 0.15;         // relative to the largest amplitude
 constexpr double min_alignment = 0.5;     // cosine of the angle to the light's phase
-constexpr double frequency_reach = 0.12;  // relative, in a round
+constexpr double frequency_reach = 0.12;  // relative, per round
 
 constexpr std::size_t max_orders = 9;  // of a periodic light's harmonics
 
-// Without the care of the standard's for what is close to the ends of the exponents.
+// Magnitude without the standard's scaling for extreme exponents.
 double size(Complex z) { return std::sqrt(std::norm(z)); }
 
 // Calls visit(index, row) for every element of a part of the patch.
@@ -35,7 +35,7 @@ void for_each(const Patch& patch, const PatchRange& range, Visit visit) {
 
 struct Lit {
   Box box;
-  double amplitude;  // near the largest, of |z|
+  double amplitude;  // of |z|, near its maximum
 };
 
 // A connected part of the patch, rows and groups inclusive.
@@ -44,7 +44,7 @@ struct Part {
   double weight;
 };
 
-// Takes the part that holds `start` out of `open_to`.
+// Removes the connected part that contains `start` from `open_to`.
 Part connected_part(const Patch& patch, std::span<const double> aligned, std::vector<std::uint8_t>& open_to,
                     std::size_t start, std::vector<std::size_t>& stack) {
   Part part{patch.rows, 0, patch.groups, 0, 0};
@@ -67,7 +67,7 @@ Part connected_part(const Patch& patch, std::span<const double> aligned, std::ve
   return part;
 }
 
-// The light's box: the connected part with the most swing that begins in the suspect's.
+// The light's box: the connected part of largest total swing that begins in the suspect's.
 std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Box& suspect) {
   const PatchRange where = patch.range(suspect);
   if (where.size() == 0) return {};
@@ -110,13 +110,13 @@ struct Profile {
   std::vector<double> matched;  // (patch rows): Σ over the light's columns of weight × log swing; 0 outside
   std::vector<double> weight;   // Σ of squared weights
   double energy = 0;            // Σ of squared log swing, in the box
-  double common = 0;            // that of the weighted mean over the columns
-  double noise = 0;             // Σ of the variance of noise, in the box
-  double uneven = 0;            // depth at the frequency of the rows' variance across the columns, in the box, 0 to 1
+  double common = 0;            // energy of the weighted mean over the columns
+  double noise = 0;             // Σ of the noise variance, in the box
+  double uneven = 0;  // modulation depth, at the frequency, of the variance across the columns in the box, 0 to 1
 };
 
-// Light multiplies a picture, which leaves its texture in log light the same in bright rows and dark ones. Lines of
-// text have theirs in the rows of the letters.
+// Light multiplies a picture, so the texture of log light is equal in bright and dark rows. Lines of text have texture
+// only in the rows of their letters.
 double uneven_variance(const Patch& patch, const PatchRange& core, const std::vector<double>& fast, double frequency) {
   Complex tone = 0;
   double total = 0;
@@ -135,7 +135,7 @@ double uneven_variance(const Patch& patch, const PatchRange& core, const std::ve
   return total > 0 ? std::abs(tone) / total : 0;
 }
 
-// Weighted with the local swing in log light, in the box and two cycles more on each side.
+// Profile weighted with the local swing of log light, in the box and two cycles on each side.
 Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Box& box, double frequency) {
   const SwingMap swing = demodulator.swing(patch, patch.logs);
   const std::vector<double> fast = fast_logs(patch, frequency);
@@ -168,7 +168,7 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Box
   return profile;
 }
 
-// Least squares of weight·(harmonics) to the profile by projection: share of its energy that is periodic.
+// Fraction of the profile's energy explained by a least-squares fit of weight·(harmonics).
 double periodic_share(const Profile& profile, double frequency) {
   double total = 0, weights = 0;
   for (std::size_t n = 0; n < profile.matched.size(); ++n) {
@@ -189,7 +189,7 @@ double periodic_share(const Profile& profile, double frequency) {
   return total > 0 ? std::min(periodic / total, 1.0) : 0;
 }
 
-// What the profile tells of the light in a box.
+// Properties of the light in a box from its profile.
 RefinedLight refined(const Patch& patch, const Profile& profile, const Box& box, double frequency, double error,
                      double amplitude) {
   const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;

@@ -1,4 +1,4 @@
-// From a place that may hold a modulated light to its box and frequency.
+// Refines a suspected light to its box and frequency.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace ocisac {
 
-// Least rows and cycles of a box, and least amplitude in DN.
+// Minimum rows and cycles of a box, and minimum amplitude in DN.
 struct LightLimits {
   double rows, cycles, amplitude;
 };
@@ -18,21 +18,20 @@ struct RefinedLight {
   std::size_t column, row, width, height;  // box of the fundamental above 15 % of its largest amplitude
   double frequency, frequency_std;         // cycles per row
   double phase;                            // rad, of the fundamental's sum at row 0 of the picture
-  double snr;                              // periodic part over the rest, in the box
+  double snr;                              // periodic part over the residual, in the box
   double amplitude;                        // of the fundamental, DN
-  double common;                           // share of the box's swing that all columns have in common
-  double periodic;                         // share of that common swing that is periodic
-  double texture;                          // rest of the swing, less what noise explains, over the periodic part
-  double uneven;                           // depth of the texture's swing at the frequency; 0 where light multiplies it
+  double common;                           // fraction of the box's swing that is common to all columns
+  double periodic;                         // periodic fraction of that common swing
+  double texture;                          // residual swing minus noise, over the periodic part
+  double uneven;  // modulation depth of the texture at the frequency; 0 where light multiplies it
 };
 
-// Demodulation at the suspect's frequency f with a Hann window of two cycles, which takes out the mean, gives the map
-// of the light's swing. Its box is where the swing has the phase of its sum. The frequency maximises the energy of f,
-// 2f and 3f in log light weighted by the local swing: an envelope that is real and positive moves no peak, however few
-// cycles there are. Its standard error is a jackknife over groups of cycles. `dark`: DN of no light; a tone curve,
-// which has no memory, keeps every period. `floor`: of the logarithm, DN. Nothing where box or amplitude is below 0.7
-// of the limits on the way. `rounds`: one is enough where the suspect's box and frequency are those of the frame
-// before.
+// Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of
+// the light's swing. The box is the region where the swing has the phase of its sum. The frequency maximises the energy
+// of f, 2f and 3f in log light weighted by the local swing: a real, positive envelope does not bias the peak, even for
+// few cycles. Its standard error is a jackknife over groups of cycles. `dark`: DN without light; a memoryless tone
+// curve preserves every period. `floor`: of the logarithm, DN. Absent if box or amplitude falls below 0.7 of the limits
+// in a round. `rounds`: one suffices if the suspect's box and frequency come from the last frame.
 std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
                                           const Suspect& suspect, double floor, const LightLimits& limits,
                                           int rounds = 2);

@@ -21,7 +21,7 @@ using Doubles = hn::Vec<DoubleTag>;
 struct Sum {
   Doubles real, imaginary;
 
-  // Adds x·carrier(i), and takes off y·carrier(k).
+  // Adds x·carrier(i) and subtracts y·carrier(k).
   HWY_INLINE void slide(const Carrier& carrier, Doubles x, std::size_t i, Doubles y, std::size_t k) {
     const DoubleTag d;
     real = hn::MulAdd(x, hn::Set(d, carrier.real[i]), real);
@@ -31,14 +31,14 @@ struct Sum {
   }
 };
 
-// Down the rows, a vector of groups at a time.
+// Along the rows, one vector of groups at a time.
 void HannDemodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real, double* imaginary) {
   const DoubleTag d;
   const std::size_t reach = window.length / 2, last = x.rows - 1;
   const auto half = hn::Set(d, 0.5 / static_cast<double>(window.length));
   for (std::size_t g = 0; g < x.stride; g += hn::Lanes(d)) {
     const auto centre = hn::LoadU(d, mean + g), none = hn::Zero(d);
-    const auto at = [&](std::size_t i) HWY_ATTR {  // counted from `reach` rows before the first
+    const auto at = [&](std::size_t i) HWY_ATTR {  // from `reach` rows before the first
       return hn::Sub(hn::LoadU(d, x.values + std::min(i - std::min(i, reach), last) * x.stride + g), centre);
     };
     Sum below{none, none}, middle = below, above = below;
@@ -74,7 +74,7 @@ void Logarithms64(const double* light, std::size_t count, double floor, double* 
   const auto one = hn::Set(d, 1.0);
   for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
     const auto x = hn::BitCast(bits, hn::Add(hn::Max(hn::LoadU(d, light + i), hn::Zero(d)), hn::Set(d, floor)));
-    // The biased exponent as a number: 2^52 + exponent.
+    // Biased exponent as a floating-point number: 2^52 + exponent.
     const auto shifted = hn::Or(hn::ShiftRight<52>(x), hn::Set(bits, 0x4330000000000000ULL));
     auto exponent = hn::Sub(hn::BitCast(d, shifted), hn::Set(d, 4503599627370496.0 + 1023.0));
     auto m =

@@ -1,4 +1,4 @@
-// The loops of the refinement of light sources, for the instructions that the processor has.
+// Inner loops of the refinement of light sources, compiled once for each SIMD target.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@ struct Carrier {
   const double *real, *imaginary;
 };
 
-// A Hann window of `length` rows (odd), sum 1, on a tone: as three running sums about carriers at f − 1/length, f and
-// f + 1/length; `turns`: e^{−j2πn/length} of the rows.
+// A Hann window of `length` rows (odd), sum 1, on a tone: three running sums with carriers f − 1/length, f and f +
+// 1/length; `turns`: e^{−j2πn/length} of the rows.
 struct HannWindow {
   Carrier below, middle, above, turns;
   std::size_t length;
@@ -25,8 +25,8 @@ struct PatchView {
   std::size_t rows, stride;
 };
 
-// z(n) = Σ_m window(m − n)·(x(m) − mean)·e^{−j2πfm} of each group; rows before and after repeat the first and the last.
-// `mean`: of each group. real, imaginary: as the patch.
+// z(n) = Σ_m window(m − n)·(x(m) − mean)·e^{−j2πfm} of each group; the first and the last row are repeated beyond the
+// ends. `mean`: of each group. real, imaginary: layout of the patch.
 void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real, double* imaginary);
 
 // out[i] = ln(max(light[i], 0) + floor), to 1e-15. count: a multiple of patch_padding; floor > 0.
@@ -46,7 +46,7 @@ struct HarmonicSums {
   double real[max_harmonics][3], imaginary[max_harmonics][3];
 };
 
-// `blocks`: of 16 values of x.
+// `blocks`: number of blocks of 16 values of x.
 HarmonicSums harmonic_sums(const double* x, std::size_t blocks, const Turns& turns);
 
 }  // namespace ocisac::kernels

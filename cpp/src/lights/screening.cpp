@@ -16,19 +16,19 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t window = 32, hop = 16;  // rows of a tile, after adding
-constexpr std::size_t tile_groups = 3;        // in a tile
+constexpr std::size_t window = 32, hop = 16;  // rows of a tile, after summing
+constexpr std::size_t tile_groups = 3;        // per tile
 constexpr std::size_t widest_group = 8;       // columns at the finest scale
-constexpr std::size_t wide_factor = 8;        // a second family of scales, for faint light on wide areas
+constexpr std::size_t wide_factor = 8;        // a second family of scales, for faint light on large areas
 constexpr double min_share = 0.4;
-constexpr float min_power = 1e-6F;  // mean square of log light: swings below 0.1 % are nobody's
-// Cycles in a window: by halves where the tiles of the next scale do not see better.
+constexpr float min_power = 1e-6F;  // mean square of log light: swings below 0.1 % are ignored
+// Cycles in a window; half steps where the tiles of the next scale have no better resolution.
 constexpr std::array<double, 18> cycles{2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8, 9, 10, 11, 12, 13, 14};
 
-// Cosines and sines about the middle of a window, less their own mean and slope, so that a signal's do not count:
+// Cosines and sines about the middle of a window, with mean and slope removed, so that those of a signal do not matter:
 // of rows 31, 30, … 16 (16 × waves).
 struct Waves {
-  static constexpr std::size_t padded = 24;  // waves, in whole vectors
+  static constexpr std::size_t padded = 24;  // number of waves in whole vectors
   std::array<std::array<float, padded>, hop> cosine{}, sine{};
   float slope_energy = 0;  // Σ (n − 15.5)²
 
@@ -48,7 +48,7 @@ struct Waves {
     }
   }
 
-  // Of row 31 − n.
+  // Position of row 31 − n relative to the middle.
   static double from_middle(std::size_t n) { return 0.5 * (window - 1) - static_cast<double>(n); }
 };
 
@@ -58,7 +58,7 @@ const Waves& waves() {
 }
 
 struct Tile {
-  float share = 0;  // 0: nothing
+  float share = 0;  // 0: none
   std::uint8_t wave = 0;
 };
 
@@ -67,7 +67,7 @@ struct Tone {
   std::uint8_t wave = 0;
 };
 
-// The strongest of the waves in what the groups of a tile have in common; `tile`: its first group.
+// The strongest wave in the common signal of a tile's groups; `tile`: its first group.
 Tone strongest_tone(const kernels::Chunk& earlier, const kernels::Chunk& later, std::size_t tile, std::size_t stride,
                     std::size_t groups) {
   const Waves& all = waves();
@@ -93,7 +93,7 @@ std::size_t windows_in(std::size_t rows) { return rows < window ? 0 : (rows - wi
 
 bool alike(std::uint8_t a, std::uint8_t b) { return std::abs(cycles[a] - cycles[b]) <= 1; }
 
-// Tiles that touch, corners included, and agree in frequency.
+// Suspects from tiles that touch, corners included, and agree in frequency.
 void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, std::size_t column_step,
                   std::vector<Suspect>& suspects) {
   std::vector<std::uint8_t> seen(map.tiles.size());
@@ -127,15 +127,15 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
   }
 }
 
-// The share that white noise passes `false_alarms` times in so many tiles.
+// Threshold of the share that white noise exceeds `false_alarms` times in this number of tiles.
 double share_threshold(std::size_t tiles, std::size_t groups, double false_alarms) {
   const double tests = static_cast<double>(std::max<std::size_t>(tiles, 1) * cycles.size());
   const double half_freedom = (static_cast<double>(groups * (window - 2)) - 2) / 2;
   return std::max(min_share, 1 - std::pow(std::min(false_alarms / tests, 1.0), 1 / half_freedom));
 }
 
-// Log light of one scale as its rows come by: two chunks of 16 rows are a window. Rows added in pairs and groups of
-// groups make the next scales.
+// Log light of one scale, row by row: two chunks of 16 rows form a window. Sums of two rows and of neighbouring groups
+// form the next scales.
 class Scale {
  public:
   Scale(std::size_t rows, std::size_t groups, std::size_t row_step, std::size_t column_step, bool widen)
@@ -159,7 +159,7 @@ class Scale {
     light_.resize(std::max(wide_ ? wide_->groups_ : 0, half_ ? half_->groups_ : 0));
   }
 
-  // Of this scale and those made from it.
+  // Number of tiles of this scale and those derived from it.
   [[nodiscard]] std::size_t tiles() const {
     return windows_in(rows_) * groups_ + (wide_ ? wide_->tiles() : 0) + (half_ ? half_->tiles() : 0);
   }
@@ -218,8 +218,8 @@ class Scale {
     if (chunks > 1) end_window(1 - later, later);
   }
 
-  // The common share of a tile bounds that of any tone in it, and costs little; tones are looked at where it reaches
-  // the threshold.
+  // The common share of a tile is a cheap upper bound for that of any tone in it; tones are evaluated only where it
+  // reaches the threshold.
   void end_window(std::size_t earlier, std::size_t later) {
     const std::size_t across = groups_ - tile_width() + 1;
     map_.across = across;
@@ -265,7 +265,7 @@ class Scale {
   std::unique_ptr<Scale> wide_, half_;
 };
 
-// A memoryless tone curve keeps every period: stored values do.
+// Uses stored values: a memoryless tone curve preserves every period.
 template <class T>
 void add_rows(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
   const std::size_t groups = view.columns / group;
@@ -308,7 +308,7 @@ void sum_columns(const FramesView<const T>& view, std::size_t first, std::size_t
   for (float& light : out) light = light * factor - dark;
 }
 
-// Columns lie in memory one after the other: some cache lines of each at a time, a few groups at a time.
+// For contiguous columns: processes some cache lines of each and a few groups at a time.
 template <class T>
 void add_columns(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
   constexpr std::size_t block = 256, together = 16;
@@ -335,7 +335,7 @@ double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve) {
       [&]<class T>(const FramesView<const T>& view) {
         if (std::is_integral_v<T> || curve.white_level != 0)
           return (white_level(curve, sample_maximum<T>()) - curve.dark_level) / 64;
-        double top = 0;  // floating-point samples of no stated range
+        double top = 0;  // floating-point samples without a stated range
         for (std::size_t f = 0; f < view.frames; ++f)
           for (std::size_t n = 0; n < view.rows; ++n)
             for (std::size_t c = 0; c < view.columns; ++c)
@@ -350,7 +350,7 @@ std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t fra
   const auto floor = static_cast<float>(logarithm_floor(frames, curve));
   const Shape shape = shape_of(frames);
   const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
-  const bool whole = saturation_level(frames) > 0;  // integers: a tone of half a stored step is none
+  const bool whole = saturation_level(frames) > 0;  // integers: a tone of less than half a stored step is ignored
   const float min_swing = whole ? 0.5F : 0.0F;
   Scale finest(shape.rows, shape.columns / group, 1, group, true);
   finest.begin(floor, min_swing, false_alarms, finest.tiles());

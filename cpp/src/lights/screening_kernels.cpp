@@ -50,7 +50,7 @@ void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, s
 using FloatTag = hn::CappedTag<float, 16>;
 using Floats = hn::Vec<FloatTag>;
 
-// Products of groups `apart` over the window, beyond mean and slope of each.
+// Products of groups `apart` over the window, with mean and slope of each removed.
 struct WindowProducts {
   const WindowScratch& of;
   const Chunk &earlier, &later;
@@ -133,7 +133,7 @@ void WaveSums(const float* earlier, const float* later, float step, std::size_t 
   }
 }
 
-// The next group's columns are fetched ahead: too many streams for the processor to foresee.
+// Prefetches the next group's columns: too many streams for the hardware prefetchers.
 void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t rows, bool more,
                      float scale, float dark, float* HWY_RESTRICT out) {
   const FloatTag d;
@@ -158,7 +158,7 @@ void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stri
   }
 }
 
-// Plain loops from here on: compilers turn them into the target's instructions.
+// Plain loops from here on: the compiler vectorises them for the target.
 void SumEightBytes(const std::uint8_t* HWY_RESTRICT row, std::size_t groups, float scale, float dark,
                    float* HWY_RESTRICT out) {
   constexpr std::uint64_t low = 0x00ff00ff00ff00ffU;

@@ -1,4 +1,4 @@
-// The loops of the screening of light sources, for the instructions that the processor has.
+// Inner loops of the screening of light sources, compiled once for each SIMD target.
 #pragma once
 
 #include <cstddef>
@@ -7,41 +7,41 @@
 namespace ocisac::kernels {
 
 constexpr std::size_t chunk_rows = 16;
-constexpr std::size_t chunk_padding = 72;  // floats after a row that may be read
+constexpr std::size_t chunk_padding = 72;  // floats that may be read beyond a row
 
-// Of every group of columns over a chunk of rows, less its first row: Σx, Σx·row, Σx², and products Σx·y, Σx·z with
+// For each group of columns over a chunk of rows, first row subtracted: Σx, Σx·row, Σx², and products Σx·y, Σx·z with
 // the next group and the one after it.
 struct ChunkMoments {
   float *sum, *slope, *square, *next, *second;
 };
 
 // `rows`: chunk_rows rows of `groups` values, `stride` apart, with padding after each. common: the same rows, each
-// value with the next tile − 1 ones (tile: 1 to 3) added, less the first row.
+// value the sum over `tile` (1 to 3) neighbouring ones, first row subtracted.
 void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
                    float* common);
 
-// A chunk as it lies in a window: its first row, its moments about it, and `common` of chunk_moments().
+// A chunk within a window: its first row, its moments about it, and `common` of chunk_moments().
 struct Chunk {
   const float* first;
   ChunkMoments moments;
   const float* common;
 };
 
-// What makes a tile of `groups` neighbouring groups a candidate: energy above `min_energy`, and a common share of at
+// Conditions for a candidate tile of `groups` neighbouring groups: energy above `min_energy`, and a common share of at
 // least `min_share`.
 struct TileBound {
   std::size_t groups;
   float min_energy, min_share, slope_energy;
 };
 
-// Room for what a window's groups hold: `groups` values and padding each.
+// Scratch memory for a window: `groups` values and padding each.
 struct WindowScratch {
   float *step, *sum, *slope, *own, *near, *far;
 };
 
-// Of tiles 0 … tiles − 1 of a window of two chunks, less mean and slope of each group: energy[g] = Σ energy of its
-// groups, 0 where the tile is no candidate; sums of log light as of WindowScratch::sum, about the earlier first row.
-// The energy of what the groups have in common bounds that of any tone. Returns whether there is a candidate.
+// Energies of tiles 0 … tiles − 1 of a window of two chunks, mean and slope of each group removed: energy[g] = Σ energy
+// of its groups, 0 where the tile is no candidate. Sums of log light as of WindowScratch::sum, relative to the earlier
+// first row. The energy common to the groups bounds that of any tone. Returns true if there is a candidate.
 bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
                    const WindowScratch& scratch, float* energy);
 
@@ -54,7 +54,7 @@ void wave_sums(const float* earlier, const float* later, float step, std::size_t
 // out[g] = scale·(sum of bytes 8g … 8g + 7) − dark.
 void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out);
 
-// The same of bytes in columns that are dense: out[n] = scale·(sum of bytes n of eight columns) − dark. `more`: eight
+// The same for bytes in contiguous columns: out[n] = scale·(sum of bytes n of eight columns) − dark. `more`: eight
 // further columns follow, `stride` apart.
 void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
                        float dark, float* out);
