@@ -14,18 +14,18 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kUnsureFrame = 0.3;   // chips; with a larger standard error at the frame's ends clocks are compared
-constexpr double kExposureStep = 0.5;  // chips, of the exposures to begin with
+constexpr double kUnsureFrame = 0.3;   // chips; max standard error at the frame's ends without a comparison of clocks
+constexpr double kExposureStep = 0.5;  // chips, step of the initial exposures
 constexpr int kExposureSteps = 2;      // on either side
-constexpr double kGrowth = 1.35;       // of the rows from one round to the next
+constexpr double kGrowth = 1.35;       // growth factor of the rows per round
 constexpr double kMovedErrors = 1.5, kMinMove = 0.25, kMaxMove = 0.4;  // standard errors, chips at the rows' ends
-constexpr std::size_t kMaxClocks = 8;                                  // kept
-constexpr double kReach = 20;                                          // nats that these are behind the likeliest
-constexpr double kAlike = 0.12;                                        // chips, at the rows' ends and of exposure
+constexpr std::size_t kMaxClocks = 8;                                  // max number kept
+constexpr double kReach = 20;                                          // max cost above the best clock, nats
+constexpr double kAlike = 0.12;  // chips, at the rows' ends and of exposure: closer clocks are equal
 constexpr int kWholeRounds = 3;
-constexpr double kMinGrowth = 1.3;  // from the likeliest
+constexpr double kMinGrowth = 1.3;  // relative to the best
 
-// The rows with more on either side; at an end of the frame as many more on the other.
+// The rows extended on either side; at an end of the frame, on the other side instead.
 RowRange longer(RowRange rows, std::size_t frame_rows) {
   const auto size =
       std::min(static_cast<std::size_t>(std::ceil(kGrowth * static_cast<double>(rows.size()))) + 1, frame_rows);
@@ -34,7 +34,7 @@ RowRange longer(RowRange rows, std::size_t frame_rows) {
   return {begin, begin + size};
 }
 
-// The start, and what suits the known chips, or is near the start, with longer and shorter exposures.
+// The start, and fits to the known chips (else clocks near the start) with longer and shorter exposures.
 std::vector<ChannelEstimate> first_clocks(const TurnContext& context, const ChannelEstimate& start) {
   const RefineOptions& options = context.options;
   std::vector<ChannelEstimate> clocks{start};
@@ -59,7 +59,7 @@ bool are_alike(const ChipClock& a, const ChipClock& b, RowRange rows) {
                    std::abs(a.exposure_rows - b.exposure_rows) / a.rows_per_chip}) < kAlike;
 }
 
-// The likeliest of those that differ, the best first.
+// The most likely of the distinct clocks, the best first.
 std::vector<ChannelEstimate> likeliest(std::vector<ChannelEstimate> clocks, RowRange rows) {
   std::ranges::stable_sort(clocks, {}, &ChannelEstimate::noise);
   std::vector<ChannelEstimate> kept;
@@ -72,7 +72,7 @@ std::vector<ChannelEstimate> likeliest(std::vector<ChannelEstimate> clocks, RowR
   return kept;
 }
 
-// A turn on the rows from each of the clocks, and from higher and lower rates.
+// One turn on the rows from each clock, and from higher and lower rates.
 std::vector<ChannelEstimate> turn_each(const TurnContext& context, std::span<const ChannelEstimate> clocks,
                                        RowRange rows, bool with_rates) {
   std::vector<ChannelEstimate> turned;
@@ -87,7 +87,7 @@ std::vector<ChannelEstimate> turn_each(const TurnContext& context, std::span<con
   return turned;
 }
 
-// Of clocks followed side by side from some rows, the one whose chips of the whole frame leave least.
+// Tracks several clocks in parallel from some rows on; returns the one with the smallest residual over the frame.
 std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, std::vector<ChannelEstimate> clocks,
                                                RowRange rows) {
   if (clocks.empty()) return std::nullopt;

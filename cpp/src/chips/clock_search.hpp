@@ -1,4 +1,4 @@
-// Clocks compared by the whole frame, where the one that was followed step by step may have slipped a chip.
+// Compares clocks over the whole frame, where step-by-step tracking may have slipped a chip.
 #pragma once
 
 #include <cstddef>
@@ -11,16 +11,16 @@ namespace ocisac {
 
 // Half the distance of the closest pair of sequences over the channel's noise.
 double closeness(const ChannelEstimate& channel, std::size_t frame_rows);
-inline constexpr double kCloseSequences = 6;  // below it chips are easily taken for others
+inline constexpr double kCloseSequences = 6;  // below this, chips are easily confused
 
-// Clocks followed over ever more rows, from some rows on, as many side by side as are likely; the channel of that which
-// leaves least of the frame. Absent where none gets so far.
+// Tracks clocks in parallel over a growing range of rows, as many as are likely; returns the channel with the smallest
+// residual over the frame. Absent if no clock reaches it.
 std::optional<RefinedChannel> follow_side_by_side(const TurnContext& context, std::vector<ChannelEstimate> clocks,
                                                   RowRange rows);
 
-// What is grown step by step may have slipped a chip and be plausible all the same, where the start's clock is not sure
-// at the frame's ends and chips are easily taken for others. There clocks near the start are followed side by side, and
-// what leaves least of the frame is taken instead of `found`.
+// Step-by-step growth may slip a chip and still seem plausible if the start's clock is uncertain at the frame's ends
+// and chips are easily confused. In that case clocks near the start are tracked in parallel, and the one with the
+// smallest residual over the frame replaces `found`.
 std::optional<RefinedChannel> likelier(const TurnContext& context, const ChannelEstimate& start,
                                        std::optional<RefinedChannel> found);
 

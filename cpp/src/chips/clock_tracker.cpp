@@ -15,7 +15,7 @@ using Matrix2 = Eigen::Matrix2d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kMinVariance = 1e-18;  // rows²; a frame without noise tells no more
+constexpr double kMinVariance = 1e-18;  // rows²; lower bound for frames without noise
 
 struct State {
   Vector3d mean;
@@ -23,7 +23,7 @@ struct State {
   std::int64_t chip;
 };
 
-// `count` frames on, and to the chip that begins nearest row 0 there.
+// Predicts `count` frames ahead, for the chip that begins nearest row 0 there.
 State forwarded(const State& from, std::int64_t count, const TrackerOptions& options) {
   const auto frames = static_cast<double>(count);
   const double rows = frames * from.mean[2] - from.mean[0];  // from the chip's beginning to the new frame's
@@ -32,7 +32,7 @@ State forwarded(const State& from, std::int64_t count, const TrackerOptions& opt
   step(0, 1) = chips;
   step(0, 2) = -frames;
   State to{step * from.mean, step * from.covariance * step.transpose(), from.chip + std::llround(chips)};
-  // A rate that walks: what it adds to the phase on the way is its integral.
+  // Random walk of the rate; its contribution to the phase is the integral.
   const double walk = std::pow(options.drift * from.mean[1], 2) * frames;
   to.covariance(1, 1) += walk;
   to.covariance(0, 1) += 0.5 * walk * chips;
@@ -41,7 +41,7 @@ State forwarded(const State& from, std::int64_t count, const TrackerOptions& opt
   return to;
 }
 
-// Phase of chip 0 and rows per chip as measured, from those at the chip in the middle of what was used.
+// Covariance of the measured phase of chip 0 and rows per chip, from that at the middle chip of the fit.
 Matrix2 measured_covariance(const ClockErrors& errors) {
   const auto& c = errors.covariance;
   const auto away = -static_cast<double>(errors.chip);
@@ -104,7 +104,7 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
   const State here =
       forwarded({Eigen::Map<const Vector3d>(state_.data()), Eigen::Map<const Matrix3>(covariance_.data()), chip_},
                 frame - frame_, options_);
-  // Of the chips measured the one that begins nearest to the predicted one.
+  // Selects the measured chip that begins nearest to the predicted one.
   const double away = std::nearbyint((here.mean[0] - clock.phase) / clock.rows_per_chip);
   ClockErrors shifted = errors;
   shifted.chip -= static_cast<std::ptrdiff_t>(away);

@@ -16,7 +16,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kStepsPerLine = 4;  // frequencies that are looked at in the width of a frame's spectral line
+constexpr double kStepsPerLine = 4;  // frequency steps per width of a frame's spectral line
 constexpr Index kSwingTerms = 3;
 constexpr int kSquareSteps = 12;
 constexpr double kSquareReach = 0.6;  // spectral lines of a frame

@@ -12,13 +12,13 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMiddle = 0.4;    // of what the ramps leave of a chip, to either side of its middle
+constexpr double kMiddle = 0.4;    // half width about a chip's middle, relative to its part outside of the ramps
 constexpr double kMinReach = 0.5;  // rows
-// Chips that an error rate is the mean of, so far apart that they lie everywhere to the rows that a frame's chips do.
+// Number of chips averaged for an error rate, and their spacing, which covers the positions of chips relative to rows.
 constexpr int kChips = 16, kApart = 67;
 
-// Weights of neighbouring rows, sum 1: each by the share of its place (half a row to either side) in the reach around
-// the centre. None where that is beyond the rows.
+// Weights of neighbouring rows, sum 1: each the overlap of its interval (half a row to either side) with the reach
+// around the centre. Empty if that is outside of the rows.
 struct Weights {
   std::size_t begin = 0;
   std::vector<double> of_row;
@@ -63,14 +63,14 @@ ChipClock with_least_exposure(ChipClock clock) {
   return clock;
 }
 
-// Share of a chip in what a row sees.
+// Weight of a chip in a row.
 double share(double row, double chip, const ChipClock& clock) {
   const double begin = clock.phase + chip * clock.rows_per_chip, half = 0.5 * clock.exposure_rows;
   return std::max(std::min(row + half, begin + clock.rows_per_chip) - std::max(row - half, begin), 0.0) /
          clock.exposure_rows;
 }
 
-// A decision's value is ½ + gain·x + Σ others·x + noise, x = ±½.
+// Decision value: ½ + gain·x + Σ others·x + noise, x = ±½.
 struct Response {
   double gain = 0;
   std::vector<double> others;
@@ -90,12 +90,12 @@ double slicer_reach(const ChipClock& clock) {
   return std::max(kMiddle * (clock.rows_per_chip - clock.exposure_rows), kMinReach);
 }
 
-// Chips to either side that the rows around a chip's middle may see.
+// Number of chips to either side with a possible effect on the rows around a chip's middle.
 double chips_seen(const ChipClock& clock) {
   return std::ceil((0.5 * clock.exposure_rows + slicer_reach(clock) + 0.5) / clock.rows_per_chip - 0.5);
 }
 
-// Calls use(other, weight): the part of each chip in what a chip is decided by.
+// Calls use(other, weight) with the weight of each chip in the decision value of `chip`.
 template <class Use>
 void for_each_chip_seen(const Weights& weights, double chip, const ChipClock& clock, Use use) {
   const double away = chips_seen(clock);
@@ -111,7 +111,7 @@ void for_each_chip_seen(const Weights& weights, double chip, const ChipClock& cl
 
 double inverse_reach(const ChipClock& clock) { return std::max(kMiddle * clock.rows_per_chip, kMinReach); }
 
-// Row n of what equalize() gives is the light at the end of row n's exposure, half an exposure after its middle.
+// Row n of the output of equalize() is the light at the end of row n's exposure, half an exposure after its middle.
 double inverse_middle(const ChipClock& clock, double chip) {
   return middle_of(clock, chip) - 0.5 * clock.exposure_rows;
 }
@@ -123,12 +123,12 @@ std::vector<double> equalized(std::span<const double> rows, double exposure_rows
   return light;
 }
 
-// As one bright chip, and one row of noise, in the middle of many rows show it: far from the ends the equaliser does
-// the same everywhere.
+// Response to one bright chip, and to noise in one row, in the middle of many rows: far from the ends the equaliser is
+// shift-invariant.
 Response inverse_response(ChipClock clock, double noise) {
   const double reach = inverse_reach(clock), length = 24 * clock.exposure_rows + 32 * clock.rows_per_chip + 128;
   const auto rows = static_cast<std::size_t>(length), middle = rows / 2;
-  clock.phase += std::floor(0.5 * length - clock.phase - 0.5 * clock.rows_per_chip);  // chip 0 into the middle
+  clock.phase += std::floor(0.5 * length - clock.phase - 0.5 * clock.rows_per_chip);  // moves chip 0 to the middle
   std::vector<double> values(rows);
   for (std::size_t n = 0; n < rows; ++n) values[n] = share(static_cast<double>(n), 0, clock);
   const auto chip = equalized(values, clock.exposure_rows);

@@ -1,4 +1,4 @@
-// The detectors that weigh the rows around a chip's middle and compare the sum with a threshold.
+// Detectors that compare a weighted sum of the rows around a chip's middle with a threshold.
 #pragma once
 
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace ocisac {
 
-// Log-likelihood ratios, and shares of wrong chips, as detect_chips.hpp and error_rates.hpp say. `clock`: an exposure
-// or more from the frame's ends.
+// Log-likelihood ratios and error rates as defined in detect_chips.hpp and error_rates.hpp. `clock`: an exposure or
+// more from the frame's ends.
 std::vector<double> slice_chips(const ChipQuestion& question);
 std::vector<double> invert_and_slice_chips(const ChipQuestion& question);
 double slicer_error_rate(const ChipClock& clock, double noise);

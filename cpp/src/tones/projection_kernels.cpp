@@ -27,17 +27,17 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Vectors as wide as a line of a cache, and twice as many of them in the registers: AVX-512.
+// Vectors as wide as a cache line and twice the number of registers: AVX-512.
 constexpr bool kWide = HWY_TARGET <= HWY_AVX3;
 
-// Rows that are worked on at a time: few enough for the second cache to hold them and the next ones, enough to spare
-// the sums' way to the first; where there are more sums than those of one tone, more.
+// Rows per block: few enough for the second-level cache to hold them and the next ones, enough to amortise the transfer
+// of the sums to the first-level cache; larger where there are more sums than those of one tone.
 constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64 : 48;
 [[maybe_unused]] constexpr std::size_t kRowsPerSampleBlock = 16;  // wider samples
 
 #if HWY_TARGET == HWY_SCALAR
 
-// Without vectors: the loops as they are meant.
+// Plain loops for targets without vectors.
 void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   const auto group = static_cast<std::size_t>(weights.row_group);
   if (to.first) {
@@ -92,7 +92,7 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 }
 
 // A strip of columns is as wide as a vector of bytes.
-constexpr std::size_t kVectors = 4;  // of 32-bit sums a strip
+constexpr std::size_t kVectors = 4;  // 32-bit sums per strip
 const hn::ScalableTag<std::uint8_t> d8;
 using Bytes = hn::Vec<decltype(d8)>;
 
@@ -130,7 +130,7 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 
 #endif
 
-constexpr std::size_t kLine = 64;  // of a cache
+constexpr std::size_t kLine = 64;  // bytes of a cache line
 
 // Rows are asked for before they are worked on, in one of two ways (bench/README.md has the figures):
 //
@@ -140,7 +140,7 @@ constexpr std::size_t kLine = 64;  // of a cache
 //   too many lines are on their way is forgotten (Zen 5).
 constexpr std::size_t kStripsAhead[] = {5, 3, 2, 1};
 
-// Lines of a run, asked for with every pair of groups, of either side.
+// Lines of a run prefetched with every pair of groups, on either side.
 template <int kGroup>
 constexpr std::size_t kLinesPerPair = std::max<std::size_t>(2 * kGroup * hn::MaxLanes(d8) / kLine, 1);
 
@@ -162,7 +162,7 @@ std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::pt
   return runs;
 }
 
-// The lowest of the rows to ask for and of their mirror images, and the next run, of both.
+// The lowest of the rows to prefetch and of their mirror images, and the next run of both.
 struct RowsAhead {
   const std::uint8_t *near, *far;
   const std::ptrdiff_t* run;
@@ -180,10 +180,10 @@ HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
   if (kFar) ask_for<kLinesPerPair<kGroup> >(ahead.far + ahead.run[pair]);
 }
 
-// From a row of a strip to what it asks for.
+// Offsets from a row of a strip to the lines it prefetches.
 using LinesAhead = std::array<std::ptrdiff_t, kWide ? std::size(kStripsAhead) : 0>;
 
-// A strip is done in slices, as many as let all sums of one tone stay in registers.
+// A strip is processed in slices; a slice is as large as registers allow for all sums of one tone.
 constexpr std::size_t kSlices = kWide ? 1 : 2, kPerSlice = kVectors / kSlices;
 
 // Two groups of rows of a slice of a strip side by side in 32-bit lanes: as they are, or the sums with their mirror
@@ -195,8 +195,8 @@ struct Pairs {
   Pair16 differences[kPerSlice];
 };
 
-// Where a strip's rows are, from the block's first on, and, mirrored, from its last group on backwards (unfolded: not
-// used).
+// Positions of a strip's rows: from the block's first on and, mirrored, from its last group on backwards (unused if not
+// folded).
 struct Rows {
   const std::uint8_t* near;
   const std::uint8_t* far;
@@ -210,12 +210,12 @@ struct Rows {
   }
 };
 
-// A row of a strip; raises the maximum.
+// Loads a row of a strip and updates the maximum.
 HWY_INLINE Bytes load_row(const std::uint8_t* HWY_RESTRICT pixels, const LinesAhead& ahead, Bytes& maximum) {
   for (const std::ptrdiff_t line : ahead) hwy::Prefetch(pixels + line);
   Bytes row = hn::LoadU(d8, pixels);
 #if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
-  asm("" : "+v"(row.raw));  // in a register: it is loaded for every use else (four tones: 105 instead of 95 µs)
+  asm("" : "+v"(row.raw));  // keeps the row in a register instead of a load per use (four tones: 105 instead of 95 µs)
 #endif
   maximum = hn::Max(maximum, row);
   return row;
@@ -232,8 +232,8 @@ struct FourRows {
   Bytes a, b, far_a, far_b;
 };
 
-// Half of a strip's pairs of single rows, of the lower or the upper halves of the blocks: those and their mirror images
-// as bytes of a lane, whose neighbours make sums and differences.
+// Half of a strip's pairs of single rows, of the lower or the upper halves of the blocks: a row and its mirror image as
+// neighbouring bytes, for sums and differences.
 template <bool kFold, bool kUpper>
 HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* differences) {
   const Pair16 a = hn::BitCast(d16s, interleave<kUpper>(d8, rows.a, rows.far_a));
@@ -246,7 +246,7 @@ HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* difference
   differences[1] = difference_of_neighbours(hn::BitCast(d8, second));
 }
 
-// Two single rows and, folded, their mirror images. The maximum is raised once, with the first slice.
+// Two single rows and, folded, their mirror images. The maximum is updated with the first slice only.
 template <bool kFold, bool kLone, std::size_t kSlice>
 HWY_INLINE void load_rows(const Rows& rows, Bytes& top, Pairs& to) {
   const Bytes none = hn::Zero(d8);
@@ -260,7 +260,7 @@ HWY_INLINE void load_rows(const Rows& rows, Bytes& top, Pairs& to) {
   if (kSlice + 1 == kSlices) pair_rows<kFold, true>(four, to.sums + kPerSlice - 2, to.differences + kPerSlice - 2);
 }
 
-// Sums of a group of rows: those of columns that lie in the lower and in the upper halves of a vector's blocks.
+// Sums of a group of rows, for the columns in the lower and in the upper halves of a vector's blocks.
 struct GroupSum {
   Pair16 lower, upper;
 };
@@ -284,7 +284,7 @@ HWY_INLINE void interleave_groups(const GroupSum& a, const GroupSum& b, Pair16* 
   upper[1] = hn::InterleaveUpper(d16s, a.upper, b.upper);
 }
 
-// Two groups of rows and, folded, their mirror images, of a whole strip, whose last slice may be its first.
+// Two groups of rows and, folded, their mirror images, for a whole strip, whose last slice may be its first.
 template <int kGroup, bool kFold, bool kLone>
 HWY_INLINE void load_groups(const Rows& rows, Bytes& top, Pairs& first, Pairs& last) {
   const std::ptrdiff_t second = kGroup * rows.stride;
@@ -323,7 +323,7 @@ class StripGrid {
     const std::ptrdiff_t wanted = static_cast<std::ptrdiff_t>(i) * kWidth - before_;
     return std::max<std::ptrdiff_t>(std::min(wanted, columns_ - kWidth), 0);
   }
-  // From strip i to the one `ahead` of it; after the last come those of the rows that lie `next_rows` on.
+  // Offset from strip i to the one `ahead` of it; after the last strip, to those `next_rows` further on.
   [[nodiscard]] std::ptrdiff_t step(std::size_t i, std::size_t ahead, std::ptrdiff_t next_rows) const {
     const std::size_t to = i + ahead;
     return to < count_ ? first(to) - first(i) : next_rows + first(std::min(to - count_, count_ - 1)) - first(i);
@@ -340,8 +340,8 @@ class StripGrid {
   std::size_t count_ = 1;
 };
 
-// Where a strip is added up. sums: kVectors vectors of a part, one part after the other, then the squares. The totals
-// of the last rows are kept in 16 bits until they might overflow.
+// Accumulators of a strip. sums: kVectors vectors per part, one part after the other, then the squares. The totals of
+// the last rows are kept in 16 bits until they might overflow.
 struct Strip {
   std::int32_t* sums;
   std::uint16_t* totals;
@@ -351,7 +351,7 @@ struct Strip {
 constexpr std::size_t kRowsPerTotal = 512;  // two groups of each pair apart: 255·kRowsPerTotal/2 < 2^16
 constexpr std::size_t kPerSum = kVectors * hn::MaxLanes(d32);
 
-// Memory of a thread for so many numbers, kept from call to call.
+// Memory of a thread for this many numbers, reused from call to call.
 std::int32_t* kept_memory(std::size_t size) {
   thread_local hwy::AlignedFreeUniquePtr<std::int32_t[]> memory;
   thread_local std::size_t room = 0;
@@ -364,7 +364,7 @@ std::int32_t* kept_memory(std::size_t size) {
   return memory.get();
 }
 
-// What is added to with every block lies side by side: it goes to the first cache and back each time.
+// Accumulators of all strips, contiguous, because every block moves them to the first-level cache and back.
 class Strips {
  public:
   Strips(const ByteBlock& block, const ByteWeights& weights)
@@ -391,8 +391,8 @@ class Strips {
   std::int32_t* memory_;
 };
 
-// What the pairs of a slice are added to: squares, totals and the outputs of one tone, the first of either kind
-// (unfolded: the first two), which is what the registers hold. Where there are more outputs, pairs are kept for all.
+// Accumulators of a slice's pairs: squares, totals and the outputs of one tone, the first of either kind (unfolded: the
+// first two), which fit into the registers. For further outputs, the pairs are stored.
 struct SliceOutputs {
   const std::int32_t *first_weights, *second_weights;
   std::int32_t *first, *second, *squares;
@@ -411,7 +411,7 @@ HWY_INLINE void for_each_vector(Body body) {
   (std::make_index_sequence<kPerSlice>());
 }
 
-// load(p, top, pairs) makes those of the p-th of `count` pairs of groups and raises the maximum.
+// load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
 template <bool kFold, bool kTone, bool kKeep, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
   Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
@@ -423,7 +423,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     total[v] = hn::Load(d16, to.totals + v * hn::Lanes(d16));
   });
   Bytes top = hn::LoadU(d8, to.maximum);
-#pragma GCC unroll 1  // else the compiler reorders the additions and spills
+#pragma GCC unroll 1  // otherwise the compiler reorders the additions and spills
   for (std::size_t p = 0; p < count; ++p) {
     Pairs pairs;
     load(p, top, pairs);
@@ -449,7 +449,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
   });
 }
 
-// kOutputs of one kind at a time, of a slice.
+// kOutputs outputs of one kind, for a slice.
 template <std::size_t kOutputs, bool kDifferences>
 HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
                             std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
@@ -468,7 +468,7 @@ HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HW
     for (std::size_t v = 0; v < kPerSlice; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
 }
 
-// All of one kind, from part `first` up to `end`.
+// All outputs of one kind, from part `first` up to `end`.
 template <bool kDifferences>
 HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
                                     std::size_t end, std::int32_t* sums) {
@@ -482,7 +482,7 @@ HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeig
   if (first + 1 == end) add.template operator()<1>();
 }
 
-// Pairs of groups of rows that are worked on at a time, and their rows, mirror images not counted.
+// Pairs of groups of rows per block, and their rows, without mirror images.
 template <int kGroup, bool kFold, bool kMore>
 constexpr std::size_t kPairsPerBlock = std::max<std::size_t>((kMore ? kRowsForMore : kRowsPerBlock) /
                                                                  ((kFold ? 4 : 2) * kGroup),
@@ -490,8 +490,7 @@ constexpr std::size_t kPairsPerBlock = std::max<std::size_t>((kMore ? kRowsForMo
 template <int kGroup, bool kFold, bool kMore>
 constexpr std::size_t kRowsAhead = kPairsPerBlock<kGroup, kFold, kMore> * 2 * kGroup;
 
-// What all strips of a block have in common. The first output of a kind that has none is weighted by 0 and goes to
-// the spare.
+// Data common to all strips of a block. A missing first output of a kind has weight 0 and is written to the spare.
 struct BlockPlan {
   const ByteWeights& weights;
   std::size_t count;   // pairs of groups
@@ -515,11 +514,11 @@ struct BlockPlan {
   }
 };
 
-// Whether there are outputs beside those of one tone.
+// True if there are outputs beside those of one tone.
 bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size() > 2 || (fold && weights.even != 1); }
 
-// A slice of a strip. `load` makes its pairs, as for add_slice(), which keeps them in `kept` where kKeep; else they are
-// there. Folded, squares count twice.
+// A slice of a strip. `load` computes its pairs as for add_slice() and stores them in `kept` if kKeep; otherwise they
+// are already there. Folded, squares count twice.
 template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, class Load>
 HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
   const std::size_t parts = plan.weights.parts.size();
@@ -560,7 +559,7 @@ HWY_INLINE void add_strip(const Rows& rows, const BlockPlan& plan, const RowsAhe
   });
 }
 
-// Groups of rows by way of memory, so that the rows are read once for all slices.
+// Groups of rows with intermediate storage, so that the rows are read once for all slices.
 template <int kGroup, bool kFold, bool kMore, bool kLone>
 HWY_INLINE void add_strip_by_memory(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
@@ -586,7 +585,7 @@ HWY_INLINE void add_strip_by_memory(const Rows& rows, const BlockPlan& plan, con
   });
 }
 
-// The rows of a block that is narrower than a strip, which leave the rest of a vector 0.
+// Rows of a block narrower than a strip; the rest of a vector is 0.
 template <int kGroup, bool kFold, bool kMore, bool kLone>
 class PaddedRows {
  public:
@@ -690,8 +689,7 @@ class BlockProjector {
 
   [[nodiscard]] std::ptrdiff_t offset(std::ptrdiff_t rows) const { return rows * rest_.row_stride; }
 
-  // The rows after the next `done`; at the end, where there are fewer, the last ones. Mirror images follow one another
-  // backwards.
+  // The rows after the next `done`; at the end, the last ones. Mirror images are in reverse order.
   [[nodiscard]] RowsAhead rows_after(std::size_t done) const {
     const auto rows = static_cast<std::ptrdiff_t>(rows_ahead_);
     const auto left = static_cast<std::ptrdiff_t>(rest_.groups * kGroup);
@@ -744,12 +742,12 @@ void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& str
     project_folded<kGroup, false>(block, weights, strips);
 }
 
-// Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers, or writes them
-// there.
+// Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers, or overwrites
+// them.
 template <bool kWrite>
 HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to,
                              std::size_t columns) {
-  constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes that interleaving keeps together
+  constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes kept together by the interleaving
   const hn::CappedTag<double, kInBlock> d_double;
   const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
   if (columns == kPerSum) {
@@ -769,7 +767,7 @@ HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit,
   }
 }
 
-// The same for the largest bytes of `columns` columns.
+// The same for the maxima of `columns` columns.
 template <bool kWrite>
 HWY_INLINE void raise_in_order(const std::uint8_t* HWY_RESTRICT from, double* HWY_RESTRICT to, std::size_t columns) {
   const hn::ScalableTag<double> d_double;
@@ -783,7 +781,7 @@ HWY_INLINE void raise_in_order(const std::uint8_t* HWY_RESTRICT from, double* HW
   for (; c < columns; ++c) to[c] = std::max(kWrite ? 0 : to[c], static_cast<double>(from[c]));
 }
 
-// Of all outputs of a strip, in its first `count` columns, which lie at `first`.
+// Writes all outputs of a strip for its first `count` columns, which begin at `first`.
 template <bool kWrite>
 void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const ByteWeights& weights, bool folded,
                         const ProjectionSums& to, std::size_t first, std::size_t count, std::size_t columns) {

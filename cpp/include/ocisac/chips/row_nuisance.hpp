@@ -1,4 +1,4 @@
-// What varies along the rows beside a light's chips: slow light as mains hum, and tones of other lamps.
+// Variation along the rows other than a light's chips: slow light such as mains hum, and tones of other lamps.
 #pragma once
 
 #include <cstddef>
@@ -8,12 +8,12 @@
 
 namespace ocisac {
 
-// Row n reads, beside noise,
+// Model of row n, without noise:
 //
 //   y_n = constant + Σ_k a_k·cos(πk(n + ½)/rows) + Σ_tone Σ_h (b·cos 2πhfn + c·sin 2πhfn) + (u + v·x + w·x²)·s_n
 //
-// k up to 2·rows·slow: light that varies more slowly than `slow`; h = 1 … kToneHarmonics below half a cycle a row; s_n
-// the chips through the exposure, where they are known, of a swing that varies along the frame, x = −1 … 1.
+// k up to 2·rows·slow: light that varies more slowly than `slow`; h = 1 … kToneHarmonics below half a cycle per row;
+// s_n: the exposed chips, where known, with a swing that varies along the frame, x = −1 … 1.
 struct RowNuisance {
   double slow = 0;            // cycles per row; 0: none
   std::vector<double> tones;  // cycles per row
@@ -24,24 +24,24 @@ struct RowNuisance {
 inline constexpr std::size_t kToneHarmonics = 3;
 
 struct NuisanceFit {
-  std::vector<double> rest;  // (rows) the signal less slow light and tones
-  double squares = 0;        // left by all of the model
+  std::vector<double> rest;  // (rows) the signal minus slow light and tones
+  double squares = 0;        // residual of the whole model
 };
 
-// Least squares; `exposed`: s_n, empty where the chips are not known: then h = 1 only, since each term takes some of
-// the chips with it. Absent where the rows do not determine it.
+// Least squares; `exposed`: s_n, empty for unknown chips. Then only h = 1 is fitted, since each term also removes a
+// part of the chips. Absent where the rows do not determine it.
 std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const RowNuisance& nuisance,
                                            std::span<const double> exposed = {});
 
-// The tone that stands out most between two frequencies (cycles per row): its frequency, and its power (Hann window)
-// over the median of all of them.
+// The strongest tone between two frequencies (cycles per row): its frequency, and the ratio of its power (Hann window)
+// to the median power.
 struct StrongestTone {
   double frequency = 0, prominence = 0;
 };
 StrongestTone strongest_tone(std::span<const double> signal, double lowest, double highest);
 
-// The signal less a square wave of duty ½ about this frequency (cycles per row, good to half a spectral line of the
-// frame): of the frequency and phase that leave least.
+// The signal minus a square wave of duty ½ near this frequency (cycles per row, accurate to half a spectral line of the
+// frame), with the frequency and phase of the smallest residual.
 std::vector<double> without_square_wave(std::span<const double> signal, double frequency);
 
 }  // namespace ocisac
