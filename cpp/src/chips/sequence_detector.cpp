@@ -58,7 +58,7 @@ class Trellis {
  private:
   [[nodiscard]] bool is_slow() const { return question_.clock.rise > 0 || question_.clock.fall > 0; }
 
-  // Chips before those that a row sees count as far as the light has not settled, to kUnsettled.
+  // Earlier chips count until the light has settled to kUnsettled.
   static std::size_t memory_of(const ChipClock& clock, std::size_t reach) {
     const double settling = std::ceil(std::max(clock.rise, clock.fall) * std::log(1 / kUnsettled));
     const auto most = std::max(kMaxSlowMemory, reach);

@@ -11,8 +11,8 @@ namespace {
 
 constexpr std::size_t kWindowRows = 60;
 constexpr std::size_t kFewestWindows = 4;
-constexpr double kMinLoading = 0.2;   // of the largest in a window: blocks below are next to the light
-constexpr double kMinSwing = 0.2;     // of the largest of the windows: windows below hold no light
+constexpr double kMinLoading = 0.2;   // relative to the largest in a window: blocks below are outside of the light
+constexpr double kMinSwing = 0.2;     // relative to the largest of the windows: windows below contain no light
 constexpr double kSlopeErrors = 6;    // standard errors
 constexpr double kMinMovement = 0.5;  // standard deviations of the light along the columns
 

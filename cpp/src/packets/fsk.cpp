@@ -14,7 +14,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinResponse = 1e-3;  // a tone in a null of the exposure: nothing to be seen
+constexpr double kMinResponse = 1e-3;  // below: a tone in a null of the exposure
 constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kNuisances = 2;  // mean and slope
 

@@ -30,12 +30,12 @@ constexpr double kMinChips = 12;    // in a frame
 constexpr double kWeakSnr = 9;
 constexpr std::array kMains{100.0, 120.0};                  // Hz
 constexpr double kSlowLight = 260;                          // Hz; hum of mains of 50 and 60 Hz and its first harmonic
-constexpr double kMinSlow = 2e-3;                           // share of a signal's variance that slow light has at least
-constexpr double kHighestTone = 0.25, kMinProminence = 20;  // cycles a chip; over the median of all tones
+constexpr double kMinSlow = 2e-3;                           // min fraction of a signal's variance for slow light
+constexpr double kHighestTone = 0.25, kMinProminence = 20;  // cycles per chip; ratio to the median of all tones
 constexpr std::size_t kMaxVainTries = 4;  // doublings of the frames from one try of other models to the next
-constexpr double kBetter = 0.8;           // of the noise that another model leaves
-constexpr std::array kExposuresOfTold{0.9, 1.1, 0.8, 1.2};           // shares of an exposure that seems to be another
-constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, of one that is not known
+constexpr double kBetter = 0.8;           // ratio of the residual noise required of another model
+constexpr std::array kExposuresOfTold{0.9, 1.1, 0.8, 1.2};           // factors for a given exposure that seems wrong
+constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 constexpr std::size_t kMaxWait = 7;                                  // frames
 constexpr double kMaxSearchRows = 4096;                              // rows that count for the bound of the search
 constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
@@ -127,7 +127,7 @@ std::optional<FrameReading> ChipReceiver::search(std::span<const double> signal,
   return read_frame(signal, reading->channel, false, &frame.effort);
 }
 
-// What else may be in the rows: slow light, a tone, another exposure.
+// Alternative models of the rows: slow light, a tone, another exposure.
 std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const double> signal) const {
   const RowModel told{{},
                       camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
@@ -161,7 +161,7 @@ std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const d
   return models;
 }
 
-// Chips and nuisance in turn, until the chips stay.
+// Alternates estimates of chips and nuisance until the chips converge.
 std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> signal, RowModel& model, Frame& frame) {
   const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(signal, model.nuisance);
   const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
@@ -177,7 +177,7 @@ std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> sign
   return reading;
 }
 
-// With the model of the frame before; where that leaves more than noise, with others, until one does not.
+// Reads with the model of the last frame; if its residual exceeds noise, tries other models until one fits.
 std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, Frame& frame) {
   auto best = read_with(signal, model_, frame);
   if (best ? !is_misfit(*best) : !frame.searched) return best;
@@ -215,7 +215,7 @@ std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::in
 // Chips of the whole frame and their use by the packet.
 void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
-  // Rows of correlated residuals count as so many fewer.
+  // Correlated residuals reduce the effective number of rows.
   const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
   std::vector<double> llr = reading.llr;
   for (double& value : llr) value *= independent;

@@ -24,16 +24,16 @@ constexpr double kMaxErrors = 2e-3;  // expected error rate
 constexpr double kMaxErrorsIfEven = 0.08;
 constexpr double kMaxCorrelation = 0.3;  // right frames have at most 0.07, wrong ones at least 0.7
 constexpr int kNuisanceRounds = 6;
-constexpr double kNuisanceSettled = 0.95;  // of the noise left by the round before
+constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
 constexpr double kToneReach = 0.25;        // spectral lines of a frame
 constexpr int kToneSteps = 8;
 constexpr std::array<std::pair<double, double>, 4> kShapes{
-    {{0.4, 0.4}, {0.8, 0.8}, {0.5, 0.1}, {0.1, 0.5}}};  // rise and fall, chips
+    {{0.4, 0.4}, {0.8, 0.8}, {0.5, 0.1}, {0.1, 0.5}}};  // initial rise and fall, chips
 constexpr std::array<std::pair<double, double>, 6> kShapeSteps{{{1, 1}, {-1, -1}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
 constexpr double kFirstShapeStep = 0.2, kLastShapeStep = 0.02, kSlowest = 2;  // chips
 constexpr int kShapeRounds = 3;
 constexpr double kShapeInPhase = 0.75;
-constexpr double kNoResidual = 0.005;  // of the swing: rounding to whole values may be correlated
+constexpr double kNoResidual = 0.005;  // relative to the swing: rounding to whole values may be correlated
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -56,7 +56,7 @@ bool detectable(std::span<const double> signal, const ChannelEstimate& channel) 
 constexpr double kLongestSlowTrellis = 9, kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
 
 DetectorMethod method_for(const ChipClock& clock, double longest_trellis) {
-  const bool slow = clock.rise > 0 || clock.fall > 0;  // known to the trellis alone
+  const bool slow = clock.rise > 0 || clock.fall > 0;  // only the full trellis models them
   const double longest = slow ? kLongestSlowTrellis : longest_trellis;
   return clock.exposure_rows <= longest * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
 }
@@ -90,7 +90,7 @@ double residual_correlation(std::span<const double> signal, const FrameReading& 
   return squares > 0 ? products / squares : 0.0;
 }
 
-// Whether detection with one channel may stand for that with the other.
+// True if detection with one channel is equivalent to that with the other.
 bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t rows) {
   const auto last = static_cast<double>(rows);
   const auto chips_off = [&](double row) {
@@ -149,7 +149,7 @@ std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows) 
   return exposed;
 }
 
-// Golden-section search about where the tone is, within a quarter of a frame's spectral line.
+// Golden-section search about the tone's frequency, within a quarter of a frame's spectral line.
 static void move_tone(std::span<const double> signal, std::span<const double> exposed, RowNuisance& nuisance,
                       double& tone) {
   constexpr double kGolden = 0.6180339887498949;
@@ -193,7 +193,7 @@ std::optional<FrameReading> refine_nuisance(std::span<const double> signal, Fram
   return reading;
 }
 
-// The clock whose rise and fall leave least beside the chips of a reading, by steps that are halved.
+// Minimises the residual over rise and fall, with the chips of a reading, by steps that are halved.
 static void move_shape(std::span<const double> signal, FrameReading& reading, bool exposure_known) {
   std::vector<double> chips(reading.llr.size());
   std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
@@ -216,7 +216,7 @@ std::optional<FrameReading> refine_shape(std::span<const double> signal, const F
     ChannelEstimate start = reading.channel;
     start.clock.rise = rise;
     start.clock.fall = fall;
-    // By which the light is late, and most of which the phase has taken.
+    // The delay of the light by rise and fall, of which the phase has absorbed the most.
     start.clock.phase -= kShapeInPhase * 0.5 * (rise + fall) * start.clock.rows_per_chip;
     auto tried = read_frame(signal, start, exposure_known, effort);
     if (tried && (!best || tried->relative_noise < best->relative_noise)) best = std::move(tried);

@@ -163,7 +163,7 @@ double snr_of(std::span<const double> soft) {
   return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
 }
 
-// Chips of all rows: those that no lit row tells are read against the nearest levels, with a soft value of 0.
+// Chips of all rows: those without lit rows are compared with the nearest levels and get a soft value of 0.
 Decoded spread_over(std::span<const double> signal, Decoded lit) {
   const ChipGrid whole = whole_chips(lit.grid.lattice, signal.size());
   if (whole.first == lit.grid.first && whole.count == lit.grid.count) return lit;
@@ -184,7 +184,7 @@ Decoded spread_over(std::span<const double> signal, Decoded lit) {
   return spread;
 }
 
-// Whether the bits are up to kMaxPeriod of them over and over.
+// True if the bits repeat with a period of at most kMaxPeriod.
 bool is_periodic(const std::string& bits) {
   if (bits.size() < kPeriodicBits) return false;
   for (std::size_t period = 1; period <= kMaxPeriod; ++period)

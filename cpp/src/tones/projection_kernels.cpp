@@ -132,12 +132,11 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 
 constexpr std::size_t kLine = 64;  // bytes of a cache line
 
-// Rows are asked for before they are worked on, in one of two ways (bench/README.md has the figures):
+// Rows are prefetched in one of two ways (figures: bench/README.md):
 //
-// * In runs of lines, in the order of memory, one block ahead. Strip by strip, none of the prefetchers of the hardware
-//   that this was made on (Zen 3) would follow.
-// * Wide vectors: every row asks for its own lines of strips ahead, for every line four times: what is asked for while
-//   too many lines are on their way is forgotten (Zen 5).
+// * In runs of lines, in memory order, one block ahead. The hardware prefetchers of Zen 3 do not follow strip by strip.
+// * Wide vectors: every row prefetches its own lines of strips ahead, each line four times, because Zen 5 drops
+//   prefetches while too many lines are pending.
 constexpr std::size_t kStripsAhead[] = {5, 3, 2, 1};
 
 // Lines of a run prefetched with every pair of groups, on either side.

@@ -11,20 +11,20 @@
 
 namespace ocisac {
 
-// Columns per row by which a light moves along the rows; 0 where it stands upright as far as the blocks tell: a slope
-// below six standard errors, or that moves the light by less than half of its standard deviation. `swings`:
-// (blocks × rows) of groups of columns about their moving means; `centres`: (blocks) columns. Line through the
-// centroids of the light in windows of rows, each at the mean row of the window's light.
+// Slope of a light in columns per row; 0 if it is not significant: below six standard errors, or a movement of less
+// than half of the light's standard deviation. `swings`: (blocks × rows) of groups of columns about their moving means;
+// `centres`: (blocks) columns. Fits a line through the centroids of the light in windows of rows, each at the mean row
+// of the window's light.
 double lamp_slope(std::span<const double> swings, std::span<const double> centres);
 
-// One frame with each row moved along the columns by slope·(row − middle row), to whole columns; of the columns, those
-// that lie in the frame in all rows, at least one.
+// One frame with each row shifted along the columns by slope·(row − middle row), rounded to whole columns; only columns
+// inside the frame in all rows, at least one.
 class UprightFrame {
  public:
   UprightFrame(const AnyFramesView& frames, std::size_t frame, double slope);
 
   [[nodiscard]] AnyFramesView view() const;
-  // Weights of the frame's own columns, the mean over the rows, from weights of the view's.
+  // Weights of the frame's columns, averaged over the rows, from weights of the view's columns.
   [[nodiscard]] std::vector<double> own_weights(std::span<const double> weights) const;
 
  private:

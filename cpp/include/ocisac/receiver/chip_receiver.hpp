@@ -64,19 +64,19 @@ class ChipReceiver {
 
  private:
   std::optional<double> nominal_rows_per_chip(const CombinedColumn& column);
-  // What is in a frame's rows beside the chips, and the exposure.
+  // Nuisances in a frame's rows beside the chips, and the exposure.
   struct RowModel {
     RowNuisance nuisance;
-    std::optional<double> exposure_rows;  // absent: estimated from nothing
-    bool exposure_known = false;          // kept as it is
+    std::optional<double> exposure_rows;  // absent: estimated blind
+    bool exposure_known = false;          // kept fixed
     bool slow_light = false;              // rise and fall are estimated
   };
-  // One frame as it is read.
+  // State of one frame during reception.
   struct Frame {
     const CombinedColumn& column;
     std::int64_t number;
-    bool searched;                          // the clock may be looked for where it cannot be followed
-    SearchEffort effort, effort_of_others;  // of other models than that of the frame before
+    bool searched;                          // a search for the clock is allowed if tracking fails
+    SearchEffort effort, effort_of_others;  // of models other than the last frame's
   };
   std::optional<FrameReading> read(std::span<const double> signal, Frame& frame);
   std::optional<FrameReading> read_with(std::span<const double> signal, RowModel& model, Frame& frame);
