@@ -16,7 +16,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kUnsettled = 0.05;         // share of a step
+constexpr double kUnsettled = 0.05;         // fraction of a step
 constexpr std::size_t kMaxSlowMemory = 10;  // chips
 constexpr float kNever = std::numeric_limits<float>::infinity();
 
@@ -65,13 +65,13 @@ class Trellis {
     return std::min(reach + static_cast<std::size_t>(std::max(settling, 0.0)), most);
   }
 
-  // Light of a chip of a history: its target, what its integral lacks of the target's once it has settled, and its
-  // integral over the whole chip and all that are newer but the newest one.
+  // Light of a chip of a history: its target, the deviation of its integral from that of the settled light, and its
+  // integral over the whole chip and all newer ones except the newest.
   struct ChipLight {
     float target, lack, sum;
   };
 
-  // Of all histories, from the oldest chip on, which begins at its own level.
+  // For all histories, starting with the oldest chip, which begins at its own level.
   void find_lights() {
     const ChipClock& clock = question_.clock;
     lights_.resize((memory_ + 1) * 2 * states_);
@@ -90,13 +90,13 @@ class Trellis {
     }
   }
 
-  // Share of the way to a chip's level after `part` chips, by the chip's kind.
+  // Settled fraction of a chip's step after `part` chips, by the kind of the chip.
   [[nodiscard]] std::array<float, 2> settled(double part) const {
     const auto share = [part](double time) { return time > 0 ? static_cast<float>(1 - std::exp(-part / time)) : 1.0F; };
     return {share(question_.clock.fall), share(question_.clock.rise)};
   }
 
-  // Adds a row's squares, over twice the noise's variance, to all histories.
+  // Adds a row's squared residual over 2σ² to all histories.
   void add_slow_row(const RowView& row, std::span<float> costs) const {
     const ChipLight* newest = lights_.data();
     const ChipLight* oldest = &lights_[row.back * 2 * states_];
@@ -108,7 +108,7 @@ class Trellis {
     for (std::size_t history = 0; history < costs.size(); ++history) {
       const ChipLight& last = newest[history];
       const ChipLight& first = oldest[history];
-      // Of the oldest chip what came before the exposure is taken off; of newer ones all counts.
+      // Subtracts the part of the oldest chip before the exposure; newer chips count entirely.
       const float whole = row.back == 0 ? 0.0F : first.sum;
       const float last_share = at_end[0] + last.target * (at_end[1] - at_end[0]);
       const float first_share = at_begin[0] + first.target * (at_begin[1] - at_begin[0]);
@@ -228,7 +228,7 @@ class Trellis {
 
   const ChipQuestion& question_;
   double length_;                        // of the exposure, chips
-  std::size_t reach_, memory_, states_;  // chips before the newest that a row sees; that count
+  std::size_t reach_, memory_, states_;  // earlier chips in a row's exposure; chips in memory
   double scale_;
   std::vector<std::vector<std::uint8_t>> classes_;  // (back) class of each history, computed on demand
   std::vector<RowView> rows_;

@@ -16,7 +16,7 @@ constexpr std::size_t kNumberBytes = 1, kChecksumBytes = 4;
 constexpr std::size_t kUsualData = 85, kMaxData = 170;  // bytes of a codeword of 255
 constexpr std::size_t kMaxBlocks = 256;
 constexpr unsigned kHeaderMask = 0x5AA5;
-constexpr double kSureBit = 2;               // nats: a byte with a bit below is not seen
+constexpr double kSureBit = 2;               // nats: a byte with a smaller |llr| is an erasure
 constexpr double kMaxSoftBit = 60;           // nats
 constexpr double kPreambleDoubt = 0.1;       // share of the certainty that may speak against a preamble
 constexpr std::ptrdiff_t kMaxSlip = 2;       // chips

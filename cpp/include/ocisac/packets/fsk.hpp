@@ -15,8 +15,8 @@ inline constexpr std::size_t kMaxTones = 256;
 
 // The tone detected in a frame.
 struct FskSymbol {
-  std::size_t symbol = 0;               // index of the likeliest tone
-  std::vector<double> log_likelihoods;  // (tones) ln p(rows | tone), the likeliest at 0
+  std::size_t symbol = 0;               // index of the most likely tone
+  std::vector<double> log_likelihoods;  // (tones) ln p(rows | tone), maximum 0
   std::vector<double> llr;              // (bits) ln P(1)/P(0), nats, of the symbol's bits, the most significant first
   double snr = 0;                       // symbol energy over noise density, E_s/N_0
   double error_rate = 0;                // of symbols: noncoherent orthogonal tones at that ratio

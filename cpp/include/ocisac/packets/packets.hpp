@@ -70,7 +70,7 @@ enum class StretchOutcome {
   placed,      // its bytes are in the packet
   waiting,     // kept until its place and the packet's length are known
   repeated,    // begins before the end of what was pushed before it: left out
-  unreadable,  // nothing of it was seen: left out
+  unreadable,  // no bytes received: skipped
 };
 
 // placed, waiting, …
@@ -85,7 +85,7 @@ struct Payload {
 struct StretchReport {
   StretchOutcome outcome = StretchOutcome::placed;
   std::size_t blocks = 0;          // preambles with headers
-  std::size_t bytes = 0;           // coded bytes seen, of the stretches placed now
+  std::size_t bytes = 0;           // coded bytes received, of the stretches placed now
   std::size_t cut = 0;             // coded bytes of which an end of the stretch left a part, of those placed now
   std::size_t doubtful = 0;        // coded bytes with a bit that is not sure, of the stretches placed now
   std::size_t violations = 0;      // words that are none of the line code, of the stretches placed now
