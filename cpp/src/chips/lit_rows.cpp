@@ -1,4 +1,4 @@
-#include "ocisac/chips/lit_rows.hpp"
+#include "chips/lit_rows.hpp"
 
 #include <algorithm>
 #include <cmath>

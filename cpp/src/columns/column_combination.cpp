@@ -8,9 +8,9 @@
 #include <optional>
 #include <type_traits>
 
+#include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/columns/lamp_slope.hpp"
 
 namespace ocisac {
 

@@ -1,4 +1,4 @@
-#include "ocisac/columns/lamp_slope.hpp"
+#include "columns/lamp_slope.hpp"
 
 #include <algorithm>
 #include <cmath>

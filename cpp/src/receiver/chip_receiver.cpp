@@ -7,8 +7,8 @@
 #include <tuple>
 #include <utility>
 
+#include "chips/lit_rows.hpp"
 #include "ocisac/chips/detector.hpp"
-#include "ocisac/chips/lit_rows.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
 

@@ -8,12 +8,12 @@
 #include <numeric>
 #include <utility>
 
+#include "chips/lit_rows.hpp"
 #include "chips/slicer.hpp"
+#include "columns/lamp_slope.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/chips/lit_rows.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
-#include "ocisac/columns/lamp_slope.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {

@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "ocisac/chips/lit_rows.hpp"
+#include "chips/lit_rows.hpp"
 
 namespace {
 

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
+#include "columns/lamp_slope.hpp"
 #include "ocisac/columns/column_combination.hpp"
-#include "ocisac/columns/lamp_slope.hpp"
 
 namespace {
 
