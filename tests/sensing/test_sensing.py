@@ -183,7 +183,7 @@ def test_any_array_and_tone_curve_shows_the_texture(dtype, step, rows, columns, 
     encode = {"linear": lambda v: v, "gamma": lambda v: v ** (1 / 2.2), "srgb": srgb}[curve]
     full = {"uint8": 255, "uint16": 65535}.get(dtype, 1.0)
     encoded = full * encode(light / 255)
-    stored = (encoded if dtype.startswith("float") else np.rint(encoded)).astype(dtype)[:, ::step]
+    stored = (encoded if dtype.startswith("float") else np.rint(encoded)).astype(dtype)[:, ::step, :, np.newaxis]
     how = Camera(ROW_TIME, 1e-5, FRAME_TIME, tone_curve=curve)
     got = ocisac.sense_region(stored, how, motion="across")
     assert_same_but(ocisac.sense_region(stored.copy(), how, motion="across"), got, tolerance=1e-12)

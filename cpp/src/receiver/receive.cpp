@@ -205,7 +205,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   if (exposure_rows && *exposure_rows > kLongExposure * lattice.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
-// Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
+// Chip timing of the lit rows, relative to row `begin`.
 TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::size_t begin, FrequencyRange range) {
   const std::size_t first = lit.begin > 0 ? lit.begin + 1 : 0;
   const std::size_t last = lit.end < column.signal.size() ? lit.end - 1 : lit.end;
@@ -226,7 +226,7 @@ bool is_interpolated(std::span<const double> signal) {
   return std::min(squares[0], squares[1]) < kInterpolated * std::max(squares[0], squares[1]);
 }
 
-// Tries one combination of columns; true where it was decoded. Otherwise `received` says what was found.
+// Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
 bool decode(const CombinedColumn& column, const Search& what, Received& received) {
   const auto lit = lit_rows(column.signal, column.noise);
   // Chips that end dark show it a chip beyond the last row that stands out.
@@ -252,7 +252,7 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   return false;
 }
 
-// One source and its signal; `signal` is empty where decoding failed.
+// The signal without mains hum of each frequency, and without the strongest tone as a square wave.
 std::vector<std::vector<double>> without_other_light(std::span<const double> signal, double row_time) {
   std::vector<std::vector<double>> rests;
   const auto add = [&](const RowNuisance& nuisance) {
@@ -267,7 +267,23 @@ std::vector<std::vector<double>> without_other_light(std::span<const double> sig
   return rests;
 }
 
-// As decode; where that finds no chips, or weak ones, with what else may be in the rows taken out.
+std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
+  std::vector<double> result(a.begin(), a.end());
+  for (std::size_t n = 0; n < result.size(); ++n) result[n] -= b[n];
+  return result;
+}
+
+// Adds light that was removed before detection: reported levels are those of the pixels.
+void add_to_levels(Received& received, std::span<const double> light, std::optional<double> exposure_rows) {
+  const ChipGrid grid{{received.rows_per_chip, received.rows_per_chip_std, received.phase, 0}, 0, received.bits.size()};
+  const auto values = chip_values(light, grid, exposure_rows);
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    received.detection.dark[k] += values[k];
+    received.detection.bright[k] += values[k];
+  }
+}
+
+// As decode; without chips, or with weak ones, other light is removed from the rows and detection repeated.
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
   const bool decoded = decode(column, what, received);
   if (decoded && (received.flags & flag::weak) == 0) return true;
@@ -278,12 +294,13 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
     Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};
     if (!decode(other, what, tried) || (better && tried.snr < kBetter * received.snr)) continue;
     received = std::move(tried);
+    add_to_levels(received, difference(column.signal, other.signal), what.exposure_rows);
     better = true;
   }
   return better;
 }
 
-// One source with the signal it was read from; `signal` is empty where none was decoded.
+// One source and its signal; `signal` is empty where decoding failed.
 struct Source {
   Received received;
   std::vector<double> signal;

@@ -207,7 +207,7 @@ TEST_CASE("questions without meaning are refused by every detector") {
                          std::invalid_argument);
     frame.question.noise = 0.1;
     frame.question.clock.exposure_rows = 100;
-    CHECK_THROWS_WITH_AS(ocisac::detect_chips(frame.question, method), doctest::Contains("exposure: got 100"),
+    CHECK_THROWS_WITH_AS(ocisac::detect_chips(frame.question, method), doctest::Contains("exposure_rows: got 100"),
                          std::invalid_argument);
     frame.question.clock.exposure_rows = 8;
     frame.question.count = 0;
