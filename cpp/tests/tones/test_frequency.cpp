@@ -6,9 +6,9 @@
 #include <stdexcept>
 #include <vector>
 
+#include "ocisac/tones/calibrate.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
-#include "ocisac/tones/calibrate.hpp"
 #include "tones/combine_columns.hpp"
 
 namespace {
