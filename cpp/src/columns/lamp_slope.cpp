@@ -102,7 +102,8 @@ UprightFrame::UprightFrame(const AnyFramesView& frames, std::size_t frame, doubl
   std::visit(
       [&]<class T>(const FramesView<const T>& all) {
         const double middle = 0.5 * static_cast<double>(all.rows - 1);
-        const double most = static_cast<double>((all.columns - 1) / 2);
+        const std::size_t half = (all.columns - 1) / 2;
+        const auto most = static_cast<double>(half);
         std::vector<std::ptrdiff_t> moved(all.rows);
         for (std::size_t row = 0; row < all.rows; ++row)
           moved[row] = std::lround(std::clamp(slope * (static_cast<double>(row) - middle), -most, most));
