@@ -1,11 +1,16 @@
+#include <cmath>
 #include <cstdio>
-#include <ocisac/estimation/spectrum.hpp>
-#include <ocisac/version.hpp>
+#include <ocisac/core/version.hpp>
+#include <ocisac/tones/find_frequency.hpp>
 #include <vector>
 
 int main() {
-  const std::vector<double> signal{1, 2, 3, 4};
-  const auto spectrum = ocisac::half_spectra(signal, signal.size());  // through OpenCV's DFT
-  std::printf("ocisac %s: mean %g\n", ocisac::version(), spectrum[0].real() / 4);
-  return spectrum[0].real() == 10 ? 0 : 1;
+  std::vector<double> column(240);  // a tone of 30 cycles in 240 rows
+  for (std::size_t row = 0; row < column.size(); ++row)
+    column[row] = 100 + 50 * std::cos(0.785398163397448 * static_cast<double>(row));
+  const double* rows = column.data();
+  const ocisac::AnyFramesView frames = ocisac::dense_view(rows, 1, column.size(), 1);
+  const auto found = ocisac::find_frequency(frames, {});  // through OpenCV's DFT
+  std::printf("ocisac %s: %g cycles per row\n", ocisac::version(), found.frequency);
+  return std::abs(found.frequency - 0.125) < 1e-6 ? 0 : 1;
 }
