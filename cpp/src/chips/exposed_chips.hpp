@@ -22,7 +22,7 @@ struct Exposed {
 //   level c + (l − c)·e^(−p/τ), integral c·p + (l − c)·τ·(1 − e^(−p/τ))
 class ChipBox {
  public:
-  // Of the clock its rise and fall.
+  // Only rise and fall of `shape` are used.
   ChipBox(const KnownChips& chips, const ChipClock& shape)
       : targets_(chips.levels), rise_(shape.rise), fall_(shape.fall), first_(static_cast<double>(chips.first)) {
     sums_.reserve(targets_.size() + 1);

@@ -42,7 +42,7 @@ class StreamingFit {
   // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
-  // Of the parameters, for rows with noise of variance 1.
+  // Covariance of the parameters for row noise of variance 1.
   [[nodiscard]] double covariance(std::size_t i, std::size_t j) const { return covariance_[i * estimates_ + j]; }
   [[nodiscard]] double middle() const { return middle_; }  // row, fractional
   [[nodiscard]] Flags flags(std::size_t tone) const { return flags_[tone]; }

@@ -59,8 +59,8 @@ inline constexpr std::size_t kHighestDegree = 6;
 // per chip are nearly independent.
 struct ClockErrors {
   std::ptrdiff_t chip = 0;
-  // Of phase there, rows_per_chip, exposure; rows². Infinite for an exposure that the rows do not separate from the
-  // phase, 0 for a known one.
+  // Covariance of (phase there, rows_per_chip, exposure), rows². Infinite for an exposure that is not separable from
+  // the phase, 0 for a known one.
   std::array<double, 9> covariance{};
 
   [[nodiscard]] double phase_std(std::ptrdiff_t at) const;  // at the beginning of chip `at`
