@@ -25,7 +25,7 @@ import time
 import numpy as np
 import timing
 
-from ocisac_fast.chips import closest_pair_distance, detector_error_rates
+from ocisac_fast.chips import DETECTORS, closest_pair_distance, detector_error_rates
 from studies.chart.detectors import Setting, make_frame
 
 ROWS = 1080
@@ -150,9 +150,10 @@ def draw(path: str, frames: int) -> None:
     with picture(path, 10.4, 4.4) as figure:
         for axes, noise in zip(figure.subplots(1, 2, sharey=True), (0.02, 0.05), strict=True):
             told = [detector_error_rates(rows_per_chip, x * rows_per_chip, noise) for x in exposures]
-            for method, (marker, colour) in looks.items():
+            for method in DETECTORS[:-1]:  # without "auto"
+                marker, colour = looks.get(method, ("x", BLACK))
                 longest = 10.0 if method == "mlse" else 14.0
-                if method != "reduced":
+                if hasattr(told[0], method):
                     axes.plot(exposures, [getattr(rates, method) for rates in told], color=colour, lw=1)
                 points = []
                 for x in counted_at:

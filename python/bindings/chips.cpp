@@ -104,8 +104,7 @@ DetectChips detector_of(const std::optional<py::function>& detect) {
 Doubles ratios_of(const Doubles& rows, double rows_per_chip, double phase, double exposure_rows, double noise,
                   std::ptrdiff_t first, std::size_t count, const std::string& method) {
   const ChipQuestion question{span_of(rows), {rows_per_chip, phase, exposure_rows}, noise, first, count};
-  const DetectorMethod detector = detector_method(method);
-  return array_of(unlocked([&] { return detect_chips(question, detector).llr; }));
+  return array_of(unlocked([&] { return detect_chips(question, method).llr; }));
 }
 
 py::object as_object(const std::optional<RefinedChannel>& found) {
@@ -151,13 +150,12 @@ py::object predict(Shared<ClockTracker>& tracker, std::int64_t frame) {
 py::tuple detect(const py::array& columns, const Camera& camera, const py::tuple& channel, const std::string& method) {
   const AnyFramesView view = any_view(columns);
   const ChannelEstimate estimate = channel_of(channel);
-  const DetectorMethod detector = detector_method(method);
-  const ColumnChips found = unlocked([&] { return detect_chips(view, camera, estimate, detector); });
+  const ColumnChips found = unlocked([&] { return detect_chips(view, camera, estimate, method); });
   const Shape shape = shape_of(view);
   const auto ratios =
       array_of(found.llr, {static_cast<py::ssize_t>(shape.frames), static_cast<py::ssize_t>(found.count),
                            static_cast<py::ssize_t>(shape.columns)});
-  return py::make_tuple(ratios, found.first, kDetectorNames[static_cast<std::size_t>(found.method)]);
+  return py::make_tuple(ratios, found.first, found.method);
 }
 
 py::tuple error_rates(double rows_per_chip, double exposure, double noise) {
@@ -196,6 +194,10 @@ void register_chips(py::module_& module) {
       .def("reset", [](Shared<ClockTracker>& tracker) { tracker.call([](ClockTracker& alone) { alone.reset(); }); });
   module.def("pool_estimates", &pool_values, arg("values"), arg("errors"));
   module.def("detect_chips", &detect, arg("columns"), arg("camera"), arg("channel"), arg("method"));
+  module.def("detector_names", [] {
+    const auto names = detector_names();
+    return std::vector<std::string>(names.begin(), names.end());
+  });
   module.def("detector_error_rates", &error_rates, arg("rows_per_chip"), arg("exposure"), arg("noise"));
 }
 

@@ -20,6 +20,7 @@ pytest.importorskip("rich")
 pytest.importorskip("PIL.Image")
 pytest.importorskip("av")
 
+from ocisac_fast.chips import DETECTORS
 from ocisac_fast.cli import main
 from ocisac_fast.cli.output import plain, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, select
@@ -497,6 +498,7 @@ def test_info_names_what_a_report_needs(facts):
     assert got["version"] == ocisac_fast.__version__
     assert got["libraries"]["numpy"] == np.__version__
     assert got["simd_target"] in got["simd_targets"]
+    assert tuple(got["detectors"]) == DETECTORS
     assert all(got[name] for name in ("commit", "compiler", "opencv", "python", "system"))
 
 

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.chips.channel import chip_llr, expose_chips
+from ocisac_fast.chips import DETECTORS, chip_llr, expose_chips
 from studies.chart.measuring import Point, in_turn
 from studies.chart.panels import Effort, Progress, panel
 
 Float64s = npt.NDArray[np.float64]
-
-DETECTORS = ("slicer", "wiener", "dfe", "inverse", "reduced", "mlse", "auto")
 
 _ROWS = 1080
 _COLUMNS_A_FRAME = 64  # of the effort for the gains

@@ -92,15 +92,6 @@ ClockErrors errors_of(const ChannelEquations& equations, const Eigen::MatrixXd& 
 
 }  // namespace
 
-double ClockErrors::phase_std(std::ptrdiff_t at) const {
-  const auto away = static_cast<double>(at - chip);
-  return std::sqrt(covariance[0] + 2 * away * covariance[1] + away * away * covariance[4]);
-}
-
-double ClockErrors::rows_per_chip_std() const { return std::sqrt(covariance[4]); }
-
-double ClockErrors::exposure_rows_std() const { return std::sqrt(covariance[8]); }
-
 double ChannelEstimate::dark_at(double row, std::size_t frame_rows) const {
   return polynomial(dark, along_frame(row, frame_rows));
 }
@@ -116,7 +107,7 @@ std::optional<Descent> descend_on_known_rows(ChannelEquations& equations, const 
                                              const ChipClock& start, double rate_std, SearchEffort& effort) {
   const double half_chips = 0.5 * static_cast<double>(chips.levels.size());
   std::optional<Descent> found;
-  ChipClock clock = with_least_exposure(start);
+  ChipClock clock = with_min_exposure(start);
   KnownRate known{start.rows_per_chip, 0};
   for (int pass = 0; pass < kPasses; ++pass) {
     const RowRange now = rows_of(chips, clock, equations.signal().size());
@@ -165,7 +156,7 @@ std::optional<LevelSquares> level_squares(std::span<const double> signal, const 
   check_chips(chips);
   check_clock(clock);
   check_model(model);
-  const ChipClock used = with_least_exposure(clock);
+  const ChipClock used = with_min_exposure(clock);
   const RowRange range = rows_of(chips, used, signal.size());
   ChannelEquations equations(signal, chips, model, signal.size());
   if (range.size() <= static_cast<std::size_t>(equations.level_size())) return std::nullopt;
@@ -181,7 +172,7 @@ std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock
   check_clock(clock);
   check_model(model);
   require_not_negative("noise", noise);
-  const ChipClock used = with_least_exposure(clock);
+  const ChipClock used = with_min_exposure(clock);
   const RowRange range = rows_of(chips, used, swing.size());
   ChannelEquations equations({}, chips, model, swing.size());
   equations.expose(moved_to(used, equations.origin()), range);

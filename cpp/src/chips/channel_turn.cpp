@@ -18,13 +18,13 @@ constexpr double kCertainPhase = 0.04;     // chips; with a larger standard erro
 constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
 constexpr double kMaxExposureMove = 0.8;
 constexpr double kMovedErrors = 1.5, kMaxMove = 0.4;  // standard errors, chips
-constexpr double kMinNoise = 1e-4;                    // relative to the swing, for the detector
 constexpr double kMaxChips = 1e6;                     // in a frame
 constexpr double kStatesPerRow = 64;                  // states of the trellis whose cost equals that of a row of a fit
 constexpr double kMaxStateChips = 11;                 // for longer exposures not all states are evaluated
 constexpr double kLevelFits = 2;                      // cost of the choice of levels, in fits of levels and clock
 
-// The channel's levels, constant beyond a short extrapolation.
+// The channel's levels, constant beyond a short extrapolation. ChipRows uses them unlimited: its channel is that of the
+// whole frame, and a swing that falls to 0 there is an error of the caller.
 struct Levels {
   const ChannelEstimate& channel;
   std::size_t frame_rows;
@@ -75,10 +75,6 @@ ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, 
 
 }  // namespace
 
-std::ptrdiff_t chip_at(double row, const ChipClock& clock) {
-  return static_cast<std::ptrdiff_t>(std::floor((row - clock.phase) / clock.rows_per_chip));
-}
-
 std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
   const auto signal = context.signal;
   const Levels levels{channel, signal.size()};
@@ -92,13 +88,13 @@ std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelE
   if (!(least > 0)) return std::nullopt;
   ChipClock clock = channel.clock;
   clock.phase -= static_cast<double>(range.begin);
-  const double half = 0.5 * clock.exposure_rows, last_row = static_cast<double>(range.size()) - 1;
-  if (!(clock.exposure_rows + last_row < kMaxChips * clock.rows_per_chip)) return std::nullopt;
-  const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
+  if (!(clock.exposure_rows + static_cast<double>(range.size()) - 1 < kMaxChips * clock.rows_per_chip))
+    return std::nullopt;
+  const ChipGrid grid = affecting_chips(clock, range.size());
   const double middle = levels.swing((range.begin + range.end) / 2);
-  FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kMinNoise), first,
-                                   static_cast<std::size_t>(last - first + 1), context.options.known}),
-                   first};
+  FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kMinDetectorNoise), grid.first,
+                                   grid.count, context.options.known}),
+                   grid.first};
   put_known(context.options.known, chips);
   return chips;
 }

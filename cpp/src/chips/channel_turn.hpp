@@ -47,8 +47,6 @@ std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelE
 // Removes the chips at the ends, which affect only a few rows.
 FoundChips without_edges(const FoundChips& chips);
 
-std::ptrdiff_t chip_at(double row, const ChipClock& clock);
-
 // Standard error of the clock at the farther end of the rows, chips.
 double end_error(const ChannelEstimate& channel, RowRange range);
 

@@ -110,7 +110,7 @@ std::vector<std::size_t> best_peaks(const std::vector<Coherence>& scores) {
 }
 
 double place_on(const ChipLattice& lattice, double chip, bool falling) {
-  return lattice.phase + lattice.rows_per_chip * chip + (falling ? lattice.duty_offset : 0.0);
+  return lattice.clock.phase + lattice.clock.rows_per_chip * chip + (falling ? lattice.duty_offset : 0.0);
 }
 
 // Least squares over the edges with used[edge]; here `phase` is that of the rising edges. `middle` improves the
@@ -137,7 +137,7 @@ std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chi
   if (!(pivots.minCoeff() > 1e-12 * pivots.maxCoeff())) return std::nullopt;
   const Eigen::VectorXd values = factored.solve(right.head(unknowns));
   const Eigen::VectorXd unit = factored.solve(Eigen::VectorXd::Unit(unknowns, 1));
-  ChipLattice lattice{values[1], 0, values[0] - values[1] * middle, both ? values[2] : 0.0};
+  ChipLattice lattice{{values[1], values[0] - values[1] * middle}, 0, both ? values[2] : 0.0};
   double squares = 0;
   for (std::size_t k = 0; k < chips.size(); ++k)
     if (used[k]) squares += std::pow(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]), 2);
@@ -166,7 +166,7 @@ double mean_chip(std::span<const double> chips) {
 
 // Moves the phase to the mean of the rising and the falling edges' lattices.
 ChipLattice centred(ChipLattice lattice) {
-  lattice.phase += 0.5 * lattice.duty_offset;
+  lattice.clock.phase += 0.5 * lattice.duty_offset;
   return lattice;
 }
 
@@ -174,12 +174,12 @@ ChipLattice centred(ChipLattice lattice) {
 double description_length(const ChipLattice& lattice, double residual, std::size_t edge_count, double span,
                           std::size_t collisions) {
   const auto edges = static_cast<double>(edge_count);
-  const double cells = std::max(span / lattice.rows_per_chip, edges), share = edges / cells;
+  const double cells = std::max(span / lattice.clock.rows_per_chip, edges), share = edges / cells;
   const double entropy = share < 1 ? -(share * std::log(share) + (1 - share) * std::log(1 - share)) : 0.0;
-  const double duty = lattice.duty_offset / lattice.rows_per_chip;
+  const double duty = lattice.duty_offset / lattice.clock.rows_per_chip;
   return edges * std::log(std::max(residual, 0.05)) + cells * entropy + 4 * static_cast<double>(collisions) +
-         8 * edges * duty * duty                           // prefers the threshold with equal runs of both levels
-         - 0.3 * edges * std::log(lattice.rows_per_chip);  // prefers the slower lattice
+         8 * edges * duty * duty  // prefers the threshold with equal runs of both levels
+         - 0.3 * edges * std::log(lattice.clock.rows_per_chip);  // prefers the slower lattice
 }
 
 // Alternates rounding of edges to chips and fitting.
@@ -188,16 +188,17 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
   std::vector<std::uint8_t> used(edges.rows.size(), 1);
   for (int round = 0; round < 4; ++round) {
     for (std::size_t k = 0; k < chips.size(); ++k)
-      chips[k] = std::nearbyint((edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.rows_per_chip);
+      chips[k] = std::nearbyint((edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.clock.rows_per_chip);
     const auto solved = solve(edges, chips, used, chips[chips.size() / 2]);
-    if (!solved || solved->rows_per_chip <= 0) return std::nullopt;
+    if (!solved || solved->clock.rows_per_chip <= 0) return std::nullopt;
     lattice = *solved;
     distance = residuals(edges, chips, lattice);
     used = inliers(distance, 0.02);
   }
   std::size_t collisions = 0;
   for (std::size_t k = 1; k < chips.size(); ++k) collisions += chips[k] <= chips[k - 1];
-  if (10 * collisions > chips.size() || std::abs(lattice.duty_offset) > 1.5 * kLargestDuty * lattice.rows_per_chip)
+  if (10 * collisions > chips.size() ||
+      std::abs(lattice.duty_offset) > 1.5 * kLargestDuty * lattice.clock.rows_per_chip)
     return std::nullopt;
   double squares = 0;
   for (double d : distance) squares += d * d;
@@ -208,7 +209,7 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
 }
 
 bool locked(const ChipTiming& timing) {
-  return timing.residual <= kLargestResidual * timing.lattice.rows_per_chip && timing.certainty > kMinCertainty;
+  return timing.residual <= kLargestResidual * timing.lattice.clock.rows_per_chip && timing.certainty > kMinCertainty;
 }
 
 }  // namespace
@@ -221,7 +222,7 @@ std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const doubl
   if (!first) return std::nullopt;
   used = inliers(residuals(edges, chips, *first), 0.02);
   const auto second = solve(edges, chips, used, middle);
-  if (!second || second->rows_per_chip <= 0) return std::nullopt;
+  if (!second || second->clock.rows_per_chip <= 0) return std::nullopt;
   return centred(*second);
 }
 
@@ -234,14 +235,14 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
   std::optional<ChipTiming> best;
   for (std::size_t peak : best_peaks(scores)) {
     const double period = 1 / (range.lowest + step * static_cast<double>(peak));
-    const auto timing = settle(edges, {period, 0, scores[peak].phase * period, scores[peak].duty * period});
-    if (!timing || timing->lattice.rows_per_chip * range.lowest > 1 / 0.99 ||
-        timing->lattice.rows_per_chip * range.highest < 1 / 1.01)
+    const auto timing = settle(edges, {{period, scores[peak].phase * period}, 0, scores[peak].duty * period});
+    if (!timing || timing->lattice.clock.rows_per_chip * range.lowest > 1 / 0.99 ||
+        timing->lattice.clock.rows_per_chip * range.highest < 1 / 1.01)
       continue;
     if (!best || timing->cost < best->cost) best = timing;
   }
   if (!best) return std::nullopt;
-  const double by_chance = best->lattice.rows_per_chip / (std::sqrt(12.0) * std::max(best->residual, 0.02));
+  const double by_chance = best->lattice.clock.rows_per_chip / (std::sqrt(12.0) * std::max(best->residual, 0.02));
   best->certainty =
       (static_cast<double>(edges.rows.size()) - 3) * std::log(by_chance) - std::log(static_cast<double>(steps + 1));
   return best;

@@ -1,9 +1,11 @@
 #include "ocisac/chips/detect_chips.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
+#include <optional>
 #include <string>
 
+#include "chips/exposed_chips.hpp"
 #include "chips/threshold_detectors.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/error_rates.hpp"
@@ -14,7 +16,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinNoise = 1e-4;       // relative to the swing, for a detector
 constexpr double kSlicedExposure = 1.5;  // chips; longer exposures close the slicer's eye
 constexpr double kHardlyMore = 1.5;      // times the error rate of the ML sequence
 constexpr double kHardlyAny = 1e-9;
@@ -35,85 +36,133 @@ std::vector<double> estimates(const ChipEquations& equations, bool feed_decision
 
 // Estimate x of a chip with remaining variance e (prior: ¼): given the chip it is Gaussian about ±(1 − 4e)/2 with
 // variance e·(1 − 4e), so that the log-likelihood ratio is x/e.
-std::vector<double> linear_ratios(const ChipEquations& equations) {
-  auto ratios = estimates(equations, false);
+std::vector<double> wiener_llr(const ChipEquations& equations) {
+  auto llr = estimates(equations, false);
   const auto variances = equations.variances();
-  for (std::size_t chip = 0; chip < ratios.size(); ++chip) ratios[chip] /= variances[chip];
-  return ratios;
+  for (std::size_t chip = 0; chip < llr.size(); ++chip) llr[chip] /= variances[chip];
+  return llr;
 }
 
-std::vector<double> feedback_ratios(const ChipEquations& equations) {
-  auto ratios = estimates(equations, true);
-  for (std::size_t chip = 0; chip < ratios.size(); ++chip) ratios[chip] *= equations.precision(chip);
-  return ratios;
+std::vector<double> dfe_llr(const ChipEquations& equations) {
+  auto llr = estimates(equations, true);
+  for (std::size_t chip = 0; chip < llr.size(); ++chip) llr[chip] *= equations.precision(chip);
+  return llr;
 }
 
-// Selects the slicer for exposures short enough. Wiener and decision feedback cost as much as the reduced search where
-// they are adequate, and have higher error rates elsewhere.
-DetectedChips detect_automatically(const ChipQuestion& question) {
-  const bool sliceable = question.clock.exposure_rows < kSlicedExposure * question.clock.rows_per_chip;
-  const double slicer = sliceable ? slicer_error_rate(question.clock, question.noise) : 0.5;
-  if (slicer < kHardlyAny) return {slice_chips(question), DetectorMethod::slicer};
-  const ChipEquations equations(question, kLongestReducedExposure);
-  if (sliceable && slicer < kHardlyMore * sequence_error_rate(equations))
-    return {slice_chips(question), DetectorMethod::slicer};
-  return {search_reduced(equations), DetectorMethod::reduced};
+// A question and its equations, which are built once and only if needed.
+class Problem {
+ public:
+  explicit Problem(const ChipQuestion& asked) : question(asked) {}
+  const ChipEquations& equations() {
+    if (!equations_) equations_.emplace(question, kLongestReducedExposure);
+    return *equations_;
+  }
+
+  const ChipQuestion& question;
+
+ private:
+  std::optional<ChipEquations> equations_;
+};
+
+// True if the exposure is short and the slicer's error rate is near that of the ML sequence.
+bool is_sliceable(Problem& problem) {
+  const ChipQuestion& question = problem.question;
+  if (!(question.clock.exposure_rows < kSlicedExposure * question.clock.rows_per_chip)) return false;
+  const double errors = slicer_error_rate(question.clock, question.noise);
+  return errors < kHardlyAny || errors < kHardlyMore * sequence_error_rate(problem.equations());
+}
+
+struct Detector {
+  std::string_view name;
+  double longest_exposure;               // chips
+  std::vector<double> (*llr)(Problem&);  // (chips)
+  bool (*suits)(Problem&) = nullptr;     // "auto" selects the first that suits; nullptr: never
+};
+
+// All detectors, in order of run time; bindings, command line, tests and chart read their names from here. "auto" does
+// not select wiener and dfe: where they are adequate they cost as much as the reduced search, and elsewhere they have
+// higher error rates.
+constexpr std::array kDetectors{
+    // The middle of each chip against the mean of dark and bright.
+    Detector{"slicer", kLongestReducedExposure, [](Problem& p) { return slice_chips(p.question); }, is_sliceable},
+    // Linear MMSE estimate of each chip from all rows, then a threshold.
+    Detector{"wiener", kLongestReducedExposure, [](Problem& p) { return wiener_llr(p.equations()); }},
+    // The same with decision feedback: the contribution of earlier decided chips is subtracted.
+    Detector{"dfe", kLongestReducedExposure, [](Problem& p) { return dfe_llr(p.equations()); }},
+    // equalize(), then as the slicer.
+    Detector{"inverse", kLongestReducedExposure, [](Problem& p) { return invert_and_slice_chips(p.question); }},
+    // The most likely sequences.
+    Detector{"reduced", kLongestReducedExposure, [](Problem& p) { return search_reduced(p.equations()); },
+             [](Problem&) { return true; }},
+    // All sequences.
+    Detector{"mlse", kLongestDetectedExposure, [](Problem& p) { return detect_sequence(p.question); }},
+};
+constexpr auto kNames = [] {
+  std::array<std::string_view, kDetectors.size() + 1> names;
+  std::ranges::transform(kDetectors, names.begin(), &Detector::name);
+  names.back() = "auto";
+  return names;
+}();
+
+// Returns nullptr for "auto".
+const Detector* find_detector(std::string_view name) {
+  const auto at = static_cast<std::size_t>(std::ranges::find(kNames, name) - kNames.begin());
+  if (at < kDetectors.size()) return &kDetectors[at];
+  if (at < kNames.size()) return nullptr;
+  std::string allowed(kNames.front());
+  for (std::size_t k = 1; k < kDetectors.size(); ++k) allowed.append(", ").append(kNames[k]);
+  refuse("method", std::string(name), allowed.append(" or ").append(kNames.back()));
+}
+
+double longest_exposure(const Detector* detector) {
+  return detector ? detector->longest_exposure : kLongestReducedExposure;
+}
+
+DetectedChips detect(const ChipQuestion& question, const Detector* detector) {
+  check(question, longest_exposure(detector));
+  Problem problem(question);
+  if (!detector)
+    detector = std::ranges::find_if(kDetectors, [&](const Detector& d) { return d.suits && d.suits(problem); });
+  return {detector->llr(problem), detector->name};
 }
 
 }  // namespace
 
-DetectorMethod detector_method(std::string_view name) {
-  const auto found = std::ranges::find(kDetectorNames, name);
-  if (found == kDetectorNames.end())
-    refuse("method", std::string(name), "slicer, wiener, dfe, inverse, reduced, mlse or auto");
-  return static_cast<DetectorMethod>(found - kDetectorNames.begin());
+std::span<const std::string_view> detector_names() { return kNames; }
+
+DetectedChips detect_chips(const ChipQuestion& question, std::string_view method) {
+  return detect(question, find_detector(method));
 }
 
-DetectedChips detect_chips(const ChipQuestion& question, DetectorMethod method) {
-  if (method == DetectorMethod::mlse) return {detect_sequence(question).llr, method};
-  check(question, kLongestReducedExposure);
-  if (method == DetectorMethod::automatic) return detect_automatically(question);
-  if (method == DetectorMethod::slicer) return {slice_chips(question), method};
-  if (method == DetectorMethod::inverse) return {invert_and_slice_chips(question), method};
-  const ChipEquations equations(question, kLongestReducedExposure);
-  switch (method) {
-    case DetectorMethod::wiener: return {linear_ratios(equations), method};
-    case DetectorMethod::dfe: return {feedback_ratios(equations), method};
-    default: return {search_reduced(equations), method};
-  }
-}
-
-DetectChips level_detector(DetectorMethod method) {
-  const double longest = method == DetectorMethod::mlse ? kLongestDetectedExposure : kLongestReducedExposure;
-  return [=](const ChipQuestion& question) {
-    if (!(question.clock.exposure_rows <= longest * question.clock.rows_per_chip))
+DetectChips level_detector(std::string_view method) {
+  return [detector = find_detector(method)](const ChipQuestion& question) {
+    if (!(question.clock.exposure_rows <= longest_exposure(detector) * question.clock.rows_per_chip))
       return std::vector<double>(question.count);
-    auto levels = detect_chips(question, method).llr;
+    auto levels = detect(question, detector).llr;
     for (double& level : levels) level = level > 0 ? 1 : 0;
     return levels;
   };
 }
 
 ChipRows::ChipRows(std::span<const double> signal, const ChannelEstimate& channel)
-    : rows_(signal.size()), clock_(channel.clock) {
-  clock_.exposure_rows = std::max(clock_.exposure_rows, kShortestExposure);
+    : rows_(signal.size()), clock_(with_min_exposure(channel.clock)) {
   for (std::size_t n = 0; n < rows_.size(); ++n) {
     const auto row = static_cast<double>(n);
     const double swing = channel.swing_at(row, rows_.size());
     require(swing > 0, "channel", "a swing of " + shortest_text(swing) + " in row " + std::to_string(n), "above 0");
     rows_[n] = (signal[n] - channel.dark_at(row, rows_.size())) / swing;
   }
-  const auto chip_at = [&](double row) {
-    return static_cast<std::ptrdiff_t>(std::floor((row - clock_.phase) / clock_.rows_per_chip));
-  };
-  const double last_row = static_cast<double>(rows_.size()) - 1, half = 0.5 * clock_.exposure_rows;
-  noise_ = std::max(channel.noise / channel.swing_at(0.5 * last_row, rows_.size()), kMinNoise);
-  first_ = chip_at(-half);
-  count_ = static_cast<std::size_t>(chip_at(last_row + half) - first_ + 1);
+  const double middle = 0.5 * (static_cast<double>(rows_.size()) - 1);
+  noise_ = std::max(channel.noise / channel.swing_at(middle, rows_.size()), kMinDetectorNoise);
+}
+
+ChipQuestion ChipRows::question() const {
+  const ChipGrid chips = affecting_chips(clock_, rows_.size());
+  return {rows_, clock_, noise_, chips.first, chips.count};
 }
 
 ColumnChips detect_chips(const AnyFramesView& frames, const Camera& camera, const ChannelEstimate& channel,
-                         DetectorMethod method) {
+                         std::string_view method) {
   check(camera);
   check(frames);
   require_positive("rows_per_chip", channel.clock.rows_per_chip);

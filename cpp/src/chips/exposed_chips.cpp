@@ -15,7 +15,7 @@ void check_chips(const KnownChips& chips) {
   for (double level : chips.levels) require_finite("chips", level);
 }
 
-ChipClock with_least_exposure(ChipClock clock) {
+ChipClock with_min_exposure(ChipClock clock) {
   clock.exposure_rows = std::max(clock.exposure_rows, kShortestExposure);
   return clock;
 }
@@ -29,7 +29,7 @@ void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<dou
   check_chips(chips);
   check_clock(clock);
   const ChipBox box(chips, clock);
-  const ChipClock used = with_least_exposure(clock);
+  const ChipClock used = with_min_exposure(clock);
   for (std::size_t n = 0; n < out.size(); ++n) out[n] = box.at(static_cast<double>(n), used, 0).value;
 }
 

@@ -89,7 +89,7 @@ void check_clock(const ChipClock& clock);
 void check_chips(const KnownChips& chips);
 
 // Clock with an exposure of at least kShortestExposure.
-ChipClock with_least_exposure(ChipClock clock);
+ChipClock with_min_exposure(ChipClock clock);
 
 // Clock renumbered so that chip `chips` becomes chip 0.
 ChipClock moved_to(ChipClock clock, std::ptrdiff_t chips);

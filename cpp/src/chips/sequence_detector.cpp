@@ -48,7 +48,7 @@ class Trellis {
         scale_(0.5 / (question.noise * question.noise)),
         classes_(memory_ + 1) {}
 
-  SequenceDetection detect() {
+  std::vector<double> detect() {
     find_rows();
     if (is_slow()) find_lights();
     run_forward();
@@ -204,8 +204,8 @@ class Trellis {
     }
   }
 
-  SequenceDetection run_backward() {
-    SequenceDetection detection{std::vector<double>(question_.count)};
+  std::vector<double> run_backward() {
+    std::vector<double> llr(question_.count);
     std::vector<float> after(states_, 0.0F), before(states_), costs(2 * states_);
     for (std::size_t chip = question_.count; chip-- > 0;) {
       check_interrupt();
@@ -219,11 +219,11 @@ class Trellis {
         best[0] = std::min(best[0], from[state] + dark);
         best[1] = std::min(best[1], from[state] + bright);
       }
-      detection.llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
+      llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
       const float least = *std::ranges::min_element(before);
       for (std::size_t state = 0; state < states_; ++state) after[state] = before[state] - least;
     }
-    return detection;
+    return llr;
   }
 
   const ChipQuestion& question_;
@@ -250,7 +250,7 @@ double mean_square_difference(double length) {
 
 }  // namespace
 
-SequenceDetection detect_sequence(const ChipQuestion& question) {
+std::vector<double> detect_sequence(const ChipQuestion& question) {
   check(question, kLongestDetectedExposure);
   if (question.count == 0) return {};
   return Trellis(question).detect();

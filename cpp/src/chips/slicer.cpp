@@ -1,4 +1,4 @@
-#include "chips/slicer.hpp"
+#include "ocisac/chips/slicer.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -53,48 +53,9 @@ double line_through_others(std::span<const double> values, std::span<const std::
   return mean - cross / square * middle;
 }
 
-Detection decide(std::span<const double> values, std::span<const std::uint8_t> bits) {
-  Detection result{{}, chip_level(values, bits, 0), chip_level(values, bits, 1), {}};
-  double largest = 0;
-  for (std::size_t k = 0; k < values.size(); ++k) largest = std::max(largest, result.bright[k] - result.dark[k]);
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    const double swing = std::max(result.bright[k] - result.dark[k], 1e-3 * std::max(largest, 1e-12));
-    result.soft.push_back((values[k] - 0.5 * (result.bright[k] + result.dark[k])) / (0.5 * swing));
-    result.bits.push_back(result.soft.back() > 0);
-  }
-  return result;
-}
-
-bool holds_both(std::span<const std::uint8_t> bits) {
-  return std::ranges::find(bits, 0) != bits.end() && std::ranges::find(bits, 1) != bits.end();
-}
-
-}  // namespace
-
-ChipGrid whole_chips(const ChipLattice& lattice, std::size_t rows) {
-  constexpr double kRounding = 1e-9;  // chips
-  const double begin = (-0.5 - lattice.phase) / lattice.rows_per_chip - kRounding;
-  const double end = (static_cast<double>(rows) - 0.5 - lattice.phase) / lattice.rows_per_chip + kRounding;
-  const auto first = static_cast<std::ptrdiff_t>(std::ceil(begin)), last = static_cast<std::ptrdiff_t>(std::floor(end));
-  return {lattice, first, last > first ? static_cast<std::size_t>(last - first) : 0};
-}
-
-std::vector<double> chip_values(std::span<const double> signal, const ChipGrid& grid,
-                                std::optional<double> exposure_rows) {
-  if (signal.size() < 2) return {signal.begin(), signal.begin() + (grid.count > 0 ? 1 : 0)};
-  const double period = grid.lattice.rows_per_chip;
-  const double reach = std::max(exposure_rows ? 0.4 * std::max(period - *exposure_rows, 0.0) : 0.25 * period, 0.5);
-  const auto last = static_cast<double>(signal.size() - 1);
-  const Area area(signal);
-  std::vector<double> values(grid.count);
-  for (std::size_t k = 0; k < grid.count; ++k) {
-    const double low = std::clamp(grid.centre(k) - reach, 0.0, last),
-                 high = std::clamp(grid.centre(k) + reach, 0.0, last);
-    values[k] = (area.to(high) - area.to(low)) / (high - low);
-  }
-  return values;
-}
-
+// Level of the chips of one kind (`kind[chip] == bit`) along the frame: at each of them a line through its neighbours
+// of that kind, without the chip itself; linear interpolation between them, constant beyond. Needs at least one chip of
+// the kind.
 std::vector<double> chip_level(std::span<const double> values, std::span<const std::uint8_t> kind, std::uint8_t bit) {
   const double reach = std::clamp(static_cast<double>(values.size()) / 16, 2.0, 6.0);
   std::vector<std::size_t> chips;
@@ -112,12 +73,45 @@ std::vector<double> chip_level(std::span<const double> values, std::span<const s
   return level;
 }
 
-std::optional<Detection> Slicer::detect(std::span<const double> signal, const ChipGrid& grid,
-                                        std::optional<double> exposure_rows,
-                                        std::span<const std::uint8_t> guess) const {
+SlicedChips decide(std::span<const double> values, std::span<const std::uint8_t> bits) {
+  SlicedChips result{{}, chip_level(values, bits, 0), chip_level(values, bits, 1), {}};
+  double largest = 0;
+  for (std::size_t k = 0; k < values.size(); ++k) largest = std::max(largest, result.bright[k] - result.dark[k]);
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const double swing = std::max(result.bright[k] - result.dark[k], 1e-3 * std::max(largest, 1e-12));
+    result.relative_levels.push_back((values[k] - 0.5 * (result.bright[k] + result.dark[k])) / (0.5 * swing));
+    result.bits.push_back(result.relative_levels.back() > 0);
+  }
+  return result;
+}
+
+bool holds_both(std::span<const std::uint8_t> bits) {
+  return std::ranges::find(bits, 0) != bits.end() && std::ranges::find(bits, 1) != bits.end();
+}
+
+}  // namespace
+
+std::vector<double> chip_values(std::span<const double> signal, const ChipGrid& grid,
+                                std::optional<double> exposure_rows) {
+  if (signal.size() < 2) return {signal.begin(), signal.begin() + (grid.count > 0 ? 1 : 0)};
+  const double period = grid.clock.rows_per_chip;
+  const double reach = std::max(exposure_rows ? 0.4 * std::max(period - *exposure_rows, 0.0) : 0.25 * period, 0.5);
+  const auto last = static_cast<double>(signal.size() - 1);
+  const Area area(signal);
+  std::vector<double> values(grid.count);
+  for (std::size_t k = 0; k < grid.count; ++k) {
+    const double low = std::clamp(grid.centre(k) - reach, 0.0, last),
+                 high = std::clamp(grid.centre(k) + reach, 0.0, last);
+    values[k] = (area.to(high) - area.to(low)) / (high - low);
+  }
+  return values;
+}
+
+std::optional<SlicedChips> slice(std::span<const double> signal, const ChipGrid& grid,
+                                 std::optional<double> exposure_rows, std::span<const std::uint8_t> guess) {
   const auto values = chip_values(signal, grid, exposure_rows);
   std::vector<std::uint8_t> bits(guess.begin(), guess.end());
-  Detection decided;
+  SlicedChips decided;
   for (int round = 0; round < kRounds; ++round) {
     if (!holds_both(bits)) return std::nullopt;
     decided = decide(values, bits);

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <span>
 
+#include "chips/exposed_chips.hpp"
 #include "ocisac/chips/error_rates.hpp"
 #include "ocisac/tones/equalize.hpp"
 
@@ -57,11 +58,6 @@ Weights weights_around(double centre, double reach, std::size_t rows) {
 }
 
 double middle_of(const ChipClock& clock, double chip) { return clock.phase + (chip + 0.5) * clock.rows_per_chip; }
-
-ChipClock with_least_exposure(ChipClock clock) {
-  clock.exposure_rows = std::max(clock.exposure_rows, kShortestExposure);
-  return clock;
-}
 
 // Weight of a chip in a row.
 double share(double row, double chip, const ChipClock& clock) {
@@ -154,7 +150,7 @@ Response inverse_response(ChipClock clock, double noise) {
 }  // namespace
 
 std::vector<double> slice_chips(const ChipQuestion& question) {
-  const ChipClock clock = with_least_exposure(question.clock);
+  const ChipClock clock = with_min_exposure(question.clock);
   std::vector<double> ratios(question.count);
   Weights weights;
   for (std::size_t k = 0; k < question.count; ++k) {
@@ -174,7 +170,7 @@ std::vector<double> slice_chips(const ChipQuestion& question) {
 }
 
 std::vector<double> invert_and_slice_chips(const ChipQuestion& question) {
-  const ChipClock clock = with_least_exposure(question.clock);
+  const ChipClock clock = with_min_exposure(question.clock);
   std::vector<double> ratios(question.count);
   if (question.rows.empty()) return ratios;
   const auto light = equalized(question.rows, clock.exposure_rows);
@@ -188,7 +184,7 @@ std::vector<double> invert_and_slice_chips(const ChipQuestion& question) {
 }
 
 double slicer_error_rate(const ChipClock& clock, double noise) {
-  ChipClock used = with_least_exposure(clock);
+  ChipClock used = with_min_exposure(clock);
   used.phase -= used.rows_per_chip * std::floor(used.phase / used.rows_per_chip);
   const double first = std::ceil((used.exposure_rows + 4) / used.rows_per_chip) + 2;
   double sum = 0;
@@ -211,7 +207,7 @@ double slicer_error_rate(const ChipClock& clock, double noise) {
 }
 
 double inverse_error_rate(const ChipClock& clock, double noise) {
-  return inverse_response(with_least_exposure(clock), noise).error_rate();
+  return inverse_response(with_min_exposure(clock), noise).error_rate();
 }
 
 }  // namespace ocisac

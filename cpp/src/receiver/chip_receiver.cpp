@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "chips/lit_rows.hpp"
-#include "ocisac/chips/detector.hpp"
+#include "ocisac/chips/chip_clock.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
 
@@ -221,8 +221,7 @@ void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedF
   for (double& value : llr) value *= independent;
   result.stretch = assembler_.push(chip_number(channel, result.frame) + reading.first, llr);
 
-  const ChipLattice lattice{channel.clock.rows_per_chip, channel.errors.rows_per_chip_std(), channel.clock.phase, 0};
-  const ChipGrid whole = whole_chips(lattice, rows);
+  const ChipGrid whole = whole_chips(channel.clock, rows);
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
     if (at < 0 || at >= static_cast<std::ptrdiff_t>(llr.size())) continue;

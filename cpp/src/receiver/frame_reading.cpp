@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include "ocisac/chips/detect_chips.hpp"
@@ -14,7 +15,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinNoise = 1e-4;       // relative to the swing, for the detector
 constexpr int kMaxRounds = 3;            // of detection
 constexpr double kClockStays = 0.02;     // chips, at either end of the frame
 constexpr double kExposureStays = 0.01;  // relative
@@ -55,10 +55,10 @@ bool detectable(std::span<const double> signal, const ChannelEstimate& channel) 
 // sequences are likely, and for a search, where wrong channels make all sequences likely.
 constexpr double kLongestSlowTrellis = 9, kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
 
-DetectorMethod method_for(const ChipClock& clock, double longest_trellis) {
+std::string_view method_for(const ChipClock& clock, double longest_trellis) {
   const bool slow = clock.rise > 0 || clock.fall > 0;  // only the full trellis models them
   const double longest = slow ? kLongestSlowTrellis : longest_trellis;
-  return clock.exposure_rows <= longest * clock.rows_per_chip ? DetectorMethod::mlse : DetectorMethod::reduced;
+  return clock.exposure_rows <= longest * clock.rows_per_chip ? "mlse" : "reduced";
 }
 
 // Fails, so that the channel is rejected, where the estimated exposure is too long.
@@ -132,7 +132,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     channel = std::move(*fitted);
     reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
     // Rescale the likelihoods from the assumed to the estimated noise.
-    const double weight = std::pow(question.noise / std::max(reading.relative_noise, kMinNoise), 2);
+    const double weight = std::pow(question.noise / std::max(reading.relative_noise, kMinDetectorNoise), 2);
     for (double& llr : reading.llr) llr *= weight;
     if (stays) break;
   }

@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "chips/lit_rows.hpp"
-#include "chips/slicer.hpp"
 #include "columns/lamp_slope.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/chips/chip_timing.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/require.hpp"
@@ -41,7 +41,8 @@ constexpr double kWeakSnr = 9;                                                 /
 // A decoded signal: timing and decisions.
 struct Decoded {
   ChipGrid grid;
-  Detection detection;
+  SlicedChips detection;
+  double rows_per_chip_std = 0;
 };
 
 // Prior knowledge about a frame.
@@ -74,7 +75,7 @@ std::vector<std::uint8_t> bits_between(const Edges& edges, const ChipGrid& grid)
 
 // Rows at which the signal crosses the mean level at every change of bit, and the index of the chip that begins there.
 std::pair<Edges, std::vector<double>> edges_of(std::span<const double> signal, const ChipGrid& grid,
-                                               const Detection& seen) {
+                                               const SlicedChips& seen) {
   std::pair<Edges, std::vector<double>> result;
   for (std::size_t k = 0; k + 1 < grid.count; ++k) {
     if (seen.bits[k] == seen.bits[k + 1]) continue;
@@ -110,18 +111,18 @@ std::vector<std::uint8_t> carried_over(std::span<const std::uint8_t> bits, const
 
 // Detects, refits the lattice to the edges at the detected levels, and detects again.
 std::optional<Decoded> detect_and_refine(std::span<const double> signal, const ChipTiming& timing,
-                                         const Detector& detector, std::optional<double> exposure_rows) {
-  Decoded decoded{whole_chips(timing.lattice, signal.size()), {}};
-  auto detected = detector.detect(signal, decoded.grid, exposure_rows, bits_between(timing.edges, decoded.grid));
+                                         std::optional<double> exposure_rows) {
+  Decoded decoded{whole_chips(timing.lattice.clock, signal.size()), {}, timing.lattice.rows_per_chip_std};
+  auto detected = slice(signal, decoded.grid, exposure_rows, bits_between(timing.edges, decoded.grid));
   if (!detected) return std::nullopt;
   decoded.detection = std::move(*detected);
   const auto [edges, chips] = edges_of(signal, decoded.grid, decoded.detection);
   const auto lattice = fit_lattice(edges, chips);
-  if (!lattice || std::abs(lattice->rows_per_chip / timing.lattice.rows_per_chip - 1) >= kLargestChange) return decoded;
-  const ChipGrid refined = whole_chips(*lattice, signal.size());
-  detected =
-      detector.detect(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));
-  if (detected) decoded = {refined, std::move(*detected)};
+  if (!lattice || std::abs(lattice->clock.rows_per_chip / timing.lattice.clock.rows_per_chip - 1) >= kLargestChange)
+    return decoded;
+  const ChipGrid refined = whole_chips(lattice->clock, signal.size());
+  detected = slice(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));
+  if (detected) decoded = {refined, std::move(*detected), lattice->rows_per_chip_std};
   return decoded;
 }
 
@@ -142,16 +143,16 @@ std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming
   }
   if (edges < kSureBlind || shared < 2) return std::nullopt;
   ChipTiming slower = timing;
-  const ChipLattice& lattice = decoded.grid.lattice;
-  slower.lattice.phase = lattice.phase + static_cast<double>(first_edge) * lattice.rows_per_chip;
-  slower.lattice.rows_per_chip = static_cast<double>(shared) * lattice.rows_per_chip;
-  slower.lattice.rows_per_chip_std = static_cast<double>(shared) * lattice.rows_per_chip_std;
-  if (slower.lattice.rows_per_chip * range.lowest > 1) return std::nullopt;
+  const ChipClock& clock = decoded.grid.clock;
+  slower.lattice.clock.phase = clock.phase + static_cast<double>(first_edge) * clock.rows_per_chip;
+  slower.lattice.clock.rows_per_chip = static_cast<double>(shared) * clock.rows_per_chip;
+  slower.lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
+  if (slower.lattice.clock.rows_per_chip * range.lowest > 1) return std::nullopt;
   return slower;
 }
 
 // 1 / variance of the soft values about ±1 (the threshold is 0).
-double snr_of(std::span<const double> soft) {
+double snr_of(std::span<const double> relative_levels) {
   double variance = 0;
   std::size_t count = 0;
   for (double value : soft) {
@@ -163,23 +164,23 @@ double snr_of(std::span<const double> soft) {
   return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
 }
 
-// Chips of all rows: those without lit rows are compared with the nearest levels and get a soft value of 0.
+// Chips of all rows: those without lit rows are compared with the nearest levels and get a relative level of 0.
 Decoded spread_over(std::span<const double> signal, Decoded lit) {
-  const ChipGrid whole = whole_chips(lit.grid.lattice, signal.size());
+  const ChipGrid whole = whole_chips(lit.grid.clock, signal.size());
   if (whole.first == lit.grid.first && whole.count == lit.grid.count) return lit;
-  Decoded spread{whole, {}};
+  Decoded spread{whole, {}, lit.rows_per_chip_std};
   const auto last = static_cast<std::ptrdiff_t>(lit.grid.count) - 1;
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - lit.grid.first;
     const auto nearest = static_cast<std::size_t>(std::clamp(at, std::ptrdiff_t{0}, last));
-    const Detection& seen = lit.detection;
+    const SlicedChips& seen = lit.detection;
     const auto row = static_cast<std::size_t>(std::clamp(whole.centre(k), 0.0, static_cast<double>(signal.size() - 1)));
     const bool is_lit = at >= 0 && at <= last;
     const bool bright = signal[row] > 0.5 * (seen.dark[nearest] + seen.bright[nearest]);
     spread.detection.bits.push_back(is_lit ? seen.bits[nearest] : static_cast<std::uint8_t>(bright));
     spread.detection.dark.push_back(seen.dark[nearest]);
     spread.detection.bright.push_back(seen.bright[nearest]);
-    spread.detection.soft.push_back(is_lit ? seen.soft[nearest] : 0.0);
+    spread.detection.relative_levels.push_back(is_lit ? seen.relative_levels[nearest] : 0.0);
   }
   return spread;
 }
@@ -193,16 +194,15 @@ bool is_periodic(const std::string& bits) {
 }
 
 void fill(Received& received, Decoded decoded, std::optional<double> exposure_rows) {
-  const ChipLattice& lattice = decoded.grid.lattice;
   for (auto bit : decoded.detection.bits) received.bits += bit ? '1' : '0';
-  received.rows_per_chip = lattice.rows_per_chip;
-  received.rows_per_chip_std = lattice.rows_per_chip_std;
+  received.rows_per_chip = decoded.grid.clock.rows_per_chip;
+  received.rows_per_chip_std = decoded.rows_per_chip_std;
   received.phase = decoded.grid.start(0);
-  received.snr = snr_of(decoded.detection.soft);
+  received.snr = snr_of(decoded.detection.relative_levels);
   received.detection = std::move(decoded.detection);
   if (received.snr < kWeakSnr) received.flags |= flag::weak;
   if (is_periodic(received.bits)) received.flags |= flag::periodic;
-  if (exposure_rows && *exposure_rows > kLongExposure * lattice.rows_per_chip) received.flags |= flag::long_exposure;
+  if (exposure_rows && *exposure_rows > kLongExposure * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
 // Chip timing of the lit rows, relative to row `begin`.
@@ -213,7 +213,7 @@ TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::si
   auto search = find_chip_timing(std::span(column.signal).subspan(first, last - first), column.noise, range);
   if (!search.timing) return search;
   const double moved = static_cast<double>(first) - static_cast<double>(begin);
-  search.timing->lattice.phase += moved;
+  search.timing->lattice.clock.phase += moved;
   for (double& row : search.timing->edges.rows) row += moved;
   return search;
 }
@@ -238,12 +238,12 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   received.weights = column.weights;
   received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
   if (search.timing) {
-    auto decoded = detect_and_refine(signal, *search.timing, Slicer{}, what.exposure_rows);
+    auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
     const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
     if (slower)
-      if (auto again = detect_and_refine(signal, *slower, Slicer{}, what.exposure_rows)) decoded = std::move(again);
-    if (decoded && snr_of(decoded->detection.soft) >= kMinSnr) {
-      decoded->grid.lattice.phase += static_cast<double>(begin);
+      if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
+    if (decoded && snr_of(decoded->detection.relative_levels) >= kMinSnr) {
+      decoded->grid.clock.phase += static_cast<double>(begin);
       fill(received, spread_over(column.signal, std::move(*decoded)), what.exposure_rows);
       return true;
     }
@@ -275,7 +275,7 @@ std::vector<double> difference(std::span<const double> a, std::span<const double
 
 // Adds light that was removed before detection: reported levels are those of the pixels.
 void add_to_levels(Received& received, std::span<const double> light, std::optional<double> exposure_rows) {
-  const ChipGrid grid{{received.rows_per_chip, received.rows_per_chip_std, received.phase, 0}, 0, received.bits.size()};
+  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
   const auto values = chip_values(light, grid, exposure_rows);
   for (std::size_t k = 0; k < values.size(); ++k) {
     received.detection.dark[k] += values[k];

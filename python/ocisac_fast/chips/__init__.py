@@ -19,6 +19,7 @@ from ocisac_fast.chips.channel import (
     refine_channel as refine_channel,
 )
 from ocisac_fast.chips.detection import (
+    DETECTORS as DETECTORS,
     DetectedChips as DetectedChips,
     DetectorErrorRates as DetectorErrorRates,
     detect_chips as detect_chips,

@@ -506,7 +506,7 @@ def chip_llr(
         noise: standard deviation of ``rows``, above 0.
         first: number of the first chip that the rows see.
         count: number of chips that the rows see.
-        method: another detector, as in :func:`detect_chips`.
+        method: one of :data:`ocisac_fast.chips.DETECTORS`.
 
     Returns:
         (count,) ln p(rows | bright) - ln p(rows | dark): above 0 for a bright chip; 0 for a chip that no row sees.

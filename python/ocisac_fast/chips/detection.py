@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +14,7 @@ from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import checked
 
 FloatArray = npt.NDArray[np.float64]
-DetectorMethod = Literal["auto", "slicer", "inverse", "wiener", "dfe", "reduced", "mlse"]
+DETECTORS = tuple(_core.detector_names())  # of the list in cpp/src/chips/detect_chips.cpp, "auto" the last
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,7 @@ class DetectorErrorRates:
 
 @checked
 def detect_chips(
-    columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: DetectorMethod = "auto"
+    columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: str = "auto"
 ) -> DetectedChips:
     """Detect the chips of columns whose channel is known, at any exposure up to 24 chips.
 
@@ -75,7 +74,7 @@ def detect_chips(
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order: light of one channel.
         camera: gives tone curve and dark level, which are inverted; clock and exposure are those of ``channel``.
         channel: clock, levels and noise from :func:`fit_channel`, :func:`refine_channel` or :func:`find_channel`.
-        method: the detector.
+        method: one of :data:`DETECTORS`.
 
     Returns:
         Log-likelihood ratios; slicer, inverse, wiener and dfe model the other chips as Gaussian noise.

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from ocisac_fast import __version__, _core
+from ocisac_fast.chips import DETECTORS
 from ocisac_fast.cli.output import emit_facts, emit_json
 from ocisac_fast.cli.pictures import json_option
 
@@ -25,7 +26,7 @@ def info(as_json: bool) -> None:
         return
     libraries = facts.pop("libraries")
     assert isinstance(libraries, dict)
-    facts["simd_targets"] = ", ".join(_core.simd_targets())
+    facts |= {"simd_targets": ", ".join(_core.simd_targets()), "detectors": ", ".join(DETECTORS)}
     lines = {name.replace("_", " "): str(value) for name, value in facts.items()}
     emit_facts("", {**lines, **{name: version or "not installed" for name, version in libraries.items()}})
 
@@ -38,6 +39,7 @@ def _facts() -> dict[str, object]:
         "opencv": _core.opencv_version(),
         "simd_target": _core.simd_target(),
         "simd_targets": _core.simd_targets(),
+        "detectors": list(DETECTORS),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "libraries": {name: _version(name) for name in _LIBRARIES},

@@ -16,7 +16,7 @@ from ocisac_fast.chips.channel import (
     Pooled,
     TrackedClock,
 )
-from ocisac_fast.chips.detection import DetectedChips, DetectorErrorRates, DetectorMethod
+from ocisac_fast.chips.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.reference.camera import linear_light
 from ocisac_fast.reference.tones import equalize
 
@@ -352,7 +352,7 @@ class ClockTracker:
 
 
 def detect_chips(
-    columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: DetectorMethod = "wiener"
+    columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: str = "wiener"
 ) -> DetectedChips:
     """Detect chips in every column of every frame by the equations; ``mlse`` and ``reduced`` are hard decisions with
     equal weights.

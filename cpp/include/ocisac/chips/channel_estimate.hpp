@@ -1,14 +1,13 @@
 // Least-squares estimate of the channel from light to rows, given known chips: clock, exposure and levels.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <limits>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "ocisac/chips/chip_timing.hpp"
+#include "ocisac/chips/chip_clock.hpp"
 
 namespace ocisac {
 
@@ -17,21 +16,6 @@ struct KnownChips {
   std::span<const double> levels;
   std::ptrdiff_t first = 0;
 };
-
-// Chip clock and exposure. Row n is the mean of the chips over rows n − exposure/2 … n + exposure/2; chip k lies
-// between phase + k·rows_per_chip and phase + (k + 1)·rows_per_chip:
-//
-//   s_n = (1/exposure)·∫ chips        0 ≤ s_n ≤ 1
-struct ChipClock {
-  double rows_per_chip;
-  double phase;          // rows, of chip 0, in the middle of the exposure: half an exposure after the light's edge
-  double exposure_rows;  // rows; at least kShortestExposure is used
-  // Time constants with which the light approaches a chip that is brighter or darker than it, chips; 0: at once. The
-  // level at the beginning of the first known chip is its own.
-  double rise = 0, fall = 0;
-};
-
-inline constexpr double kShortestExposure = 1e-3;
 
 // s_n of rows 0 … out.size() − 1, with error (1e-12 rows)/exposure; the first and the last known chip extend without
 // end.
@@ -54,19 +38,6 @@ struct ChannelModel {
 };
 
 inline constexpr std::size_t kHighestDegree = 6;
-
-// Standard errors of a clock. The phase is that of chip `chip`, the middle of the chips in use, where phase and rows
-// per chip are nearly independent.
-struct ClockErrors {
-  std::ptrdiff_t chip = 0;
-  // Covariance of (phase there, rows_per_chip, exposure), rows². Infinite for an exposure that is not separable from
-  // the phase, 0 for a known one.
-  std::array<double, 9> covariance{};
-
-  [[nodiscard]] double phase_std(std::ptrdiff_t at) const;  // at the beginning of chip `at`
-  [[nodiscard]] double rows_per_chip_std() const;
-  [[nodiscard]] double exposure_rows_std() const;
-};
 
 struct ChannelEstimate {
   ChipClock clock{};

@@ -7,16 +7,15 @@
 #include <span>
 #include <vector>
 
+#include "ocisac/chips/chip_clock.hpp"
 #include "ocisac/chips/edges.hpp"
 
 namespace ocisac {
 
-// Chip k lies between rows phase + k·rows_per_chip and phase + (k + 1)·rows_per_chip. Its borders are the middles of
-// the ramps caused by the exposure, half an exposure after the light's edges.
+// A clock fitted to edges, which do not determine its exposure.
 struct ChipLattice {
-  double rows_per_chip = 0;
+  ChipClock clock;
   double rows_per_chip_std = 0;  // standard error, from the edges' residual
-  double phase = 0;              // rows
   double duty_offset = 0;        // excess length of bright runs over whole chips, rows
 };
 

@@ -19,7 +19,7 @@ struct ReducedSearch {
 
 // M-algorithm (Anderson and Mohan 1984) on ChipEquations. At each chip it keeps the most likely sequences that differ
 // in the last band() chips; the known part of the later rows' cost is included. A backward pass over the kept sequences
-// gives the soft outputs (Franz and Anderson 1998): (count) log-likelihood ratios as in SequenceDetection. If no kept
+// gives the soft outputs (Franz and Anderson 1998): (count) log-likelihood ratios as of detect_sequence(). If no kept
 // sequence has the opposite chip, the ratio comes from the most likely sequence that differs from the best in a run of
 // up to four chips, or in two such runs an exposure apart. Run time is proportional to the sequences kept, which are
 // few at high signal-to-noise ratios.

@@ -12,6 +12,9 @@
 
 namespace ocisac {
 
+// Smallest noise that detectors assume, relative to the swing.
+inline constexpr double kMinDetectorNoise = 1e-4;
+
 // Input of a detector: all chips first, first + 1, … that affect consecutive rows.
 struct ChipQuestion {
   std::span<const double> rows;  // 0: steady dark, 1: steady bright

@@ -18,15 +18,13 @@ inline constexpr double kLongestDetectedExposure = 15;
 // The detector finds the sequence of maximum likelihood given all rows. A state is the last ⌈L⌉ chips. Forward and
 // backward recursions over the trellis give the least squares for each chip bright and dark (max-log; Viterbi 1967,
 // Bahl et al. 1974). Rows per chip and L need not be whole.
-struct SequenceDetection {
-  // (chips) ln p(rows | bright) − ln p(rows | dark), by the most likely sequence of either kind. Above 0: bright. 0 for
-  // a chip that no row covers.
-  std::vector<double> llr;
-};
-
+//
+// Returns (chips) ln p(rows | bright) − ln p(rows | dark), by the most likely sequence of either kind. Above 0: bright.
+// 0 for a chip that no row covers.
+//
 // Throws std::invalid_argument for an exposure beyond kLongestDetectedExposure chips, and for values that are not
 // finite or out of range. Run time and memory are proportional to chips·2^⌈L⌉ (memory: 4 bytes each).
-SequenceDetection detect_sequence(const ChipQuestion& question);
+std::vector<double> detect_sequence(const ChipQuestion& question);
 
 // Distance, over the swing, between the rows of two sequences that differ by 01 for 10: the closest pair for exposures
 // from about two chips on. Minimum over the chips' positions relative to the rows. Noise σ of a row gives about

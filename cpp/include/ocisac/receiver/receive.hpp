@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/chips/detector.hpp"
+#include "ocisac/chips/slicer.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
@@ -29,7 +29,7 @@ struct Received {
   double rows_per_chip_std;     // rows, standard error
   double phase;                 // row at which the first whole chip begins: the middle of its edge's ramp
   double snr = 0;               // (swing/2)² / variance of the chips about their levels; at most 1e12
-  Detection detection;          // levels and soft values
+  SlicedChips detection;        // levels and soft values
   std::vector<double> weights;  // (columns), sum 1; 0: not used
   Flags flags = 0;
 };
