@@ -1,4 +1,4 @@
-#include "ocisac/chips/chip_timing.hpp"
+#include "chips/chip_timing.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
@@ -178,7 +178,7 @@ double description_length(const ChipLattice& lattice, double residual, std::size
   const double entropy = share < 1 ? -(share * std::log(share) + (1 - share) * std::log(1 - share)) : 0.0;
   const double duty = lattice.duty_offset / lattice.clock.rows_per_chip;
   return edges * std::log(std::max(residual, 0.05)) + cells * entropy + 4 * static_cast<double>(collisions) +
-         8 * edges * duty * duty  // prefers the threshold with equal runs of both levels
+         8 * edges * duty * duty                                 // prefers the threshold with equal runs of both levels
          - 0.3 * edges * std::log(lattice.clock.rows_per_chip);  // prefers the slower lattice
 }
 

@@ -1,4 +1,4 @@
-#include "ocisac/chips/edges.hpp"
+#include "chips/edges.hpp"
 
 #include <algorithm>
 #include <array>

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "ocisac/chips/edges.hpp"
+#include "chips/edges.hpp"
 
 namespace ocisac {
 

@@ -8,10 +8,10 @@
 #include <numeric>
 #include <utility>
 
+#include "chips/chip_timing.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/chips/chip_timing.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/require.hpp"
@@ -151,11 +151,11 @@ std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming
   return slower;
 }
 
-// 1 / variance of the soft values about ±1 (the threshold is 0).
+// 1 / variance of the relative levels about ±1 (the threshold is 0).
 double snr_of(std::span<const double> relative_levels) {
   double variance = 0;
   std::size_t count = 0;
-  for (double value : soft) {
+  for (double value : relative_levels) {
     if (value == 0) continue;  // in rows that are not lit
     variance += std::pow(std::abs(value) - 1, 2);
     ++count;

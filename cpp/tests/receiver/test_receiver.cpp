@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "chips/chip_timing.hpp"
+#include "chips/edges.hpp"
 #include "ocisac/chips/chip_clock.hpp"
-#include "ocisac/chips/chip_timing.hpp"
-#include "ocisac/chips/edges.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/receiver/receive.hpp"
 

@@ -29,7 +29,7 @@ struct Received {
   double rows_per_chip_std;     // rows, standard error
   double phase;                 // row at which the first whole chip begins: the middle of its edge's ramp
   double snr = 0;               // (swing/2)² / variance of the chips about their levels; at most 1e12
-  SlicedChips detection;        // levels and soft values
+  SlicedChips detection;        // levels and relative levels
   std::vector<double> weights;  // (columns), sum 1; 0: not used
   Flags flags = 0;
 };

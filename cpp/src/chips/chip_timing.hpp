@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "chips/edges.hpp"
 #include "ocisac/chips/chip_clock.hpp"
-#include "ocisac/chips/edges.hpp"
 
 namespace ocisac {
 
