@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import ocisac_fast
+from ocisac_fast.packets import PacketFormat
 
 
 @dataclass
@@ -39,7 +40,9 @@ class Reading:
 
 def transmit(payload: bytes, line_code: str, block_bytes: int) -> np.ndarray:
     """The payload's cycle of chips, 0 and 1."""
-    return np.asarray(ocisac_fast.transmit(payload, line_code=line_code, block_bytes=block_bytes).chips, np.uint8)
+    return np.asarray(
+        ocisac_fast.transmit(payload, format=PacketFormat(line_code=line_code, block_bytes=block_bytes)).chips, np.uint8
+    )
 
 
 def camera(row_time: float, exposure: float | None, frame_time: float, tone_curve: str, dark_level: float):
@@ -61,7 +64,7 @@ def receiver(
     of_camera, several: bool, region: tuple | None, chip_rate: float, line_code: str, block_bytes: int
 ) -> Callable[[np.ndarray, int | None], list[Reading]]:
     """A receiver of packets: a function of the next picture (and its number) that returns its readings."""
-    options = {"chip_rate": chip_rate, "line_code": line_code, "block_bytes": block_bytes}
+    options = {"chip_rate": chip_rate, "format": PacketFormat(line_code=line_code, block_bytes=block_bytes)}
     if several:
         many = ocisac_fast.MultiReceiver(of_camera, regions=[tuple(region)] if region else (), **options)
         return lambda pixels, number: [_packets(s.received) for s in many.push(pixels, number=number)]

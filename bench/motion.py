@@ -16,6 +16,7 @@ import numpy as np
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
+from ocisac_fast.sensing import KnownMotion
 
 ROW_TIME, SPEED, NOISE = 22.2e-6, 1.751, 2.0
 
@@ -38,7 +39,9 @@ def frequencies(frames: int) -> list[dict[str, float]]:
         bound = np.sqrt(24 * NOISE**2 / (amplitude**2 * columns * rows * (rows**2 - 1))) / (2 * np.pi * ROW_TIME)
         views = [texture(f, exposure, rows, columns, 100.0, seed) for seed in range(frames)]
         start = time.perf_counter()
-        found = [ocisac.sense_region(one, Camera(ROW_TIME, exposure), motion="across") for one in views]
+        found = [
+            ocisac.sense_region(one, Camera(ROW_TIME, exposure), motion=KnownMotion(axis="across")) for one in views
+        ]
         seconds = (time.perf_counter() - start) / frames
         error = float(np.sqrt(np.mean([(one.motion_frequency - f) ** 2 for one in found])))
         told = float(np.mean([one.motion_frequency_std for one in found]))

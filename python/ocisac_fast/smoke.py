@@ -25,9 +25,9 @@ def _check_gain(camera: ocisac.Camera) -> float:
 
 
 def _check_payload(camera: ocisac.Camera) -> bytes:
-    sent = ocisac.transmit(b"smoke", line_code="manchester")
+    sent = ocisac.transmit(b"smoke")
     light = ocisac.Chips(sent.chips, 11.7e3, repeat=True)
-    receiver = ocisac.Receiver(camera, chip_rate=11.7e3, line_code="manchester")
+    receiver = ocisac.Receiver(camera, chip_rate=11.7e3)
     for frame in simulate_frames(light, camera, _ROWS, _COLUMNS, 60, dark_level=_DARK_LEVEL, noise=2.0):
         received = receiver.push(np.asarray(frame))
         if received.payload is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import pickle
 from pathlib import Path
 from typing import Literal
 
@@ -25,7 +26,7 @@ from ocisac_fast import (
     subtract_still,
 )
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.cleaning import Mark
+from ocisac_fast.cleaning import CleaningOptions, Mark
 from ocisac_fast.cleaning.columns import scaled
 from ocisac_fast.cleaning.stored import to_stored
 from ocisac_fast.cleaning.toe import lifted, lowered, slope
@@ -202,7 +203,7 @@ def test_saturated_pixels_are_left_alone_and_dark_ones_marked() -> None:
     dark = done.marks == Mark.DARK
     assert (dark[60:200, 25:55].mean(axis=1) > 0.5).sum() > 5  # the rows without light in what the lamp alone lights
     assert (light[dark.any(axis=1)] < 0.3).all()
-    filled = remove_bands(stored, CAMERA, light=light, fill=True)
+    filled = remove_bands(stored, CAMERA, light=light, options=CleaningOptions(fill=True))
     np.testing.assert_array_equal(filled.marks, done.marks)
     np.testing.assert_array_equal(filled.frames[~dark], done.frames[~dark])
     assert filled.frames[dark].mean() > 2 * done.frames[dark].mean()
@@ -212,7 +213,7 @@ def test_saturated_pixels_are_left_alone_and_dark_ones_marked() -> None:
 def test_the_picture_is_the_equation_of_the_share_and_light_found(level: Literal["full", "mean"]) -> None:
     """v (1 + q (L_full - 1)) / (1 + q (L_n - 1)); the share is that of the reference's kernel."""
     read = scene(row_light("tone"))[0][:64, :24].astype(np.float32)
-    done = remove_bands(read, CAMERA, level=level, noise=1.5, max_gain=1e6)
+    done = remove_bands(read, CAMERA, level=level, options=CleaningOptions(noise=1.5, max_gain=1e6))
     rows = done.light
     spread = np.full((1, *read.shape), 1.5**2)
     share = reference.light_share(read[None].astype(float), spread, rows[None])
@@ -327,7 +328,9 @@ def test_a_toe_is_found_where_there_is_one(toe: float) -> None:
     assert (done.toe[0] > 0) == (toe > 0)
     kept = light > 0.2
     truth = np.broadcast_to(to_stored(lowered(clean, toe, 255.0), camera, np.dtype(np.float64)), stored.shape)
-    got, plain = (remove_bands(stored, camera, toe=value).frames for value in (done.toe[0], 0.0))
+    got, plain = (
+        remove_bands(stored, camera, options=CleaningOptions(toe=value)).frames for value in (done.toe[0], 0.0)
+    )
     np.testing.assert_array_equal(got, done.frames)
     kept = np.broadcast_to(kept[:, None], stored.shape)
     assert psnr(got, truth, kept) >= psnr(plain, truth, kept) + (1.0 if toe > 0 else 0.0)
@@ -353,16 +356,34 @@ def test_a_picture_without_light_stays() -> None:
         ({"model": "sawtooth"}, "model: got 'sawtooth'"),
         ({"keep": "all"}, "keep: got 'all'"),
         ({"level": "high"}, "level: got 'high'"),
-        ({"noise": 0.0}, "noise: got 0"),
-        ({"max_gain": 1.0}, "max_gain: got 1"),
-        ({"toe": 1.5}, "toe: got 1.5"),
-        ({"toe": np.nan}, "toe: got nan"),
+        ({"options": {"toe": 0.1}}, "options: got .*, allowed: a CleaningOptions or None"),
     ],
 )
 def test_bad_input(arguments: dict[str, object], message: str) -> None:
     every: dict[str, object] = {"frames": np.ones((16, 3)), "camera": CAMERA, **arguments}
     with pytest.raises(ValueError, match=message):
         remove_bands(every.pop("frames"), every.pop("camera"), **every)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"noise": 0.0}, "noise: got 0"),
+        ({"noise": "2"}, "noise: got '2', allowed: a number or None"),
+        ({"max_gain": 1.0}, "max_gain: got 1"),
+        ({"toe": 1.5}, "toe: got 1.5"),
+        ({"toe": np.nan}, "toe: got nan"),
+    ],
+)
+def test_bad_options(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        CleaningOptions(**options)  # type: ignore[arg-type]
+
+
+def test_options_pickle_and_print() -> None:
+    options = CleaningOptions(max_gain=4.0)
+    assert pickle.loads(pickle.dumps(options)) == options
+    assert repr(options) == "CleaningOptions(noise=None, max_gain=4.0, fill=False, toe=None)"
 
 
 def test_bad_still() -> None:

@@ -30,6 +30,7 @@ from ocisac_fast.chips import (
 )
 from ocisac_fast.exposure import ExposureMeasurement, MeasuredTone, best_noisy_exposure
 from ocisac_fast.packets import (
+    PacketFormat,
     decode_line_code,
     encode_line_code,
     fsk_demodulate,
@@ -43,7 +44,7 @@ from ocisac_fast.tones import lost_frequencies
 THREADS = 8
 CAMERA = Camera(22.2e-6, 100e-6, frame_time=1 / 30)
 RANDOM = np.random.default_rng(7)
-SENT = ocisac.transmit(bytes(range(24)), line_code="manchester")
+SENT = ocisac.transmit(bytes(range(24)))
 LIGHT = ocisac.integrate_exposure(Chips(SENT.chips, 11700.0, repeat=True), CAMERA, 720, frames=6)
 FRAMES = np.rint(20 + 150 * LIGHT[:, :, None] + RANDOM.standard_normal((6, 720, 16))).astype(np.uint8)
 TONE = 100 + 80 * ocisac.integrate_exposure(Tone(500.0), CAMERA, 720)[:, None] + RANDOM.standard_normal((720, 24))
@@ -131,7 +132,7 @@ CALLS = {
     "fsk_transmit": lambda: fsk_transmit(b"threads", [500.0, 900.0, 1300.0, 1700.0]),
     "integrate_exposure": lambda: ocisac.integrate_exposure(WAVES, CAMERA, 720, frames=2),
     "locate_camera": located_camera,
-    "longest_payload": lambda: ocisac.longest_payload(line_code="manchester"),
+    "longest_payload": lambda: ocisac.longest_payload(),
     "lost_frequencies": lambda: lost_frequencies(Camera(22.2e-6, 2e-3)),
     "merge_receptions": lambda: ocisac.merge_receptions(LINES),
     "pick_colour": lambda: ocisac.pick_colour([TONE, TONE[::-1] / 2], CAMERA),
@@ -147,7 +148,7 @@ CALLS = {
     "subtract_still": lambda: ocisac.subtract_still(FRAMES, CAMERA),
     "tone_columns": lambda: ocisac.tone_columns(TONE, CAMERA, 500.0),
     "tone_gain": lambda: ocisac.tone_gain(TONE, CAMERA, [500.0, 900.0], waveform="square", threads=2),
-    "transmit": lambda: ocisac.transmit(bytes(24), line_code="8b10b"),
+    "transmit": lambda: ocisac.transmit(bytes(24), format=PacketFormat(line_code="8b10b")),
     "varying_tone_gain": lambda: ocisac.varying_tone_gain(TONE, CAMERA, 500.0),
     "ClockTracker": tracked_clock,
     "ExposureController": controlled_exposure,

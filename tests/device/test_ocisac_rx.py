@@ -259,7 +259,7 @@ PACKETS = ("--chip-rate", "11.7kHz", "--frame-rate", "30Hz")
 @pytest.fixture(scope="module")
 def packets():
     """(frames, rows, columns) of a light in the middle columns that sends PAYLOAD over and over."""
-    sent = ocisac.transmit(PAYLOAD, line_code="manchester")
+    sent = ocisac.transmit(PAYLOAD)
     frames = recording(Chips(sent.chips, 11700.0, repeat=True), frames=40, scale=150)
     frames[:, :, :8] = frames[:, :, 30:] = 15
     return frames
@@ -445,7 +445,7 @@ def endless(rows, columns, lit, row_time, chip_rate, turn=40):
 
     The frame time is such that `turn` frames last for a whole number of packets.
     """
-    chips = ocisac.transmit(PAYLOAD, line_code="manchester").chips
+    chips = ocisac.transmit(PAYLOAD).chips
     packets_a_turn = round(turn * chip_rate / 30 / len(chips))
     camera = Camera(row_time, EXPOSURE, frame_time=packets_a_turn * len(chips) / (turn * chip_rate))
     light = ocisac.integrate_exposure(Chips(chips, chip_rate, repeat=True), camera, rows, frames=turn)

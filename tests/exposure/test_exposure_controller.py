@@ -15,6 +15,7 @@ from ocisac_fast.exposure import (
     ExposureMeasurement,
     ExposureReason,
     ExposureSuggestion,
+    LevelTargets,
     MeasuredTone,
     best_noisy_exposure,
 )
@@ -85,7 +86,7 @@ OPTIONS = [
     {},
     {"hysteresis": 0.0, "noise_level": 0.02},
     {"step": 22.2e-6, "gains": (1.0, 16.0), "weights": (0.2, 0.8)},
-    {"gains": (0.5, 4.0), "level_floor": 0.2, "noise_level": 0.2, "hysteresis": 0.05},
+    {"gains": (0.5, 4.0), "levels": LevelTargets(floor=0.2), "noise_level": 0.2, "hysteresis": 0.05},
 ]
 
 
@@ -154,7 +155,7 @@ def check_brightness(
         elif measured.peak > 0:
             assert measured.peak / product * said.exposure * said.gain <= room * 0.9 * (1 + 1e-9)
     assert said.level == pytest.approx(radiance * said.exposure * said.gain, rel=1e-9)
-    floor = options.get("level_floor", 0.05)
+    floor = options.get("levels", LevelTargets()).floor
     dark = said.level < floor * 0.98
     limited = said.bounds[1] < CAMERA[1] * (1 - 1e-9) or said.exposure * gains[1] * radiance < floor
     assert not dark or limited
@@ -258,10 +259,7 @@ class TestController:
             ({"weights": (0.0, 0.0)}, "weights: got 0 and 0"),
             ({"weights": (-1.0, 1.0)}, "weights: got -1"),
             ({"hysteresis": math.nan}, "hysteresis: got nan"),
-            ({"level_floor": 1.0}, "level_floor: got 1"),
-            ({"level_aim": 0.0}, "level_aim: got 0"),
-            ({"level_ceiling": 1.5}, "level_ceiling: got 1.5"),
-            ({"max_saturated": 1.0}, "max_saturated: got 1"),
+            ({"levels": 0.4}, "levels: got 0.4, allowed: a LevelTargets or None"),
             ({"min_snr": -1.0}, "min_snr: got -1"),
             ({"noise_level": 0.0}, "noise_level: got 0"),
         ],
@@ -269,6 +267,20 @@ class TestController:
     def test_refuses_options(self, options: dict[str, object], message: str) -> None:
         with pytest.raises(ValueError, match=message):
             of.ExposureController(**{"exposures": CAMERA, **options})  # type: ignore[arg-type]
+
+    @pytest.mark.parametrize(
+        ("levels", "message"),
+        [
+            ({"floor": 1.0}, "floor: got 1.0, allowed: 0 to below 1"),
+            ({"aim": 0.0}, "aim: got 0.0, allowed: above 0 and below 1"),
+            ({"ceiling": 1.5}, "ceiling: got 1.5, allowed: above 0 up to 1"),
+            ({"max_saturated": 1.0}, "max_saturated: got 1.0, allowed: 0 to below 1"),
+            ({"floor": math.nan}, "floor: got nan"),
+        ],
+    )
+    def test_refuses_levels(self, levels: dict[str, float], message: str) -> None:
+        with pytest.raises(ValueError, match=message):
+            LevelTargets(**levels)
 
     @pytest.mark.parametrize(
         ("measured", "message"),

@@ -10,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
 from ocisac_fast.cli import main
+from ocisac_fast.packets import PacketFormat
 from ocisac_fast.packets.fsk import fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
 from ocisac_fast.receiver.fsk import FskReceiver
 
@@ -77,7 +78,7 @@ def test_errors_are_as_many_as_theory_says(count, snr):
 def test_every_frame_of_a_transmission_gives_its_symbol(count):
     tones = tones_of(count)
     sent = fsk_transmit(b"tone", tones, number=3)
-    chips = len(ocisac.transmit(b"tone", line_code="none", block_bytes=4).chips)
+    chips = len(ocisac.transmit(b"tone", format=PacketFormat(line_code="none", block_bytes=4)).chips)
     assert len(sent.symbols) * math.log2(count) % chips == 0
     camera = Camera(ROW_TIME, 622e-6, frame_time=FRAME_TIME)
     light = sent.waveform(FRAME_TIME, start=-0.2 * FRAME_TIME)

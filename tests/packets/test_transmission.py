@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import pickle
 import shutil
 import subprocess
 import zlib
@@ -14,7 +15,7 @@ from hypothesis import given, settings, strategies as st
 import ocisac_fast as ocisac
 from ocisac_fast import reference
 from ocisac_fast.cli import main
-from ocisac_fast.packets import decode_line_code, encode_line_code
+from ocisac_fast.packets import PacketFormat, decode_line_code, encode_line_code
 from ocisac_fast.packets.transmission import PacketAssembler
 from ocisac_fast.reference.packets import _codeword
 
@@ -96,13 +97,13 @@ def test_a_missing_half_of_a_manchester_bit_costs_nothing():
 )
 @settings(max_examples=8)
 def test_transmit_agrees_with_the_reference(payload, code, block_bytes, preamble, number):
-    options = {"line_code": code, "block_bytes": block_bytes, "preamble": preamble}
-    longest = ocisac.longest_payload(**options)
-    assert longest == reference.longest_payload(**options)
-    sent = ocisac.transmit(payload[:longest], number=number, **options)
-    expected = reference.transmit(payload[:longest], number=number, **options)
+    packets = PacketFormat(line_code=code, block_bytes=block_bytes, preamble=preamble)
+    longest = ocisac.longest_payload(format=packets)
+    assert longest == reference.longest_payload(format=packets)
+    sent = ocisac.transmit(payload[:longest], number=number, format=packets)
+    expected = reference.transmit(payload[:longest], number=number, format=packets)
     np.testing.assert_array_equal(sent.chips, expected.chips)
-    for name in ("payload", "number", "line_code", "codewords", "codeword_data", "blocks", "block_chips"):
+    for name in ("payload", "number", "format", "codewords", "codeword_data", "blocks", "block_chips"):
         assert getattr(sent, name) == getattr(expected, name)
     assert sent.waveform(8e3) == ocisac.Chips(expected.chips, 8e3, repeat=True)
 
@@ -119,17 +120,17 @@ def test_vectors_of_the_document():
     for payload, code, block_bytes, preamble, number, chips, checksum, first in (map(str.strip, row) for row in rows):
         content = bytes(range(256)) * 4 if "four times" in payload else bytes.fromhex(payload)
         line_code = code.split() if " " in code else code
-        options = {"line_code": line_code, "block_bytes": int(block_bytes), "preamble": preamble, "number": int(number)}
-        sent = ocisac.transmit(content, **options)
+        packets = PacketFormat(line_code=line_code, block_bytes=int(block_bytes), preamble=preamble)
+        sent = ocisac.transmit(content, format=packets, number=int(number))
         text = "".join(map(str, sent.chips.tolist()))
         assert (len(text), f"{zlib.crc32(text.encode()):08x}") == (int(chips), checksum)
         assert text.startswith(first)
 
 
-def frames_needed(payload, camera_options, flips, options, seed):
+def frames_needed(payload, camera_options, flips, packets, seed):
     random = np.random.default_rng(seed)
-    sent = ocisac.transmit(payload, **options)
-    camera, assembler = Camera(sent.chips, **camera_options), PacketAssembler(**options)
+    sent = ocisac.transmit(payload, format=packets)
+    camera, assembler = Camera(sent.chips, **camera_options), PacketAssembler(format=packets)
     for index in range(400):
         first, chips = camera.frame(index)
         chips = chips ^ (random.random(len(chips)) < flips)
@@ -146,7 +147,9 @@ def test_a_kilobyte_comes_whole_through_the_gap_between_frames(drift):
     payload = np.random.default_rng(5).bytes(1000)
     starts = np.random.default_rng(6).uniform(0, 60_000, 8)
     for start in starts:
-        assert frames_needed(payload, {"start": start, "drift": drift, "edge": 2}, 1e-3, {}, int(start)) <= 122
+        assert (
+            frames_needed(payload, {"start": start, "drift": drift, "edge": 2}, 1e-3, PacketFormat(), int(start)) <= 122
+        )
 
 
 @given(
@@ -159,9 +162,9 @@ def test_a_kilobyte_comes_whole_through_the_gap_between_frames(drift):
 )
 @settings(max_examples=30)
 def test_whatever_is_sent_and_survives_comes_back(code, length, start, drift, block_bytes, flips):
-    options = {"line_code": code, "block_bytes": block_bytes}
-    payload = np.random.default_rng(length).bytes(min(length, ocisac.longest_payload(**options)))
-    frames_needed(payload, {"start": start, "drift": drift, "edge": 1}, flips, options, length)
+    packets = PacketFormat(line_code=code, block_bytes=block_bytes)
+    payload = np.random.default_rng(length).bytes(min(length, ocisac.longest_payload(format=packets)))
+    frames_needed(payload, {"start": start, "drift": drift, "edge": 1}, flips, packets, length)
 
 
 def test_packets_that_follow_each_other_and_a_clock_that_jumps():
@@ -204,6 +207,13 @@ def test_a_slip_of_a_chip_heals_and_repeated_and_dark_frames_are_left_out():
     assert set(outcomes) <= {"placed", "waiting"}
 
 
+def test_a_format_pickles_and_prints():
+    packets = PacketFormat(line_code=["01", "10"])
+    assert pickle.loads(pickle.dumps(packets)) == packets == PacketFormat(line_code=("01", "10"))
+    assert repr(packets) == "PacketFormat(line_code=('01', '10'), block_bytes=16, preamble='standard')"
+    assert ocisac.transmit(b"a").format == PacketFormat()
+
+
 def test_the_report_tells_how_much_is_there():
     sent = ocisac.transmit(bytes(300))
     assembler = PacketAssembler()
@@ -221,17 +231,16 @@ def corrupted_tries(tries, seed):
     """Payloads out of damaged cycles: how many came, and that none of them is wrong."""
     random = np.random.default_rng(seed)
     came = 0
-    packets = [
-        ocisac.transmit(random.bytes(length), block_bytes=6, line_code="none", number=length) for length in (9, 40)
-    ]
+    packets = PacketFormat(line_code="none", block_bytes=6)
+    both = [ocisac.transmit(random.bytes(length), format=packets, number=length) for length in (9, 40)]
     for attempt in range(tries):
-        sent = packets[attempt % 2]
+        sent = both[attempt % 2]
         keep = sent.codeword_data + random.integers(0, 30)
         begin = random.integers(0, sent.blocks // 2) * sent.block_chips
         chips = sent.chips[begin : begin + (keep * sent.codewords // 6 + 4) * sent.block_chips]
         rate = random.choice([0.002, 0.02, 0.1, 0.5])
         chips = chips ^ (random.random(len(chips)) < rate)
-        payload = PacketAssembler(line_code="none", block_bytes=6).push(0, soft(chips)).payload
+        payload = PacketAssembler(format=packets).push(0, soft(chips)).payload
         if payload is not None:
             came += 1
             assert (payload.data, payload.number) == (sent.payload, sent.number)
@@ -254,18 +263,18 @@ def test_never_a_wrong_payload_in_a_million_tries():
         (lambda: ocisac.transmit(bytes(2716)), r"payload: got 2716 bytes, allowed: 1 to 2715"),
         (lambda: ocisac.transmit("text"), r"payload: got shape \(\) of <U4, allowed: bytes"),
         (lambda: ocisac.transmit(np.zeros(3)), r"payload: got shape \(3,\) of float64"),
-        (lambda: ocisac.transmit(b"a", line_code="rz"), r'line_code: got "rz", allowed: none, manchester, 4b6b, 8b10b'),
-        (lambda: ocisac.transmit(b"a", line_code=["0", "1", "1"]), r"line_code: got 3 words, allowed: 2, 4, 16 or 256"),
+        (lambda: PacketFormat(line_code="rz"), r'line_code: got "rz", allowed: none, manchester, 4b6b, 8b10b'),
+        (lambda: PacketFormat(line_code=["0", "1", "1"]), r"line_code: got 3 words, allowed: 2, 4, 16 or 256"),
         (
-            lambda: ocisac.transmit(b"a", line_code=["01", "01"]),
+            lambda: PacketFormat(line_code=["01", "01"]),
             r'line_code: got "01" twice, allowed: words that differ',
         ),
-        (lambda: ocisac.transmit(b"a", line_code=["01", "2"]), r'line_code: got "2", allowed: words of 0 and 1'),
-        (lambda: ocisac.transmit(b"a", line_code=[0, 1]), r"line_code: got \[0, 1\], allowed: a name or words"),
-        (lambda: ocisac.transmit(b"a", block_bytes=0), r"block_bytes: got 0, allowed: 1 to 255"),
-        (lambda: ocisac.transmit(b"a", block_bytes=2.5), r"block_bytes: got 2.5, allowed: a whole number"),
+        (lambda: PacketFormat(line_code=["01", "2"]), r'line_code: got "2", allowed: words of 0 and 1'),
+        (lambda: PacketFormat(line_code=[0, 1]), r"line_code: got \[0, 1\], allowed: a name or words"),
+        (lambda: PacketFormat(block_bytes=0), r"block_bytes: got 0, allowed: 1 to 255"),
+        (lambda: PacketFormat(block_bytes=2.5), r"block_bytes: got 2.5, allowed: a whole number"),
         (lambda: ocisac.transmit(b"a", number=256), r"number: got 256, allowed: 0 to 255"),
-        (lambda: ocisac.transmit(b"a", preamble="long"), r'preamble: got "long", allowed: standard, lengthened'),
+        (lambda: PacketFormat(preamble="long"), r'preamble: got "long", allowed: standard, lengthened'),
         (lambda: encode_line_code([0, 2], "none"), r"bits: got 2, allowed: 0 and 1"),
         (lambda: encode_line_code([[0]], "none"), r"bits: got shape \(1, 1\)"),
         (lambda: encode_line_code([0] * 7, "8b10b"), r"bits: got 7 bits, allowed: whole words of 8 bits"),
@@ -283,7 +292,7 @@ def test_bad_input_is_refused(call, message):
 def test_the_command_writes_every_kind_of_file(tmp_path, capsysbinary):
     payload = tmp_path / "payload.bin"
     payload.write_bytes(b"OC-ISAC")
-    sent = ocisac.transmit(b"OC-ISAC", line_code="4b6b", number=3)
+    sent = ocisac.transmit(b"OC-ISAC", format=PacketFormat(line_code="4b6b"), number=3)
     text = "".join(map(str, sent.chips.tolist()))
     options = ["transmit", str(payload), "--line-code", "4b6b", "--number", "3", "--chip-rate", "8kHz"]
     assert main([*options]) == 0

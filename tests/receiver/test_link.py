@@ -6,6 +6,7 @@ from hypothesis import assume, given, settings, strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
+from ocisac_fast.packets import PacketFormat
 from ocisac_fast.receiver.stream import Receiver
 
 ROW_TIME, ROWS, FRAME_ROWS = 20e-6, 700, 1100.3
@@ -49,7 +50,7 @@ def shows_every_digit(channel, sent, frames):
 
     Frames that stay in step with the blocks show the same kinds over and over.
     """
-    chips_per_byte = (sent.block_chips - PREAMBLE_CHIPS) // (HEADER_BYTES + sent.block_bytes)
+    chips_per_byte = (sent.block_chips - PREAMBLE_CHIPS) // (HEADER_BYTES + sent.format.block_bytes)
     head = PREAMBLE_CHIPS + HEADER_BYTES * chips_per_byte
     seen = set()
     for index in range(frames):
@@ -100,13 +101,14 @@ def receive(channel, receiver, frames, faults):
 def test_what_is_delivered_is_what_was_sent(
     payload, line_code, rows_per_chip, exposure, noise, rate_error, faults, seed
 ):
+    packets = PacketFormat(line_code=line_code)
     if not payload:
         with pytest.raises(ValueError, match="payload: got 0 bytes, allowed: 1 to"):
-            ocisac.transmit(payload, line_code=line_code)
+            ocisac.transmit(payload, format=packets)
         return
-    sent = ocisac.transmit(payload, line_code=line_code, number=seed % 256)
+    sent = ocisac.transmit(payload, format=packets, number=seed % 256)
     channel = Channel(sent, rows_per_chip, exposure, noise, seed)
-    receiver = Receiver(channel.camera, chip_rate=channel.chip_rate * (1.0 + rate_error), line_code=line_code)
+    receiver = Receiver(channel.camera, chip_rate=channel.chip_rate * (1.0 + rate_error), format=packets)
     for got in receive(channel, receiver, 10, faults):
         assert (got.data, got.number) == (payload, seed % 256)
 
@@ -123,12 +125,11 @@ def test_what_is_delivered_is_what_was_sent(
 )
 @settings(max_examples=8, deadline=None)
 def test_a_mild_channel_delivers(payload, line_code, rows_per_chip, exposure, noise, rate_error, faults, seed):
-    sent = ocisac.transmit(payload, line_code=line_code, number=seed % 256, block_bytes=6)
+    packets = PacketFormat(line_code=line_code, block_bytes=6)
+    sent = ocisac.transmit(payload, format=packets, number=seed % 256)
     channel = Channel(sent, rows_per_chip, exposure, noise, seed)
     assume(shows_every_digit(channel, sent, 20))
-    receiver = Receiver(
-        channel.camera, chip_rate=channel.chip_rate * (1.0 + rate_error), line_code=line_code, block_bytes=6
-    )
+    receiver = Receiver(channel.camera, chip_rate=channel.chip_rate * (1.0 + rate_error), format=packets)
     payloads = receive(channel, receiver, 40, faults)
     assert payloads
     assert {(got.data, got.number) for got in payloads} == {(payload, seed % 256)}

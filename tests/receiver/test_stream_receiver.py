@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import pickle
 import sys
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
 from ocisac_fast.cli import main
+from ocisac_fast.packets import PacketFormat
 from ocisac_fast.packets.goodput import possible_goodput
-from ocisac_fast.receiver.stream import MultiReceiver, Receiver
+from ocisac_fast.receiver import GainOptions, MultiReceiver, Receiver
 
 ROW_TIME, FRAME_TIME, CHIP_RATE = 22.2e-6, 1 / 30, 8e3
 PAYLOAD = np.random.default_rng(11).bytes(1000)
@@ -23,9 +25,10 @@ NUMBERS = ("phase", "rows_per_chip", "rows_per_chip_std", "chip_rate", "exposure
 class Light:
     """Rows of a packet's light: a gradient, ambient light, noise (share of the swing), a clock that drifts."""
 
-    def __init__(self, payload, seed, exposure=622e-6, noise=0.04, drift=0.0, rows=1080, **packet):
+    def __init__(self, payload, seed, exposure=622e-6, noise=0.04, drift=0.0, rows=1080, number=0, **packet):
         self.random = np.random.default_rng(seed)
-        self.waveform = ocisac.transmit(payload, **packet).waveform(CHIP_RATE)
+        self.format = PacketFormat(**packet)
+        self.waveform = ocisac.transmit(payload, format=self.format, number=number).waveform(CHIP_RATE)
         self.camera = Camera(ROW_TIME, exposure, frame_time=FRAME_TIME)
         self.start, self.drift, self.noise, self.rows = self.random.uniform(0, 8), drift, noise, rows
 
@@ -60,12 +63,12 @@ def test_a_kilobyte_comes_whole_at_an_exposure_of_five_chips(drift, rate_error, 
 @pytest.mark.parametrize("line_code", ["none", "4b6b", "8b10b"])
 def test_every_line_code_comes_through_blind_at_a_short_exposure(line_code):
     light = Light(PAYLOAD[:300], seed=2, exposure=90e-6, line_code=line_code)
-    assert frames_needed(light, Receiver(light.camera, line_code=line_code), PAYLOAD[:300]) < 60
+    assert frames_needed(light, Receiver(light.camera, format=light.format), PAYLOAD[:300]) < 60
 
 
 def test_a_lengthened_preamble_serves_long_exposures():
     light = Light(PAYLOAD[:60], seed=3, exposure=1.1e-3, noise=0.01, block_bytes=4, preamble="lengthened")
-    receiver = Receiver(light.camera, chip_rate=CHIP_RATE * 1.005, block_bytes=4, preamble="lengthened")
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE * 1.005, format=light.format)
     assert frames_needed(light, receiver, PAYLOAD[:60]) < 40
 
 
@@ -227,8 +230,9 @@ def test_what_the_gap_and_the_code_leave():
         (lambda r: Receiver(r, chip_rate=-1.0), "chip_rate: got -1, allowed: a finite number above 0"),
         (lambda r: Receiver(r, search_passes=0), "search_passes: got 0, allowed: above 0"),
         (lambda r: Receiver(r, chip_rate=1e6), "chip_rate: got 1e.06, allowed: at most the row rate"),
-        (lambda r: Receiver(r, line_code="rz"), "line_code: got"),
-        (lambda r: Receiver(r, block_bytes=300), "block_bytes: got 300, allowed: 1 to 255"),
+        (lambda r: Receiver(r, format=PacketFormat(line_code="rz")), "line_code: got"),
+        (lambda r: Receiver(r, format=PacketFormat(block_bytes=300)), "block_bytes: got 300, allowed: 1 to 255"),
+        (lambda r: Receiver(r, format="manchester"), "format: got 'manchester', allowed: a PacketFormat or None"),
         (lambda r: Receiver(r).push(np.zeros((2, 2, 2, 2))), "frame: got shape"),
         (lambda r: Receiver(r).push(np.zeros((0, 4))), "frame: got shape .0, 4., allowed: at least one"),
         (lambda r: Receiver(r).push(np.zeros(9, complex)), "complex"),
@@ -291,6 +295,38 @@ def test_two_lights_side_by_side_are_two_streams():
     assert got == {False: b"left", True: b"right"}
     assert {result.source for result in results} == {0, 1}
     assert results[0].received.snr >= results[1].received.snr
-    for wrong, message in [({"regions": [(1, 2, 3)]}, "regions: got"), ({"max_sources": 0}, "max_sources: got 0")]:
+    for wrong, message in [
+        ({"regions": [(1, 2, 3)]}, "regions: got"),
+        ({"max_sources": 0}, "max_sources: got 0"),
+        ({"gain": True}, "gain: got True, allowed: a GainOptions or None"),
+    ]:
         with pytest.raises(ValueError, match=message):
             MultiReceiver(lights[0].camera, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"frequency": 0.0}, "frequency: got 0.0, allowed: a finite number above 0"),
+        ({"waveform": "saw"}, "waveform: got 'saw', allowed: 'tone' or 'square'"),
+        ({"duty": 1.0}, "duty: got 1.0, allowed: above 0 and below 1"),
+        ({"background": float("nan")}, "background: got nan, allowed: a finite number"),
+        ({"background": "dark"}, "background: got 'dark', allowed: a number"),
+    ],
+)
+def test_bad_gain_options_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        GainOptions(**options)
+
+
+def test_the_gain_of_a_light_is_measured_with_the_given_options():
+    tone = ocisac.integrate_exposure(ocisac.SquareWave(500.0, amplitude=200.0), Camera(ROW_TIME, 622e-6), 720)
+    picture = np.full((720, 40), 10.0) + tone[:, np.newaxis]
+    options = GainOptions(frequency=500.0, waveform="square", background=10.0)
+    assert pickle.loads(pickle.dumps(options)) == options
+    receiver = MultiReceiver(Camera(ROW_TIME, 622e-6), data=False, gain=options, sense_frequency=350.0)
+    (light,) = receiver.push(picture)
+    assert light.gain.gain == pytest.approx(np.sinc(500.0 * 622e-6), rel=1e-3)
+    assert light.suggestion.exposure > 0.0
+    (plain,) = MultiReceiver(Camera(ROW_TIME, 622e-6), data=False).push(picture)
+    assert plain.gain is None

@@ -9,6 +9,7 @@ import pytest
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
+from ocisac_fast.sensing import KnownMotion
 
 ROW_TIME, FRAME_TIME, EXPOSURE = 22.2e-6, 1 / 30, 300e-6
 CAMERA = Camera(ROW_TIME, EXPOSURE, FRAME_TIME)
@@ -44,7 +45,7 @@ def frames():
 
 
 def test_finds_and_measures_lights_and_moving_textures(frames):
-    found = ocisac.sense(frames, CAMERA, unlit=scene(seed=1, lit=False), pitch=1e-3)
+    found = ocisac.sense(frames, CAMERA, unlit=scene(seed=1, lit=False), motion=KnownMotion(pitch=1e-3))
     assert sorted(one.kind for one in found) == ["light", "moving", "moving"]
     light = next(one for one in found if one.kind == "light")
     wide, small = (one for one in sorted(found, key=lambda one: one.x) if one.kind == "moving")
@@ -87,7 +88,7 @@ def test_motion_along_the_rows_in_a_picture():
     view = np.full((2, 720, 200), 60.0)
     view[:, :, 64:160] = texture(2, 720, 96, 230 * SPEED, per_row=0.023, per_column=0.0)
     view += np.random.default_rng(3).normal(0, 2, view.shape)
-    (found,) = ocisac.sense(view, CAMERA, pitch=1e-4, spatial_frequency=230.0)
+    (found,) = ocisac.sense(view, CAMERA, motion=KnownMotion(pitch=1e-4, spatial_frequency=230.0))
     assert found.kind == "moving"
     assert found.motion_frequency == pytest.approx(230 * SPEED, abs=4 * found.motion_frequency_std)
     assert found.direction == 1
@@ -113,7 +114,7 @@ def test_one_frame_finds_textures_and_says_that_they_may_be_still(frames):
 @pytest.mark.parametrize(
     ("told", "message"),
     [
-        ({"pitch": 0.0}, "pitch: got 0.0"),
+        ({"depth": 0.0}, "depth: got 0.0"),
         ({"unlit": np.zeros((5, 5))}, "unlit: got shape (5, 5), allowed: (..., 100, 40)"),
         ({"waveform": "saw"}, "waveform: got 'saw'"),
     ],

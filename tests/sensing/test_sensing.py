@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
+import pickle
 import re
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,11 +12,16 @@ from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag
-from ocisac_fast.sensing import BackgroundLight
+from ocisac_fast.sensing import BackgroundLight, KnownMotion, MeasuredFrequency
 
 ROW_TIME, FRAME_TIME = 22.2e-6, 1 / 30
 SPEED = 1.751
 EXPOSURES = (622e-6, 1202e-6, 2404e-6, 4981e-6)
+
+
+class Measured(NamedTuple):
+    frequency: float
+    frequency_std: float
 
 
 def camera(exposure=1202e-6, frame_time=FRAME_TIME):
@@ -56,21 +63,25 @@ ALONG = {"rows": 240, "columns": 8, "fx": 230, "per_row": 0.023, "per_column": 0
 
 # Frames, what is given, and the truth. A number is held to four of its standard errors.
 CASES = {
-    "across": (texture(1, 240, 12, 200, SPEED), {"motion": "across"}, {**MOVING, "motion_frequency": 350.2}),
+    "across": (
+        texture(1, 240, 12, 200, SPEED),
+        {"motion": KnownMotion(axis="across")},
+        {**MOVING, "motion_frequency": 350.2},
+    ),
     "across, frames": (
         texture(6, 241, 12, 200, SPEED),
-        {"pitch": 1e-3},
+        {"motion": KnownMotion(pitch=1e-3)},
         {**MOVING, "motion_frequency": 350.2, "speed": SPEED, "spatial_frequency": 200, "cycles_per_column": -0.2},
     ),
     "square": (
         grating(7, 240, 5, 200, SPEED),
-        {"waveform": "square", "spatial_frequency": 200.0},
+        {"waveform": "square", "motion": KnownMotion(spatial_frequency=200.0)},
         {**MOVING, "motion_frequency": 350.2, "speed": SPEED, "cycles_per_frame": 350.2 / 30 - 12},
     ),
-    "along": (texture(6, speed=-SPEED, **ALONG), {"pitch": 1e-4, "speed": SPEED}, BACKWARDS),
+    "along": (texture(6, speed=-SPEED, **ALONG), {"motion": KnownMotion(pitch=1e-4, speed=SPEED)}, BACKWARDS),
     "along, texture known": (
         texture(2, speed=SPEED, **ALONG),
-        {"pitch": 1e-4, "spatial_frequency": 230.0},
+        {"motion": KnownMotion(pitch=1e-4, spatial_frequency=230.0)},
         {**FORWARDS, "speed": SPEED},
     ),
     "along, two frames only": (
@@ -80,7 +91,7 @@ CASES = {
     ),
     "along, one frame": (
         texture(1, speed=SPEED, **ALONG),
-        {"motion": "along", "pitch": 1e-4, "spatial_frequency": 230.0},
+        {"motion": KnownMotion(axis="along", pitch=1e-4, spatial_frequency=230.0)},
         {"kind": "moving", "flags": Flag.AMBIGUOUS_MOTION, "frequency": 0.023 / ROW_TIME - 402.73},
     ),
     "still": (
@@ -90,7 +101,7 @@ CASES = {
     ),
     "by whole cycles a frame": (
         texture(3, speed=3.0, **ALONG),
-        {"pitch": 1e-4, "spatial_frequency": 230.0},
+        {"motion": KnownMotion(pitch=1e-4, spatial_frequency=230.0)},
         {"kind": "moving", "motion_frequency": 690, "theory": abs(np.sinc(690 * 1202e-6)), "cycles_per_frame": 0.0},
     ),
     "light": (
@@ -105,7 +116,7 @@ CASES = {
     ),
     "light, measured": (
         lamp(3, 240, 9, 517.0),
-        {"frequency": 517.1, "frequency_std": 0.2},
+        {"frequency": Measured(517.1, 0.2)},
         {**LIGHT, "frequency": 517, "frequency_std": 0.2, "background_given": False},
     ),
     "weak": (lamp(2, 240, 5, 517.0, noise=150.0), {"frequency": 517.0}, {"frequency": 517}),
@@ -185,8 +196,8 @@ def test_any_array_and_tone_curve_shows_the_texture(dtype, step, rows, columns, 
     encoded = full * encode(light / 255)
     stored = (encoded if dtype.startswith("float") else np.rint(encoded)).astype(dtype)[:, ::step, :, np.newaxis]
     how = Camera(ROW_TIME, 1e-5, FRAME_TIME, tone_curve=curve)
-    got = ocisac.sense_region(stored, how, motion="across")
-    assert_same_but(ocisac.sense_region(stored.copy(), how, motion="across"), got, tolerance=1e-12)
+    got = ocisac.sense_region(stored, how, motion=KnownMotion(axis="across"))
+    assert_same_but(ocisac.sense_region(stored.copy(), how, motion=KnownMotion(axis="across")), got, tolerance=1e-12)
     assert got.kind == "moving"
     assert got.frequency == pytest.approx(frequency, abs=5 * got.frequency_std)
     assert got.gain == pytest.approx(1.0, abs=5 * got.gain_std + 0.01)
@@ -206,7 +217,7 @@ def scores_of_the_testbed(shape, first_seed):
                 frames, told = texture(1, 720, 40, fx, SPEED, exposure=exposure, seed=seed), {}
             else:
                 frames, told = grating(1, 720, 40, fx, SPEED, seed=seed), {"waveform": "square"}
-            found = ocisac.sense_region(frames, camera(exposure), motion="across", **told)
+            found = ocisac.sense_region(frames, camera(exposure), motion=KnownMotion(axis="across"), **told)
             assert found.kind == "moving"
             theory = abs(np.sinc(fx * SPEED * exposure))
             scores += [(found.gain - theory) / found.gain_std]
@@ -255,7 +266,7 @@ def test_columns_share_their_noise_and_the_standard_error_knows():
         frames = texture(1, 360, 20, 400, SPEED, per_column=0.01, noise=1.0, seed=seed) + 8 * random.standard_normal(
             (360, 1)
         )
-        found = ocisac.sense_region(frames, camera(), motion="across")
+        found = ocisac.sense_region(frames, camera(), motion=KnownMotion(axis="across"))
         errors.append(found.frequency - 400 * SPEED)
         told.append(found.frequency_std)
     assert 0.7 < np.sqrt(np.mean(np.square(errors))) / np.mean(told) < 1.4
@@ -263,7 +274,9 @@ def test_columns_share_their_noise_and_the_standard_error_knows():
 
 @pytest.mark.parametrize("columns", [100, 700])
 def test_wide_regions_of_fine_stripes_keep_their_texture(columns):
-    found = ocisac.sense_region(texture(2, 360, columns, 200, SPEED, per_column=0.21), camera(), pitch=1.05e-3)
+    found = ocisac.sense_region(
+        texture(2, 360, columns, 200, SPEED, per_column=0.21), camera(), motion=KnownMotion(pitch=1.05e-3)
+    )
     assert found.kind == "moving"
     assert found.cycles_per_column == pytest.approx(-0.21, abs=4 * found.cycles_per_column_std)
     assert found.speed == pytest.approx(SPEED, abs=4 * found.speed_std)
@@ -274,10 +287,10 @@ def test_wide_regions_of_fine_stripes_keep_their_texture(columns):
 
 def test_speed_and_texture_give_each_other():
     frames = texture(1, 720, 20, 200, SPEED)
-    by_texture = ocisac.sense_region(frames, camera(), motion="across", spatial_frequency=200.0)
+    by_texture = ocisac.sense_region(frames, camera(), motion=KnownMotion(axis="across", spatial_frequency=200.0))
     assert by_texture.speed == pytest.approx(SPEED, abs=4 * by_texture.speed_std)
     assert by_texture.speed_std == pytest.approx(by_texture.motion_frequency_std / 200)
-    by_speed = ocisac.sense_region(frames, camera(), motion="across", speed=SPEED)
+    by_speed = ocisac.sense_region(frames, camera(), motion=KnownMotion(axis="across", speed=SPEED))
     assert by_speed.spatial_frequency == pytest.approx(200, abs=4 * by_speed.spatial_frequency_std)
 
 
@@ -293,8 +306,8 @@ def along(frames, fx, speed, seed=0):
 @pytest.mark.parametrize("known", ["texture", "speed"])
 def test_motion_along_the_rows_with_direction_and_pitch(fx, speed, known):
     told = {"spatial_frequency": float(fx)} if known == "texture" else {"speed": abs(speed)}
-    told |= {"pitch": PITCH, "direction": int(np.sign(speed)), "motion": "along", "motion_bounds": (0.0, 2.0 * fx)}
-    found = ocisac.sense_region(along(1, fx, speed), camera(), **told)
+    told |= {"pitch": PITCH, "direction": int(np.sign(speed)), "axis": "along", "bounds": (0.0, 2.0 * fx)}
+    found = ocisac.sense_region(along(1, fx, speed), camera(), motion=KnownMotion(**told))
     assert found.kind == "moving"
     assert found.motion_frequency == pytest.approx(fx * abs(speed), abs=4 * found.motion_frequency_std)
     assert found.direction == np.sign(speed)
@@ -305,16 +318,19 @@ def test_motion_along_the_rows_with_direction_and_pitch(fx, speed, known):
 
 @pytest.mark.parametrize("speed", [-SPEED, -0.2, 0.3, SPEED])
 def test_motion_along_the_rows_with_two_frames_needs_no_direction(speed):
-    found = ocisac.sense_region(along(2, 230, speed), camera(), pitch=PITCH, spatial_frequency=230.0)
+    found = ocisac.sense_region(
+        along(2, 230, speed), camera(), motion=KnownMotion(pitch=PITCH, spatial_frequency=230.0)
+    )
     assert found.motion_frequency == pytest.approx(230 * abs(speed), abs=4 * found.motion_frequency_std)
     assert found.direction == np.sign(speed)
     assert not found.flags & Flag.AMBIGUOUS_MOTION
-    alone = ocisac.sense_region(along(1, 230, speed), camera(), motion="along", pitch=PITCH, spatial_frequency=230.0)
+    one_axis = KnownMotion(axis="along", pitch=PITCH, spatial_frequency=230.0)
+    alone = ocisac.sense_region(along(1, 230, speed), camera(), motion=one_axis)
     assert found.motion_frequency_std < 0.25 * alone.motion_frequency_std
 
 
 def test_slow_motion_along_the_rows_with_two_frames_and_bounds_needs_no_texture():
-    found = ocisac.sense_region(along(2, 230, 0.05), camera(), pitch=PITCH, motion_bounds=(0.0, 14.9))
+    found = ocisac.sense_region(along(2, 230, 0.05), camera(), motion=KnownMotion(pitch=PITCH, bounds=(0.0, 14.9)))
     assert found.motion_frequency == pytest.approx(11.5, abs=4 * found.motion_frequency_std)
     assert found.spatial_frequency == pytest.approx(230, abs=4 * found.spatial_frequency_std)
     assert found.speed == pytest.approx(0.05, abs=4 * found.speed_std)
@@ -324,32 +340,31 @@ def test_slow_motion_along_the_rows_with_two_frames_and_bounds_needs_no_texture(
 
 def test_ambiguous_motion_is_flagged_with_all_candidates():
     """One frame, texture known, direction not: the truth is among the candidates."""
-    found = ocisac.sense_region(along(1, 230, SPEED), camera(), motion="along", pitch=PITCH, spatial_frequency=230.0)
+    known = KnownMotion(axis="along", pitch=PITCH, spatial_frequency=230.0)
+    found = ocisac.sense_region(along(1, 230, SPEED), camera(), motion=known)
     assert found.flags & Flag.AMBIGUOUS_MOTION
     assert min(abs(np.array(found.motion_candidates) - 230 * SPEED)) < 4 * found.motion_frequency_std
     two = ocisac.sense_region(along(2, 230, SPEED), camera())
     assert two.flags & Flag.AMBIGUOUS_MOTION
     assert len(two.motion_candidates) > 2
-    nothing = ocisac.sense_region(along(1, 230, SPEED), camera(), motion="along")
+    nothing = ocisac.sense_region(along(1, 230, SPEED), camera(), motion=KnownMotion(axis="along"))
     assert math.isnan(nothing.motion_frequency)
     assert nothing.flags & Flag.AMBIGUOUS_MOTION
 
 
 def test_what_is_told_against_the_pictures_is_flagged():
-    told = {"pitch": PITCH, "motion": "along", "direction": 1}
-    found = ocisac.sense_region(
-        along(1, 230, -SPEED), camera(), spatial_frequency=100.0, **told, motion_bounds=(0, 500)
-    )
+    told = KnownMotion(axis="along", direction=1, pitch=PITCH, spatial_frequency=100.0, bounds=(0, 500))
+    found = ocisac.sense_region(along(1, 230, -SPEED), camera(), motion=told)
     assert found.flags & Flag.MODEL_MISFIT
     assert math.isnan(found.motion_frequency)
-    two = ocisac.sense_region(along(2, 230, SPEED), camera(), pitch=PITCH, spatial_frequency=233.0)
+    two = ocisac.sense_region(along(2, 230, SPEED), camera(), motion=KnownMotion(pitch=PITCH, spatial_frequency=233.0))
     assert two.flags & (Flag.MODEL_MISFIT | Flag.AMBIGUOUS_MOTION)
 
 
 @pytest.mark.parametrize("per_column", [0.0, 0.003, -0.2])
 def test_a_texture_at_rest_is_still(per_column):
     frames = texture(3, 720, 30, 230, 0.0, per_row=0.02, per_column=per_column)
-    found = ocisac.sense_region(frames, camera(), motion_bounds=(0.0, 29.0))
+    found = ocisac.sense_region(frames, camera(), motion=KnownMotion(bounds=(0.0, 29.0)))
     assert found.kind == "still"
     assert found.motion_frequency == 0
     assert not found.flags
@@ -363,10 +378,11 @@ def test_a_texture_that_moves_by_whole_cycles_a_frame_may_be_at_rest():
     assert found.flags & Flag.AMBIGUOUS_MOTION
     assert found.motion_candidates[1] == pytest.approx(30, abs=0.1)
     for told in ({"spatial_frequency": 230.0}, {"speed": 3.0}):
-        known = ocisac.sense_region(frames, camera(), pitch=PITCH, **told)
+        known = ocisac.sense_region(frames, camera(), motion=KnownMotion(pitch=PITCH, **told))
         assert known.kind == "moving"
         assert known.motion_frequency == pytest.approx(690, abs=4 * known.motion_frequency_std)
-    rest = ocisac.sense_region(along(2, 230, 0.0), camera(), pitch=PITCH, spatial_frequency=230.0, direction=1)
+    motion = KnownMotion(pitch=PITCH, spatial_frequency=230.0, direction=1)
+    rest = ocisac.sense_region(along(2, 230, 0.0), camera(), motion=motion)
     assert rest.kind == "still"
     assert not rest.flags
 
@@ -399,7 +415,7 @@ def test_a_frame_time_that_is_slightly_off_is_flagged_and_a_tolerance_helps():
     off = Camera(ROW_TIME, 1202e-6, FRAME_TIME * 1.0004)
     assert ocisac.sense_region(frames, off).flags & Flag.AMBIGUOUS_KIND
     assert ocisac.sense_region(frames, off).kind == "light"
-    assert not ocisac.sense_region(frames, off, timing_tolerance=1e-3).flags
+    assert not ocisac.sense_region(frames, off, motion=KnownMotion(timing_tolerance=1e-3)).flags
 
 
 @pytest.mark.parametrize("shape", ["cosine", "grating"])
@@ -419,7 +435,9 @@ def test_a_light_and_a_texture_on_the_same_pixels():
         sensing = texture(3, 720, 30, 200, SPEED, seed=seed)
         frames = sensing + 0.6 * lamp(3, 720, 30, 517.0, noise=0.0)
         unlit = texture(3, 720, 30, 200, SPEED, seed=100 + seed)
-        moving = ocisac.sense_region(frames, camera(), others=[517.0], background=60.0, bounds=(250, 450), pitch=1e-3)
+        moving = ocisac.sense_region(
+            frames, camera(), others=[517.0], background=60.0, bounds=(250, 450), motion=KnownMotion(pitch=1e-3)
+        )
         assert moving.kind == "moving"
         beside = ocisac.background_light(unlit, camera(), [moving.frequency])
         light = ocisac.sense_region(frames, camera(), 517.0, others=[moving.frequency], background=beside)
@@ -448,16 +466,20 @@ def test_a_texture_of_little_contrast():
         + 0.3 * (texture(1, 720, 30, 200, SPEED, noise=0.0) - 100)
         + np.random.default_rng(3).normal(0, 2, (720, 30))
     )
-    found = ocisac.sense_region(frames, camera(), depth=0.3, motion="across")
+    found = ocisac.sense_region(frames, camera(), depth=0.3, motion=KnownMotion(axis="across"))
     assert found.gain == pytest.approx(found.theory, abs=4 * found.gain_std)
     assert found.contrast == pytest.approx(0.3 * found.gain)
     assert found.contrast_range == pytest.approx(found.contrast, rel=0.03)
 
 
 def test_limits_are_flagged():
-    few = ocisac.sense_region(texture(1, 720, 20, 40, SPEED), camera(), motion="across", bounds=(30, 200))
+    few = ocisac.sense_region(
+        texture(1, 720, 20, 40, SPEED), camera(), motion=KnownMotion(axis="across"), bounds=(30, 200)
+    )
     assert few.flags & Flag.FEW_CYCLES
-    null = ocisac.sense_region(texture(1, 720, 20, 475, SPEED), camera(), 475 * SPEED, motion="across")
+    null = ocisac.sense_region(
+        texture(1, 720, 20, 475, SPEED), camera(), 475 * SPEED, motion=KnownMotion(axis="across")
+    )
     assert null.flags & Flag.NEAR_NULL
     dark = ocisac.sense_region(texture(1, 720, 20, 200, SPEED), camera(), background=150.0)
     assert dark.flags & Flag.NO_LIGHT
@@ -476,26 +498,52 @@ def test_limits_are_flagged():
     [
         ({"frequency": 0.0}, "frequency: got 0.0, allowed: a finite number above 0"),
         ({"frequency": math.nan}, "frequency: got nan"),
-        ({"frequency_std": -1.0}, "frequency_std: got -1.0, allowed: a finite number, 0 or above"),
+        ({"frequency": Measured(517.0, -1.0)}, "frequency_std: got -1.0, allowed: a finite number, 0 or above"),
         ({"waveform": "saw"}, "waveform: got 'saw', allowed: 'tone' or 'square'"),
         ({"duty": 1.0}, "duty: got 1.0, allowed: above 0 and below 1"),
         ({"depth": 0.0}, "depth: got 0.0, allowed: a finite number above 0"),
-        ({"motion": "up"}, "motion: got 'up', allowed: 'across', 'along' or None"),
-        ({"direction": 2}, "direction: got 2, allowed: -1, 0 or 1"),
-        ({"pitch": -1.0}, "pitch: got -1.0, allowed: a finite number above 0"),
-        ({"spatial_frequency": 0.0}, "spatial_frequency: got 0.0"),
-        ({"speed": math.inf}, "speed: got inf"),
-        ({"motion_bounds": (5.0, 5.0)}, "motion_bounds: got (5.0, 5.0)"),
+        ({"motion": "across"}, "motion: got 'across', allowed: a KnownMotion or None"),
         ({"bounds": (500.0, 400.0)}, "bounds: got "),
         ({"others": [0.0]}, "others: got "),
         ({"background": np.zeros(3)}, "background: got shape (3,), allowed: one value, (20,) or (1, 20)"),
         ({"background": math.nan}, "background: got nan, allowed: finite values"),
-        ({"timing_tolerance": 0.0}, "timing_tolerance: got 0.0, allowed: above 0 up to 0.01"),
     ],
 )
 def test_bad_arguments_are_refused(told, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         ocisac.sense_region(texture(1, 100, 20, 200, SPEED), camera(), **told)
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ({"axis": "up"}, "axis: got 'up', allowed: 'across', 'along' or None"),
+        ({"direction": 2}, "direction: got 2, allowed: -1, 0 or 1"),
+        ({"pitch": -1.0}, "pitch: got -1.0, allowed: a finite number above 0"),
+        ({"pitch": "1mm"}, "pitch: got '1mm', allowed: a number or None"),
+        ({"spatial_frequency": 0.0}, "spatial_frequency: got 0.0"),
+        ({"speed": math.inf}, "speed: got inf"),
+        ({"bounds": (5.0, 5.0)}, "bounds: got (5.0, 5.0)"),
+        ({"timing_tolerance": 0.0}, "timing_tolerance: got 0.0, allowed: above 0 up to 0.01"),
+    ],
+)
+def test_motion_that_cannot_be_is_refused(told, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        KnownMotion(**told)
+
+
+def test_known_motion_pickles_and_prints():
+    known = KnownMotion(axis="along", pitch=1e-4)
+    assert pickle.loads(pickle.dumps(known)) == known
+    assert repr(known).startswith("KnownMotion(axis='along', direction=0, pitch=0.0001,")
+
+
+def test_a_measured_frequency_is_given_with_its_standard_error():
+    frames = lamp(2, 240, 9, 517.0)
+    found = ocisac.find_frequency(frames[0], camera())
+    assert isinstance(found, MeasuredFrequency)
+    assert ocisac.sense_region(frames, camera(), found).frequency_std == found.frequency_std
+    assert ocisac.sense_region(frames, camera(), found.frequency).frequency_std == 0.0
 
 
 @pytest.mark.parametrize("frames", [np.zeros((0, 3)), np.zeros((2, 2, 2, 2)), np.zeros((9, 3), complex)])

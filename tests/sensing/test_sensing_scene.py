@@ -6,6 +6,7 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
 from ocisac_fast.scene import Ambient, Cosine, Pinhole, Plain, Pose, Rectangle, Scene, Sensor, Source, Surface, render
+from ocisac_fast.sensing import KnownMotion
 
 ROW_TIME, EXPOSURE, FRAME_TIME = 22.2e-6, 150e-6, 1 / 30
 CAMERA = Camera(ROW_TIME, EXPOSURE, FRAME_TIME, dark_level=8.0)
@@ -54,7 +55,7 @@ def scores_of(seed):
         assert len(one.bits) > 70
         assert one.bits in CHIPS * 8
 
-    moving = ocisac.sense_region(lit[texture], CAMERA, pitch=PITCH)
+    moving = ocisac.sense_region(lit[texture], CAMERA, motion=KnownMotion(pitch=PITCH))
     assert moving.kind == "moving"
     assert moving.speed == pytest.approx(SPEED, rel=1e-3)
 

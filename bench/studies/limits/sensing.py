@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference import tone_gain
 from ocisac_fast.sensing.contrast import restore_contrast
+from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.tones.frequency import find_frequency
 from studies.chart.scenes import Float64s
@@ -30,12 +29,13 @@ def _along(speed: float, frames: int, seed: int) -> Float64s:
     return np.asarray(light + 2.0 * np.random.default_rng(seed).standard_normal(light.shape))
 
 
-def _motion(speed: float, **told: Any) -> Point:
+def _motion(speed: float, spatial_frequency: float | None = None) -> Point:
     """Errors of f_x v over six pairs of frames."""
     frames = [_along(speed, 2, seed) for seed in range(6)]
     truth = _TEXTURE * speed
     plain = [find_frequency(one[0], _CAMERA).frequency - truth for one in frames]
-    found = [sense_region(one, _CAMERA, pitch=_PITCH, **told) for one in frames]
+    known = KnownMotion(pitch=_PITCH, spatial_frequency=spatial_frequency)
+    found = [sense_region(one, _CAMERA, motion=known) for one in frames]
     errors = [one.motion_frequency - truth for one in found]
     flags = Flag(0)
     for bit in Flag:
@@ -72,8 +72,8 @@ def _motion_along() -> list[Point]:
     error="RMS error of f_x·v, Hz",
     plain="the frequency that a column shows",
     why="Two frames give f_x·v modulo the frame rate, and a column only with the texture at rest in it.",
-    then="Gives the slowest of the answers that fit and lists others, AMBIGUOUS_MOTION, unless `motion_bounds` leave "
-    "one.",
+    then="Gives the slowest of the answers that fit and lists others, AMBIGUOUS_MOTION, unless `bounds` of the "
+    "motion leave one.",
     spot=1.751,
     fails_by=500.0,
     good=0.05,

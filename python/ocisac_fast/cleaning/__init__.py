@@ -2,6 +2,7 @@
 
 from ocisac_fast.cleaning.bands import (
     CleanedFrames as CleanedFrames,
+    CleaningOptions as CleaningOptions,
     Mark as Mark,
     remove_bands as remove_bands,
     subtract_still as subtract_still,

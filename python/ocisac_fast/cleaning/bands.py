@@ -17,7 +17,7 @@ from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
 from ocisac_fast.cleaning.stored import light_per_step, to_stored, white_level
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
 from ocisac_fast.core.arrays import as_frames, in_stored_order
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
@@ -60,15 +60,53 @@ class CleanedFrames:
     toe: FloatArray
 
 
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CleaningOptions:
+    """Rarely needed options of :func:`remove_bands`.
+
+    Args:
+        noise: standard deviation of a pixel, DN, above 0; None: estimated, at least half a step of integers.
+        max_gain: rows that need a larger gain are too dark, and marked; above 1.
+        fill: replace pixels that were too dark by interpolation between the rows above and below; they stay marked.
+            Otherwise they are amplified ``max_gain`` times.
+        toe: toe t of the tone curve: light x is stored as x^2/(x + t white), then by the tone curve of ``camera``; 0 to
+            1. None: estimated where the light is chips, the tone curve is not linear and the toe reduces the share of
+            the rows' swing that chips leave unexplained by 40 %; else 0.
+
+    Raises:
+        ValueError: a value outside its range; the message names it.
+    """
+
+    noise: float | None = None
+    max_gain: float = 8.0
+    fill: bool = False
+    toe: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.noise is not None and not (np.isfinite(self.noise) and self.noise > 0):
+            raise ValueError(f"noise: got {self.noise}, allowed: a finite number above 0")
+        if not (np.isfinite(self.max_gain) and self.max_gain > 1):
+            raise ValueError(f"max_gain: got {self.max_gain}, allowed: a finite number above 1")
+        if self.toe is not None and not 0 <= self.toe <= 1:
+            raise ValueError(f"toe: got {self.toe}, allowed: 0 to 1")
+
+
 @dataclass(frozen=True, slots=True)
-class Options:
+class _Task:
+    """The choices of :func:`remove_bands`."""
+
     model: str
     keep: str
     level: str
-    noise: float | None
-    max_gain: float
-    fill: bool
-    toe: float | None = None
+    options: CleaningOptions
+
+    def __post_init__(self) -> None:
+        allowed = {"model": MODELS, "keep": ("picture", "bands"), "level": ("full", "mean")}
+        for name, values in allowed.items():
+            got = getattr(self, name)
+            if got not in values:
+                raise ValueError(f"{name}: got {got!r}, allowed: {', '.join(values)}")
 
 
 @checked
@@ -82,10 +120,7 @@ def remove_bands(
     keep: Literal["picture", "bands"] = "picture",
     level: Literal["full", "mean"] = "full",
     still: bool = False,
-    noise: float | None = None,
-    max_gain: float = 8.0,
-    fill: bool = False,
-    toe: float | None = None,
+    options: CleaningOptions | None = None,
 ) -> CleanedFrames:
     """Restore a picture to steady light.
 
@@ -109,13 +144,7 @@ def remove_bands(
         level: of the steady light: ``"full"``: the brightest rows'; ``"mean"``: its mean over the rows.
         still: the frames show one static scene: shares are estimated from all of them together. A frame without the
             light may be among them, with ``light`` 0.
-        noise: standard deviation of a pixel, DN; None: estimated, at least half a step of integers.
-        max_gain: rows that need a larger gain are too dark, and marked; above 1.
-        fill: replace pixels that were too dark by interpolation between the rows above and below; they stay marked.
-            Otherwise they are amplified ``max_gain`` times.
-        toe: toe t of the tone curve: light x is stored as x^2/(x + t white), then by the tone curve of ``camera``; 0 to
-            1. None: estimated where the light is chips, the tone curve is not linear and the toe reduces the share of
-            the rows' swing that chips leave unexplained by 40 %; else 0.
+        options: noise, largest gain, filling of dark pixels, toe; None: the defaults.
 
     Returns:
         :class:`CleanedFrames`.
@@ -123,12 +152,12 @@ def remove_bands(
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
-    options = _checked(Options(model, keep, level, noise, float(max_gain), fill, toe))
+    task = _Task(model, keep, level, options or CleaningOptions())
     stack = _stacked(frames, "frames", camera.scan_axis)
     given = None if light is None else _given_light(light, camera, start, stack.shape[:2])
     parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
     lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
-    done = [_clean(part, camera, None if lights is None else lights[k], options) for k, part in enumerate(parts)]
+    done = [_clean(part, camera, None if lights is None else lights[k], task) for k, part in enumerate(parts)]
     dimensions = np.ndim(frames)
     pictures = np.concatenate([one[0] for one in done])
     marks = np.concatenate([one[1] for one in done])
@@ -211,21 +240,6 @@ def _as_given(stack: npt.NDArray[Any], scan_axis: str, dimensions: int) -> npt.N
     return stack if dimensions == 4 else stack[..., 0] if dimensions == 3 else stack[0, ..., 0]
 
 
-def _checked(options: Options) -> Options:
-    allowed = {"model": MODELS, "keep": ("picture", "bands"), "level": ("full", "mean")}
-    for name, values in allowed.items():
-        got = getattr(options, name)
-        if got not in values:
-            raise ValueError(f"{name}: got {got!r}, allowed: {', '.join(values)}")
-    if options.noise is not None and not (np.isfinite(options.noise) and options.noise > 0):
-        raise ValueError(f"noise: got {options.noise}, allowed: a finite number above 0")
-    if not (np.isfinite(options.max_gain) and options.max_gain > 1):
-        raise ValueError(f"max_gain: got {options.max_gain}, allowed: a finite number above 1")
-    if options.toe is not None and not 0 <= options.toe <= 1:
-        raise ValueError(f"toe: got {options.toe}, allowed: 0 to 1")
-    return options
-
-
 def _given_light(
     light: npt.ArrayLike | Waveform, camera: Camera, start: float, shape: tuple[int, ...]
 ) -> list[RowLight]:
@@ -248,21 +262,21 @@ def _given_light(
 _Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], list[RowLight], float]
 
 
-def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None, options: Options) -> _Done:
+def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None, task: _Task) -> _Done:
     """Clean frames (frames, rows, columns, colours) of one scene."""
     stored_light = linear_light(stack, camera)
     saturated = _saturated(stack, camera)
-    noise = _noise_variance(stack, camera, options.noise)
+    noise = _noise_variance(stack, camera, task.options.noise)
     noise[saturated] = np.inf
     white = white_level(camera, stack.dtype) - camera.dark_level
-    toe = options.toe or 0.0
+    toe = task.options.toe or 0.0
     light, variance = with_toe(stored_light, noise, toe, white)
-    found = given or [_found(light[k], variance[k], camera, options) for k in range(len(stack))]
-    if options.toe is None and camera.tone_curve != "linear" and found[0].model == "chips":
+    found = given or [_found(light[k], variance[k], camera, task) for k in range(len(stack))]
+    if task.options.toe is None and camera.tone_curve != "linear" and found[0].model == "chips":
         toe = find_toe(stored_light[0], noise[0], white)
         if toe > 0.0:
             light, variance = with_toe(stored_light, noise, toe, white)
-            always = replace(options, model="chips")
+            always = replace(task, model="chips")
             found = [_found(light[k], variance[k], camera, always) for k in range(len(stack))]
     rows = np.stack([row_light.light for row_light in found])
     pictures, marks, shares = [np.empty(stack.shape, kind) for kind in (stack.dtype, np.uint8, np.float32)]
@@ -270,9 +284,9 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
         one, spread = (np.ascontiguousarray(values[..., colour]) for values in (light, variance))
         share = _core.light_share(one, spread, rows, True)
         for k, row_light in enumerate(found):
-            values, mark = _restored(one[k], saturated[k, ..., colour], share, row_light, options)
+            values, mark = _restored(one[k], saturated[k, ..., colour], share, row_light, task)
             stored = to_stored(lowered(values, toe, white), camera, stack.dtype)
-            untouched = (mark == Mark.SATURATED) & (options.keep == "picture")
+            untouched = (mark == Mark.SATURATED) & (task.keep == "picture")
             pictures[k, ..., colour] = np.where(untouched, stack[k, ..., colour], stored)
             marks[k, ..., colour] = mark
             shares[k, ..., colour] = share
@@ -299,27 +313,27 @@ def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None
     return np.asarray((noise * light_per_step(stack, camera)) ** 2)
 
 
-def _found(light: FloatArray, variance: FloatArray, camera: Camera, options: Options) -> RowLight:
+def _found(light: FloatArray, variance: FloatArray, camera: Camera, task: _Task) -> RowLight:
     """Estimate the row light of one frame (rows, columns, colours) from the colours that show it."""
     lit = lit_colours(light, variance)
-    return find_row_light(light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, options.model)
+    return find_row_light(light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, task.model)
 
 
 def _restored(
-    light: FloatArray, saturated: npt.NDArray[np.bool_], share: FloatArray, row_light: RowLight, options: Options
+    light: FloatArray, saturated: npt.NDArray[np.bool_], share: FloatArray, row_light: RowLight, task: _Task
 ) -> tuple[FloatArray, npt.NDArray[np.uint8]]:
     """Restore one colour of one frame; returns linear light and marks."""
-    level = row_light.full if options.level == "full" else 1.0
+    level = row_light.full if task.level == "full" else 1.0
     rows = np.minimum(row_light.light, row_light.full)[:, None]  # brighter rows are fully lit rows with noise
     left = np.maximum(1 + share * (rows - 1), 1e-9)
     gain = (1 + share * (level - 1)) / left
-    dark = (gain > options.max_gain) & ~saturated
+    dark = (gain > task.options.max_gain) & ~saturated
     marks = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED)).astype(np.uint8)
-    gain = np.minimum(gain, options.max_gain)
-    if options.keep == "bands":
+    gain = np.minimum(gain, task.options.max_gain)
+    if task.keep == "bands":
         return light * gain / (1 + share * (level - 1)) * share * rows, marks
     values = np.where(saturated, light, light * gain)
-    return (_filled(values, dark) if options.fill else values), marks
+    return (_filled(values, dark) if task.options.fill else values), marks
 
 
 def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:

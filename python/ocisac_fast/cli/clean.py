@@ -48,14 +48,25 @@ _HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturate
 @picture_options
 @json_option
 def clean(
-    source: str, target: str, picture: PictureOptions, marks: str | None, still: bool, as_json: bool, **options: Any
+    source: str,
+    target: str,
+    picture: PictureOptions,
+    marks: str | None,
+    as_json: bool,
+    max_gain: float,
+    fill: bool,
+    toe: float | None,
+    **options: Any,
 ) -> None:
     """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
     OUT is .png, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Colours are cleaned separately, with a light estimated from all.
     """
-    cleaner = _Cleaner(picture, still, marks is not None, options)
+    from ocisac_fast.cleaning import CleaningOptions
+
+    options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
+    cleaner = _Cleaner(picture, marks is not None, options)
     with open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream:
         shown = progress(stream, "cleaning", stream.frame_count)
         rate = stream.frame_rate
@@ -82,11 +93,10 @@ def _camera(picture: PictureOptions, response: Any, rate: float | None, first: F
 class _Cleaner:
     """Cleans frames in stored order; collects the results."""
 
-    def __init__(self, picture: PictureOptions, still: bool, mark: bool, options: dict[str, Any]) -> None:
+    def __init__(self, picture: PictureOptions, mark: bool, options: dict[str, Any]) -> None:
         self.facts: list[dict[str, Any]] = []
         self.marks: list[Frame] = []
         self._picture = picture
-        self._still = still
         self._mark = mark
         self._options = options
 
@@ -98,7 +108,7 @@ class _Cleaner:
             view = select(raw, self._picture)
             if view.dtype.kind == "f" and raw.dtype.kind == "u":  # channel y
                 view = np.rint(view).astype(raw.dtype)
-            if self._still:
+            if self._options["still"]:
                 waiting.append(view)
                 continue
             yield from self._cleaned([view], camera)
@@ -110,7 +120,7 @@ class _Cleaner:
     def _cleaned(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
         from ocisac_fast.cleaning import Mark, remove_bands
 
-        done = remove_bands(stack(views), camera, still=self._still, **self._options)
+        done = remove_bands(stack(views), camera, **self._options)
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
             self.facts.append(
                 self._picture.in_units(

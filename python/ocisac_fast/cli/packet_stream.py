@@ -6,12 +6,13 @@ import base64
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import flag_names, quantity
 from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.files.recording import Frame
+from ocisac_fast.packets.transmission import PacketFormat, transmit
 
 
 @dataclasses.dataclass
@@ -19,9 +20,7 @@ class PacketOptions:
     """Options of the command line; ``tones``: CM-FSK if not empty, else chips."""
 
     chip_rate: float | None
-    line_code: str
-    block_bytes: int
-    preamble: str
+    format: PacketFormat
     frame_time: float | None
     sources: int
     regions: tuple[tuple[int, int, int, int], ...]
@@ -79,9 +78,7 @@ class PacketStream:
             camera,
             chip_rate=self._chip_rate,
             rows=self._rows,
-            line_code=self._options.line_code,
-            block_bytes=self._options.block_bytes,
-            preamble=self._options.preamble,
+            format=self._options.format,
         )
         through = quantity(possible.gap, "bit/s", 4)
         return f"{count}; a light's chips through the gap: {through}, as packets: {quantity(possible.code, 'bit/s', 4)}"
@@ -90,14 +87,12 @@ class PacketStream:
         """Hint that a frame shows less than one block, so that no block is complete."""
         if self._camera is None or self._options.tones or not math.isfinite(self._chip_rate):
             return ""
-        from ocisac_fast.packets.transmission import transmit
-
         options = self._options
-        sent = transmit(b"-", line_code=options.line_code, block_bytes=options.block_bytes, preamble=options.preamble)
+        sent = transmit(b"-", format=options.format)
         shown = int(self._rows * self._camera.row_period * self._chip_rate)
         if sent.block_chips <= shown:
             return ""
-        size = options.block_bytes
+        size = options.format.block_bytes
         return (
             f"; a block of {size} bytes is {sent.block_chips} chips, a frame shows {shown}: send smaller --block-bytes"
         )
@@ -107,21 +102,19 @@ class PacketStream:
         if options.tones:
             from ocisac_fast.receiver import FskReceiver
 
-            return FskReceiver(camera, options.tones, block_bytes=options.block_bytes, preamble=options.preamble)
-        from ocisac_fast.receiver.stream import MultiReceiver
+            packets = options.format
+            return FskReceiver(camera, options.tones, block_bytes=packets.block_bytes, preamble=packets.preamble)
+        from ocisac_fast.receiver import GainOptions, MultiReceiver
 
+        waveform: Literal["square", "tone"] = "square" if self._picture.waveform == "square" else "tone"
+        gain = GainOptions(frequency=options.frequency, waveform=waveform, duty=self._picture.duty)
         return MultiReceiver(
             camera,
             chip_rate=options.chip_rate,
-            line_code=options.line_code,
-            block_bytes=options.block_bytes,
-            preamble=options.preamble,
+            format=options.format,
             regions=[self._picture.in_region(region) for region in options.regions],
             max_sources=options.sources,
-            gain=options.gain,
-            frequency=options.frequency,
-            waveform="square" if self._picture.waveform == "square" else "tone",
-            duty=self._picture.duty,
+            gain=gain if options.gain else None,
         )
 
     def _count(self, received: Any) -> None:

@@ -12,7 +12,7 @@ from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, pr
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
-from ocisac_fast.packets.transmission import LINE_CODES
+from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 
 
 @click.command(short_help="Bits of the lights in a recording.")
@@ -69,9 +69,7 @@ def receive(
     size = block_bytes if block_bytes is not None else 4 if tones else 16
     options = PacketOptions(
         chip_rate=rate,
-        line_code=line_code or "manchester",
-        block_bytes=size,
-        preamble=preamble,
+        format=PacketFormat(line_code=line_code or "manchester", block_bytes=size, preamble=preamble),
         frame_time=seconds,
         sources=sources,
         regions=source_region,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _BOX = ("x", "y", "width", "height")
 _HEADER = ("region", "kind", *_BOX, "frequency", "f_x v", "gain", "theory", "speed", "SNR", "flags")
-_DIRECTIONS = {"with": 1, "against": -1}
+_DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 
 
 @click.command(short_help="Moving textures and lights in a recording: gain, motion, speed.")
@@ -84,24 +84,25 @@ def _read(file: str, picture: PictureOptions, most: int, frame_rate: Quantity | 
 
 
 def _regions(view: Frame, camera: Camera, picture: PictureOptions, told: dict[str, Any]) -> list[SensedRegion]:
-    from ocisac_fast.sensing import background_light, sense as sense_picture, sense_region
+    from ocisac_fast.sensing import KnownMotion, background_light, sense as sense_picture, sense_region
 
     frequency = picture.check_frequency("--frequency", told.pop("frequency"))
     background, unlit, beside = told.pop("background"), told.pop("unlit"), told.pop("beside")
-    told = {**told, "waveform": picture.waveform, "duty": picture.duty}
-    told["direction"] = _DIRECTIONS.get(told["direction"], 0)
+    direction, axis = _DIRECTIONS.get(told.pop("direction"), 0), told.pop("motion")
+    light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": told.pop("depth")}
+    motion = KnownMotion(axis=axis, direction=direction, **told)
     dark = None if unlit is None else _read(unlit, picture, len(view), None)[0]
     if picture.region is None:
         for name, value in (("frequency", frequency), ("background", background)):
             if value is not None:
                 raise click.UsageError(f"--{name}: needs --region")
-        return sense_picture(view, camera, unlit=dark, beside=beside, **told)
+        return sense_picture(view, camera, unlit=dark, beside=beside, motion=motion, **light)
     if beside:
         raise click.UsageError("--beside: not with --region")
     if dark is not None and background is not None:
         raise click.UsageError("--background: not with --unlit")
     measured = background if dark is None else background_light(dark, camera)
-    return [sense_region(view, camera, frequency, background=measured, **told)]
+    return [sense_region(view, camera, frequency, background=measured, motion=motion, **light)]
 
 
 def _facts(region: SensedRegion, picture: PictureOptions) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.packets.fsk import fsk_transmit
-from ocisac_fast.packets.transmission import LINE_CODES, Transmission, transmit as transmit_payload
+from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, Transmission, transmit as transmit_payload
 
 _Writer = Callable[[Any, float | None], bytes]
 
@@ -105,20 +105,22 @@ def transmit(
     writer = _writer(output, _WRITERS)
     sent = transmit_payload(
         _payload(file, text),
-        line_code=line_code if code_table is None else code_table.split(","),
-        block_bytes=16 if block_bytes is None else block_bytes,
-        preamble=preamble,
+        format=PacketFormat(
+            line_code=line_code if code_table is None else code_table.split(","),
+            block_bytes=16 if block_bytes is None else block_bytes,
+            preamble=preamble,
+        ),
         number=number,
     )
     rate = _positive("--chip-rate", chip_rate)
     facts = {
         "payload_bytes": len(sent.payload),
         "number": sent.number,
-        "line_code": sent.line_code,
+        "line_code": sent.format.line_code,
         "chips": len(sent.chips),
         "blocks": sent.blocks,
         "block_chips": sent.block_chips,
-        "block_bytes": sent.block_bytes,
+        "block_bytes": sent.format.block_bytes,
         "codewords": sent.codewords,
         "codeword_data": sent.codeword_data,
     }

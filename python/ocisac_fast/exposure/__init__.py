@@ -10,6 +10,7 @@ from ocisac_fast.exposure.controller import (
     ExposureMeasurement as ExposureMeasurement,
     ExposureReason as ExposureReason,
     ExposureSuggestion as ExposureSuggestion,
+    LevelTargets as LevelTargets,
     MeasuredTone as MeasuredTone,
     best_noisy_exposure as best_noisy_exposure,
 )

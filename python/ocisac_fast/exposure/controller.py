@@ -140,6 +140,39 @@ class ExposureSuggestion:
 
 
 @checked_class
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelTargets:
+    """Brightness that :class:`ExposureController` keeps, in shares of the full scale above dark.
+
+    Args:
+        floor: lower bound of the mean, 0 (none) to below 1.
+        aim: target of the mean, above 0 and below 1.
+        ceiling: upper bound of the peak, above 0 up to 1.
+        max_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Exposure times gain is
+            then reduced to 0.7 of its value, and the limit, relative to the scene's brightness, recovers by 0.2 % per
+            frame.
+
+    Raises:
+        ValueError: a value outside its range; the message names it.
+    """
+
+    floor: float = 0.05
+    aim: float = 0.4
+    ceiling: float = 0.9
+    max_saturated: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name, fits, allowed in (
+            ("floor", 0.0 <= self.floor < 1.0, "0 to below 1"),
+            ("aim", 0.0 < self.aim < 1.0, "above 0 and below 1"),
+            ("ceiling", 0.0 < self.ceiling <= 1.0, "above 0 up to 1"),
+            ("max_saturated", 0.0 <= self.max_saturated < 1.0, "0 to below 1"),
+        ):
+            if not fits:
+                raise ValueError(f"{name}: got {getattr(self, name)}, allowed: {allowed}")
+
+
+@checked_class
 class ExposureController:
     """Suggest exposure and gain of the next frame.
 
@@ -152,8 +185,8 @@ class ExposureController:
     level it is the paper's objective. The maximum is global, to 1e-12 of J. The last exposure is kept while its loss is
     within the hysteresis: J(suggested) (1 + hysteresis) >= J(T) for every allowed T and the measured tones.
 
-    Exposure and gain together keep the mean above ``level_floor`` and the peak below ``level_ceiling``; in a conflict
-    the ceiling has priority. Within these limits the gain brings the mean to ``level_aim``.
+    Exposure and gain together keep the mean above the floor and the peak below the ceiling of ``levels``; in a conflict
+    the ceiling has priority. Within these limits the gain brings the mean to the aim.
 
     Args:
         exposures: (shortest, longest) exposure of the camera, s, 0 < shortest <= longest.
@@ -161,10 +194,7 @@ class ExposureController:
         gains: (lowest, highest) gain of its amplifier, linear, above 0.
         weights: of all lights together and of all motions together; 0 or above, not both 0.
         hysteresis: 0 or above; 0 selects the maximum at every update.
-        level_floor, level_aim, level_ceiling: shares of the full scale.
-        max_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Exposure times gain is
-            then reduced to 0.7 of its value, and the limit, relative to the scene's brightness, recovers by 0.2 % per
-            frame.
+        levels: brightness to keep; None: the defaults of :class:`LevelTargets`.
         min_snr: tones with a lower signal-to-noise ratio (power) are ignored; 0 or above.
         noise_level: mean level at gain 1 where shot noise equals read noise, above 0; None: noise is independent of
             the exposure.
@@ -181,16 +211,14 @@ class ExposureController:
         gains: tuple[float, float] = (1.0, 1.0),
         weights: tuple[float, float] = (1.0, 1.0),
         hysteresis: float = 0.01,
-        level_floor: float = 0.05,
-        level_aim: float = 0.4,
-        level_ceiling: float = 0.9,
-        max_saturated: float = 0.01,
+        levels: LevelTargets | None = None,
         min_snr: float = 1.0,
         noise_level: float | None = None,
     ) -> None:
         for name, pair in (("exposures", exposures), ("gains", gains), ("weights", weights)):
             if len(pair) != 2:
                 raise ValueError(f"{name}: got {len(pair)} values, allowed: two")
+        targets = levels or LevelTargets()
         self._controller = _core.ExposureController(
             shortest=float(exposures[0]),
             longest=float(exposures[1]),
@@ -200,10 +228,10 @@ class ExposureController:
             comm_weight=float(weights[0]),
             sense_weight=float(weights[1]),
             hysteresis=float(hysteresis),
-            level_floor=float(level_floor),
-            level_aim=float(level_aim),
-            level_ceiling=float(level_ceiling),
-            max_saturated=float(max_saturated),
+            level_floor=float(targets.floor),
+            level_aim=float(targets.aim),
+            level_ceiling=float(targets.ceiling),
+            max_saturated=float(targets.max_saturated),
             min_snr=float(min_snr),
             noise_level=math.inf if noise_level is None else float(noise_level),
         )

@@ -12,6 +12,7 @@ from ocisac_fast.packets.merging import merge_receptions as merge_receptions
 from ocisac_fast.packets.transmission import (
     LINE_CODES as LINE_CODES,
     PacketAssembler as PacketAssembler,
+    PacketFormat as PacketFormat,
     Payload as Payload,
     Stretch as Stretch,
     Transmission as Transmission,

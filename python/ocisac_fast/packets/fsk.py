@@ -13,7 +13,7 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked
 from ocisac_fast.light.waveforms import Chips, Product, Sum, Tone, Waveform
-from ocisac_fast.packets.transmission import transmit
+from ocisac_fast.packets.transmission import PacketFormat, transmit
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -98,7 +98,8 @@ def fsk_transmit(
         ValueError: an argument outside its range; the message names it.
     """
     frequencies = fsk_tones(tones)
-    sent = transmit(payload, line_code="none", block_bytes=block_bytes, preamble=preamble, number=number)
+    format = PacketFormat(line_code="none", block_bytes=block_bytes, preamble=preamble)
+    sent = transmit(payload, format=format, number=number)
     bits = int(math.log2(len(frequencies)))
     cycle = np.tile(sent.chips, bits // math.gcd(len(sent.chips), bits))
     symbols = (cycle.reshape(-1, bits) @ (1 << np.arange(bits)[::-1])).astype(np.uint8)

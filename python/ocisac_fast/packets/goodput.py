@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked
-from ocisac_fast.packets.transmission import encode_line_code, transmit
+from ocisac_fast.packets.transmission import PacketFormat, encode_line_code, transmit
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +39,16 @@ def possible_goodput(
     *,
     chip_rate: float,
     rows: int,
-    line_code: str | Sequence[str] = "manchester",
-    block_bytes: int = 16,
-    preamble: str = "standard",
+    format: PacketFormat | None = None,
 ) -> Goodput:
     """Upper bounds of the goodput of packets with ``payload_bytes``.
 
     Args:
-        payload_bytes: as in :func:`ocisac_fast.transmit`, like ``line_code``, ``block_bytes`` and ``preamble``.
+        payload_bytes: of a packet, as in :func:`ocisac_fast.transmit`.
         camera: row time and frame time.
         chip_rate: Hz.
         rows: rows of a frame, at least 1, not longer than the frame time.
+        format: of the packets; None: the defaults of :class:`PacketFormat`.
 
     Raises:
         ValueError: an argument outside its range, or a camera without a frame time.
@@ -61,11 +59,11 @@ def possible_goodput(
         raise ValueError(f"chip_rate: got {chip_rate}, allowed: a finite number above 0")
     if not 1 <= rows * 1.0 <= camera.frame_time / camera.row_period * (1.0 + 1e-9):
         raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
-    packet = transmit(bytes(payload_bytes), line_code=line_code, block_bytes=block_bytes, preamble=preamble)
-    chips_per_byte = encode_line_code(np.zeros(8, np.uint8), line_code).size
+    packet = transmit(bytes(payload_bytes), format=format)
+    chips_per_byte = encode_line_code(np.zeros(8, np.uint8), packet.format.line_code).size
     sent = 8.0 * chip_rate / chips_per_byte
     gap = sent * rows * camera.row_period / camera.frame_time
-    in_blocks = block_bytes * chips_per_byte / packet.block_chips
+    in_blocks = packet.format.block_bytes * chips_per_byte / packet.block_chips
     code = gap * in_blocks * payload_bytes / (packet.codewords * packet.codeword_data)
     frame_bits = 8.0 * payload_bytes / camera.frame_time
     return Goodput(sent, gap, code, frame_bits / gap, frame_bits / code)

@@ -18,6 +18,34 @@ LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
 ByteArray = npt.NDArray[np.uint8]
 
 
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PacketFormat:
+    """The parameters that sender and receiver of packets share. See docs/packets.md.
+
+    Args:
+        line_code: "none" (NRZ), "manchester", "4b6b", "8b10b", or a table: 2, 4, 16 or 256 words of 0 and 1.
+        block_bytes: coded bytes of a block, 1 to 255. Short blocks have more preambles, long ones have less overhead.
+        preamble: "standard" (14 chips), or "lengthened" (42) for exposures above 8 chips.
+
+    Raises:
+        ValueError: a value outside its range; the message names it.
+    """
+
+    line_code: str | Sequence[str] = "manchester"
+    block_bytes: int = 16
+    preamble: str = "standard"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "line_code", as_line_code(self.line_code)[0])
+        count("block_bytes", self.block_bytes, 1)
+        _core.longest_payload(**self._for_core())  # refuses values outside their range
+
+    def _for_core(self) -> dict[str, Any]:
+        code = as_line_code(self.line_code)[1]
+        return {"line_code": code, "block_bytes": self.block_bytes, "preamble": self.preamble}
+
+
 @dataclass(frozen=True, eq=False)
 class Transmission:
     """A packet as the light sends it: one cycle of blocks, repeated. See docs/packets.md.
@@ -26,9 +54,7 @@ class Transmission:
         chips: (chips,) uint8, 1 = bright, read-only.
         payload: its bytes.
         number: of the packet.
-        line_code: name, or the words of a table.
-        block_bytes: coded bytes of a block.
-        preamble: "standard" or "lengthened".
+        format: line code, size of a block, preamble.
         codewords: Reed-Solomon words of 255 bytes.
         codeword_data: bytes of data in each.
         blocks: number of blocks in the cycle.
@@ -38,9 +64,7 @@ class Transmission:
     chips: ByteArray
     payload: bytes
     number: int
-    line_code: str | tuple[str, ...]
-    block_bytes: int
-    preamble: str
+    format: PacketFormat
     codewords: int
     codeword_data: int
     blocks: int
@@ -100,14 +124,7 @@ class Stretch:
 
 
 @checked
-def transmit(
-    payload: bytes | npt.ArrayLike,
-    *,
-    line_code: str | Sequence[str] = "manchester",
-    block_bytes: int = 16,
-    preamble: str = "standard",
-    number: int = 0,
-) -> Transmission:
+def transmit(payload: bytes | npt.ArrayLike, *, format: PacketFormat | None = None, number: int = 0) -> Transmission:
     """Encode a payload as chips of on-off keying that survive the gaps between frames.
 
     The chips are sent repeatedly; a receiver may begin anywhere. The payload, its number and a CRC-32 fill Reed-Solomon
@@ -116,33 +133,23 @@ def transmit(
 
     Args:
         payload: bytes, or (bytes,) uint8; at least 1, at most :func:`longest_payload`.
-        line_code: "none" (NRZ), "manchester", "4b6b", "8b10b", or a table: 2, 4, 16 or 256 words of 0 and 1.
-        block_bytes: coded bytes of a block, 1 to 255. Short blocks have more preambles, long ones have less overhead.
-        preamble: "standard" (14 chips), or "lengthened" (42) for exposures above 8 chips.
+        format: as the receiver expects it; None: the defaults of :class:`PacketFormat`.
         number: of the packet, 0 to 255; increased by 1 (modulo 256) for each following packet.
 
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
     data = _as_bytes(payload)
-    name, code = as_line_code(line_code)
-    chips, layout = _core.transmit(
-        payload=data,
-        line_code=code,
-        block_bytes=count("block_bytes", block_bytes, 1),
-        preamble=preamble,
-        number=count("number", number, 0),
-    )
+    format = format or PacketFormat()
+    chips, layout = _core.transmit(payload=data, number=count("number", number, 0), **format._for_core())
     chips.flags.writeable = False
-    return Transmission(chips, data.tobytes(), number, name, block_bytes, preamble, *layout)
+    return Transmission(chips, data.tobytes(), number, format, *layout)
 
 
 @checked
-def longest_payload(
-    *, line_code: str | Sequence[str] = "manchester", block_bytes: int = 16, preamble: str = "standard"
-) -> int:
-    """Maximum bytes of one packet; at most 4095. Arguments and errors as in :func:`transmit`."""
-    return _core.longest_payload(as_line_code(line_code)[1], count("block_bytes", block_bytes, 1), preamble)
+def longest_payload(*, format: PacketFormat | None = None) -> int:
+    """Maximum bytes of one packet of ``format`` (None: the defaults); at most 4095."""
+    return _core.longest_payload(**(format or PacketFormat())._for_core())
 
 
 @checked
@@ -152,7 +159,7 @@ def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> Byt
     Args:
         bits: (bits,) of 0 and 1, whole words: 1 bit ("none", "manchester"), 4 ("4b6b"), 8 ("8b10b"), or log2 of the
             table's length. The first bit of a word is its most significant one.
-        line_code: as in :func:`transmit`. "8b10b" begins at running disparity -1.
+        line_code: as in :class:`PacketFormat`. "8b10b" begins at running disparity -1.
 
     Raises:
         ValueError: values other than 0 and 1, a length that is no whole number of words, an unknown code.
@@ -173,7 +180,7 @@ def decode_line_code(
 
     Args:
         llr: (chips,) log-likelihood ratios ln P(bright)/P(dark), nats; 0: unknown. Whole words.
-        line_code: as in :func:`transmit`.
+        line_code: as in :class:`PacketFormat`.
 
     Returns:
         Log-likelihood ratios of the bits, (bits,): the difference between the best words with a 1 and with a 0; and
@@ -194,21 +201,13 @@ class PacketAssembler:
     completed again.
 
     Args:
-        line_code: of the sender, as in :func:`transmit`; so are ``block_bytes`` and ``preamble``.
-        block_bytes: coded bytes of a block.
-        preamble: "standard" or "lengthened".
+        format: of the sender; None: the defaults of :class:`PacketFormat`.
     """
 
     __slots__ = ("_handle",)
 
-    def __init__(
-        self,
-        *,
-        line_code: str | Sequence[str] = "manchester",
-        block_bytes: int = 16,
-        preamble: str = "standard",
-    ) -> None:
-        self._handle = _core.PacketAssembler(as_line_code(line_code)[1], count("block_bytes", block_bytes, 1), preamble)
+    def __init__(self, *, format: PacketFormat | None = None) -> None:
+        self._handle = _core.PacketAssembler(**(format or PacketFormat())._for_core())
 
     @checked
     def push(self, first: int, llr: npt.ArrayLike) -> Stretch:

@@ -3,6 +3,7 @@
 from ocisac_fast.receiver.blind import Received as Received, receive as receive
 from ocisac_fast.receiver.fsk import FskFrame as FskFrame, FskReceiver as FskReceiver
 from ocisac_fast.receiver.stream import (
+    GainOptions as GainOptions,
     LightGain as LightGain,
     MultiReceiver as MultiReceiver,
     ReceivedFrame as ReceivedFrame,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from ocisac_fast.core.arrays import as_frames, box_in_time_order, split_colours,
 from ocisac_fast.core.checks import checked, checked_class, count
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.exposure.choice import BestExposure
-from ocisac_fast.packets.transmission import Payload, Stretch, as_line_code
+from ocisac_fast.packets.transmission import PacketFormat, Payload, Stretch
 
 FloatArray = npt.NDArray[np.float64]
 Region = tuple[int, int, int, int]
@@ -83,9 +84,7 @@ class Receiver:
         camera: row time; exposure if known, else it is estimated; frame time, which joins frames: without it only
             frames that show a block's header are used.
         chip_rate: Hz, accurate to 2 %. None: estimated blind, which needs an exposure below a chip.
-        line_code: of the sender, like ``block_bytes`` and ``preamble``; see :func:`ocisac_fast.transmit`.
-        block_bytes: coded bytes of a block.
-        preamble: "standard" or "lengthened".
+        format: of the sender's packets; None: the defaults of :class:`ocisac_fast.packets.PacketFormat`.
         colour: index of the colour to use. None: the one with the strongest light.
         search_passes: max. number of passes over a frame's rows in a search for its chips, which bounds the time;
             infinity: no bound. A preamble is found in about 50. None: 2000 for a known exposure, else 5000, about half
@@ -102,17 +101,16 @@ class Receiver:
         camera: Camera,
         *,
         chip_rate: float | None = None,
-        line_code: str | Sequence[str] = "manchester",
-        block_bytes: int = 16,
-        preamble: str = "standard",
+        format: PacketFormat | None = None,
         colour: int | None = None,
         search_passes: float | None = None,
     ) -> None:
         self._camera = camera
         self._colour = colour
         self._handle = _core.Receiver(
-            **_data_options(camera, chip_rate, line_code, block_bytes, preamble, search_passes),
-            **_gain_options(),
+            **_data_options(camera, chip_rate, format, search_passes),
+            **_gain_options(None),
+            sense_frequency=None,
             data=True,
             whole_picture=True,
             regions=(),
@@ -133,6 +131,37 @@ class Receiver:
         """
         (light,) = self._handle.push(frame_colours(frame, self._camera, self._colour), frame_number(number))
         return _received_frame(light[4], self._camera.row_period, self._colour)
+
+
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainOptions:
+    """Measurement of the gain of each light's tone by :class:`MultiReceiver`.
+
+    Args:
+        frequency: Hz of the tone, above 0. None: estimated at the detection of a light.
+        waveform: ``"tone"``, or ``"square"`` with the harmonics below half the row rate.
+        duty: bright share of the square wave, inside (0, 1).
+        background: light of other sources, DN above dark.
+
+    Raises:
+        ValueError: a value outside its range; the message names it.
+    """
+
+    frequency: float | None = None
+    waveform: Literal["tone", "square"] = "tone"
+    duty: float = 0.5
+    background: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.frequency is not None and not (math.isfinite(self.frequency) and self.frequency > 0.0):
+            raise ValueError(f"frequency: got {self.frequency}, allowed: a finite number above 0")
+        if self.waveform not in ("tone", "square"):
+            raise ValueError(f"waveform: got {self.waveform!r}, allowed: 'tone' or 'square'")
+        if not 0.0 < self.duty < 1.0:
+            raise ValueError(f"duty: got {self.duty}, allowed: above 0 and below 1")
+        if not math.isfinite(self.background):
+            raise ValueError(f"background: got {self.background}, allowed: a finite number")
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,14 +222,11 @@ class MultiReceiver:
     A light's region follows it along the columns.
 
     Args:
-        camera, chip_rate, line_code, block_bytes, preamble, colour, search_passes: as in :class:`Receiver`; equal for
-            all lights.
+        camera, chip_rate, format, colour, search_passes: as in :class:`Receiver`; equal for all lights.
         regions: boxes (x, y, width, height) of the lights, pixels as stored; empty: searched.
         max_sources: max. number of lights of the search.
         data: receive chips.
-        gain: measure the gain of each light's tone.
-        frequency: Hz of the tone. None: estimated at the detection of a light.
-        waveform, duty, background: as in :func:`ocisac_fast.tone_gain`.
+        gain: measure the gain of each light's tone with these options; None: no gain.
         sense_frequency: Hz of the moving scene, for the suggested exposure.
 
     Raises:
@@ -214,19 +240,13 @@ class MultiReceiver:
         camera: Camera,
         *,
         chip_rate: float | None = None,
-        line_code: str | Sequence[str] = "manchester",
-        block_bytes: int = 16,
-        preamble: str = "standard",
+        format: PacketFormat | None = None,
         colour: int | None = None,
         search_passes: float | None = None,
         regions: Sequence[Region] = (),
         max_sources: int = 8,
         data: bool = True,
-        gain: bool = False,
-        frequency: float | None = None,
-        waveform: Literal["tone", "square"] = "tone",
-        duty: float = 0.5,
-        background: float = 0.0,
+        gain: GainOptions | None = None,
         sense_frequency: float | None = None,
     ) -> None:
         self._camera = camera
@@ -234,13 +254,13 @@ class MultiReceiver:
         self._regions = [_region(region) for region in regions]
         self._make = functools.partial(
             _core.Receiver,
-            **_data_options(camera, chip_rate, line_code, block_bytes, preamble, search_passes),
-            **_gain_options(gain, frequency, waveform, duty, background, sense_frequency),
+            **_data_options(camera, chip_rate, format, search_passes),
+            **_gain_options(gain),
+            sense_frequency=None if sense_frequency is None else float(sense_frequency),
             data=bool(data),
             whole_picture=False,
             max_sources=count("max_sources", max_sources, 1),
         )
-        self._handle = self._make(regions=self._regions)
         self._handle = self._make(regions=self._regions)
 
     @checked
@@ -277,39 +297,18 @@ class MultiReceiver:
 
 
 def _data_options(
-    camera: Camera,
-    chip_rate: float | None,
-    line_code: str | Sequence[str],
-    block_bytes: int,
-    preamble: str,
-    search_passes: float | None,
+    camera: Camera, chip_rate: float | None, format: PacketFormat | None, search_passes: float | None
 ) -> dict[str, Any]:
     return {
         "camera": camera._handle,
         "chip_rate": None if chip_rate is None else float(chip_rate),
-        "line_code": as_line_code(line_code)[1],
-        "block_bytes": count("block_bytes", block_bytes, 1),
-        "preamble": preamble,
         "search_passes": None if search_passes is None else float(search_passes),
+        **(format or PacketFormat())._for_core(),
     }
 
 
-def _gain_options(
-    gain: bool = False,
-    frequency: float | None = None,
-    waveform: str = "tone",
-    duty: float = 0.5,
-    background: float = 0.0,
-    sense_frequency: float | None = None,
-) -> dict[str, Any]:
-    return {
-        "gain": bool(gain),
-        "frequency": None if frequency is None else float(frequency),
-        "waveform": waveform,
-        "duty": float(duty),
-        "background": float(background),
-        "sense_frequency": None if sense_frequency is None else float(sense_frequency),
-    }
+def _gain_options(gain: GainOptions | None) -> dict[str, Any]:
+    return {"gain": gain is not None, **asdict(gain or GainOptions())}
 
 
 def _turned(region: Region, shape: tuple[int, ...], scan_axis: str) -> Region:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.packets.transmission import Transmission
+from ocisac_fast.packets.transmission import PacketFormat, Transmission
 
 _WORDS_4B6B = [f"{word:06b}" for word in (14, 13, 19, 22, 21, 35, 38, 37, 25, 26, 28, 49, 50, 41, 42, 44)]
 # Widmer and Franaszek's table: abcdei by the lower five bits, fghj by the upper three, at running disparity -1; words
@@ -130,22 +130,15 @@ def _pn9(bits: int) -> list[int]:
     return sequence[:bits]
 
 
-def longest_payload(
-    *, line_code: str | Sequence[str] = "manchester", block_bytes: int = 16, preamble: str = "standard"
-) -> int:
+def longest_payload(*, format: PacketFormat | None = None) -> int:
     """Bounded by 256 blocks per cycle, 170 bytes of data per codeword and four octal digits of length."""
-    return min(4095, 170 * (256 * block_bytes // 255) - 5)
+    return min(4095, 170 * (256 * (format or PacketFormat()).block_bytes // 255) - 5)
 
 
-def transmit(
-    payload: bytes | npt.ArrayLike,
-    *,
-    line_code: str | Sequence[str] = "manchester",
-    block_bytes: int = 16,
-    preamble: str = "standard",
-    number: int = 0,
-) -> Transmission:
+def transmit(payload: bytes | npt.ArrayLike, *, format: PacketFormat | None = None, number: int = 0) -> Transmission:
     """Encode the format of docs/packets.md step by step."""
+    format = format or PacketFormat()
+    block_bytes = format.block_bytes
     content = bytes(payload) if isinstance(payload, bytes) else np.asarray(payload, np.uint8).tobytes()
     data = bytes([number]) + content
     data += zlib.crc32(data).to_bytes(4, "big")
@@ -155,7 +148,7 @@ def transmit(
     words = [_codeword(data[word::codewords]) for word in range(codewords)]
     blocks = -(-255 * codewords // block_bytes)
     white = _pn9(8 * blocks * block_bytes)
-    marks = {"standard": [0], "lengthened": [0, 1, 0]}[preamble]
+    marks = {"standard": [0], "lengthened": [0, 1, 0]}[format.preamble]
     start = "".join(str(int(chip) ^ inverted) for inverted in marks for chip in _PREAMBLE)
     chips = ""
     for block in range(blocks):
@@ -166,12 +159,9 @@ def transmit(
             value = words[(coded + symbol) % codewords][symbol]
             mask = int("".join(map(str, white[8 * position : 8 * position + 8])), 2)
             bits += f"{value ^ mask:08b}"
-        chips += start + _encode(bits, line_code)
+        chips += start + _encode(bits, format.line_code)
     levels = np.array([int(chip) for chip in chips], np.uint8)
-    named = line_code if isinstance(line_code, str) else tuple(line_code)
-    return Transmission(
-        levels, content, number, named, block_bytes, preamble, codewords, size, blocks, len(levels) // blocks
-    )
+    return Transmission(levels, content, number, format, codewords, size, blocks, len(levels) // blocks)
 
 
 def fsk_demodulate(

@@ -15,6 +15,7 @@ from ocisac_fast.core.arrays import as_columns, in_stored_order
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.light.waveforms import Tone, integrate_exposure
+from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.tones.equalization import equalize
 
@@ -93,11 +94,11 @@ def restore_contrast(
         rows * camera.row_period >= 4.0 * camera.exposure and (rows - 2 * inner) * camera.row_period * frequency >= 1.0
     ):
         raise ValueError(f"columns: got {rows} rows, allowed: four exposures and two cycles of {frequency} Hz or more")
-    before = sense_region(_grey(array), camera, frequency, depth=depth, motion="across")
+    before = sense_region(_grey(array), camera, frequency, depth=depth, motion=KnownMotion(axis="across"))
     found, report = equalize(array, camera, method, noise, max_boost=max_boost, report=True)
     light = Camera(camera.row_time, camera.exposure)
     middle = found[..., inner : rows - inner, :] if found.ndim > 1 else found[inner : rows - inner]
-    after = sense_region(_grey(middle), light, frequency, depth=depth, motion="across")
+    after = sense_region(_grey(middle), light, frequency, depth=depth, motion=KnownMotion(axis="across"))
     response = abs(float(np.sinc(frequency * camera.exposure)))
     share = math.sqrt(rows / (rows - 2 * inner))  # increase of the standard error by the excluded rows
     relative = min(before.gain_std / before.gain, 1.0) if before.gain > 0.0 else 1.0

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.sensing.fit import Fitted, PhaseAdvance
-from ocisac_fast.sensing.motion import Motion, MotionKnowledge, Seen, across_rows, along_rows
+from ocisac_fast.sensing.motion import KnownMotion, Motion, Seen, across_rows, along_rows
 
 Kind = Literal["light", "moving", "still", "unknown"]
 
@@ -49,9 +49,7 @@ def kind_of(
     return "light", None, Flag.AMBIGUOUS_KIND
 
 
-def motion_facts(
-    kind: Kind, axis: str | None, seen: Seen, known: MotionKnowledge, advance: PhaseAdvance
-) -> dict[str, Any]:
+def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, advance: PhaseAdvance) -> dict[str, Any]:
     """Fields of ``SensedRegion`` that describe the motion, and flags."""
     if kind == "still":
         motion = along_rows(seen, known)
@@ -82,7 +80,7 @@ def motion_facts(
     }
 
 
-def _speed(motion: Motion, known: MotionKnowledge, per_pixel: float, pixel_std: float) -> dict[str, float]:
+def _speed(motion: Motion, known: KnownMotion, per_pixel: float, pixel_std: float) -> dict[str, float]:
     """Speed and spatial frequency: one is given and the other follows from f_x v; or from cycles over pitch."""
     frequency = abs(motion.frequency)
     if known.spatial_frequency is not None:

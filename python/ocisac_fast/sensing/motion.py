@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
+from ocisac_fast.core.checks import checked_class
 from ocisac_fast.core.flags import Flag
 
 _MAX_CANDIDATES = 16
@@ -34,25 +36,51 @@ class Seen:
         return math.isfinite(self.per_frame) and math.isfinite(self.frame_time)
 
 
-@dataclass(frozen=True, slots=True)
-class MotionKnowledge:
-    """Information given by the caller; None where unknown.
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownMotion:
+    """What is known of a texture's motion, for :func:`sense_region` and :func:`sense`; None where unknown.
 
-    Attributes:
-        direction: +1 with the read-out, -1 against it, 0 unknown.
-        pitch: of the rows in the scene, m.
-        spatial_frequency: 1/m, along the motion.
-        speed: m/s.
-        bounds: of the motion-induced frequency, Hz.
-        tolerance: relative, of the frame time over the row time.
+    Args:
+        axis: ``"across"`` the rows, or ``"along"`` them (or oblique).
+        direction: of motion along the rows: 1 with the read-out, -1 against it, 0 unknown.
+        pitch: distance of neighbouring pixels in the scene, m, above 0.
+        spatial_frequency: of the texture along the motion, 1/m, above 0.
+        speed: of the texture, m/s, above 0.
+        bounds: lowest and highest f_x v of motion along the rows, Hz, 0 <= low < high; None: 0 to half the row rate.
+        timing_tolerance: relative error of the frame time over the row time, above 0 up to 0.01. A component whose
+            advance fits c T_f/T_r within it is a light, or moves across the rows; up to ten times the tolerance this is
+            flagged; beyond, it moves along the rows.
+
+    Raises:
+        ValueError: a value outside its range; the message names it.
     """
 
-    direction: int
-    pitch: float | None
-    spatial_frequency: float | None
-    speed: float | None
-    bounds: tuple[float, float]
-    tolerance: float
+    axis: Literal["across", "along"] | None = None
+    direction: Literal[-1, 0, 1] = 0
+    pitch: float | None = None
+    spatial_frequency: float | None = None
+    speed: float | None = None
+    bounds: tuple[float, float] | None = None
+    timing_tolerance: float = 1e-4
+
+    def __post_init__(self) -> None:
+        if self.axis not in (None, "across", "along"):
+            raise ValueError(f"axis: got {self.axis!r}, allowed: 'across', 'along' or None")
+        if self.direction not in (-1, 0, 1):
+            raise ValueError(f"direction: got {self.direction}, allowed: -1, 0 or 1")
+        for name in ("pitch", "spatial_frequency", "speed"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
+        if self.bounds is not None and not (0.0 <= self.bounds[0] < self.bounds[1] < math.inf):
+            raise ValueError(f"bounds: got {self.bounds}, allowed: (low, high), 0 <= low < high, finite")
+        if not 0.0 < self.timing_tolerance <= 0.01:
+            raise ValueError(f"timing_tolerance: got {self.timing_tolerance}, allowed: above 0 up to 0.01")
+
+    def bounds_for(self, row_time: float) -> tuple[float, float]:
+        """``bounds``, or 0 to half the row rate, Hz."""
+        return self.bounds or (0.0, 0.5 / row_time)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +113,7 @@ def across_rows(seen: Seen) -> Motion:
     return Motion(frequency, std, 0.0, (frequency,), Flag(0))
 
 
-def along_rows(seen: Seen, known: MotionKnowledge) -> Motion:
+def along_rows(seen: Seen, known: KnownMotion) -> Motion:
     """Motion along the rows: per_row = still + frequency T_r, where still depends on the row pitch."""
     solutions = _from_one_frame(seen, known)
     if solutions is None:
@@ -108,14 +136,14 @@ def along_rows(seen: Seen, known: MotionKnowledge) -> Motion:
     return Motion(frequency, std, seen.per_row - frequency * seen.row_time, magnitudes, flags)
 
 
-def _allowed(seen: Seen, known: MotionKnowledge, frequency: float, std: float) -> bool:
+def _allowed(seen: Seen, known: KnownMotion, frequency: float, std: float) -> bool:
     still = seen.per_row - frequency * seen.row_time
     moves = -1 if frequency * still > 0 else 1
-    low, high = known.bounds
+    low, high = known.bounds_for(seen.row_time)
     return low <= abs(frequency) <= high and (known.direction in (0, moves) or abs(frequency) <= 4.0 * std)
 
 
-def _from_one_frame(seen: Seen, known: MotionKnowledge) -> list[tuple[float, float]] | None:
+def _from_one_frame(seen: Seen, known: KnownMotion) -> list[tuple[float, float]] | None:
     """Signed frequencies and standard errors that fit one column; None if pitch and texture are unknown."""
     if known.pitch is None or (known.spatial_frequency is None and known.speed is None):
         return None
@@ -130,7 +158,7 @@ def _from_one_frame(seen: Seen, known: MotionKnowledge) -> list[tuple[float, flo
 
 
 def _checked_by_frames(
-    seen: Seen, known: MotionKnowledge, solutions: list[tuple[float, float]]
+    seen: Seen, known: KnownMotion, solutions: list[tuple[float, float]]
 ) -> tuple[list[tuple[float, float]], bool]:
     """Move the solutions to the nearest frequency that also fits the advance from frame to frame."""
     fine = seen.per_frame_std / seen.frame_time
@@ -138,7 +166,7 @@ def _checked_by_frames(
     for frequency, std in solutions:
         turns = round(frequency * seen.frame_time - seen.per_frame)
         snapped = (seen.per_frame + turns) / seen.frame_time
-        allowance = 4.0 * math.hypot(std, fine) + known.tolerance * abs(frequency)
+        allowance = 4.0 * math.hypot(std, fine) + known.timing_tolerance * abs(frequency)
         nearest.append((abs(snapped - frequency) / allowance if allowance else 0.0, snapped))
         reach = min(int(allowance * seen.frame_time), _MAX_CANDIDATES)
         near = ((seen.per_frame + turns + k) / seen.frame_time for k in range(-reach - 1, reach + 2))
@@ -148,10 +176,10 @@ def _checked_by_frames(
     return [(min(nearest)[1], fine)], False
 
 
-def _from_frames_alone(seen: Seen, known: MotionKnowledge) -> list[tuple[float, float]]:
+def _from_frames_alone(seen: Seen, known: KnownMotion) -> list[tuple[float, float]]:
     """All frequencies that fit the advance, slow ones first."""
     std = seen.per_frame_std / seen.frame_time
     turns = sorted(range(-_MAX_TURNS, _MAX_TURNS + 1), key=abs)
     frequencies = ((seen.per_frame + k) / seen.frame_time for k in turns)
-    low, high = known.bounds
+    low, high = known.bounds_for(seen.row_time)
     return [(f, std) for f in frequencies if low <= abs(f) <= high]

@@ -15,7 +15,8 @@ from ocisac_fast.core.arrays import as_grey_frames, in_stored_order, stored_box
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.lights.sources import LightSource, detect_sources
-from ocisac_fast.sensing.region import BackgroundLight, SensedRegion, background_light, sense_region
+from ocisac_fast.sensing.motion import KnownMotion
+from ocisac_fast.sensing.region import BackgroundLight, Request, SensedRegion, background_light, measure
 from ocisac_fast.sensing.search import Box, periodic_boxes, without_repeats
 
 _MIN_BESIDE = 4  # columns
@@ -32,13 +33,7 @@ def sense(
     depth: float = 1.0,
     unlit: npt.ArrayLike | None = None,
     beside: bool = False,
-    motion: Literal["across", "along"] | None = None,
-    direction: Literal[-1, 0, 1] = 0,
-    pitch: float | None = None,
-    spatial_frequency: float | None = None,
-    speed: float | None = None,
-    motion_bounds: tuple[float, float] | None = None,
-    timing_tolerance: float = 1e-4,
+    motion: KnownMotion | None = None,
 ) -> list[SensedRegion]:
     """Detect every modulated light and every moving periodic texture in a picture, and measure them.
 
@@ -55,8 +50,7 @@ def sense(
         unlit: (rows, columns) or (frames, rows, columns) of the same view without the lights, which gives their
             background.
         beside: measure the background of lights in the columns left and right of their boxes instead.
-        motion, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance: of textures, as for
-            ``sense_region``.
+        motion: what is known of the textures' motion.
 
     Returns:
         Regions in descending order of ``snr``.
@@ -69,12 +63,7 @@ def sense(
     pictures = as_grey_frames(frames, "frames", camera.scan_axis)
     dark = None if unlit is None else _same_view(unlit, pictures, camera.scan_axis)
     scan_axis, camera = camera.scan_axis, camera.in_time_order
-    options: dict[str, Any] = {"waveform": waveform, "duty": duty, "depth": depth, "motion": motion}
-    options |= {"direction": direction, "pitch": pitch, "spatial_frequency": spatial_frequency, "speed": speed}
-    options |= {"motion_bounds": motion_bounds, "timing_tolerance": timing_tolerance}
-    sense_region(
-        np.zeros((1, 1)), camera, 0.25 / camera.row_period, **options
-    )  # raises for invalid options even if nothing is detected
+    request = Request(waveform, duty, depth, motion)
 
     lights = [
         Box(one.x, one.y, one.width, one.height, *_per_row(one, camera))
@@ -85,7 +74,7 @@ def sense(
     found = []
     for box in every:
         bounds = (0.8 * box.cycles / camera.row_period, min(1.25 * box.cycles, 0.499) / camera.row_period)
-        region = _measured(pictures, camera, box, dark, beside, every, {**options, "bounds": bounds})
+        region = _measured(pictures, camera, box, dark, beside, every, dataclasses.replace(request, bounds=bounds))
         if region.kind != "unknown" and not region.flags & Flag.WEAK:
             x, y, width, height = stored_box((box.x, box.y, box.width, box.height), pictures.shape[1:], scan_axis)
             found.append(dataclasses.replace(region, x=x, y=y, width=width, height=height))
@@ -123,21 +112,23 @@ def _measured(
     dark: npt.NDArray[Any] | None,
     beside: bool,
     every: list[Box],
-    options: dict[str, Any],
+    request: Request,
 ) -> SensedRegion:
     """Measure a region, at the frequency of ``detect_sources`` if that is more precise (it models envelopes), and with
     its background if it is a light."""
-    region = sense_region(_cut(pictures, box), camera, **options)
+    cut = _cut(pictures, box)
+    region = measure(cut, camera, request)
     if not (math.isnan(box.cycles_std) or region.frequency_std <= box.cycles_std / camera.row_period):
-        options |= {"frequency": box.cycles / camera.row_period, "frequency_std": box.cycles_std / camera.row_period}
-        region = sense_region(_cut(pictures, box), camera, **options)
+        frequency, std = box.cycles / camera.row_period, box.cycles_std / camera.row_period
+        request = dataclasses.replace(request, frequency=frequency, frequency_std=std)
+        region = measure(cut, camera, request)
     background: BackgroundLight | None = None
     if region.kind == "light" and dark is not None:
         background = background_light(_cut(dark, box), camera)
     elif region.kind == "light" and beside:
         background = _beside(pictures, camera, box, every)
     if background is not None:
-        region = sense_region(_cut(pictures, box), camera, **options, background=background)
+        region = measure(cut, camera, request, background)
     return region
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ from ocisac_fast.sensing.fit import (
 )
 from ocisac_fast.sensing.gain import Ambient, contrast_range, over_frames, pooled_gain
 from ocisac_fast.sensing.kind import Kind, kind_of, motion_facts, seen_by
-from ocisac_fast.sensing.motion import MotionKnowledge
+from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.tones.frequency import find_frequency
 from ocisac_fast.tones.gain import tone_gain
 from ocisac_fast.tones.varying_tone import varying_tone_gain
@@ -121,26 +121,56 @@ class SensedRegion:
     flags: Flag = Flag(0)  # noqa: RUF009, a constant
 
 
+@runtime_checkable
+class MeasuredFrequency(Protocol):
+    """A result with a frequency and its standard error, Hz, such as ``FoundFrequency`` or ``LightSource``."""
+
+    @property
+    def frequency(self) -> float: ...
+    @property
+    def frequency_std(self) -> float: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """The checked arguments of :func:`sense_region` apart from frames and background."""
+
+    waveform: Literal["tone", "square"] = "tone"
+    duty: float = 0.5
+    depth: float = 1.0
+    motion: KnownMotion | None = None
+    frequency: float | None = None
+    frequency_std: float = 0.0
+    others: tuple[float, ...] = ()
+    bounds: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.waveform not in ("tone", "square"):
+            raise ValueError(f"waveform: got {self.waveform!r}, allowed: 'tone' or 'square'")
+        if not 0.0 < self.duty < 1.0:
+            raise ValueError(f"duty: got {self.duty}, allowed: above 0 and below 1")
+        if not (math.isfinite(self.depth) and self.depth > 0.0):
+            raise ValueError(f"depth: got {self.depth}, allowed: a finite number above 0")
+        if self.frequency is not None and not (math.isfinite(self.frequency) and self.frequency > 0.0):
+            raise ValueError(f"frequency: got {self.frequency}, allowed: a finite number above 0")
+        if not (math.isfinite(self.frequency_std) and self.frequency_std >= 0.0):
+            raise ValueError(f"frequency_std: got {self.frequency_std}, allowed: a finite number, 0 or above")
+        _check_frequencies("others", self.others)
+
+
 @checked
 def sense_region(
     frames: npt.ArrayLike,
     camera: Camera,
-    frequency: float | None = None,
+    frequency: float | MeasuredFrequency | None = None,
     *,
-    frequency_std: float = 0.0,
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     depth: float = 1.0,
     background: npt.ArrayLike | BackgroundLight | None = None,
     others: npt.ArrayLike = (),
-    motion: Literal["across", "along"] | None = None,
-    direction: Literal[-1, 0, 1] = 0,
-    pitch: float | None = None,
-    spatial_frequency: float | None = None,
-    speed: float | None = None,
+    motion: KnownMotion | None = None,
     bounds: tuple[float, float] | None = None,
-    motion_bounds: tuple[float, float] | None = None,
-    timing_tolerance: float = 1e-4,
 ) -> SensedRegion:
     """Measure contrast gain, motion and kind of the one periodic component in a region of a picture.
 
@@ -161,24 +191,16 @@ def sense_region(
         frames: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, successive frames.
         camera: row time; frame time to compare frames; exposure for ``theory``.
         frequency: in a column, Hz, where known, such as that of a light; it is then fixed. Above half the row rate it
-            is measured at its alias.
-        frequency_std: standard error of a frequency that was measured elsewhere, Hz, 0 or above.
+            is measured at its alias. A measured frequency, such as the result of ``find_frequency`` or a
+            ``LightSource``, is given with its standard error.
         waveform: ``"tone"``, or ``"square"`` with the harmonics below half the row rate.
         duty: bright share of the square wave, inside (0, 1).
         depth: contrast of the texture or the light itself, above 0: amplitude over that of full depth.
         background: light of other origin: DN above dark, one value or (columns,) or (frames, columns), or the result of
             :func:`background_light`.
         others: frequencies of other tones in the same pixels, Hz, included in the fit.
-        motion: of the texture: ``"across"`` the rows or ``"along"`` them (or oblique), where known.
-        direction: of motion along the rows: 1 with the read-out, -1 against it, 0 unknown.
-        pitch: distance of neighbouring pixels in the scene, m, above 0.
-        spatial_frequency: of the texture along the motion, 1/m, above 0.
-        speed: of the texture, m/s, above 0.
+        motion: what is known of the texture's motion.
         bounds: lowest and highest frequency of the search in the columns, Hz, as for ``find_frequency``.
-        motion_bounds: lowest and highest f_x v of motion along the rows, Hz; by default 0 to half the row rate.
-        timing_tolerance: relative error of the frame time over the row time, inside (0, 0.01]. A component whose
-            advance fits c T_f/T_r within it is a light, or moves across the rows; up to ten times the tolerance this is
-            flagged; beyond, it moves along the rows.
 
     Returns:
         :class:`SensedRegion`.
@@ -186,29 +208,45 @@ def sense_region(
     Raises:
         ValueError: an argument outside its range or of the wrong shape; the message names it.
     """
+    value: float | None
+    if isinstance(frequency, MeasuredFrequency):
+        value, std = frequency.frequency, frequency.frequency_std
+    else:
+        value, std = frequency, 0.0
+    tones = tuple(float(f) for f in np.atleast_1d(np.asarray(others, dtype=np.float64)))
+    request = Request(waveform, duty, depth, motion, value, std, tones, bounds)
+    return measure(frames, camera, request, background)
+
+
+def measure(
+    frames: npt.ArrayLike,
+    camera: Camera,
+    request: Request,
+    background: npt.ArrayLike | BackgroundLight | None = None,
+) -> SensedRegion:
+    """:func:`sense_region` of a request."""
     region = as_grey_frames(frames, "frames", camera.scan_axis)
     width, height = stored_box((0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
     camera = camera.in_time_order
-    tones = [float(f) * camera.row_period for f in np.atleast_1d(np.asarray(others, dtype=np.float64))]
-    known = _motion_knowledge(camera, direction, pitch, spatial_frequency, speed, motion_bounds, timing_tolerance)
-    _check(waveform, duty, depth, motion, frequency, frequency_std, tones)
+    tones = [f * camera.row_period for f in request.others]
+    known = request.motion or KnownMotion()
     ambient = _ambient(background, region)
     blank = SensedRegion("unknown", 0, 0, width, height, len(region))
     blank = dataclasses.replace(blank, background_given=background is not None)
 
-    fitted, flags = _fitted(region, camera, frequency, waveform, duty, tones, bounds, float(ambient.mean.mean()))
+    fitted, flags = _fitted(region, camera, request, tones, float(ambient.mean.mean()))
     if fitted is None:
         return dataclasses.replace(blank, flags=flags)
-    if frequency is not None:
-        fitted = dataclasses.replace(fitted, cycles_std=frequency_std * camera.row_period)
+    if request.frequency is not None:
+        fitted = dataclasses.replace(fitted, cycles_std=request.frequency_std * camera.row_period)
     columns_advance, frames_advance = _phase_advances(fitted)
     common, doubt = _common_phase(fitted, columns_advance)
     seen = seen_by(fitted, frames_advance, camera)
-    kind, axis, kind_flags = kind_of(seen, common, doubt, motion, timing_tolerance)
+    kind, axis, kind_flags = kind_of(seen, common, doubt, known.axis, known.timing_tolerance)
     facts: dict[str, Any] = motion_facts(kind, axis, seen, known, columns_advance)
     kind = facts["kind"]
     flags |= kind_flags | facts.pop("flags")
-    ratio = (1.0 if waveform == "tone" else 2.0 * float(np.sinc(duty))) * depth
+    ratio = (1.0 if request.waveform == "tone" else 2.0 * float(np.sinc(request.duty))) * request.depth
     gains = _gains(region, camera, fitted, frames_advance, ambient, ratio)
     light_frequency = {"light": fitted.model.cycles / camera.row_period, "still": 0.0}.get(
         kind, abs(facts.get("motion_frequency", math.nan))
@@ -249,9 +287,9 @@ def background_light(
     """
     region = as_grey_frames(frames, "frames", camera.scan_axis)
     camera = camera.in_time_order
-    cycles = [float(f) * camera.row_period for f in np.atleast_1d(np.asarray(tones, dtype=np.float64))]
-    _check_frequencies("tones", cycles)
-    model = make_model(region.shape[1], 0.0, (), cycles)
+    frequencies = tuple(float(f) for f in np.atleast_1d(np.asarray(tones, dtype=np.float64)))
+    _check_frequencies("tones", frequencies)
+    model = make_model(region.shape[1], 0.0, (), [f * camera.row_period for f in frequencies])
     fitted = fit(region, camera, model)
     columns = fitted.mean.mean(axis=0)
     std = np.sqrt(fitted.noise.mean(axis=0) * model.covariance[0, 0] / len(region))
@@ -261,55 +299,9 @@ def background_light(
     return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
 
 
-def _motion_knowledge(
-    camera: Camera,
-    direction: int,
-    pitch: float | None,
-    spatial_frequency: float | None,
-    speed: float | None,
-    motion_bounds: tuple[float, float] | None,
-    tolerance: float,
-) -> MotionKnowledge:
-    for name, value in (("pitch", pitch), ("spatial_frequency", spatial_frequency), ("speed", speed)):
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
-    if direction not in (-1, 0, 1):
-        raise ValueError(f"direction: got {direction}, allowed: -1, 0 or 1")
-    if not 0.0 < tolerance <= 0.01:
-        raise ValueError(f"timing_tolerance: got {tolerance}, allowed: above 0 up to 0.01")
-    low, high = motion_bounds or (0.0, 0.5 / camera.row_period)
-    if not (0.0 <= low < high < math.inf):
-        raise ValueError(f"motion_bounds: got {motion_bounds}, allowed: (low, high), 0 <= low < high, finite")
-    return MotionKnowledge(direction, pitch, spatial_frequency, speed, (low, high), tolerance)
-
-
-def _check_frequencies(name: str, cycles: list[float]) -> None:
-    if not all(math.isfinite(c) and c > 0.0 for c in cycles):
-        raise ValueError(f"{name}: got {cycles} cycles a row, allowed: finite frequencies above 0")
-
-
-def _check(
-    waveform: str,
-    duty: float,
-    depth: float,
-    motion: str | None,
-    frequency: float | None,
-    frequency_std: float,
-    tones: list[float],
-) -> None:
-    if waveform not in ("tone", "square"):
-        raise ValueError(f"waveform: got {waveform!r}, allowed: 'tone' or 'square'")
-    if not 0.0 < duty < 1.0:
-        raise ValueError(f"duty: got {duty}, allowed: above 0 and below 1")
-    if not (math.isfinite(depth) and depth > 0.0):
-        raise ValueError(f"depth: got {depth}, allowed: a finite number above 0")
-    if motion not in (None, "across", "along"):
-        raise ValueError(f"motion: got {motion!r}, allowed: 'across', 'along' or None")
-    if frequency is not None and not (math.isfinite(frequency) and frequency > 0.0):
-        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0")
-    if not (math.isfinite(frequency_std) and frequency_std >= 0.0):
-        raise ValueError(f"frequency_std: got {frequency_std}, allowed: a finite number, 0 or above")
-    _check_frequencies("others", tones)
+def _check_frequencies(name: str, frequencies: tuple[float, ...]) -> None:
+    if not all(math.isfinite(f) and f > 0.0 for f in frequencies):
+        raise ValueError(f"{name}: got {frequencies}, allowed: finite frequencies above 0")
 
 
 def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDArray[Any]) -> Ambient:
@@ -329,36 +321,28 @@ def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDA
 
 
 def _fitted(
-    region: npt.NDArray[Any],
-    camera: Camera,
-    frequency: float | None,
-    waveform: str,
-    duty: float,
-    tones: list[float],
-    bounds: tuple[float, float] | None,
-    background: float,
+    region: npt.NDArray[Any], camera: Camera, request: Request, tones: list[float], background: float
 ) -> tuple[Fitted | None, Flag]:
     """The fit at the given or estimated frequency; None and flags if there is none."""
     rows = region.shape[1]
     flags = Flag(0)
-    if frequency is None:
-        search = "square" if waveform == "square" else "auto"
-        found = find_frequency(
-            search_columns(region, camera, tones), camera, bounds=bounds, waveform=search, select=False
-        )
+    if request.frequency is None:
+        columns = search_columns(region, camera, tones)
+        search: Literal["square", "auto"] = "square" if request.waveform == "square" else "auto"
+        found = find_frequency(columns, camera, bounds=request.bounds, waveform=search, select=False)
         flags = found.flags & ~Flag.SATURATED
         if found.flags & Flag.NO_TONE:
             return None, flags
         cycles = found.cycles_per_row
     else:
-        cycles = frequency * camera.row_period
+        cycles = request.frequency * camera.row_period
         flags = Flag.FEW_CYCLES if cycles * rows < 1.0 else Flag(0)
     folded = abs((cycles + 0.5) % 1.0 - 0.5)
-    model = make_model(rows, cycles, harmonics_of(waveform, duty, cycles, rows), tones)
+    model = make_model(rows, cycles, harmonics_of(request.waveform, request.duty, cycles, rows), tones)
     if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < 1e-12:
         return None, flags | Flag.UNRESOLVABLE
     model = with_tones_shaped_by_light(region, camera, model, background, tones)
-    if frequency is not None:
+    if request.frequency is not None:
         return fit(region, camera, model), flags
     model = refine(region, camera, with_harmonics_above_noise(fit(region, camera, model), tones), tones)
     fitted = fit(region, camera, model)
