@@ -14,7 +14,7 @@ namespace {
 // Bytes searched at a time for the beginning of the next frame after a torn one.
 constexpr std::size_t kSearchStep = 1 << 16;
 // Fewest bytes at the end of a frame that count as the beginning of the next one.
-constexpr std::size_t kFewestMarkerBytes = 3;
+constexpr std::size_t kMinMarkerBytes = 3;
 
 std::size_t find(std::string_view text, std::string_view wanted) {
   const void* at = ::memmem(text.data(), text.size(), wanted.data(), wanted.size());
@@ -31,8 +31,8 @@ void Bytes::grow(std::size_t bytes, std::size_t kept) {
   size = bytes;
 }
 
-FrameReader::FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::function<void(const std::string&)> told)
-    : read_(std::move(read)), told_(std::move(told)) {
+FrameReader::FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::function<void(const std::string&)> warn)
+    : read_(std::move(read)), warn_(std::move(warn)) {
   buffer_.grow(2 * kLongestHeader, 0);
   recognise(raw);
 }
@@ -70,7 +70,7 @@ void FrameReader::recognise(const std::optional<FrameLayout>& raw) {
     header_ = whole_header(pgm_header);
     pgm_header_ = ahead(header_->bytes);
   } else {
-    require(raw.has_value(), "--size", "nothing", "WIDTHxHEIGHT in pixels: the input tells no size itself");
+    require(raw.has_value(), "--size", "nothing", "WIDTHxHEIGHT in pixels: the input does not state its size");
     header_ = StreamHeader{*raw, largest_value(raw->format), 0, std::nullopt, 0};
   }
   buffer_.grow(header_->layout.bytes + kLongestHeader, end_);
@@ -93,7 +93,7 @@ std::size_t FrameReader::frame_header() {
 
 void FrameReader::tear(const std::string& what) {
   ++torn_;
-  told_("frame " + std::to_string(count_++) + " is torn: " + what + "; left out");
+  warn_("frame " + std::to_string(count_++) + " is torn: " + what + "; left out");
 }
 
 // Advances to the pixels of the next frame; false at the end. Skipped bytes count as a torn frame.
@@ -126,7 +126,7 @@ std::optional<std::size_t> FrameReader::cut_at(std::size_t bytes) {
   const auto frame = ahead(bytes);
   if (const auto at = find(frame, marker); at != frame.npos) return at;
   if (frame.size() < bytes) return std::nullopt;  // at the end no header can be completed
-  for (std::size_t seen = std::min(marker.size(), bytes + 1) - 1; seen >= kFewestMarkerBytes; --seen) {
+  for (std::size_t seen = std::min(marker.size(), bytes + 1) - 1; seen >= kMinMarkerBytes; --seen) {
     if (!ahead(bytes).ends_with(marker.substr(0, seen))) continue;
     const std::size_t at = bytes - seen;
     if (ahead(at + marker.size()).substr(at) == marker) return at;

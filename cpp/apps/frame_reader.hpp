@@ -34,9 +34,9 @@ struct Frame {
 
 class FrameReader {
  public:
-  // `raw`: the layout of raw frames; absent: the stream has headers. `told`: called with a message for every torn
+  // `raw`: the layout of raw frames; absent: the stream has headers. `warn`: called with a message for every torn
   // frame.
-  FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::function<void(const std::string&)> told);
+  FrameReader(ReadBytes read, std::optional<FrameLayout> raw, std::function<void(const std::string&)> warn);
 
   // Header of the stream; absent where the stream is empty. Throws for a stream of unknown format.
   const std::optional<StreamHeader>& header() const { return header_; }
@@ -58,7 +58,7 @@ class FrameReader {
   void tear(const std::string& what);
 
   ReadBytes read_;
-  std::function<void(const std::string&)> told_;
+  std::function<void(const std::string&)> warn_;
   Kind kind_ = Kind::raw;
   std::optional<StreamHeader> header_;
   std::string pgm_header_;  // equal for every picture of a sequence

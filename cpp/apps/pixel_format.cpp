@@ -13,7 +13,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "little-endian samples are read as they lie in memory");
 
-constexpr std::size_t kLargestFrame = std::size_t{1} << 30;  // bytes
+constexpr std::size_t kMaxFrame = std::size_t{1} << 30;  // bytes
 
 constexpr std::array<std::pair<std::string_view, PixelFormat>, 10> kNames{{{"gray8", PixelFormat::gray8},
                                                                            {"gray10le", PixelFormat::gray10le},
@@ -100,7 +100,7 @@ double largest_value(PixelFormat format) {
 FrameLayout raw_layout(PixelFormat format, std::size_t width, std::size_t height, std::size_t stride) {
   const std::size_t dense = row_bytes(format, width);
   const bool wide = format != PixelFormat::gray8 && largest_value(format) > 255 && !is_unpacked(format);
-  require(stride == 0 || (stride >= dense && stride <= kLargestFrame && (!wide || stride % 2 == 0)), "--stride", stride,
+  require(stride == 0 || (stride >= dense && stride <= kMaxFrame && (!wide || stride % 2 == 0)), "--stride", stride,
           "at least the " + std::to_string(dense) + " bytes of a row, and whole pixels");
   FrameLayout layout{format, width, height, stride == 0 ? dense : stride, 0};
   layout.bytes = layout.stride * height + chroma_bytes(format, height, layout.stride);
@@ -109,8 +109,7 @@ FrameLayout raw_layout(PixelFormat format, std::size_t width, std::size_t height
 }
 
 void check_size(const FrameLayout& layout) {
-  require(layout.bytes <= kLargestFrame, "frame", std::to_string(layout.bytes) + " bytes",
-          "frames of at most 2^30 bytes");
+  require(layout.bytes <= kMaxFrame, "frame", std::to_string(layout.bytes) + " bytes", "frames of at most 2^30 bytes");
 }
 
 GrayPicture::GrayPicture(const FrameLayout& layout) : layout_(layout) {}

@@ -89,7 +89,7 @@ void add_input_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("--stride", written.stride, "Bytes from row to row of raw frames; dense when not given")
       ->check(whole());
   app.add_option("--frames", settings.frames, "Stop after so many")->check(whole());
-  app.add_option("--region", written.region, "x,y,w,h of the light in stored pixels; searched when not given");
+  app.add_option("--region", written.region, "x,y,w,h of the light in stored pixels; detected when not given");
   app.add_option("--scan-axis", settings.scan_axis, "How rows go in time: y (down), -y (up), x (right) or -x (left)")
       ->transform(one_of<ScanAxis>(
           {{"y", ScanAxis::down}, {"-y", ScanAxis::up}, {"x", ScanAxis::right}, {"-x", ScanAxis::left}}));
@@ -99,7 +99,7 @@ void add_camera_options(CLI::App& app, Settings& settings, Written& written) {
   const auto time = CLI::AsNumberWithUnit(kTimeUnits);
   app.add_option("--row-time", settings.camera.row_time, "Time from row to row, such as 22.2us")->transform(time);
   app.add_option("--exposure", settings.camera.exposure, "Exposure time, such as 622us")->transform(time);
-  app.add_option("--frame-rate", written.frame_rate, "Joins packets over frames; YUV4MPEG2 tells it itself")
+  app.add_option("--frame-rate", written.frame_rate, "Joins packets over frames; YUV4MPEG2 states it itself")
       ->transform(CLI::AsNumberWithUnit(kFrequencyUnits));
   app.add_option("--tone-curve", written.tone_curve, "linear, srgb, gamma or gamma:POWER")->capture_default_str();
   app.add_option("--dark-level", settings.dark_level, "DN of no light");

@@ -170,7 +170,7 @@ def icc_chunk(curve, description=b"some display"):
 
 
 @pytest.mark.parametrize(
-    ("chunk", "curve", "gamma", "told_by"),
+    ("chunk", "curve", "gamma", "stated_by"),
     [
         (None, "linear", None, ""),
         ((b"sRGB", b"\0"), "srgb", None, "PNG sRGB chunk"),
@@ -183,12 +183,12 @@ def icc_chunk(curve, description=b"some display"):
         ((b"iCCP", b"p\0\0" + zlib.compress(b"broken")), "linear", None, ""),
     ],
 )
-def test_a_png_tells_its_tone_curve(tmp_path, chunk, curve, gamma, told_by):
+def test_a_png_tells_its_tone_curve(tmp_path, chunk, curve, gamma, stated_by):
     pixels = random_frames((5, 7), np.uint8)
     (tmp_path / "p.png").write_bytes(png([chunk] if chunk else [], pixels))
     recording = read_frames(tmp_path / "p.png")
     assert np.array_equal(recording.frames[0], pixels)
-    assert (recording.response.tone_curve, recording.response.told_by) == (curve, told_by)
+    assert (recording.response.tone_curve, recording.response.stated_by) == (curve, stated_by)
     assert gamma is None or recording.response.gamma == pytest.approx(gamma, rel=1e-4)
 
 

@@ -64,4 +64,4 @@ def test_a_phone_still_says_that_it_is_srgb(recordings, file, shape):
 
     recording = read_frames(recordings / file)
     assert recording.frames.shape == shape
-    assert (recording.response.tone_curve, recording.response.told_by) == ("srgb", "EXIF ColorSpace")
+    assert (recording.response.tone_curve, recording.response.stated_by) == ("srgb", "EXIF ColorSpace")

@@ -25,14 +25,14 @@ ReadBytes source(const std::string& text) {
 
 struct Read {
   std::vector<std::size_t> numbers;
-  std::vector<std::string> frames, told;
+  std::vector<std::string> frames, warnings;
   std::size_t torn = 0;
   std::optional<StreamHeader> header;
 };
 
 Read read_all(const std::string& text, std::optional<FrameLayout> raw = {}) {
   Read result;
-  FrameReader reader(source(text), raw, [&](const std::string& what) { result.told.push_back(what); });
+  FrameReader reader(source(text), raw, [&](const std::string& what) { result.warnings.push_back(what); });
   while (const auto frame = reader.next()) {
     result.numbers.push_back(frame->number);
     result.frames.emplace_back(frame->bytes.begin(), frame->bytes.end());
@@ -51,7 +51,7 @@ TEST_CASE("raw frames, the last one torn") {
   const auto read = read_all(filled(12, 'a') + filled(12, 'b') + filled(5, 'c'), layout);
   CHECK(read.frames == std::vector<std::string>{filled(12, 'a'), filled(12, 'b')});
   CHECK(read.torn == 1);
-  CHECK(read.told == std::vector<std::string>{"frame 2 is torn: 5 of 12 bytes; left out"});
+  CHECK(read.warnings == std::vector<std::string>{"frame 2 is torn: 5 of 12 bytes; left out"});
   CHECK_THROWS_AS(read_all(filled(12, 'a')), std::invalid_argument);  // no size
   CHECK(!read_all("").header);
 }
@@ -110,7 +110,7 @@ TEST_CASE("a frame of YUV4MPEG2 that is cut short is left out, and the next is w
   auto read = read_all(head + frame('a') + "FRAME\n" + filled(7, 'b') + frame('c') + frame('d'));
   CHECK(read.frames == std::vector<std::string>{filled(12, 'a'), filled(12, 'c'), filled(12, 'd')});
   CHECK(read.numbers == std::vector<std::size_t>{0, 2, 3});
-  CHECK(read.told == std::vector<std::string>{"frame 1 is torn: 7 of 12 bytes; left out"});
+  CHECK(read.warnings == std::vector<std::string>{"frame 1 is torn: 7 of 12 bytes; left out"});
 
   read = read_all(head + frame('a') + filled(100, 'x') + frame('b') + "FRA");
   CHECK(read.frames == std::vector<std::string>{filled(12, 'a'), filled(12, 'b')});

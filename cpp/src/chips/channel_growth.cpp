@@ -23,42 +23,42 @@ RowRange grown(const ChannelEstimate& channel, std::size_t frame_rows, double mi
   const ChipClock& clock = channel.clock;
   const double middle = clock.phase + static_cast<double>(channel.errors.chip) * clock.rows_per_chip;
   const auto limit = static_cast<double>(frame_rows);
-  const double least = 0.5 * min_growth * static_cast<double>(channel.rows.size()) + clock.rows_per_chip;
+  const double min_reach = 0.5 * min_growth * static_cast<double>(channel.rows.size()) + clock.rows_per_chip;
   double sure = 0;
   while (sure < limit / clock.rows_per_chip &&
          channel.errors.phase_std(channel.errors.chip + static_cast<std::ptrdiff_t>(sure)) <
              kSurePhase * clock.rows_per_chip)
     sure += 2;
   const double centre = 0.5 * static_cast<double>(channel.rows.begin + channel.rows.end);
-  const double most = kMaxGrowth / 2 * static_cast<double>(channel.rows.size());
-  const double begin = std::min(centre - least, std::max(middle - sure * clock.rows_per_chip, centre - most));
-  const double end = std::max(centre + least, std::min(middle + sure * clock.rows_per_chip, centre + most));
+  const double max_reach = kMaxGrowth / 2 * static_cast<double>(channel.rows.size());
+  const double begin = std::min(centre - min_reach, std::max(middle - sure * clock.rows_per_chip, centre - max_reach));
+  const double end = std::max(centre + min_reach, std::min(middle + sure * clock.rows_per_chip, centre + max_reach));
   return {static_cast<std::size_t>(std::clamp(begin, 0.0, limit)),
           static_cast<std::size_t>(std::clamp(end, 0.0, limit))};
 }
 
 }  // namespace
 
-std::optional<RefinedChannel> grow(const TurnContext& context, const ChannelEstimate& start, double min_growth) {
+std::optional<RefinedChannel> grow(const IterationContext& context, const ChannelEstimate& start, double min_growth) {
   ChannelEstimate channel = start;
   FoundChips last;
   int settling = 0;
   bool settled = false;
   for (int round = 0; round < kMaxRounds && settling < kSettlingRounds && !settled; ++round) {
     const RowRange range = grown(channel, context.signal.size(), min_growth);
-    auto turn = take_best_turn(context, channel, range);
-    if (!turn) return std::nullopt;
+    auto iteration = iterate_best(context, channel, range);
+    if (!iteration) return std::nullopt;
     const bool whole = range.size() == context.signal.size();
     settling += whole;
-    settled = whole && turn->chips == last;
-    channel = std::move(turn->channel);
-    last = std::move(turn->chips);
+    settled = whole && iteration->chips == last;
+    channel = std::move(iteration->channel);
+    last = std::move(iteration->chips);
   }
   if (settling == 0) return std::nullopt;
   return RefinedChannel{std::move(channel), std::move(last.levels), last.first, settled};
 }
 
-std::optional<RefinedChannel> grow_to_frame(const TurnContext& context, const ChannelEstimate& start) {
+std::optional<RefinedChannel> grow_to_frame(const IterationContext& context, const ChannelEstimate& start) {
   std::optional<RefinedChannel> best;
   std::optional<ChannelEstimate> from = start;
   for (const double growth : kGrowths) {

@@ -18,11 +18,11 @@ namespace {
 
 constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};  // fractions of an edge's height; 0.5 is right for linear light
 constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the moving mean, rows
-constexpr std::size_t kFewestEdges = 4;
+constexpr std::size_t kMinEdges = 4;
 constexpr std::size_t kCandidates = 16;
-constexpr double kLargestDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
-constexpr double kMinCertainty = 5.5;      // nats
-constexpr double kLargestResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
+constexpr double kMaxDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
+constexpr double kMinCertainty = 5.5;  // nats
+constexpr double kMaxResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -88,7 +88,7 @@ std::vector<Coherence> coherence(const Edges& edges, double lowest, double step,
   std::vector<Coherence> result(count);
   for (std::size_t k = 0; k < count; ++k) {
     constexpr double turn = 2 * std::numbers::pi;
-    const double duty = std::clamp(std::arg(down[k] * std::conj(up[k])) / turn, -kLargestDuty, kLargestDuty);
+    const double duty = std::clamp(std::arg(down[k] * std::conj(up[k])) / turn, -kMaxDuty, kMaxDuty);
     const auto total = up[k] + down[k] * std::polar(1.0, -turn * duty);
     result[k] = {std::abs(total) / static_cast<double>(edges.rows.size()), -duty, -std::arg(total) / turn};
   }
@@ -197,8 +197,7 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
   }
   std::size_t collisions = 0;
   for (std::size_t k = 1; k < chips.size(); ++k) collisions += chips[k] <= chips[k - 1];
-  if (10 * collisions > chips.size() ||
-      std::abs(lattice.duty_offset) > 1.5 * kLargestDuty * lattice.clock.rows_per_chip)
+  if (10 * collisions > chips.size() || std::abs(lattice.duty_offset) > 1.5 * kMaxDuty * lattice.clock.rows_per_chip)
     return std::nullopt;
   double squares = 0;
   for (double d : distance) squares += d * d;
@@ -209,13 +208,13 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
 }
 
 bool locked(const ChipTiming& timing) {
-  return timing.residual <= kLargestResidual * timing.lattice.clock.rows_per_chip && timing.certainty > kMinCertainty;
+  return timing.residual <= kMaxResidual * timing.lattice.clock.rows_per_chip && timing.certainty > kMinCertainty;
 }
 
 }  // namespace
 
 std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
-  if (chips.size() < kFewestEdges) return std::nullopt;
+  if (chips.size() < kMinEdges) return std::nullopt;
   const double middle = mean_chip(chips);
   std::vector<std::uint8_t> used(chips.size(), 1);
   const auto first = solve(edges, chips, used, middle);
@@ -227,7 +226,7 @@ std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const doubl
 }
 
 std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, FrequencyRange range) {
-  if (edges.rows.size() < kFewestEdges) return std::nullopt;
+  if (edges.rows.size() < kMinEdges) return std::nullopt;
   const double width = range.highest - range.lowest;
   const auto steps = static_cast<std::size_t>(std::max(std::ceil(width * 2 * static_cast<double>(rows)), 8.0));
   const double step = width / static_cast<double>(steps);

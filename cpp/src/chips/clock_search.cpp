@@ -35,7 +35,7 @@ RowRange longer(RowRange rows, std::size_t frame_rows) {
 }
 
 // The start, and fits to the known chips (else clocks near the start) with longer and shorter exposures.
-std::vector<ChannelEstimate> first_clocks(const TurnContext& context, const ChannelEstimate& start) {
+std::vector<ChannelEstimate> first_clocks(const IterationContext& context, const ChannelEstimate& start) {
   const RefineOptions& options = context.options;
   std::vector<ChannelEstimate> clocks{start};
   if (options.exposure_known) return clocks;
@@ -60,7 +60,7 @@ bool are_alike(const ChipClock& a, const ChipClock& b, RowRange rows) {
 }
 
 // The most likely of the distinct clocks, the best first.
-std::vector<ChannelEstimate> likeliest(std::vector<ChannelEstimate> clocks, RowRange rows) {
+std::vector<ChannelEstimate> most_likely(std::vector<ChannelEstimate> clocks, RowRange rows) {
   std::ranges::stable_sort(clocks, {}, &ChannelEstimate::noise);
   std::vector<ChannelEstimate> kept;
   for (auto& channel : clocks) {
@@ -72,30 +72,30 @@ std::vector<ChannelEstimate> likeliest(std::vector<ChannelEstimate> clocks, RowR
   return kept;
 }
 
-// One turn on the rows from each clock, and from higher and lower rates.
-std::vector<ChannelEstimate> turn_each(const TurnContext& context, std::span<const ChannelEstimate> clocks,
-                                       RowRange rows, bool with_rates) {
-  std::vector<ChannelEstimate> turned;
+// One iteration on the rows from each clock, and from higher and lower rates.
+std::vector<ChannelEstimate> iterate_each(const IterationContext& context, std::span<const ChannelEstimate> clocks,
+                                          RowRange rows, bool with_rates) {
+  std::vector<ChannelEstimate> iterated;
   for (const ChannelEstimate& channel : clocks) {
     const double move = std::clamp(kMovedErrors * end_error(channel, rows), kMinMove, kMaxMove);
     for (const double faster : {0.0, -1.0, 1.0}) {
       if (faster != 0 && !with_rates) continue;
-      auto turn = take_turn(context, with_rate_moved(channel, rows, faster * move), rows);
-      if (turn) turned.push_back(std::move(turn->channel));
+      auto iteration = iterate(context, with_rate_moved(channel, rows, faster * move), rows);
+      if (iteration) iterated.push_back(std::move(iteration->channel));
     }
   }
-  return turned;
+  return iterated;
 }
 
 // Tracks several clocks in parallel from some rows on; returns the one with the smallest residual over the frame.
-std::optional<ChannelEstimate> likeliest_clock(const TurnContext& context, std::vector<ChannelEstimate> clocks,
-                                               RowRange rows) {
+std::optional<ChannelEstimate> most_likely_clock(const IterationContext& context, std::vector<ChannelEstimate> clocks,
+                                                 RowRange rows) {
   if (clocks.empty()) return std::nullopt;
   for (int whole = 0; whole < kWholeRounds && !context.is_used_up(); whole += rows.size() == context.signal.size()) {
     rows = longer(rows, context.signal.size());
-    auto turned = turn_each(context, clocks, rows, whole == 0);
-    if (turned.empty()) return std::nullopt;
-    clocks = likeliest(std::move(turned), rows);
+    auto iterated = iterate_each(context, clocks, rows, whole == 0);
+    if (iterated.empty()) return std::nullopt;
+    clocks = most_likely(std::move(iterated), rows);
   }
   return clocks.front();
 }
@@ -109,20 +109,20 @@ double closeness(const ChannelEstimate& channel, std::size_t frame_rows) {
   return 0.5 * distance * swing / std::max(channel.noise, 1e-300);
 }
 
-std::optional<RefinedChannel> follow_side_by_side(const TurnContext& context, std::vector<ChannelEstimate> clocks,
-                                                  RowRange rows) {
-  const auto clock = likeliest_clock(context, std::move(clocks), rows);
+std::optional<RefinedChannel> track_in_parallel(const IterationContext& context, std::vector<ChannelEstimate> clocks,
+                                                RowRange rows) {
+  const auto clock = most_likely_clock(context, std::move(clocks), rows);
   auto found = clock ? grow(context, *clock, kMinGrowth) : std::nullopt;
   if (found) found->even = is_even(residual_windows(context.signal, *found), found->channel.clock);
   return found;
 }
 
-std::optional<RefinedChannel> likelier(const TurnContext& context, const ChannelEstimate& start,
-                                       std::optional<RefinedChannel> found) {
+std::optional<RefinedChannel> resolve_slip(const IterationContext& context, const ChannelEstimate& start,
+                                           std::optional<RefinedChannel> found) {
   const bool may_slip =
       end_error(start, context.frame()) > kUnsureFrame && closeness(start, context.signal.size()) < kCloseSequences;
   if (context.is_used_up() || !may_slip) return found;
-  auto other = follow_side_by_side(context, first_clocks(context, start), start.rows);
+  auto other = track_in_parallel(context, first_clocks(context, start), start.rows);
   if (!other || (found && found->channel.noise <= other->channel.noise)) return found;
   return other;
 }

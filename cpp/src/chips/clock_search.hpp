@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "chips/channel_turn.hpp"
+#include "chips/channel_iteration.hpp"
 
 namespace ocisac {
 
@@ -15,13 +15,13 @@ inline constexpr double kCloseSequences = 6;  // below this, chips are easily co
 
 // Tracks clocks in parallel over a growing range of rows, as many as are likely; returns the channel with the smallest
 // residual over the frame. Absent if no clock reaches it.
-std::optional<RefinedChannel> follow_side_by_side(const TurnContext& context, std::vector<ChannelEstimate> clocks,
-                                                  RowRange rows);
+std::optional<RefinedChannel> track_in_parallel(const IterationContext& context, std::vector<ChannelEstimate> clocks,
+                                                RowRange rows);
 
 // Step-by-step growth may slip a chip and still seem plausible if the start's clock is uncertain at the frame's ends
 // and chips are easily confused. In that case clocks near the start are tracked in parallel, and the one with the
 // smallest residual over the frame replaces `found`.
-std::optional<RefinedChannel> likelier(const TurnContext& context, const ChannelEstimate& start,
-                                       std::optional<RefinedChannel> found);
+std::optional<RefinedChannel> resolve_slip(const IterationContext& context, const ChannelEstimate& start,
+                                           std::optional<RefinedChannel> found);
 
 }  // namespace ocisac

@@ -122,8 +122,8 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
     noise(0, 0) += more;
     expected(0, 0) += more;
   }
-  const double most_lost = jitter_variance_ > 0 ? kMaxJitteredCount : kCountLost;
-  const bool count_lost = std::sqrt(here.covariance(0, 0)) > most_lost * here.mean[1];
+  const double max_lost = jitter_variance_ > 0 ? kMaxJitteredCount : kCountLost;
+  const bool count_lost = std::sqrt(here.covariance(0, 0)) > max_lost * here.mean[1];
   if (count_lost || is_lost()) {
     begin(frame, clock, errors);
     return false;

@@ -68,14 +68,14 @@ std::optional<ChannelEstimate> first_channel(std::span<const double> signal, Row
   return ChannelEstimate{clock, {}, {dark}, {swing}, kFirstNoise * swing, part, false};
 }
 
-std::optional<Start> try_start(const TurnContext& context, RowRange part, const ChipClock& clock) {
+std::optional<Start> try_start(const IterationContext& context, RowRange part, const ChipClock& clock) {
   auto channel = first_channel(context.signal, part, clock);
   if (!channel) return std::nullopt;
   Start best{part, {}};
   for (int round = 0; round < kSearchRounds; ++round) {
-    auto turn = take_turn(context, *channel, part);
-    if (!turn) break;
-    channel = std::move(turn->channel);
+    auto iteration = iterate(context, *channel, part);
+    if (!iteration) break;
+    channel = std::move(iteration->channel);
     const double score = channel->noise / channel->swing[0];
     if (!(score < 0.999 * best.score)) break;
     best = {part, *channel, score};
@@ -91,7 +91,7 @@ struct Guess {
   double score;
 };
 
-std::optional<Guess> guess(const TurnContext& context, RowRange part, const ChipClock& clock) {
+std::optional<Guess> guess(const IterationContext& context, RowRange part, const ChipClock& clock) {
   check_interrupt();
   if (!context.may_try(part, clock, 1)) return std::nullopt;
   const auto channel = first_channel(context.signal, part, clock);
@@ -103,7 +103,7 @@ std::optional<Guess> guess(const TurnContext& context, RowRange part, const Chip
 }
 
 // Guesses over parts of the frame, rates and phases, in order of score.
-std::vector<Guess> guesses(const TurnContext& context, const ChannelSearch& search, double exposure_rows) {
+std::vector<Guess> guesses(const IterationContext& context, const ChannelSearch& search, double exposure_rows) {
   const double chips = kSearchChips + exposure_rows / search.rows_per_chip;
   const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
   const double phases = std::ceil(0.5 / kSearchSlack);
@@ -139,7 +139,7 @@ std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
 }
 
 // Starts in order of score.
-std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& search) {
+std::vector<Start> find_starts(const IterationContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
   const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
   for (const double exposure_rows : exposures(search, context.signal.size())) {
@@ -155,7 +155,7 @@ std::vector<Start> find_starts(const TurnContext& context, const ChannelSearch& 
 double score_of(const RefinedChannel& found) { return found.channel.noise / found.channel.swing[0]; }
 
 // Tries the starts in order until the residual over the frame is as small as over the part.
-std::optional<RefinedChannel> try_starts(const TurnContext& context, std::span<const Start> starts,
+std::optional<RefinedChannel> try_starts(const IterationContext& context, std::span<const Start> starts,
                                          const ChannelSearch& search) {
   std::optional<RefinedChannel> best;
   for (const Start& start : starts) {
@@ -176,7 +176,7 @@ bool may_be_wrong(const RefinedChannel& found, double min_score, std::size_t fra
 }
 
 // Compares the starts of each part while the current result may be wrong.
-std::optional<RefinedChannel> compare_starts(const TurnContext& context, std::span<const Start> starts,
+std::optional<RefinedChannel> compare_starts(const IterationContext& context, std::span<const Start> starts,
                                              const ChannelSearch& search, std::optional<RefinedChannel> found) {
   std::vector<std::pair<RowRange, std::vector<ChannelEstimate>>> parts;
   for (const Start& start : starts) {
@@ -189,10 +189,10 @@ std::optional<RefinedChannel> compare_starts(const TurnContext& context, std::sp
   const double kept = options.effort == nullptr ? 0.0 : 0.5 * options.effort->rows;
   SearchEffort share{kept};
   if (options.effort != nullptr) options.effort = &share;
-  const TurnContext limited{context.signal, context.detect, options};
+  const IterationContext limited{context.signal, context.detect, options};
   for (auto& [part, clocks] : parts) {
     if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
-    auto other = follow_side_by_side(limited, std::move(clocks), part);
+    auto other = track_in_parallel(limited, std::move(clocks), part);
     if (!other || is_other_rate(other->channel, search)) continue;
     if (score_of(*other) < score_of(*found)) found = std::move(other);
   }
@@ -212,7 +212,7 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   if (search.exposure_rows && *search.exposure_rows >= static_cast<double>(signal.size())) return std::nullopt;
   RefineOptions fixed = options;
   fixed.exposure_known = options.exposure_known || search.exposure_rows.has_value();
-  const TurnContext context{signal, detect, fixed};
+  const IterationContext context{signal, detect, fixed};
   const auto starts = find_starts(context, search);
   auto found = try_starts(context, std::span(starts).first(std::min(starts.size(), kStartsRefined)), search);
   if (found) found = compare_starts(context, starts, search, std::move(found));

@@ -40,15 +40,15 @@ std::vector<ResidualWindow> residual_windows(std::span<const double> signal, con
 
 bool is_even(std::span<const ResidualWindow> windows, const ChipClock& clock) {
   if (windows.empty()) return true;
-  const double least = std::ranges::min_element(windows, {}, &ResidualWindow::left)->left;
+  const double lowest = std::ranges::min_element(windows, {}, &ResidualWindow::left)->left;
   const bool tells_noise = std::max(clock.exposure_rows, clock.rows_per_chip) >= kSmoothRows;
   return std::ranges::all_of(windows, [&](const ResidualWindow& window) {
     const double by_chance = kEvenErrors / std::sqrt(2 * static_cast<double>(window.rows.size()));
-    return window.left <= (kEven + by_chance) * std::max(least, tells_noise ? window.as_noise : 0.0);
+    return window.left <= (kEven + by_chance) * std::max(lowest, tells_noise ? window.as_noise : 0.0);
   });
 }
 
-std::optional<ChannelEstimate> channel_of_best_part(const TurnContext& context, const RefinedChannel& found,
+std::optional<ChannelEstimate> channel_of_best_part(const IterationContext& context, const RefinedChannel& found,
                                                     std::span<const ResidualWindow> windows) {
   const ChipClock& clock = found.channel.clock;
   const RowRange rows = std::ranges::min_element(windows, {}, &ResidualWindow::left)->rows;

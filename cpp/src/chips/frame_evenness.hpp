@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "chips/channel_turn.hpp"
+#include "chips/channel_iteration.hpp"
 
 namespace ocisac {
 
@@ -24,7 +24,7 @@ std::vector<ResidualWindow> residual_windows(std::span<const double> signal, con
 bool is_even(std::span<const ResidualWindow> windows, const ChipClock& clock);
 
 // Channel of the part of the frame with the smallest residual, for a restart.
-std::optional<ChannelEstimate> channel_of_best_part(const TurnContext& context, const RefinedChannel& found,
+std::optional<ChannelEstimate> channel_of_best_part(const IterationContext& context, const RefinedChannel& found,
                                                     std::span<const ResidualWindow> windows);
 
 }  // namespace ocisac

@@ -18,7 +18,7 @@ constexpr double kMinTurn = 0.15;        // of the span of the signal
 constexpr double kMinDeparture = 0.125;  // of the light's swing, from the level of the dark rows
 constexpr double kDarkRuns = 4;          // times the longest run of the light
 constexpr double kDarkChips = 16;        // shortest runs
-constexpr std::size_t kFewestTurns = 8;
+constexpr std::size_t kMinTurns = 8;
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -64,7 +64,7 @@ LitRows lit_rows(std::span<const double> signal, double noise) {
   const double span = sorted[sorted.size() - 1 - tail] - sorted[tail];
   const double spread = std::isfinite(noise) ? std::min(noise, kMaxNoise * span) : 0.0;
   const auto points = turning_points(signal, std::max(kNoiseErrors * spread, kMinTurn * span));
-  if (points.size() < kFewestTurns + 2) return lit;
+  if (points.size() < kMinTurns + 2) return lit;
   // The first point is row 0; the second and the last one lie anywhere in steady rows.
   std::vector<std::size_t> runs;
   for (std::size_t k = 3; k + 1 < points.size(); ++k) runs.push_back(points[k] - points[k - 1]);

@@ -114,7 +114,7 @@ void correlate(std::span<const double> signal, const WindowSums& sums, const Tem
 
 std::vector<double> exposures(const PreambleSearch& search, std::size_t chips) {
   if (search.exposure_rows) return {*search.exposure_rows};
-  const double longest = std::min(search.max_exposure_chips, static_cast<double>(chips) - kFewestChipsSeen);
+  const double longest = std::min(search.max_exposure_chips, static_cast<double>(chips) - kMinChipsSeen);
   std::vector<double> result;
   for (double length = 0.5; length <= longest + 0.25; length += length < 2 ? 0.5 : 1)
     result.push_back(length * search.rows_per_chip);
@@ -141,7 +141,7 @@ std::vector<Candidate> best_places(std::span<const double> signal, std::span<con
       1);
   for (double exposure_rows : exposures(search, preamble.size())) {
     const double seen = chips - exposure_rows / search.rows_per_chip;
-    if (seen < std::min(kFewestChipsSeen, 0.9 * chips)) continue;
+    if (seen < std::min(kMinChipsSeen, 0.9 * chips)) continue;
     for (double rows_per_chip : rates(search, seen))
       for (double k = 0, steps = std::ceil(1 / (kPlaceStep * rows_per_chip)); k < steps; ++k)
         correlate(centred, sums, make_template(preamble, rows_per_chip, exposure_rows, k / steps), places);

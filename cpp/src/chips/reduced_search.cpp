@@ -65,9 +65,9 @@ class Neighbours {
     find_gradient();
     const std::size_t band = equations_.band();
     for (std::size_t chip = 0; chip < chips_.size(); ++chip) {
-      for (std::size_t count = 1; count <= kLongestRun; ++count) turn(chip, count, 0);
+      for (std::size_t count = 1; count <= kLongestRun; ++count) flip(chip, count, 0);
       for (const std::size_t apart : {band - 1, band})  // the ends of an exposure
-        if (apart >= 2) turn(chip, 2, apart);
+        if (apart >= 2) flip(chip, 2, apart);
     }
   }
   [[nodiscard]] double min_cost(std::size_t chip) const { return min_cost_[chip]; }
@@ -88,20 +88,20 @@ class Neighbours {
   }
 
   // A run of inverted chips; with `apart`, a second such run that begins this far after the first.
-  void turn(std::size_t first, std::size_t count, std::size_t apart) {
+  void flip(std::size_t first, std::size_t count, std::size_t apart) {
     if (first + apart + count > chips_.size()) return;
-    std::array<std::size_t, 2 * kLongestRun> turned{};
+    std::array<std::size_t, 2 * kLongestRun> flipped{};
     std::size_t size = 0;
-    for (std::size_t k = 0; k < count; ++k) turned[size++] = first + k;
+    for (std::size_t k = 0; k < count; ++k) flipped[size++] = first + k;
     if (apart > 0)
-      for (std::size_t k = 0; k < count; ++k) turned[size++] = first + apart + k;
+      for (std::size_t k = 0; k < count; ++k) flipped[size++] = first + apart + k;
     double cost = 0;
     for (std::size_t i = 0; i < size; ++i) {
-      cost += -2 * chips_[turned[i]] * gradient_[turned[i]] + 0.5 * equations_.normal(turned[i], 0);
+      cost += -2 * chips_[flipped[i]] * gradient_[flipped[i]] + 0.5 * equations_.normal(flipped[i], 0);
       for (std::size_t j = 0; j < i; ++j)
-        cost += 4 * chips_[turned[i]] * chips_[turned[j]] * equations_.normal(turned[i], turned[i] - turned[j]);
+        cost += 4 * chips_[flipped[i]] * chips_[flipped[j]] * equations_.normal(flipped[i], flipped[i] - flipped[j]);
     }
-    for (std::size_t i = 0; i < size; ++i) min_cost_[turned[i]] = std::min(min_cost_[turned[i]], std::max(cost, 0.0));
+    for (std::size_t i = 0; i < size; ++i) min_cost_[flipped[i]] = std::min(min_cost_[flipped[i]], std::max(cost, 0.0));
   }
 
   static constexpr std::size_t kLongestRun = 4;
@@ -164,9 +164,9 @@ class Search {
 
   // Keeps the most likely of next_, in order of their states.
   void keep(std::size_t max_count) {
-    float least = kNever;
-    for (const Kept& k : next_) least = std::min(least, k.cost);
-    float limit = least + static_cast<float>(search_.reach);
+    float lowest = kNever;
+    for (const Kept& k : next_) lowest = std::min(lowest, k.cost);
+    float limit = lowest + static_cast<float>(search_.reach);
     if (next_.size() > max_count) {
       costs_.clear();
       for (const Kept& k : next_) costs_.push_back(k.cost);
@@ -179,7 +179,7 @@ class Search {
                 std::ranges::count_if(next_, [&](const Kept& k) { return k.cost < limit; });
     for (Kept& k : next_) {
       if (k.cost > limit || (k.cost == limit && room-- <= 0)) continue;
-      k.cost -= least;
+      k.cost -= lowest;
       kept_.push_back(k);
     }
   }
@@ -192,15 +192,15 @@ class Search {
       std::array<float, 2> best{kNever, kNever};
       before.assign(earlier.size(), kNever);
       for (std::size_t k = 0; k < kept.size(); ++k) {
-        float& least = best[kept[k].state & 1U];
-        least = std::min(least, kept[k].cost + after[k]);
+        float& lowest = best[kept[k].state & 1U];
+        lowest = std::min(lowest, kept[k].cost + after[k]);
         for (std::size_t slot = 0; slot < 2; ++slot)
           if (kept[k].from[slot] < before.size())
             before[kept[k].from[slot]] = std::min(before[kept[k].from[slot]], kept[k].step[slot] + after[k]);
       }
       ratios[chip] = ratio(best);
-      const float least = before.empty() ? 0.0F : *std::ranges::min_element(before);
-      for (float& cost : before) cost -= least;
+      const float lowest = before.empty() ? 0.0F : *std::ranges::min_element(before);
+      for (float& cost : before) cost -= lowest;
       after.swap(before);
     }
     estimate_unkept(ratios);

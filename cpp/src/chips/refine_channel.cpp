@@ -7,8 +7,8 @@ namespace ocisac {
 
 std::optional<RefinedChannel> refine_channel(std::span<const double> signal, const ChannelEstimate& start,
                                              const DetectChips& detect, const RefineOptions& options) {
-  const TurnContext context{signal, detect, options};
-  return likelier(context, start, grow_to_frame(context, start));
+  const IterationContext context{signal, detect, options};
+  return resolve_slip(context, start, grow_to_frame(context, start));
 }
 
 }  // namespace ocisac

@@ -194,13 +194,13 @@ class Trellis {
       weigh(chip, costs);
       const float* from = &forward_[chip * states_];
       float* to = &forward_[(chip + 1) * states_];
-      float least = kNever;
+      float lowest = kNever;
       for (std::size_t state = 0; state < states_; ++state) {
         // The chip that leaves the state is dark or bright.
         to[state] = std::min(from[state / 2] + costs[state], from[state / 2 + half] + costs[state + states_]);
-        least = std::min(least, to[state]);
+        lowest = std::min(lowest, to[state]);
       }
-      for (std::size_t state = 0; state < states_; ++state) to[state] -= least;  // preserves single precision
+      for (std::size_t state = 0; state < states_; ++state) to[state] -= lowest;  // preserves single precision
     }
   }
 
@@ -220,8 +220,8 @@ class Trellis {
         best[1] = std::min(best[1], from[state] + bright);
       }
       llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
-      const float least = *std::ranges::min_element(before);
-      for (std::size_t state = 0; state < states_; ++state) after[state] = before[state] - least;
+      const float lowest = *std::ranges::min_element(before);
+      for (std::size_t state = 0; state < states_; ++state) after[state] = before[state] - lowest;
     }
     return llr;
   }
@@ -266,7 +266,7 @@ double closest_pair_distance(double rows_per_chip, double exposure_rows) {
   const auto area = [](double place) { return std::clamp(place, 0.0, 1.0) - std::clamp(place - 1, 0.0, 1.0); };
   // Rows differ while the chips enter or leave the exposure; between, the exposure contains both entirely.
   const double changing = std::floor(2 * rows_per_chip) + 2, all = std::floor(exposure_rows) + changing;
-  double least = std::numeric_limits<double>::infinity();
+  double lowest = std::numeric_limits<double>::infinity();
   for (int place = 0; place < kPlaces; ++place) {
     double squares = 0;
     const auto add = [&](double from, double count) {
@@ -282,9 +282,9 @@ double closest_pair_distance(double rows_per_chip, double exposure_rows) {
     } else {
       add(0, all);
     }
-    least = std::min(least, squares);
+    lowest = std::min(lowest, squares);
   }
-  return std::isfinite(length) ? std::sqrt(least) : 0.0;
+  return std::isfinite(length) ? std::sqrt(lowest) : 0.0;
 }
 
 }  // namespace ocisac

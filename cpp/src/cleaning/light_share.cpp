@@ -279,19 +279,19 @@ class ShareEstimator {
   // Clamps values to the range of the shares within 12 pixels.
   void keep_in_range(std::vector<double>& values) {
     std::vector<double>& extreme = evidence_.pull;
-    for (const bool least : {true, false}) {
+    for (const bool lowest : {true, false}) {
       extreme = share_;
       for (const std::size_t step : steps_of_range) {
-        take_extremes(step, least, true, extreme);
-        take_extremes(step, least, false, extreme);
+        take_extremes(step, lowest, true, extreme);
+        take_extremes(step, lowest, false, extreme);
       }
       for (std::size_t i = 0; i < pixels_; ++i)
-        values[i] = least ? std::max(values[i], extreme[i]) : std::min(values[i], extreme[i]);
+        values[i] = lowest ? std::max(values[i], extreme[i]) : std::min(values[i], extreme[i]);
     }
   }
 
   // Minimum or maximum of each value and those `step` rows (columns) before and after; clamped at the borders.
-  void take_extremes(std::size_t step, bool least, bool of_rows, std::vector<double>& values) {
+  void take_extremes(std::size_t step, bool lowest, bool of_rows, std::vector<double>& values) {
     std::swap(now_.slope, values);
     const std::vector<double>& from = now_.slope;
     const std::size_t rows = picture_.rows, columns = picture_.columns;
@@ -302,7 +302,7 @@ class ShareEstimator {
         const double before = from[above * columns + (of_rows ? column : column - std::min(step, column))];
         const double after = from[below * columns + (of_rows ? column : std::min(column + step, columns - 1))];
         const double here = from[row * columns + column];
-        values[row * columns + column] = least ? std::min({here, before, after}) : std::max({here, before, after});
+        values[row * columns + column] = lowest ? std::min({here, before, after}) : std::max({here, before, after});
       }
     }
   }

@@ -37,10 +37,10 @@ double clipping_level(const ToneCurve& curve) {
 std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated,
                                          std::span<const std::uint8_t> columns) {
   const auto allowed = [&](std::size_t column) { return columns.empty() || columns[column] != 0; };
-  double least = 1;
+  double lowest = 1;
   for (std::size_t column = 0; column < clipped.size(); ++column)
-    if (allowed(column)) least = std::min(least, clipped[column]);
-  const double limit = std::max(kClippedShare, 2 * least);
+    if (allowed(column)) lowest = std::min(lowest, clipped[column]);
+  const double limit = std::max(kClippedShare, 2 * lowest);
   std::vector<std::uint8_t> usable(clipped.size());
   for (std::size_t column = 0; column < clipped.size(); ++column)
     usable[column] = allowed(column) && (saturated == SaturatedColumns::use || clipped[column] <= limit);
@@ -235,14 +235,14 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
         std::vector<std::uint32_t> counts(view.columns, 0);
         const double level = clipping_level<T>(curve);
         if (std::isfinite(level)) {
-          const auto least = static_cast<T>(std::is_integral_v<T> ? std::ceil(level) : level);
+          const auto lowest = static_cast<T>(std::is_integral_v<T> ? std::ceil(level) : level);
           for (std::size_t row = 0; row < view.rows; ++row) {
             if (view.column_stride == 1) {
               const T* values = &view(0, row, 0);
-              for (std::size_t column = 0; column < view.columns; ++column) counts[column] += values[column] >= least;
+              for (std::size_t column = 0; column < view.columns; ++column) counts[column] += values[column] >= lowest;
             } else {
               for (std::size_t column = 0; column < view.columns; ++column)
-                counts[column] += view(0, row, column) >= least;
+                counts[column] += view(0, row, column) >= lowest;
             }
           }
         }

@@ -10,7 +10,7 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kWindowRows = 60;
-constexpr std::size_t kFewestWindows = 4;
+constexpr std::size_t kMinWindows = 4;
 constexpr double kMinLoading = 0.2;   // relative to the largest in a window: blocks below are outside of the light
 constexpr double kMinSwing = 0.2;     // relative to the largest of the windows: windows below contain no light
 constexpr double kSlopeErrors = 6;    // standard errors
@@ -71,7 +71,7 @@ Centroid window_centroid(std::span<const double> swings, std::span<const double>
 
 double lamp_slope(std::span<const double> swings, std::span<const double> centres) {
   const std::size_t rows = centres.empty() ? 0 : swings.size() / centres.size(), windows = rows / kWindowRows;
-  if (centres.size() < 3 || windows < kFewestWindows) return 0;
+  if (centres.size() < 3 || windows < kMinWindows) return 0;
   std::vector<Centroid> found;
   double strongest = 0;
   for (std::size_t window = 0; window < windows; ++window) {
@@ -79,7 +79,7 @@ double lamp_slope(std::span<const double> swings, std::span<const double> centre
     strongest = std::max(strongest, found.back().swing);
   }
   std::erase_if(found, [&](const Centroid& light) { return !(light.swing > kMinSwing * strongest); });
-  if (found.size() < kFewestWindows) return 0;
+  if (found.size() < kMinWindows) return 0;
   const auto count = static_cast<double>(found.size());
   double row = 0, column = 0, spread = 0, moment = 0, product = 0, left = 0;
   for (const Centroid& light : found) {

@@ -14,7 +14,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::int64_t kLargestRow = std::int64_t{1} << 52;
+constexpr std::int64_t kMaxRow = std::int64_t{1} << 52;
 constexpr std::size_t kBlock = 512;
 
 // A waveform prepared for integration: its steady light and its varying elements.
@@ -48,8 +48,7 @@ void require_one_each(std::size_t asked, std::size_t given) {
 DoubleDouble frame_start(const Camera& camera, double start, std::int64_t frame) {
   require_finite("start", start);
   if (frame == 0) return {start, 0};
-  require(std::abs(static_cast<double>(frame)) <= static_cast<double>(kLargestRow), "frames", frame,
-          "from -2^52 to 2^52");
+  require(std::abs(static_cast<double>(frame)) <= static_cast<double>(kMaxRow), "frames", frame, "from -2^52 to 2^52");
   if (!camera.frame_time)
     refuse("frame_time", "none", "the frame time of the camera in seconds, needed for several frames");
   return exact_product(static_cast<double>(frame), *camera.frame_time) + DoubleDouble{start, 0};
@@ -63,8 +62,8 @@ void integrate_exposure(const Waveform& waveform, const Camera& camera, std::spa
   require(!rows.empty(), "rows", "none", "at least one row");
   require_one_each(rows.size(), out.size());
   const auto [first, last] = std::minmax_element(rows.begin(), rows.end());
-  require(*first >= -kLargestRow, "rows", *first, "from -2^52 to 2^52");
-  require(*last <= kLargestRow, "rows", *last, "from -2^52 to 2^52");
+  require(*first >= -kMaxRow, "rows", *first, "from -2^52 to 2^52");
+  require(*last <= kMaxRow, "rows", *last, "from -2^52 to 2^52");
   const TimeLine line{frame_start(camera, start, frame), camera.row_time};
   const Light light(waveform, {line, known_exposure(camera, "the light that it collects"), static_cast<double>(*first),
                                static_cast<double>(*last)});

@@ -11,8 +11,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLargestLevel = 1e100;
-constexpr double kLargestLight = 1e300;
+constexpr double kMaxLevel = 1e100;
+constexpr double kMaxLight = 1e300;
 constexpr std::size_t kMaxTerms = 4096;
 
 constexpr std::size_t kMaxTones = 8;
@@ -28,7 +28,7 @@ void check(const Waveform::Term& term) {
   }
   require(samples <= 1, "product", std::to_string(samples) + " factors that are Samples", "one such factor");
   require(tones <= kMaxTones, "product", std::to_string(tones) + " tones", "at most 8 tones");
-  require(peak <= kLargestLight, "product", peak, "light of at most 1e300");
+  require(peak <= kMaxLight, "product", peak, "light of at most 1e300");
 }
 
 Waveform::Term multiplied(const Waveform::Term& a, const Waveform::Term& b) {
@@ -40,7 +40,7 @@ Waveform::Term multiplied(const Waveform::Term& a, const Waveform::Term& b) {
 }  // namespace
 
 void require_level(const char* argument, double level) {
-  require(std::abs(level) <= kLargestLevel, argument, level, "a finite number from -1e100 to 1e100");
+  require(std::abs(level) <= kMaxLevel, argument, level, "a finite number from -1e100 to 1e100");
 }
 
 Waveform::Waveform(std::vector<Term> terms) : terms_(std::move(terms)) {

@@ -14,7 +14,7 @@ namespace ocisac {
 namespace {
 
 constexpr double kMaxCycles = 0x1p50;
-constexpr double kFewestCycles = 1e-200;  // in a stretch; with less no edge has an instant
+constexpr double kMinCycles = 1e-200;  // in a stretch; with less no edge has an instant
 
 TimeLine delayed(TimeLine line, double delay) {
   line.origin = line.origin - DoubleDouble{delay, 0};
@@ -172,7 +172,7 @@ class SquareElement final : public WaveformElement {
     counter.require_countable(0, stretch.length, "frequency");
     const Position origin = counter.at(0.0);
     const double cycles = wave_.frequency * stretch.length;
-    if (cycles < kFewestCycles) return {{{}, std::abs(origin.fraction) < wave_.duty / 2 ? wave_.amplitude : 0, 0}};
+    if (cycles < kMinCycles) return {{{}, std::abs(origin.fraction) < wave_.duty / 2 ? wave_.amplitude : 0, 0}};
     const auto time_of = [&](double whole, double half_duty) {
       return (exact_sum(whole, half_duty) - DoubleDouble{origin.fraction, origin.rest}) / wave_.frequency;
     };

@@ -150,11 +150,11 @@ std::optional<Box> lit_columns(const LitFrame& frame, const Box& box, std::size_
 // Rows at which the waveform has crossed its mean.
 std::vector<std::size_t> edges_of(std::span<const double> waveform) {
   const double power = std::inner_product(waveform.begin(), waveform.end(), waveform.begin(), 0.0);
-  const double least = hysteresis * std::sqrt(power / static_cast<double>(waveform.size()));
+  const double lowest = hysteresis * std::sqrt(power / static_cast<double>(waveform.size()));
   std::vector<std::size_t> edges;
   int side = 0;
   for (std::size_t n = 0; n < waveform.size(); ++n) {
-    const int now = waveform[n] > least ? 1 : waveform[n] < -least ? -1 : 0;
+    const int now = waveform[n] > lowest ? 1 : waveform[n] < -lowest ? -1 : 0;
     if (now == 0 || now == side) continue;
     if (side != 0) edges.push_back(n);
     side = now;

@@ -127,8 +127,8 @@ bool settled(const Found& one) {
 // standard error.
 bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
   const double spread = 3 * std::hypot(weak.frequency_std, strong.frequency_std) + 0.002 * strong.frequency;
-  const double least = weak.amplitude < faint_level * strong.amplitude ? 0.03 * strong.frequency : 0;
-  return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, least, 0.05 * strong.frequency);
+  const double lowest = weak.amplitude < faint_level * strong.amplitude ? 0.03 * strong.frequency : 0;
+  return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, lowest, 0.05 * strong.frequency);
 }
 
 // True if a suspect lies in a light's box, or at most a cycle beside it, and needs no refinement.
@@ -218,10 +218,10 @@ void find_reflections(std::vector<Found>& found) {
       const double apart = std::remainder(
           weak.phase - strong.phase + 2 * std::numbers::pi * middle(weak) * (weak.frequency - strong.frequency),
           2 * std::numbers::pi);
-      const bool told = spread < 1;
-      if (told && std::abs(apart) > 3 * spread) continue;
+      const bool phase_known = spread < 1;
+      if (phase_known && std::abs(apart) > 3 * spread) continue;
       found[i].reflection_of = k;
-      found[i].by_phase = told;
+      found[i].by_phase = phase_known;
     }
 }
 

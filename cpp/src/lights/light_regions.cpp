@@ -42,11 +42,11 @@ std::vector<double> activity(const CombinedColumn& column) {
 // Runs of rows with swings, separated by at least kMinDarkRows rows without.
 std::vector<Run> active_runs(const CombinedColumn& column) {
   const auto active = activity(column);
-  const double least = kActive * *std::ranges::max_element(active);
+  const double lowest = kActive * *std::ranges::max_element(active);
   std::vector<Run> runs;
-  if (!(least > 0)) return runs;
+  if (!(lowest > 0)) return runs;
   for (std::size_t n = 0; n < active.size(); ++n) {
-    if (active[n] <= least) continue;
+    if (active[n] <= lowest) continue;
     if (!runs.empty() && n - runs.back().end < kMinDarkRows)
       runs.back().end = n + 1;
     else

@@ -15,7 +15,7 @@ namespace ocisac {
 namespace {
 
 constexpr double kMinResponse = 1e-3;  // below: a tone in a null of the exposure
-constexpr std::size_t kFewestRows = 8;
+constexpr std::size_t kMinRows = 8;
 constexpr std::size_t kNuisances = 2;  // mean and slope
 
 // ln I₀(x), x ≥ 0; to 2·10⁻⁷ (Abramowitz and Stegun 9.8.1, 9.8.2).
@@ -73,7 +73,7 @@ std::vector<double> directions_of(const Camera& camera, std::span<const double> 
 
 RowWeights weights_of(const Camera& camera, std::span<const double> tones, std::size_t rows) {
   check_tones(camera, tones);
-  require(rows >= kFewestRows && static_cast<double>(rows) * camera.row_time * *std::ranges::min_element(tones) >= 1,
+  require(rows >= kMinRows && static_cast<double>(rows) * camera.row_time * *std::ranges::min_element(tones) >= 1,
           "rows", rows, "8 or more, and a cycle of the slowest tone");
   return {directions_of(camera, tones, rows), kNuisances + 2 * tones.size(), rows, 1, 3};
 }

@@ -277,9 +277,9 @@ void PacketAssembler::find_layout() {
 PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr) {
   if (end_ != first) tail_.clear();
   end_ = first + static_cast<std::ptrdiff_t>(llr.size());
-  const std::ptrdiff_t searched = first - static_cast<std::ptrdiff_t>(tail_.size());
+  const std::ptrdiff_t blocks_first = first - static_cast<std::ptrdiff_t>(tail_.size());
   tail_.insert(tail_.end(), llr.begin(), llr.end());
-  Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, searched, find_blocks(tail_, format_)};
+  Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, blocks_first, find_blocks(tail_, format_)};
   const std::size_t kept = preamble_chips(format_.preamble).size() + header_chips(format_) - 1;
   if (tail_.size() > kept) tail_.erase(tail_.begin(), tail_.end() - static_cast<std::ptrdiff_t>(kept));
   return stretch;
@@ -295,7 +295,7 @@ void PacketAssembler::keep(Stretch stretch) {
 }
 
 std::ptrdiff_t PacketAssembler::origin_by(const Stretch& stretch, const BlockSighting& sighting) const {
-  return stretch.searched + static_cast<std::ptrdiff_t>(sighting.chip) -
+  return stretch.blocks_first + static_cast<std::ptrdiff_t>(sighting.chip) -
          static_cast<std::ptrdiff_t>(sighting.block * block_chips_);
 }
 

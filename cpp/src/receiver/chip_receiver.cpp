@@ -34,7 +34,7 @@ constexpr double kMinSlow = 2e-3;                           // min fraction of a
 constexpr double kHighestTone = 0.25, kMinProminence = 20;  // cycles per chip; ratio to the median of all tones
 constexpr std::size_t kMaxVainTries = 4;  // doublings of the frames from one try of other models to the next
 constexpr double kBetter = 0.8;           // ratio of the residual noise required of another model
-constexpr std::array kExposuresOfTold{0.9, 1.1, 0.8, 1.2};           // factors for a given exposure that seems wrong
+constexpr std::array kGivenExposureFactors{0.9, 1.1, 0.8, 1.2};      // factors for a given exposure that seems wrong
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 constexpr std::size_t kMaxWait = 7;                                  // frames
 constexpr double kMaxSearchRows = 4096;                              // rows that count for the bound of the search
@@ -129,15 +129,15 @@ std::optional<FrameReading> ChipReceiver::search(std::span<const double> signal,
 
 // Alternative models of the rows: slow light, a tone, another exposure.
 std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const double> signal) const {
-  const RowModel told{{},
-                      camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
-                      camera_.exposure.has_value()};
+  const RowModel given{{},
+                       camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
+                       camera_.exposure.has_value()};
   std::vector<RowModel> models;
-  if (!model_.nuisance.empty() || model_.exposure_known != told.exposure_known || model_.slow_light)
-    models.push_back(told);
+  if (!model_.nuisance.empty() || model_.exposure_known != given.exposure_known || model_.slow_light)
+    models.push_back(given);
   const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
   const auto add = [&](RowNuisance nuisance) {
-    models.push_back({std::move(nuisance), told.exposure_rows, told.exposure_known});
+    models.push_back({std::move(nuisance), given.exposure_rows, given.exposure_known});
   };
   const auto fit = remove_nuisance(signal, {slow, {}});
   const auto plain = remove_nuisance(signal, {});
@@ -151,11 +151,12 @@ std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const d
     if (tone.prominence > kMinProminence) add({0, {tone.frequency}});
   }
   if (!model_.slow_light) {
-    models.push_back(told);
+    models.push_back(given);
     models.back().slow_light = true;
   }
-  if (told.exposure_rows)
-    for (const double share : kExposuresOfTold) models.push_back({model_.nuisance, share * *told.exposure_rows, false});
+  if (given.exposure_rows)
+    for (const double share : kGivenExposureFactors)
+      models.push_back({model_.nuisance, share * *given.exposure_rows, false});
   else if (rows_per_chip_)
     for (const double chips : kExposures) models.push_back({model_.nuisance, chips * *rows_per_chip_, false});
   return models;
@@ -166,7 +167,7 @@ std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> sign
   const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(signal, model.nuisance);
   const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
   auto reading = follow(rest, model, frame);
-  if (!reading && frame.searched) reading = search(rest, model, frame);
+  if (!reading && frame.may_search) reading = search(rest, model, frame);
   if (!model.nuisance.empty() && reading)
     reading = refine_nuisance(signal, *reading, model.nuisance, model.exposure_known, &frame.effort);
   const bool without_shape = reading && reading->channel.clock.rise == 0 && reading->channel.clock.fall == 0;
@@ -180,7 +181,7 @@ std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> sign
 // Reads with the model of the last frame; if its residual exceeds noise, tries other models until one fits.
 std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, Frame& frame) {
   auto best = read_with(signal, model_, frame);
-  if (best ? !is_misfit(*best) : !frame.searched) return best;
+  if (best ? !is_misfit(*best) : !frame.may_search) return best;
   if (best && until_try_ > 0) {
     --until_try_;
     return best;
@@ -284,7 +285,7 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
   if (reading)
     take(*reading, signal.size(), result);
   else
-    lose(result, now.searched);
+    lose(result, now.may_search);
   return result;
 }
 

@@ -27,16 +27,16 @@ FrameOrder::Verdict FrameOrder::admit(std::int64_t frame, const std::array<std::
     behind_count_ = behind_ && frame > *behind_ ? behind_count_ + 1 : 1;
     behind_ = frame;
     if (behind_count_ < kBelieved) return {FrameOutcome::repeated};
-    verdict.anew = true;
+    verdict.restarts = true;
   }
   if (last_ && lengths != lengths_) {
     others_count_ = lengths == others_ ? others_count_ + 1 : 1;
     others_ = lengths;
     seen_ = std::max(seen_.value_or(frame), frame);
-    if (others_count_ < kBelieved && !verdict.anew) return {FrameOutcome::other_shape};
-    verdict.anew = true;
+    if (others_count_ < kBelieved && !verdict.restarts) return {FrameOutcome::other_shape};
+    verdict.restarts = true;
   }
-  if (last_ && !verdict.anew) verdict.missing = frame - *last_ - 1;
+  if (last_ && !verdict.restarts) verdict.missing = frame - *last_ - 1;
   last_ = seen_ = frame;
   lengths_ = lengths;
   behind_.reset();

@@ -266,14 +266,13 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const bool exposure_known = search.exposure_rows.has_value();
   const double chips = static_cast<double>(search.preamble.size());
   const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;
-  if (seen >= kFewestChipsSeen) {
-    const auto matches =
-        find_preamble(signal, search.preamble,
-                      {.rows_per_chip = search.rows_per_chip,
-                       .tolerance = search.tolerance,
-                       .exposure_rows = search.exposure_rows,
-                       .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kFewestChipsSeen),
-                       .max_matches = kPreamblesTried});
+  if (seen >= kMinChipsSeen) {
+    const auto matches = find_preamble(signal, search.preamble,
+                                       {.rows_per_chip = search.rows_per_chip,
+                                        .tolerance = search.tolerance,
+                                        .exposure_rows = search.exposure_rows,
+                                        .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
+                                        .max_matches = kPreamblesTried});
     for (const auto& match : matches) {
       auto reading = extend_reading(signal, match.channel, exposure_known, search.effort, {search.preamble, 0});
       if (reading && is_sound(*reading)) return reading;

@@ -47,7 +47,7 @@ FskFrame FskReceiver::push(std::span<const AnyFramesView> colours, std::optional
   result.outcome = verdict.outcome;
   result.missing = verdict.missing;
   if (verdict.outcome != FrameOutcome::received) return result;
-  if (verdict.anew) {
+  if (verdict.restarts) {
     assembler_.lose_clock();
     last_.reset();
   }

@@ -66,9 +66,9 @@ void LightReceiver::forget() {
 
 // Moves the region by half of the light's offset from its centre.
 void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
-  const auto most_left = -static_cast<std::ptrdiff_t>(region_.x);
-  const auto most_right = static_cast<std::ptrdiff_t>(columns - region_.x - region_.width);
-  const auto step = std::clamp(static_cast<std::ptrdiff_t>(0.5 * offset_of(column.weights)), most_left, most_right);
+  const auto min_step = -static_cast<std::ptrdiff_t>(region_.x);
+  const auto max_step = static_cast<std::ptrdiff_t>(columns - region_.x - region_.width);
+  const auto step = std::clamp(static_cast<std::ptrdiff_t>(0.5 * offset_of(column.weights)), min_step, max_step);
   if (step == 0) return;
   region_.x = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(region_.x) + step);
   for (auto& follower : followers_) follower.move(step);
@@ -141,11 +141,11 @@ LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int6
   LightFrame result;
   result.frame = frame;
   result.source = source_;
-  const Region searched = region_;
+  const Region before = region_;
   const std::size_t colour = chips_ ? receive_data(colours, result) : 0;
   result.region = region_;
   if (options_.gain) {
-    if (!tone_known_) find_tone(part_of(colours[colour], searched));
+    if (!tone_known_) find_tone(part_of(colours[colour], before));
     result.gain = measure_gain(part_of(colours[colour], region_));
   }
   suggest_exposure(result);

@@ -23,7 +23,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
-constexpr double kLargestChange = 0.02;                    // relative, of the period in the last fit
+constexpr double kMaxChange = 0.02;                        // relative, of the period in the last fit
 constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for a reliable rate, blind or given
 constexpr double kLongExposure = 1.05;                     // chips
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
@@ -118,7 +118,7 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   decoded.detection = std::move(*detected);
   const auto [edges, chips] = edges_of(signal, decoded.grid, decoded.detection);
   const auto lattice = fit_lattice(edges, chips);
-  if (!lattice || std::abs(lattice->clock.rows_per_chip / timing.lattice.clock.rows_per_chip - 1) >= kLargestChange)
+  if (!lattice || std::abs(lattice->clock.rows_per_chip / timing.lattice.clock.rows_per_chip - 1) >= kMaxChange)
     return decoded;
   const ChipGrid refined = whole_chips(lattice->clock, signal.size());
   detected = slice(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));

@@ -107,7 +107,7 @@ void Receiver::place_given(const Region& whole) {
 }
 
 // Resets all state of earlier frames.
-void Receiver::begin_anew(const Region& whole) {
+void Receiver::restart(const Region& whole) {
   agreed_ = attempts_ = 0;
   patience_ = kFirstPatience;
   if (options_.whole_picture && !lights_.empty()) lights_.front().place(whole, false);
@@ -208,7 +208,7 @@ std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, s
     left_out.received->missing = verdict.missing;
     return {std::move(left_out)};
   }
-  if (verdict.anew) begin_anew(whole);
+  if (verdict.restarts) restart(whole);
   ++since_search_;
   place_given(whole);
   const bool searched = must_search();

@@ -40,16 +40,16 @@ Magnitudes magnitudes(std::span<const double> weights) {
 
 // Largest integer of a limb that keeps the sums within range.
 double largest_integer(const std::vector<Magnitudes>& outputs, std::size_t rows, int row_group, int limbs) {
-  if (rows > kernels::kRowsPerChunk) return kernels::kLargestWeight;
+  if (rows > kernels::kRowsPerChunk) return kernels::kMaxWeight;
   const std::size_t whole_groups = rows / static_cast<std::size_t>(row_group);
   const auto groups = static_cast<double>(whole_groups);
   // rounding: up to half a unit per row
-  const double room = kernels::kLargestSum / (255.0 * row_group) - 0.5 * groups;
-  double largest = kernels::kLargestOfFewRows;
+  const double room = kernels::kMaxSum / (255.0 * row_group) - 0.5 * groups;
+  double largest = kernels::kMaxOfFewRows;
   if (limbs > 1) largest = std::min(largest, room / groups);  // the shape of further limbs is arbitrary
   for (const Magnitudes& of : outputs)
     if (of.sum > 0) largest = std::min(largest, room * of.largest / of.sum);
-  return std::max<double>(std::floor(largest), kernels::kLargestWeight);
+  return std::max<double>(std::floor(largest), kernels::kMaxWeight);
 }
 
 }  // namespace

@@ -27,10 +27,10 @@ struct ByteWeights {
   std::size_t even;
 };
 
-// Max rows per 32-bit sum: 255·kRowsPerChunk·kLargestWeight < 2^31. Fewer rows allow larger weights:
-// 255·row_group·Σ|weight| <= kLargestSum.
+// Max rows per 32-bit sum: 255·kRowsPerChunk·kMaxWeight < 2^31. Fewer rows allow larger weights:
+// 255·row_group·Σ|weight| <= kMaxSum.
 inline constexpr std::size_t kRowsPerChunk = 2048;
-inline constexpr std::int32_t kLargestWeight = 4095, kLargestOfFewRows = 32767, kLargestSum = 2147483647;
+inline constexpr std::int32_t kMaxWeight = 4095, kMaxOfFewRows = 32767, kMaxSum = 2147483647;
 
 struct Moments {
   double *totals, *squares, *maximum;

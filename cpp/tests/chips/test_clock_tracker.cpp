@@ -85,8 +85,8 @@ TEST_CASE("a jump of the clock begins anew, and time does not go back") {
   auto clock = light.measure(6, 0.02, 1e-4, errors);
   clock.phase += 1.5;
   CHECK_FALSE(tracker.update(6, clock, errors));
-  const auto anew = tracker.predict(6);
-  CHECK(anew->clock.phase - static_cast<double>(anew->chip) * anew->clock.rows_per_chip ==
+  const auto restarted = tracker.predict(6);
+  CHECK(restarted->clock.phase - static_cast<double>(restarted->chip) * restarted->clock.rows_per_chip ==
         doctest::Approx(clock.phase));
   CHECK_THROWS_AS(tracker.update(6, clock, errors), std::invalid_argument);
   CHECK_THROWS_AS(static_cast<void>(tracker.predict(5)), std::invalid_argument);

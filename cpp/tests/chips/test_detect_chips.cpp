@@ -78,7 +78,7 @@ TEST_CASE("a search that gives nothing up is that of all sequences") {
     }
 }
 
-TEST_CASE("the reduced search finds the likeliest sequence, with the same certainty of doubtful chips") {
+TEST_CASE("the reduced search finds the most likely sequence, with the same certainty of doubtful chips") {
   std::size_t doubtful = 0;
   for (unsigned seed = 0; seed < 6; ++seed) {
     const Frame frame(2.1, 7.3, 0.04, 540, seed);
@@ -144,18 +144,18 @@ TEST_CASE("detectors make the errors that are foretold") {
   };
   for (const auto& [rows_per_chip, length, noise] :
        {Case{2.13, 1.2, 0.2}, Case{4.07, 2.3, 0.2}, Case{3.3, 5.2, 0.08}}) {
-    const auto told = ocisac::detector_error_rates(rows_per_chip, length * rows_per_chip, noise);
+    const auto predicted = ocisac::detector_error_rates(rows_per_chip, length * rows_per_chip, noise);
     const auto measured = [&](std::string_view method) {
       return share_of_errors(method, rows_per_chip, length, noise, 30, 3);
     };
     CAPTURE(length);
-    CHECK(measured("slicer") == doctest::Approx(told.slicer).epsilon(0.15));
-    CHECK(measured("inverse") == doctest::Approx(told.inverse).epsilon(0.25));
-    CHECK(measured("wiener") == doctest::Approx(told.wiener).epsilon(0.15));
-    CHECK(measured("dfe") > 0.8 * told.dfe);  // error propagation is not included
-    const double likeliest = measured("mlse");
-    CHECK(likeliest < 1.3 * told.mlse);
-    CHECK(likeliest > 0.4 * told.mlse);
+    CHECK(measured("slicer") == doctest::Approx(predicted.slicer).epsilon(0.15));
+    CHECK(measured("inverse") == doctest::Approx(predicted.inverse).epsilon(0.25));
+    CHECK(measured("wiener") == doctest::Approx(predicted.wiener).epsilon(0.15));
+    CHECK(measured("dfe") > 0.8 * predicted.dfe);  // error propagation is not included
+    const double most_likely = measured("mlse");
+    CHECK(most_likely < 1.3 * predicted.mlse);
+    CHECK(most_likely > 0.4 * predicted.mlse);
   }
 }
 

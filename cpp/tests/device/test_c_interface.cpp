@@ -26,7 +26,7 @@ std::vector<T> picture() {
   return pixels;
 }
 
-ocisac_options told() {
+ocisac_options packet_options() {
   ocisac_options options;
   ocisac_options_init(&options);
   options.row_time = 20e-6;
@@ -38,7 +38,7 @@ ocisac_options told() {
 }  // namespace
 
 TEST_CASE("C: frames in, results out") {
-  const ocisac_options options = told();
+  const ocisac_options options = packet_options();
   ocisac_receiver* receiver = nullptr;
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   ocisac_result result;
@@ -69,21 +69,21 @@ TEST_CASE("C: frames in, results out") {
 
 TEST_CASE("C: what has no meaning is a code and a line") {
   ocisac_receiver* receiver = nullptr;
-  ocisac_options options = told();
+  ocisac_options options = packet_options();
   options.row_time = 0;
   CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
   CHECK(receiver == nullptr);
   CHECK(std::string(ocisac_last_error()).find("row_time: got 0") == 0);
-  options = told();
+  options = packet_options();
   options.line_code = 9;
   CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
-  options = told();
+  options = packet_options();
   options.size = 0;
   CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
   CHECK(ocisac_create(nullptr, &receiver) == OCISAC_BAD_ARGUMENT);
   CHECK(ocisac_create(&options, nullptr) == OCISAC_BAD_ARGUMENT);
 
-  options = told();
+  options = packet_options();
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   const auto pixels = picture<std::uint8_t>();
   ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns - 1, 0};
@@ -109,7 +109,7 @@ TEST_CASE("C: what has no meaning is a code and a line") {
 }
 
 TEST_CASE("C: a program that knows less of the structs gets what it knows") {
-  ocisac_options options = told();
+  ocisac_options options = packet_options();
   options.size = offsetof(ocisac_options, region);
   options.region = {99, 99, 99, 99};  // beyond the given size: ignored
   ocisac_receiver* receiver = nullptr;

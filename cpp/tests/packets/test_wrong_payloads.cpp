@@ -92,7 +92,7 @@ struct Tally {
   std::size_t wrong = 0, right = 0;
 };
 
-constexpr std::size_t kTold = 100'000;  // tries between two progress messages
+constexpr std::size_t kTriesPerMessage = 100'000;  // tries between two progress messages
 
 Tally try_links(std::size_t tries, std::uint64_t seed) {
   Random random(seed);
@@ -104,7 +104,7 @@ Tally try_links(std::size_t tries, std::uint64_t seed) {
       const auto llr = damaged(link, random, first);
       const auto report = link.assembler.push(first, llr);
       if (report.payload) ++(link.is_sent(*report.payload) ? tally.right : tally.wrong);
-      if ((done + 1) % kTold == 0) MESSAGE((done + 1) << " tries, " << tally.wrong << " wrong");
+      if ((done + 1) % kTriesPerMessage == 0) MESSAGE((done + 1) << " tries, " << tally.wrong << " wrong");
     }
   }
   return tally;

@@ -97,10 +97,10 @@ TEST_CASE("weights that follow are those that are found anew") {
   for (int frame = 0; frame < 4; ++frame) {
     const auto picture = tone_picture(20, 0.0331 * frame, random);
     const auto part = ocisac::part_of(view_of(picture), {0, 0, 70, kRows});
-    const auto followed = follower.combine(part), anew = ocisac::combine_columns(part, 0, {});
-    CHECK(followed.quality == doctest::Approx(anew.quality).epsilon(0.02));
-    CHECK(followed.noise == doctest::Approx(anew.noise).epsilon(0.02));
-    for (std::size_t row = 0; row < kRows; ++row) CHECK(std::abs(followed.signal[row] - anew.signal[row]) < 1);
+    const auto followed = follower.combine(part), combined = ocisac::combine_columns(part, 0, {});
+    CHECK(followed.quality == doctest::Approx(combined.quality).epsilon(0.02));
+    CHECK(followed.noise == doctest::Approx(combined.noise).epsilon(0.02));
+    for (std::size_t row = 0; row < kRows; ++row) CHECK(std::abs(followed.signal[row] - combined.signal[row]) < 1);
   }
 }
 

@@ -58,7 +58,7 @@ std::vector<Lamp> lamps_in(const std::vector<ocisac::Region>& boxes) {
 const ocisac::Camera kCamera{
     .row_time = 1e-5, .exposure = kExposure * 1e-5, .frame_time = kFrameRows * 1e-5, .tone_curve = {}};
 
-ocisac::ReceiverOptions told(std::vector<ocisac::Region> regions = {}) {
+ocisac::ReceiverOptions given_options(std::vector<ocisac::Region> regions = {}) {
   ocisac::ReceiverOptions options;
   options.light.data = {1e5 / kRowsPerChip, kFormat};
   options.regions = std::move(regions);
@@ -94,7 +94,7 @@ TEST_CASE("lights beside and above each other are streams of their own") {
                                                           {{5, 0, 40, 430}, {50, 460, 40, 440}}};
   for (const auto& boxes : pictures) {
     const auto lamps = lamps_in(boxes);
-    ocisac::Receiver receiver(kCamera, told());
+    ocisac::Receiver receiver(kCamera, given_options());
     const auto got = receive(lamps, receiver, 60);
     for (std::size_t k = 0; k < lamps.size(); ++k) {
       CAPTURE(k);
@@ -106,10 +106,10 @@ TEST_CASE("lights beside and above each other are streams of their own") {
 
 TEST_CASE("regions that are given are read, those outside refused") {
   const auto lamps = lamps_in({{10, 0, 60, 440}, {10, 440, 60, 460}});  // they touch
-  ocisac::Receiver receiver(kCamera, told({lamps[0].box, lamps[1].box}));
+  ocisac::Receiver receiver(kCamera, given_options({lamps[0].box, lamps[1].box}));
   const auto got = receive(lamps, receiver, 60);
   CHECK(got.size() == 2);
-  ocisac::Receiver outside(kCamera, told({{90, 0, 10, 10}}));
+  ocisac::Receiver outside(kCamera, given_options({{90, 0, 10, 10}}));
   const std::vector<double> picture(kRows * kColumns, 1.0);
   const ocisac::AnyFramesView view = ocisac::dense_view<const double>(picture.data(), 1, kRows, kColumns);
   CHECK_THROWS_WITH_AS(outside.push({&view, 1}), "regions: got 90,0,10,10, allowed: inside the picture of 96x900",
@@ -118,7 +118,7 @@ TEST_CASE("regions that are given are read, those outside refused") {
 
 TEST_CASE("one light keeps the whole frame, and a picture without any says so") {
   std::mt19937 random(3);
-  ocisac::Receiver receiver(kCamera, told());
+  ocisac::Receiver receiver(kCamera, given_options());
   const auto lamps = lamps_in({{0, 0, 96, 900}});
   for (int frame = 0; frame < 4; ++frame) {
     const auto picture = picture_of(lamps, frame, random);
@@ -128,7 +128,7 @@ TEST_CASE("one light keeps the whole frame, and a picture without any says so") 
     CHECK(results[0].region == ocisac::Region{0, 0, 96, 900});
     CHECK(results[0].received->outcome == ocisac::FrameOutcome::received);
   }
-  ocisac::Receiver dark(kCamera, told());
+  ocisac::Receiver dark(kCamera, given_options());
   for (int frame = 0; frame < 5; ++frame) {
     const auto picture = picture_of({}, frame, random);
     const ocisac::AnyFramesView view = ocisac::dense_view<const double>(picture.data(), 1, kRows, kColumns);

@@ -42,8 +42,8 @@ class Columns:
         light, variance = self.light / left, self.variance / left**2
         difference, mean = light[lag:] - light[:-lag], 0.5 * (light[lag:] + light[:-lag])
         spread = difference**2 + variance[lag:] + variance[:-lag]
-        told = (mean > 0.0) & np.isfinite(spread)
-        return float(np.mean(np.log(_TEXTURE**2 + spread[told] / mean[told] ** 2))) if told.any() else 0.0
+        known = (mean > 0.0) & np.isfinite(spread)
+        return float(np.mean(np.log(_TEXTURE**2 + spread[known] / mean[known] ** 2))) if known.any() else 0.0
 
     def _share_of_columns(self, rows: FloatArray) -> FloatArray:
         lit = np.maximum(rows, 0.0)[None]

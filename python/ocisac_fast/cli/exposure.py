@@ -165,7 +165,7 @@ def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_j
         ]
         emit_json(facts | {"lights": lights})
         return
-    told = {"exposure": quantity(found.exposure, "s", 7), "holds": "yes" if found.holds else "no: the best there is"}
-    told |= {f"left of {light_name(light)}": f"{m:.3%}" for light, m in zip(avoid, found.modulations, strict=True)}
-    told |= {name: quantity(facts[name], "s" if name == "objective" else "", 7) for name in optional if name in facts}
-    emit_facts("", told)
+    lines = {"exposure": quantity(found.exposure, "s", 7), "holds": "yes" if found.holds else "no: the best there is"}
+    lines |= {f"left of {light_name(light)}": f"{m:.3%}" for light, m in zip(avoid, found.modulations, strict=True)}
+    lines |= {name: quantity(facts[name], "s" if name == "objective" else "", 7) for name in optional if name in facts}
+    emit_facts("", lines)

@@ -50,7 +50,7 @@ def lamp(
     if as_json:
         emit_json(facts)
         return
-    emit_facts("", {name: _told(name, value) for name, value in facts.items()})
+    emit_facts("", {name: _text(name, value) for name, value in facts.items()})
 
 
 def _frequencies(
@@ -86,7 +86,7 @@ def _duties(exposures: tuple[float, ...], below: float, frequency: float) -> dic
     }
 
 
-def _told(name: str, value: Any) -> str:
+def _text(name: str, value: Any) -> str:
     if name == "frequencies_hz":
         return ", ".join(f"{quantity(low, 'Hz')} to {quantity(high, 'Hz')}" for low, high in value)
     if isinstance(value, dict):

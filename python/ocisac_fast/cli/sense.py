@@ -45,7 +45,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @picture_options
 @plot_option("the first frame with its regions")
 @json_option
-def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, frames: int, **told: Any) -> None:
+def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, frames: int, **options: Any) -> None:
     """Measure moving textures and modulated lights in FILE (a picture, a video, a .npy array, or -).
 
     For each region: frequency in its columns, motion-induced frequency f_x v, contrast gain (eq. 16), speed. --region
@@ -54,10 +54,10 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     """
     if picture.row_time is None:
         for name in ("frame_rate", "speed"):
-            if told[name] is not None:
+            if options[name] is not None:
                 raise click.UsageError(f"--{name.replace('_', '-')}: needs --row-time")
-    view, camera = _read(file, picture, frames, told.pop("frame_rate"))
-    regions = _regions(view, camera, picture, told)
+    view, camera = _read(file, picture, frames, options.pop("frame_rate"))
+    regions = _regions(view, camera, picture, options)
     if plot is not None:
         from ocisac_fast.plots import plot_regions
 
@@ -71,10 +71,10 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     emit_table("", _HEADER, table, left=("kind", "flags"))
 
 
-def _read(file: str, picture: PictureOptions, most: int, frame_rate: Quantity | None) -> tuple[Frame, Camera]:
+def _read(file: str, picture: PictureOptions, max_frames: int, frame_rate: Quantity | None) -> tuple[Frame, Camera]:
     """The first frames in grey, (frames, height, width, 1), and their camera."""
     with open_pictures(file, picture) as pictures:
-        view = stack([grey_of(frame) for frame in itertools.islice(pictures.frames, most)])
+        view = stack([grey_of(frame) for frame in itertools.islice(pictures.frames, max_frames)])
         camera = pictures.camera
     if frame_rate is not None:
         if not (math.isfinite(frame_rate) and frame_rate > 0.0):
@@ -83,14 +83,14 @@ def _read(file: str, picture: PictureOptions, most: int, frame_rate: Quantity | 
     return view, camera
 
 
-def _regions(view: Frame, camera: Camera, picture: PictureOptions, told: dict[str, Any]) -> list[SensedRegion]:
+def _regions(view: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> list[SensedRegion]:
     from ocisac_fast.sensing import KnownMotion, background_light, sense as sense_picture, sense_region
 
-    frequency = picture.check_frequency("--frequency", told.pop("frequency"))
-    background, unlit, beside = told.pop("background"), told.pop("unlit"), told.pop("beside")
-    direction, axis = _DIRECTIONS.get(told.pop("direction"), 0), told.pop("motion")
-    light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": told.pop("depth")}
-    motion = KnownMotion(axis=axis, direction=direction, **told)
+    frequency = picture.check_frequency("--frequency", options.pop("frequency"))
+    background, unlit, beside = options.pop("background"), options.pop("unlit"), options.pop("beside")
+    direction, axis = _DIRECTIONS.get(options.pop("direction"), 0), options.pop("motion")
+    light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": options.pop("depth")}
+    motion = KnownMotion(axis=axis, direction=direction, **options)
     dark = None if unlit is None else _read(unlit, picture, len(view), None)[0]
     if picture.region is None:
         for name, value in (("frequency", frequency), ("background", background)):

@@ -134,8 +134,10 @@ class ExposureSuggestion:
         if math.isfinite(self.noise_exposure):
             lines.append(f"shot noise passes read noise at {self.noise_exposure * 1e6:.1f} us")
         for kind, frequency, gain, snr in self.tones:
-            told = "" if math.isnan(snr) else f", SNR {10.0 * math.log10(snr):.1f} dB" if snr > 0.0 else ", no signal"
-            lines.append(f"{kind} {frequency:.6g} Hz: gain {gain:.3f}{told}")
+            snr_text = (
+                "" if math.isnan(snr) else f", SNR {10.0 * math.log10(snr):.1f} dB" if snr > 0.0 else ", no signal"
+            )
+            lines.append(f"{kind} {frequency:.6g} Hz: gain {gain:.3f}{snr_text}")
         return "\n".join([*lines, *(text for reason, text in _TEXTS.items() if reason in self.reasons)])
 
 

@@ -82,7 +82,7 @@ def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
     pixels = np.frombuffer(data, dtype, count, header.end())
     shape = (1, height, width) if colours == 1 else (1, height, width, 3)
     native = pixels.astype(dtype.newbyteorder("="), copy=False).reshape(shape)
-    return native, LightResponse(white_level=float(largest), told_by="PNM header")
+    return native, LightResponse(white_level=float(largest), stated_by="PNM header")
 
 
 @contextlib.contextmanager

@@ -40,18 +40,18 @@ def response_of_picture(image: Image) -> LightResponse:
         if response is not None:
             return response
     if "srgb" in image.info:
-        return LightResponse("srgb", told_by="PNG sRGB chunk")
+        return LightResponse("srgb", stated_by="PNG sRGB chunk")
     if image.info.get("gamma"):
         return _power(1.0 / float(image.info["gamma"]), "PNG gAMA chunk")
     if image.getexif().get_ifd(_EXIF_IFD).get(_EXIF_COLOR_SPACE) == _EXIF_SRGB:
-        return LightResponse("srgb", told_by="EXIF ColorSpace")
+        return LightResponse("srgb", stated_by="EXIF ColorSpace")
     return LightResponse()
 
 
-def _power(gamma: float, told_by: str) -> LightResponse:
+def _power(gamma: float, stated_by: str) -> LightResponse:
     if abs(gamma - 1.0) < 0.005:
-        return LightResponse("linear", told_by=told_by)
-    return LightResponse("gamma", gamma, told_by=told_by)
+        return LightResponse("linear", stated_by=stated_by)
+    return LightResponse("gamma", gamma, stated_by=stated_by)
 
 
 def _response_of_icc(profile: bytes) -> LightResponse | None:
@@ -64,7 +64,7 @@ def _response_of_icc(profile: bytes) -> LightResponse | None:
             tags[name] = profile[offset : offset + size]
         text = tags.get(b"desc", b"")
         if b"sRGB" in text or "sRGB".encode("utf-16-be") in text:
-            return LightResponse("srgb", told_by="ICC profile")
+            return LightResponse("srgb", stated_by="ICC profile")
         curve = tags.get(b"gTRC", tags.get(b"kTRC", b""))
         if curve[:4] == b"curv":
             (points,) = struct.unpack_from(">I", curve, 8)
@@ -85,11 +85,11 @@ def response_of_video(transfer: int, limited: bool, bits: int, shift: int, state
     curve = _TRANSFERS.get(int(transfer), LightResponse())
     unit = 2.0 ** (bits - 8)
     dark, white = (16 * unit, 235 * unit) if limited else (0.0, 256 * unit - 1)
-    told = [("limited" if limited else "full") + " range"] if stated else []
+    details = [("limited" if limited else "full") + " range"] if stated else []
     if int(transfer) in _TRANSFERS:
-        told.append("transfer characteristics")
+        details.append("transfer characteristics")
     scale = 2.0**shift
-    return LightResponse(curve.tone_curve, curve.gamma, dark * scale, white * scale, ", ".join(told))
+    return LightResponse(curve.tone_curve, curve.gamma, dark * scale, white * scale, ", ".join(details))
 
 
 def transfer_of(context: Any) -> int:

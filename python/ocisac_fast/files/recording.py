@@ -31,14 +31,14 @@ class LightResponse:
         gamma: exponent from stored value to light, for ``"gamma"``.
         dark_level: stored value of no light (DN).
         white_level: stored value of full light (DN); None: the largest value of the array's type.
-        told_by: source of the statement (``"PNG sRGB chunk"``); empty where linear is assumed.
+        stated_by: source of the statement (``"PNG sRGB chunk"``); empty where linear is assumed.
     """
 
     tone_curve: str = "linear"
     gamma: float = 2.2
     dark_level: float = 0.0
     white_level: float | None = None
-    told_by: str = ""
+    stated_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -189,8 +189,8 @@ def _gain(
         return np.where(mean > 0, 0.05**2 + (difference**2 + noise) / np.where(mean > 0, mean, 1.0) ** 2, np.inf)
 
     with_other, without = misfit(other), misfit(share)
-    told = np.isfinite(with_other) & np.isfinite(without)
-    half = 0.25 * np.log(np.where(told, without, 1.0) / np.where(told, with_other, 1.0))
+    known = np.isfinite(with_other) & np.isfinite(without)
+    half = 0.25 * np.log(np.where(known, without, 1.0) / np.where(known, with_other, 1.0))
     gain = np.zeros_like(share)
     gain[:-lag] += half
     gain[lag:] += half

@@ -27,10 +27,10 @@ struct PreambleMatch {
 // Positions of a chip sequence (levels 0 … 1) that lies whole in the frame, in order of certainty; empty if nothing
 // matches. Correlates all positions with the exposed sequence, mean and slope removed, over a grid of exposures and
 // rates; then runs fit_channel from the best. The preamble must be longer than the exposure by at least
-// kFewestChipsSeen chips.
+// kMinChipsSeen chips.
 std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::span<const double> preamble,
                                          const PreambleSearch& search);
 
-inline constexpr double kFewestChipsSeen = 6;
+inline constexpr double kMinChipsSeen = 6;
 
 }  // namespace ocisac

@@ -112,7 +112,7 @@ class PacketAssembler {
     std::ptrdiff_t first;
     std::size_t epoch;
     std::vector<double> llr;
-    std::ptrdiff_t searched;  // chip from which `blocks` count: `first`, or of the stretch before
+    std::ptrdiff_t blocks_first;  // chip from which `blocks` count: `first`, or of the stretch before
     std::vector<BlockSighting> blocks;
   };
   struct Vote {

@@ -75,7 +75,7 @@ class ChipReceiver {
   struct Frame {
     const CombinedColumn& column;
     std::int64_t number;
-    bool searched;                          // a search for the clock is allowed if tracking fails
+    bool may_search;                        // a search for the clock is allowed if tracking fails
     SearchEffort effort, effort_of_others;  // of models other than the last frame's
   };
   std::optional<FrameReading> read(std::span<const double> signal, Frame& frame);

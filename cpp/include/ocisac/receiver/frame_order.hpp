@@ -34,7 +34,7 @@ class FrameOrder {
   struct Verdict {
     FrameOutcome outcome = FrameOutcome::received;  // or repeated, other_shape
     std::int64_t missing = 0;
-    bool anew = false;  // the stream restarts with this frame: state of earlier frames is invalid
+    bool restarts = false;  // the stream restarts with this frame: state of earlier frames is invalid
   };
   // `lengths`: colours, rows, columns.
   Verdict admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths);

@@ -37,7 +37,7 @@ class Receiver {
  private:
   void place_given(const Region& whole);
   [[nodiscard]] bool must_search() const;
-  void begin_anew(const Region& whole);
+  void restart(const Region& whole);
   void search(std::span<const AnyFramesView> colours);
   void search_several(const AnyFramesView& frame);
   void search_one(const AnyFramesView& frame);

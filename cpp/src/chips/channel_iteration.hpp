@@ -1,4 +1,4 @@
-// One turn of channel refinement: detects the chips of some rows and fits the channel to them.
+// One iteration of channel refinement: detects the chips of some rows and fits the channel to them.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +10,8 @@
 
 namespace ocisac {
 
-// Data shared by all turns of a frame.
-struct TurnContext {
+// Data shared by all iterations of a frame.
+struct IterationContext {
   std::span<const double> signal;
   const DetectChips& detect;
   const RefineOptions& options;
@@ -29,20 +29,20 @@ struct FoundChips {
   [[nodiscard]] bool operator==(const FoundChips& other) const = default;
 };
 
-struct Turn {
+struct Iteration {
   ChannelEstimate channel;
   FoundChips chips;
 };
 
 // Absent if the effort is used up, or the chips do not determine a channel of positive swing.
-std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
+std::optional<Iteration> iterate(const IterationContext& context, const ChannelEstimate& channel, RowRange range);
 
-// The best of several turns by residual: where the clock is uncertain at the ends of the rows, also with a higher and a
-// lower rate; where the exposure is uncertain, also with a longer and a shorter one.
-std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
+// The best of several iterations by residual: where the clock is uncertain at the ends of the rows, also with a higher
+// and a lower rate; where the exposure is uncertain, also with a longer and a shorter one.
+std::optional<Iteration> iterate_best(const IterationContext& context, const ChannelEstimate& channel, RowRange range);
 
 // All chips that affect the rows; known chips of the options replace detected ones.
-std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range);
+std::optional<FoundChips> detect_rows(const IterationContext& context, const ChannelEstimate& channel, RowRange range);
 
 // Removes the chips at the ends, which affect only a few rows.
 FoundChips without_edges(const FoundChips& chips);

@@ -1,4 +1,4 @@
-#include "chips/channel_turn.hpp"
+#include "chips/channel_iteration.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -51,12 +51,12 @@ void put_known(const KnownChips& known, FoundChips& chips) {
 }
 
 // Degrees of dark and swing that minimise Schwarz's criterion at a fixed clock. In a part of the frame, at most lines.
-ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, const ChipClock& clock,
-                           bool most_of_frame) {
+ChannelModel choose_levels(const IterationContext& context, const FoundChips& chips, const ChipClock& clock,
+                           bool covers_frame) {
   const RefineOptions& options = context.options;
   ChannelModel best{0, 0, options.exposure_known};
-  double least = std::numeric_limits<double>::infinity();
-  const std::size_t highest = most_of_frame ? options.highest_degree : std::min<std::size_t>(options.highest_degree, 1);
+  double lowest = std::numeric_limits<double>::infinity();
+  const std::size_t highest = covers_frame ? options.highest_degree : std::min<std::size_t>(options.highest_degree, 1);
   for (std::size_t degree = 0; degree <= highest; ++degree)
     for (const std::size_t swing_degree : {std::size_t{0}, degree}) {
       if (swing_degree == 0 && degree > 1) continue;  // a light with gradients also lights its surroundings
@@ -65,8 +65,8 @@ ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, 
       if (!left) return best;
       const auto count = static_cast<double>(left->rows), unknowns = static_cast<double>(degree + swing_degree);
       const double criterion = count * std::log(std::max(left->squares, 1e-300) / count) + unknowns * std::log(count);
-      if (criterion < least) {
-        least = criterion;
+      if (criterion < lowest) {
+        lowest = criterion;
         best = model;
       }
     }
@@ -75,17 +75,17 @@ ChannelModel choose_levels(const TurnContext& context, const FoundChips& chips, 
 
 }  // namespace
 
-std::optional<FoundChips> detect_rows(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
+std::optional<FoundChips> detect_rows(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
   const auto signal = context.signal;
   const Levels levels{channel, signal.size()};
-  double least = std::numeric_limits<double>::infinity();
+  double lowest = std::numeric_limits<double>::infinity();
   std::vector<double> rows;
   for (std::size_t n = range.begin; n < range.end; ++n) {
     const double swing = levels.swing(n);
-    least = std::min(least, swing);
+    lowest = std::min(lowest, swing);
     rows.push_back((signal[n] - levels.dark(n)) / swing);
   }
-  if (!(least > 0)) return std::nullopt;
+  if (!(lowest > 0)) return std::nullopt;
   ChipClock clock = channel.clock;
   clock.phase -= static_cast<double>(range.begin);
   if (!(clock.exposure_rows + static_cast<double>(range.size()) - 1 < kMaxChips * clock.rows_per_chip))
@@ -104,14 +104,14 @@ FoundChips without_edges(const FoundChips& chips) {
   return {{chips.levels.begin() + 1, chips.levels.end() - 1}, chips.first + 1};
 }
 
-bool TurnContext::may_try(RowRange range, const ChipClock& clock, double fits) const {
+bool IterationContext::may_try(RowRange range, const ChipClock& clock, double fits) const {
   if (options.effort == nullptr) return true;
   const double rows = static_cast<double>(range.size());
   const double states = std::exp2(std::min(kMaxStateChips, std::ceil(clock.exposure_rows / clock.rows_per_chip)));
   return options.effort->take(rows * (fits + 1) + rows / clock.rows_per_chip * states / kStatesPerRow);
 }
 
-std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
+std::optional<Iteration> iterate(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
   check_interrupt();
   if (!context.may_try(range, channel.clock, kLevelFits)) return std::nullopt;
   auto chips = detect_rows(context, channel, range);
@@ -121,7 +121,7 @@ std::optional<Turn> take_turn(const TurnContext& context, const ChannelEstimate&
   auto fitted = fit_channel(context.signal, kept.known(), channel.clock,
                             choose_levels(context, kept, channel.clock, most), context.options.effort);
   if (!fitted || !(fitted->swing[0] > 0)) return std::nullopt;
-  return Turn{std::move(*fitted), std::move(*chips)};
+  return Iteration{std::move(*fitted), std::move(*chips)};
 }
 
 double end_error(const ChannelEstimate& channel, RowRange range) {
@@ -147,8 +147,8 @@ ChannelEstimate with_exposure_moved(ChannelEstimate channel, double chips) {
   return channel;
 }
 
-std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEstimate& channel, RowRange range) {
-  auto best = take_turn(context, channel, range);
+std::optional<Iteration> iterate_best(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
+  auto best = iterate(context, channel, range);
   const double error = end_error(channel, range);
   if (!(error > kCertainPhase)) return best;
   const double exposure_error = channel.errors.exposure_rows_std() / channel.clock.rows_per_chip;
@@ -157,11 +157,11 @@ std::optional<Turn> take_best_turn(const TurnContext& context, const ChannelEsti
   for (const double longer : {0.0, 1.0, -1.0}) {
     if (longer != 0 && (context.options.exposure_known || exposure_move == 0)) continue;
     for (const double faster : {0.0, -1.0, 1.0}) {
-      if (longer == 0 && faster == 0) continue;  // the unmodified turn, already evaluated
+      if (longer == 0 && faster == 0) continue;  // the unmodified channel, already evaluated
       const ChannelEstimate moved =
           with_exposure_moved(with_rate_moved(channel, range, faster * rate_move), longer * exposure_move);
       if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // for frames of a few rows
-      auto other = take_turn(context, moved, range);
+      auto other = iterate(context, moved, range);
       if (other && (!best || other->channel.noise < best->channel.noise)) best = std::move(other);
     }
   }
