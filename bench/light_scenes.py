@@ -60,7 +60,7 @@ def scene(random: np.random.Generator, lights: int, kind: str) -> tuple[np.ndarr
         frequency = float(frequencies[len(truth)])
         swing = float(np.exp(random.uniform(np.log(8.0), np.log(120.0))))
         wave = Tone(frequency) if random.random() < 0.5 else SquareWave(frequency)
-        light = integrate_exposure(wave, CAMERA, ROWS, random.random() / frequency)
+        light = integrate_exposure(wave, CAMERA, ROWS, start=random.random() / frequency)
         inside = (y - row) ** 2 + (x - column) ** 2 < (size / 2) ** 2
         picture = np.where(inside, 20.0 + swing * light[:, None], picture)
         cycles = size * frequency * ROW_TIME
@@ -99,7 +99,7 @@ def data_scene(random: np.random.Generator, code: str, kind: str) -> tuple[np.nd
     else:
         chips = encode_line_code(random.integers(0, 2, 1024), CODES[code])
         wave = Chips(chips.astype(float).tolist(), 1 / chip)
-    light = integrate_exposure(wave, CAMERA, ROWS, 20 * chip)
+    light = integrate_exposure(wave, CAMERA, ROWS, start=20 * chip)
     y, x = np.ogrid[:ROWS, :COLUMNS]
     inside = (y - row) ** 2 + (x - column) ** 2 < (size / 2) ** 2
     picture = np.where(inside, 20.0 + swing * light[:, None], ground(kind, random))

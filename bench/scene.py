@@ -44,11 +44,16 @@ def one_source() -> Scene:
     """A uniform light that fills half the width of the picture."""
     camera = Camera(15e-6, 500e-6, 1 / 30)
     source = Source(Rectangle(1, 2), Pose((0, 0, 1)), SquareWave(2000))
-    return Scene(Pinhole(1920, 1080, 4e-3, 4.2e-6), camera, Sensor(200 / 500e-6, bit_depth=8), [source])
+    return Scene(
+        Pinhole(columns=1920, rows=1080, focal_length=4e-3, pixel_pitch=4.2e-6),
+        camera,
+        Sensor(200 / 500e-6, bit_depth=8),
+        sources=[source],
+    )
 
 
 def frame_of(plan: Plan) -> np.ndarray:
-    return next(render(plan, 1))
+    return next(render(plan, frames=1))
 
 
 def floating(scene: Scene) -> Scene:
@@ -64,14 +69,14 @@ def main() -> None:
     start = time.perf_counter()
     expected = render_scene(testbed, subexposures=64)[0]
     brute = time.perf_counter() - start
-    plan = testbed.plan(0.5)
+    plan = testbed.plan(tolerance=0.5)
     frame = shortest(lambda: frame_of(plan))
-    planned = shortest(lambda: testbed.plan(0.5), 3)
+    planned = shortest(lambda: testbed.plan(tolerance=0.5), 3)
     print("1920 x 1080 pixels, times in ms")
     print(f"testbed, brute force of 64 sub-exposures: {brute * 1e3:9.1f}")
     print(f"testbed, tolerance 0.5 DN:                {frame * 1e3:9.1f}  {brute / frame:.0f} times faster")
     print(f"testbed, its plan, once:                  {planned * 1e3:9.1f}")
-    light = one_source().plan(0.5)
+    light = one_source().plan(tolerance=0.5)
     memory = np.empty((1080, 1920), np.uint8)
     written = shortest(lambda: memory.fill(7), 200)
     made = shortest(lambda: frame_of(light), 200)
@@ -84,7 +89,7 @@ def main() -> None:
 def tolerances(scene: Scene, expected: np.ndarray) -> None:
     print("tolerance (DN)  bound (DN)  from 64 sub-exposures (DN, rms)  time (ms)")
     for tolerance in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0):
-        plan = scene.plan(tolerance)
+        plan = scene.plan(tolerance=tolerance)
         error = frame_of(plan) - expected
         cost = shortest(lambda plan=plan: frame_of(plan), 5)
         print(f"{tolerance:14g}  {plan.bound:10.3g}  {np.sqrt(np.mean(error**2)):31.3g}  {cost * 1e3:9.1f}")

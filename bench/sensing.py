@@ -117,7 +117,9 @@ def video(frames: int) -> tuple[list[np.ndarray], int]:
         picture = still.copy()
         for frequency, row, column, down, right, radius in lamps:
             top, left = row + down * k - radius, column + right * k - radius
-            light = integrate_exposure(SquareWave(frequency), CAMERA, 1080, k / 240.0)[top : top + 2 * radius, None]
+            light = integrate_exposure(SquareWave(frequency), CAMERA, 1080, start=k / 240.0)[
+                top : top + 2 * radius, None
+            ]
             y, x = np.ogrid[-radius:radius, -radius:radius]
             part = picture[top : top + 2 * radius, left : left + 2 * radius]
             part[:] = np.where(x**2 + y**2 < radius**2, np.rint(20 + 150 * light).astype(np.uint8), part)
@@ -227,7 +229,10 @@ def locating(cases: int) -> float:
         place = random.uniform(-0.3, 0.3, 3) * (1, 1, 0.3)
         inside = lamps - place
         pixels = 1500.0 * inside[:, :2] / inside[:, 2:] + (960.0, 540.0) + random.normal(0, 1, (len(lamps), 2))
-        worst = max(worst, float(np.linalg.norm(locate_camera(lamps, pixels, 1500.0, (960.0, 540.0)).position - place)))
+        worst = max(
+            worst,
+            float(np.linalg.norm(locate_camera(lamps, pixels, focal=1500.0, centre=(960.0, 540.0)).position - place)),
+        )
     return worst
 
 

@@ -274,7 +274,7 @@ def exposure_choice(seconds: float) -> Iterator[Figure]:
     f_comm, f_sense = random.uniform(100.0, 1000.0, (2, 100_000))
     found = best_exposure(f_comm, f_sense)
     few = slice(0, 50)
-    searched = best_exposure(f_comm[few], f_sense[few], "search", points=100_001)
+    searched = best_exposure(f_comm[few], f_sense[few], method="search", points=100_001)
     objective, grid = np.asarray(found.objective)[few], np.asarray(searched.objective)
     if not (np.all(objective >= grid - 1e-18) and np.all(objective <= grid * (1 + 1e-6))):
         raise SystemExit("speed.py: best_exposure: not the maximum that a search finds; not timed")

@@ -78,7 +78,14 @@ class Setting:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Result of a setting: gain with its standard error, mean light (DN) and phase (rad) of the fit."""
+    """Result of a setting.
+
+    Attributes:
+        setting: what was simulated.
+        gain, gain_std: of the fit, with its standard error.
+        mean: light of the fit, DN.
+        phase: of the fit, rad.
+    """
 
     setting: Setting
     gain: float
@@ -123,7 +130,7 @@ def run(directory: str | os.PathLike[str]) -> Demonstration:
     """Write ``testbed.mkv`` (one frame per setting) and ``chips.png`` to the directory, read and decode them."""
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    write_frames(folder / "testbed.mkv", _testbed_frames(), 1 / FRAME_TIME)
+    write_frames(folder / "testbed.mkv", _testbed_frames(), frame_rate=1 / FRAME_TIME)
     light = Chips(MARKER + to_bits(MESSAGE), CHIP_RATE, repeat=True)
     write_frames(folder / "chips.png", _simulated(light, CHIP_CAMERA, start=1.7e-3))
 
@@ -259,7 +266,9 @@ def _draw_bits(axes: Any, demonstration: Demonstration) -> None:
     begin = received.phase + demonstration.text_at * received.rows_per_chip
     shown = 24 * received.rows_per_chip
     first = begin - len(MARKER) * received.rows_per_chip
-    plots.draw_chips(axes, demonstration.chips, CHIP_CAMERA, received, first - 4, begin + shown + 4)
+    plots.draw_chips(
+        demonstration.chips, CHIP_CAMERA, axes=axes, received=received, first=first - 4, last=begin + shown + 4
+    )
     for k, letter in enumerate(demonstration.text[:3]):
         centre = begin + (8 * k + 4) * received.rows_per_chip
         axes.text(centre, -28.0, letter, ha="center", va="center", fontsize="large", weight="bold", color=plots.BLUE)

@@ -299,7 +299,7 @@ def test_the_whole_frame_from_a_preamble(exposure):
     for seed in range(4):
         column = Column(seed, 4.1, exposure, 0.03, rows=720, preamble=preamble, gradient=0.2)
         start = find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
-        found = refine_channel(column.rows, start, detect_sequence, known=preamble)
+        found = refine_channel(column.rows, start, detect=detect_sequence, known=preamble)
         shift = round((column.start - column.phase) / column.rows_per_chip)
         assert errors_of(column, found, shift) == 0
         assert found.settled
@@ -329,7 +329,7 @@ def test_the_channel_of_the_whole_frame_is_the_fit_of_its_chips():
     preamble = np.random.default_rng(9).integers(0, 2, 32)
     column = Column(1, 4.1, 3.0, 0.02, rows=400, preamble=preamble)
     start = find_preamble(column.rows, preamble, rows_per_chip=4.1)[0].channel
-    got = refine_channel(column.rows, start, detect_sequence, known=preamble)
+    got = refine_channel(column.rows, start, detect=detect_sequence, known=preamble)
     assert got.settled
     assert errors_of(column, got, round((column.start - column.phase) / column.rows_per_chip)) == 0
     channel = got.channel
@@ -349,7 +349,7 @@ def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
         column = Column(seed, rows_per_chip, exposure, 0.02, rows=500)
         found = find_channel(
             column.rows,
-            detect_sequence,
+            detect=detect_sequence,
             rows_per_chip=rows_per_chip,
             exposure_rows=column.exposure_rows,
             exposure_known=rows_per_chip == 1.0,
@@ -372,9 +372,9 @@ def test_a_detector_that_answers_wrongly_is_refused():
     column = Column(0, 4.0, 2.0)
     start = fit_channel(column.rows, column.chips, **column.wrong_clock())
     with pytest.raises(ValueError, match="detect: got 1, allowed: as many levels as chips asked for"):
-        refine_channel(column.rows, start, lambda *question: [0.0])
+        refine_channel(column.rows, start, detect=lambda *question: [0.0])
     with pytest.raises(ValueError, match="highest_degree: got 9, allowed: 0 to 6"):
-        refine_channel(column.rows, start, detect_sequence, highest_degree=9)
+        refine_channel(column.rows, start, detect=detect_sequence, highest_degree=9)
 
 
 def channels_of(frames, seed, frame_rows=1501.3, period=3.7):
@@ -446,7 +446,7 @@ def test_frames_are_read_on_without_preambles_across_the_gaps(exposure):
             assert predicted.chips_lost < 0.2
             channel, known = predicted.channel(channel, rows), {}
             begins_with = 100 + predicted.chip
-        found = refine_channel(signal, channel, detect_sequence, **known)
+        found = refine_channel(signal, channel, detect=detect_sequence, **known)
         sent = chips[begins_with + found.first :][: len(found.chips)]
         edge = int(np.ceil(exposure)) + 1
         if frame > 0:  # in the first frame the chips before the light's first are missing

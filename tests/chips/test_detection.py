@@ -57,7 +57,7 @@ def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, met
         columns = columns[0, :, 0] if shape == (1,) else columns
     elif shape == (1, 3):
         columns = columns[0]
-    got, want = (of.detect_chips(columns, CAMERA, channel, method) for of in (ocisac, reference))
+    got, want = (of.detect_chips(columns, CAMERA, channel, method=method) for of in (ocisac, reference))
     assert got.llr.shape == want.llr.shape
     assert (got.first, got.method) == (want.first, method)
     # Rounding: the normal equations' condition times that of a row's place.
@@ -76,7 +76,7 @@ def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, met
 def test_sequences_are_those_of_the_plain_search(seed, rows_per_chip, length, phase, method):
     channel = make_channel(rows_per_chip, length * rows_per_chip, phase, noise=2.0)
     columns = make_columns(channel, (1, 130, 1), seed)[0][0, :, 0]
-    got = ocisac.detect_chips(columns, CAMERA, channel, method)
+    got = ocisac.detect_chips(columns, CAMERA, channel, method=method)
     want = reference.detect_chips(columns, CAMERA, channel, "mlse")
     edge = int(np.ceil(length)) + 1
     sure = np.abs(got.llr) > (3 if method == "auto" else 1e-3)  # `auto`: the slicer may differ where it is in doubt
@@ -87,13 +87,13 @@ def test_sequences_are_those_of_the_plain_search(seed, rows_per_chip, length, ph
 def test_frames_of_columns_are_read_like_each_by_itself(method):
     channel = make_channel(3.7, 3.7 * 1.4)
     columns, chips, first = make_columns(channel, (2, 300, 3), 1)
-    found = ocisac.detect_chips(columns, CAMERA, channel, method)
+    found = ocisac.detect_chips(columns, CAMERA, channel, method=method)
     assert found.llr.shape == chips.shape
     assert found.first == first
     np.testing.assert_array_equal(found.bits[:, 3:-3], chips[:, 3:-3])
     for frame in range(2):
         for column in range(3):
-            alone = ocisac.detect_chips(columns[frame, :, column], CAMERA, channel, method)
+            alone = ocisac.detect_chips(columns[frame, :, column], CAMERA, channel, method=method)
             np.testing.assert_array_equal(alone.llr, found.llr[frame, :, column])
 
 
@@ -165,15 +165,15 @@ def test_error_rates_agree_with_the_characteristic_function(rows_per_chip, lengt
 def test_channels_without_meaning_are_refused(change, message):
     channel = dataclasses.replace(make_channel(4.0, 8.0), **change)
     with pytest.raises(ValueError, match=message):
-        ocisac.detect_chips(np.ones(100), CAMERA, channel, "wiener")
+        ocisac.detect_chips(np.ones(100), CAMERA, channel, method="wiener")
 
 
 def test_other_bad_input_is_refused():
     channel = make_channel(4.0, 8.0)
     with pytest.raises(ValueError, match="method: got best, allowed: slicer, wiener"):
-        ocisac.detect_chips(np.ones(100), CAMERA, channel, "best")
+        ocisac.detect_chips(np.ones(100), CAMERA, channel, method="best")
     with pytest.raises(ValueError, match="exposure_rows: got 64, allowed: 0 to 15 chips"):
-        ocisac.detect_chips(np.ones(100), CAMERA, make_channel(4.0, 64.0), "mlse")
+        ocisac.detect_chips(np.ones(100), CAMERA, make_channel(4.0, 64.0), method="mlse")
     with pytest.raises(ValueError, match="columns"):
         ocisac.detect_chips(np.ones((2, 2, 2, 2)), CAMERA, channel)
     with pytest.raises(ValueError, match="noise: got 0, allowed"):

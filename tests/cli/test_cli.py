@@ -3,9 +3,6 @@
 import json
 import math
 import os
-import pathlib
-import re
-import shlex
 import signal
 import subprocess
 import sys
@@ -202,7 +199,7 @@ def test_a_simulation_is_the_light_of_the_rows(facts, tmp_path):
         "row_time_s": 22.2e-6,
         "exposure_s": 622e-6,
     }
-    want = 200 * integrate_exposure(SquareWave(500, 0.3, phase=1), Camera(22.2e-6, 622e-6), 300)
+    want = 200 * integrate_exposure(SquareWave(500, duty=0.3, phase=1), Camera(22.2e-6, 622e-6), 300)
     values = np.load(path)
     assert values.shape == (300, 4)
     assert np.allclose(values, want[:, np.newaxis], atol=1e-4)
@@ -468,27 +465,6 @@ def test_receive_in_rows_without_a_row_time(facts, chips):
     (got, *_) = facts("receive", chips)
     assert got["rows_per_chip"] == pytest.approx(1 / (8000 * 22.2e-6), rel=1e-3)
     assert not [key for key in got if key.endswith("_hz")]
-
-
-def test_the_readme_runs(facts, tmp_path, monkeypatch, capsys):
-    readme = (pathlib.Path(__file__).parents[2] / "README.md").read_text()
-    (code,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
-    *_, block = re.findall(r"```sh\n(.*?)```", readme, re.DOTALL)
-    monkeypatch.chdir(tmp_path)
-    light = ("--waveform", "square", "--frequency", "500", "--frames", 2, "--columns", 5, "--noise", 1, *DARK)
-    facts("simulate", *light, "--row-time", "22.2us", "--exposure", "1202us", "-o", "recording.mkv")
-    exec(compile(code, "README.md", "exec"), {})
-    assert capsys.readouterr().out.count("\n") >= 4
-    for line in block.splitlines():
-        command = shlex.split(line, comments=True)
-        if command[:1] == ["ocisac"]:
-            facts(
-                *[
-                    str(path)
-                    for word in command[1:]
-                    for path in (sorted(tmp_path.glob("*.png")) if "*" in word else [word])
-                ]
-            )
 
 
 def test_info_names_what_a_report_needs(facts):

@@ -95,30 +95,32 @@ def followed_sources():
 def located_camera():
     places = np.array([[-0.5, 0, 3], [0.5, 0, 3], [0, 0.6, 3.4], [0.2, -0.6, 2.6], [-0.4, 0.5, 2.5]], float)
     pixels = 900 * places[:, :2] / places[:, 2:] + [640, 360]
-    return ocisac.locate_camera(places, pixels, 900.0, (640.0, 360.0))
+    return ocisac.locate_camera(places, pixels, focal=900.0, centre=(640.0, 360.0))
 
 
 def rendered_scene():
     lamp = Source(Disc(0.02), Pose((0, 0, 0.5)), SquareWave(500.0))
-    scene = ocisac.Scene(Pinhole(24, 16, 4e-3, 1e-4), CAMERA, Sensor(2e6), sources=[lamp])
-    return list(render(scene.plan(0.5, frames=2), threads=2))
+    scene = ocisac.Scene(
+        Pinhole(columns=24, rows=16, focal_length=4e-3, pixel_pitch=1e-4), CAMERA, Sensor(2e6), sources=[lamp]
+    )
+    return list(render(scene.plan(tolerance=0.5, frames=2), threads=2))
 
 
 # Every public function, and what objects with a memory give; classes that only hold values are made by these.
 CALLS = {
-    "background_light": lambda: ocisac.background_light(TONE, CAMERA, [500.0], pooled=True),
-    "best_exposure": lambda: ocisac.best_exposure([500.0, 700.0], [175.0, 350.0], "search", points=500),
+    "background_light": lambda: ocisac.background_light(TONE, CAMERA, tones=[500.0], pooled=True),
+    "best_exposure": lambda: ocisac.best_exposure([500.0, 700.0], [175.0, 350.0], method="search", points=500),
     "best_noisy_exposure": lambda: best_noisy_exposure([500.0, 175.0], [1.0, 1.0], (1e-5, 2e-3)),
     "calibrate": lambda: ocisac.calibrate(TONE, 500.0),
     "chip_llr": lambda: chip_llr(SIGNAL / 40 - 0.25, noise=0.02, first=0, count=100, **CLOCK),
     "clock_bounds": lambda: clock_bounds(CHIPS, np.full(720, 40.0), noise=0.5, first=-3, **CLOCK),
     "closest_pair_distance": lambda: closest_pair_distance(6.0, 4.5),
     "decode_line_code": lambda: decode_line_code(np.linspace(-3, 3, 80), "8b10b"),
-    "detect_chips": lambda: ocisac.detect_chips(SIGNAL, CAMERA, CHANNEL, "mlse"),
+    "detect_chips": lambda: ocisac.detect_chips(SIGNAL, CAMERA, CHANNEL, method="mlse"),
     "detect_sources": lambda: ocisac.detect_sources(SQUARE, CAMERA),
     "detector_error_rates": lambda: detector_error_rates(6.0, 4.5, 0.1),
     "encode_line_code": lambda: encode_line_code(CHIPS[:128].astype(int), "4b6b"),
-    "equalize": lambda: ocisac.equalize(TONE, CAMERA, "wiener"),
+    "equalize": lambda: ocisac.equalize(TONE, CAMERA, method="wiener"),
     "expose_chips": lambda: expose_chips(CHIPS, 720, first=-3, **CLOCK),
     "exposure_front": lambda: ocisac.exposure_front(500.0, 175.0, points=200),
     "exposure_objective": lambda: ocisac.exposure_objective(np.linspace(1e-5, 2e-3, 99), 500.0, 175.0),

@@ -174,17 +174,19 @@ class TestObjective:
     @given(st.floats(0, 10), frequencies, frequencies, st.floats(0, 5), weights)
     def test_agrees_with_rational_arithmetic(self, T: float, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
         expected = reference.exposure_objective(T, f_1, f_2, (w_1, w_2))
-        assert of.exposure_objective(T, f_1, f_2, (w_1, w_2)) == pytest.approx(expected, rel=1e-14, abs=1e-300)
+        assert of.exposure_objective(T, f_1, f_2, weights=(w_1, w_2)) == pytest.approx(expected, rel=1e-14, abs=1e-300)
 
     def test_next_to_a_zero(self) -> None:
         f, exposure = 4950.0, np.nextafter(1000 / 4950.0, 1)
         cycles = Fraction(f) * Fraction(float(exposure)) - 1000
-        value = of.exposure_objective(exposure, f, f, (1, 0))
+        value = of.exposure_objective(exposure, f, f, weights=(1, 0))
         assert value == pytest.approx(abs(math.pi * float(cycles)) / (math.pi * f), rel=1e-12)
 
     def test_broadcasts(self) -> None:
         exposures = np.linspace(0, 0.01, 7)
-        values = of.exposure_objective(exposures[:, None], np.array([200.0, 300.0]), 100.0, (1, 2, 3), [50.0])
+        values = of.exposure_objective(
+            exposures[:, None], np.array([200.0, 300.0]), 100.0, weights=(1, 2, 3), more=[50.0]
+        )
         expected = reference.exposure_objective(exposures[:, None], np.array([200.0, 300.0]), 100.0, (1, 2, 3), [50.0])
         assert np.shape(values) == (7, 2)
         assert np.allclose(values, expected, rtol=1e-13, atol=0)
@@ -235,4 +237,4 @@ class TestRefusals:
         with pytest.raises(ValueError, match="exposure: got -1"):
             of.exposure_objective(-1.0, 100.0, 200.0)
         with pytest.raises(ValueError, match="weights: got 1 values"):
-            of.exposure_objective(0.1, 100.0, 200.0, (1,))
+            of.exposure_objective(0.1, 100.0, 200.0, weights=(1,))

@@ -32,7 +32,7 @@ class TestModulation:
     @settings(deadline=None, max_examples=40)
     @given(lights, exposures)
     def test_is_that_of_the_exposure_integral(self, light: FlickeringLight, exposure: float) -> None:
-        known = FlickeringLight(light.frequency, 0.0, light.duty, light.depth)
+        known = FlickeringLight(light.frequency, uncertainty=0.0, duty=light.duty, depth=light.depth)
         expected = reference.exposure_modulation(known, exposure)
         assert exposure_modulation(known, exposure) == pytest.approx(expected, abs=1e-10)
         assert exposure_modulation(light, exposure) >= reference.exposure_modulation(light, exposure) - 1e-10
@@ -42,14 +42,16 @@ class TestModulation:
     def test_the_worst_frequency_is_reached(self, light: FlickeringLight, exposure: float) -> None:
         """A sampled maximum is short of the true one by no more than a step times the steepest slope."""
         tried = light.frequency + np.linspace(-1, 1, 4001) * light.uncertainty
-        each = exposure_modulation(FlickeringLight(1.0, 0.0, light.duty, light.depth), tried * exposure)
+        each = exposure_modulation(
+            FlickeringLight(1.0, uncertainty=0.0, duty=light.duty, depth=light.depth), tried * exposure
+        )
         slope = 4.0 if light.duty is None else 4.0 / (light.duty * (1.0 - light.duty))
         step = light.uncertainty * exposure / 2000
         assert -1e-12 <= float(exposure_modulation(light, exposure)) - each.max() <= slope * step + 1e-12
 
     @pytest.mark.parametrize("light", [FlickeringLight(100.0), FlickeringLight(100.0, duty=0.3)])
     def test_bands_of_a_recording_are_as_told(self, light: FlickeringLight) -> None:
-        wave = Tone(100.0) if light.duty is None else SquareWave(100.0, light.duty)
+        wave = Tone(100.0) if light.duty is None else SquareWave(100.0, duty=light.duty)
         for exposure in (0.003, 0.0098, 0.0203):
             rows = integrate_exposure(wave, Camera(1e-6, exposure), 20_000)
             seen = (rows.max() - rows.min()) / (rows.max() + rows.min())
@@ -72,7 +74,7 @@ class TestModulation:
             cycles = 101.0 * exposure
             waves = 2 / (4 * orders**2 - 1) * np.sinc(orders * cycles) * np.cos(orders * phases)
             light = 1 - waves.sum(axis=0)
-            bound = exposure_modulation(mains_lights(50.0)[0], exposure)
+            bound = exposure_modulation(mains_lights([50.0])[0], exposure)
             assert (light.max() - light.min()) / (light.max() + light.min()) <= bound
 
 
@@ -89,7 +91,7 @@ class TestChoice:
     def test_against_a_search_by_integrals(
         self, some: list[FlickeringLight], below: float, longest: float, nearest: bool
     ) -> None:
-        some = [FlickeringLight(x.frequency, x.uncertainty, x.duty) for x in some]
+        some = [FlickeringLight(x.frequency, uncertainty=x.uncertainty, duty=x.duty) for x in some]
         near = longest / 3 if nearest else None
         bounds = (longest / 40, longest)
         found = flicker_free_exposure(some, below, near=near, bounds=bounds)
@@ -134,10 +136,12 @@ class TestChoice:
             assert found.modulation == left.min()
 
     def test_an_uncertainty_over_all_nulls_gives_the_best_there_is(self) -> None:
-        found = flicker_free_exposure([FlickeringLight(1000.0, 500.0)], 0.02, bounds=(0.0, 0.005))
+        found = flicker_free_exposure([FlickeringLight(1000.0, uncertainty=500.0)], 0.02, bounds=(0.0, 0.005))
         grid = np.linspace(1e-6, 0.005, 50_001)
         assert not found.holds
-        assert found.modulation == pytest.approx(exposure_modulation(FlickeringLight(1000.0, 500.0), grid).min())
+        assert found.modulation == pytest.approx(
+            exposure_modulation(FlickeringLight(1000.0, uncertainty=500.0), grid).min()
+        )
 
 
 class TestBothAtOnce:
@@ -227,7 +231,10 @@ class TestRefusals:
             ({"step": 0.03, "bounds": (0.031, 0.04)}, "step: got 0.03, allowed: a step with a multiple"),
             ({"min_gain": 0.5}, "f_comm: got None"),
             ({"f_comm": 100.0}, "f_comm: got 100.0, allowed: none of the lights to avoid"),
-            ({"lights": [FlickeringLight(90.0, 10.0)], "f_comm": 99.0, "min_gain": 0.5}, "f_comm: got 99.0"),
+            (
+                {"lights": [FlickeringLight(90.0, uncertainty=10.0)], "f_comm": 99.0, "min_gain": 0.5},
+                "f_comm: got 99.0",
+            ),
             ({"f_comm": 100.0, "min_gain": 1.0}, "min_gain: got 1.0"),
             ({"lights": [FlickeringLight(100.0, depth=0.01)]}, "bounds: got 0 as the shortest"),
         ],

@@ -30,9 +30,11 @@ duties = st.one_of(st.none(), st.floats(0.03, 0.97))
 def test_frequencies_are_those_and_all_those(
     exposures: list[float], duty: float | None, below: float, spread: float
 ) -> None:
-    found = flicker_free_frequencies(exposures, below, (50.0, 2000.0), duty, exposure_spread=spread)
+    found = flicker_free_frequencies(exposures, below, (50.0, 2000.0), duty=duty, exposure_spread=spread)
     grid = np.linspace(50.0, 2000.0, 20_001)
-    left = np.max([exposure_modulation(FlickeringLight(t, t * spread, duty), grid) for t in exposures], axis=0)
+    left = np.max(
+        [exposure_modulation(FlickeringLight(t, uncertainty=t * spread, duty=duty), grid) for t in exposures], axis=0
+    )
     inside = np.zeros(grid.size, bool)
     for low, high in found.intervals:
         inside |= (grid >= low * (1 - 1e-12)) & (grid <= high * (1 + 1e-12))
@@ -44,13 +46,13 @@ def test_frequencies_are_those_and_all_those(
         assert found.modulation <= left.min() * (1 + 1e-9)
     beyond = found.always_from * np.linspace(1.0 + 1e-9, 5.0, 5001)
     for t in exposures:
-        assert np.all(exposure_modulation(FlickeringLight(t, t * spread, duty), beyond) <= below)
+        assert np.all(exposure_modulation(FlickeringLight(t, uncertainty=t * spread, duty=duty), beyond) <= below)
 
 
 @pytest.mark.parametrize("duty", [None, 0.1, 0.7])
 def test_frequencies_hold_by_the_exposure_integral(duty: float | None) -> None:
     exposures = (1 / 60, 1 / 100)
-    found = flicker_free_frequencies(exposures, 0.05, (50.0, 1500.0), duty)
+    found = flicker_free_frequencies(exposures, 0.05, (50.0, 1500.0), duty=duty)
     assert found.holds
     for low, high in found.intervals[:6]:
         for frequency, inside in ((low * 1.00001, True), (high * 0.99999, True), (low * 0.9999, False)):
@@ -90,7 +92,7 @@ def test_chip_rates_hold_for_the_line_codes(code: str) -> None:
     total = np.concatenate([[0.0], np.cumsum(2 * chips - 1)])
     assert total.max() - total.min() == DIGITAL_SUM_SPANS[code]
     exposure = 1e-3
-    rate = flicker_free_chip_rate([exposure, 3e-3], 0.05, DIGITAL_SUM_SPANS[code])
+    rate = flicker_free_chip_rate([exposure, 3e-3], 0.05, digital_sum_span=DIGITAL_SUM_SPANS[code])
     rows = integrate_exposure(Chips(chips, rate), Camera(0.3 / rate, exposure), 100_000, start=exposure)
     seen = (rows.max() - rows.min()) / (rows.max() + rows.min())
     assert 0.03 < seen <= 0.05 * (1 + 1e-9)
@@ -98,7 +100,7 @@ def test_chip_rates_hold_for_the_line_codes(code: str) -> None:
 
 def test_chip_rate_of_manchester_is_reached() -> None:
     """x even: 01 10 at one end and the reverse at the other make the most of the bound."""
-    rate = flicker_free_chip_rate([1e-3], 0.05, 2)
+    rate = flicker_free_chip_rate([1e-3], 0.05, digital_sum_span=2)
     bright = [0, 1] + [1, 0] * 20 + [1, 0]
     rows = integrate_exposure(Chips(bright, rate), Camera(1 / rate, 1e-3), 2, start=41 / rate)
     assert rate == pytest.approx(40_000)
@@ -112,12 +114,12 @@ def test_chip_rate_of_manchester_is_reached() -> None:
         (lambda: flicker_free_frequencies([0.0], 0.02, (50, 60)), r"exposures: got \[0.0\]"),
         (lambda: flicker_free_frequencies([1e-3], 0.02, (60, 50)), "bounds: got 60 to 50"),
         (lambda: flicker_free_frequencies([1e-3], 1.0, (50, 60)), "below: got 1.0"),
-        (lambda: flicker_free_frequencies([1e-3], 0.1, (50, 60), 1.0), "duty: got 1.0"),
+        (lambda: flicker_free_frequencies([1e-3], 0.1, (50, 60), duty=1.0), "duty: got 1.0"),
         (lambda: flicker_free_frequencies([1e-3], 0.1, (50, 60), exposure_spread=1.0), "exposure_spread: got 1.0"),
         (lambda: smallest_flicker_free_duty(100.0, [1e-3], 0.0), "below: got 0.0"),
         (lambda: smallest_flicker_free_duty(math.nan, [1e-3], 0.1), "frequency: got nan"),
         (lambda: unmissed_frequency([1e-3], 0.0), "duty: got 0.0"),
-        (lambda: flicker_free_chip_rate([1e-3], 0.1, 0), "digital_sum_span: got 0"),
+        (lambda: flicker_free_chip_rate([1e-3], 0.1, digital_sum_span=0), "digital_sum_span: got 0"),
     ],
 )
 def test_refusals(call: object, message: str) -> None:

@@ -30,7 +30,7 @@ def recording(
     """(frames, rows) of a lamp that lights rows unevenly, and its frequency."""
     period = (ROWS + gap_rows + drift_rows) * row_time
     camera = Camera(row_time, exposure, (ROWS + gap_rows) * row_time)
-    light = integrate_exposure(SquareWave(1 / period, duty, phase=1.0), camera, ROWS, frames=frames)
+    light = integrate_exposure(SquareWave(1 / period, duty=duty, phase=1.0), camera, ROWS, frames=frames)
     profile = 3.0 + 2.0 * np.cos(np.arange(ROWS) / 40.0)
     noises = np.random.default_rng(int(1e4 * duty)).normal(0.0, noise, light.shape)
     return light * profile + 4.0 + noises, 1 / period

@@ -34,7 +34,7 @@ class TestAccuracy:
         for _ in range(100):
             position = random.uniform((-0.3, -0.3, -0.1), (0.3, 0.3, 0.1))
             pixels = seen_from(position, LAMPS, random.normal(0, 0.05, 3)) + random.normal(0, 1, LAMPS[:, :2].shape)
-            found = of.locate_camera(LAMPS, pixels, FOCAL, CENTRE)
+            found = of.locate_camera(LAMPS, pixels, focal=FOCAL, centre=CENTRE)
             errors.append(np.linalg.norm(found.position - position))
             pulls.append((found.position - position) @ np.linalg.solve(found.covariance, found.position - position))
             told.append(found.status)
@@ -61,7 +61,7 @@ class TestAccuracy:
         middles = np.array([[s.x + (s.width - 1) / 2, s.y + (s.height - 1) / 2] for s in by_frequency])
         for _ in range(20):
             pixels = middles + random.normal(0, 1, middles.shape)
-            place = of.locate_camera(LAMPS, pixels, FOCAL, CENTRE, noise=2.0)
+            place = of.locate_camera(LAMPS, pixels, focal=FOCAL, centre=CENTRE, noise=2.0)
             assert np.linalg.norm(place.position - position) < 0.05
 
     def test_distortion_is_undone(self) -> None:
@@ -70,7 +70,7 @@ class TestAccuracy:
         matrix = np.array([[FOCAL, 0, CENTRE[0]], [0, FOCAL, CENTRE[1]], [0, 0, 1]])
         shift = -cv2.Rodrigues(turn)[0] @ position
         pixels = cv2.projectPoints(LAMPS, turn, shift, matrix, np.array(bent))[0].reshape(-1, 2)
-        found = of.locate_camera(LAMPS, pixels, (FOCAL, FOCAL), CENTRE, distortion=bent)
+        found = of.locate_camera(LAMPS, pixels, focal=(FOCAL, FOCAL), centre=CENTRE, distortion=bent)
         assert found.position == pytest.approx(position, abs=1e-5)
         assert found.rotation == pytest.approx(cv2.Rodrigues(turn)[0], abs=1e-5)
 
@@ -79,7 +79,7 @@ class TestWhatCannotBeTold:
     def test_three_lights_are_ambiguous_and_the_truth_is_among_the_places(self) -> None:
         position = np.array([0.3, 0.2, 0.0])
         lamps = LAMPS[[0, 1, 4]]
-        found = of.locate_camera(lamps, seen_from(position, lamps, np.zeros(3)), FOCAL, CENTRE)
+        found = of.locate_camera(lamps, seen_from(position, lamps, np.zeros(3)), focal=FOCAL, centre=CENTRE)
         assert found.status == "ambiguous"
         places = np.vstack([found.position, found.alternatives])
         assert np.linalg.norm(places - position, axis=1).min() < 1e-3
@@ -87,20 +87,20 @@ class TestWhatCannotBeTold:
         away = np.sign(wrong - position)
         low, high = np.where(away > 0, -9.0, position - 0.02), np.where(away > 0, position + 0.02, 9.0)
         resolved = of.locate_camera(
-            lamps, seen_from(position, lamps, np.zeros(3)), FOCAL, CENTRE, inside=(list(low), list(high))
+            lamps, seen_from(position, lamps, np.zeros(3)), focal=FOCAL, centre=CENTRE, inside=(list(low), list(high))
         )
         assert resolved.position == pytest.approx(position, abs=1e-3)
 
     def test_a_far_small_square_is_ambiguous(self) -> None:
         lamps = np.array([[-0.2, -0.2, 6.0], [0.2, -0.2, 6.0], [0.2, 0.2, 6.0], [-0.2, 0.2, 6.0]])
         tilted = lamps @ cv2.Rodrigues(np.array([0.3, 0.0, 0.0]))[0].T
-        found = of.locate_camera(tilted, seen_from(np.zeros(3), tilted, np.zeros(3)), FOCAL, CENTRE)
+        found = of.locate_camera(tilted, seen_from(np.zeros(3), tilted, np.zeros(3)), focal=FOCAL, centre=CENTRE)
         assert found.status in ("ambiguous", "degenerate")
         assert found.reason
 
     def test_lights_in_a_line(self) -> None:
         lamps = np.linspace([-1.0, 0.0, 3.0], [1.0, 0.2, 3.0], 5)
-        found = of.locate_camera(lamps, seen_from(np.zeros(3), lamps, np.zeros(3)), FOCAL, CENTRE)
+        found = of.locate_camera(lamps, seen_from(np.zeros(3), lamps, np.zeros(3)), focal=FOCAL, centre=CENTRE)
         assert found.status == "degenerate"
         assert "in one line" in found.reason
         assert np.all(np.isnan(found.position))
@@ -108,7 +108,7 @@ class TestWhatCannotBeTold:
 
     def test_two_ids_changed(self) -> None:
         pixels = seen_from(np.zeros(3), LAMPS, np.zeros(3))[[1, 0, 2, 3, 4, 5]]
-        found = of.locate_camera(LAMPS, pixels, FOCAL, CENTRE)
+        found = of.locate_camera(LAMPS, pixels, focal=FOCAL, centre=CENTRE)
         assert found.status in ("inconsistent", "degenerate")
         assert found.reason
 

@@ -106,11 +106,11 @@ def test_payloads_come_through_noise_missing_repeated_and_dark_frames(count, noi
             continue
         dark = index % 83 == 40
         rows = 60 + noise * random.standard_normal(ROWS) if dark else tone_rows(random, tones[symbol], noise)
-        result = receiver.push(rows, index)
+        result = receiver.push(rows, number=index)
         assert result.missing == (index % 61 == 6)
         assert result.outcome == "received" or dark or Flag.NO_SIGNAL in result.flags
         if index % 50 == 9:
-            assert receiver.push(rows, index).outcome == "repeated"
+            assert receiver.push(rows, number=index).outcome == "repeated"
         if result.payload is not None:
             payloads.append((result.payload.data, result.payload.number))
     assert payloads

@@ -69,7 +69,7 @@ def receive(channel, receiver, frames, faults):
         if kind == "missing":
             missing += 1
             continue
-        result = receiver.push(channel.damaged(index, kind), index)
+        result = receiver.push(channel.damaged(index, kind), number=index)
         assert result.outcome in OUTCOMES
         assert (result.outcome == "not_finite") == (kind == "nan")
         assert kind != "short" or result.outcome == "other_shape" or index == 0
@@ -82,7 +82,7 @@ def receive(channel, receiver, frames, faults):
             missing = 0
         payloads += [] if result.payload is None else [result.payload]
         if kind == "repeated":
-            again = receiver.push(channel.frame(index), index)
+            again = receiver.push(channel.frame(index), number=index)
             assert (again.outcome, again.payload) == ("repeated", None)
     return payloads
 

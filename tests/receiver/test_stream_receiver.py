@@ -103,9 +103,9 @@ def test_frames_missing_repeated_damaged_and_dark_cost_no_more_than_themselves()
             rows = 20 + (kind == "noise") * light.random.standard_normal(len(rows))
         if kind == "nan":
             rows[500] = np.nan
-        result = receiver.push(rows[:700] if kind == "shape" else rows, index)
+        result = receiver.push(rows[:700] if kind == "shape" else rows, number=index)
         outcomes.setdefault(kind, set()).add(result.outcome)
-        again = receiver.push(light.frame(index), index)
+        again = receiver.push(light.frame(index), number=index)
         if kind == "shape":
             assert again.outcome in ("received", "no_signal")
             payload = payload or again.payload
@@ -170,15 +170,15 @@ def test_a_stream_that_begins_anew_is_believed_after_eight_frames():
     """A count from 0 again, and another picture size: neither may leave the receiver deaf."""
     light = Light(b"anew", seed=9, noise=0.01)
     receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
-    assert receiver.push(light.frame(0), 1000).outcome == "received"
-    outcomes = [receiver.push(light.frame(1 + index), index) for index in range(9)]
+    assert receiver.push(light.frame(0), number=1000).outcome == "received"
+    outcomes = [receiver.push(light.frame(1 + index), number=index) for index in range(9)]
     assert [result.outcome for result in outcomes] == ["repeated"] * 7 + ["received"] * 2
     assert outcomes[7].missing == 0
     light.rows = 900
     outcomes = [receiver.push(light.frame(10 + index)) for index in range(9)]
     assert [result.outcome for result in outcomes] == ["other_shape"] * 7 + ["received"] * 2
     assert [result.frame for result in outcomes] == list(range(9, 18))
-    assert receiver.push(light.frame(22), 21).missing == 3
+    assert receiver.push(light.frame(22), number=21).missing == 3
 
 
 def test_searches_in_vain_become_rare_and_the_light_is_found_again():
@@ -236,7 +236,7 @@ def test_what_the_gap_and_the_code_leave():
         (lambda r: Receiver(r).push(np.zeros((2, 2, 2, 2))), "frame: got shape"),
         (lambda r: Receiver(r).push(np.zeros((0, 4))), "frame: got shape .0, 4., allowed: at least one"),
         (lambda r: Receiver(r).push(np.zeros(9, complex)), "complex"),
-        (lambda r: Receiver(r).push(np.zeros(9), 1.5), "number: got 1.5, allowed: a whole number"),
+        (lambda r: Receiver(r).push(np.zeros(9), number=1.5), "number: got 1.5, allowed: a whole number"),
         (lambda r: Receiver(r, colour=3).push(np.zeros((9, 9, 3))), "colour: got 3, allowed: 0 to 2"),
     ],
 )

@@ -28,7 +28,7 @@ from ocisac_fast.scene import (
 from ocisac_fast.scene.blur import left_out
 
 CAMERA = Camera(60e-6, 500e-6)
-LENS = Pinhole(13, 9, 4e-3, 1e-4, blur=0.7)
+LENS = Pinhole(columns=13, rows=9, focal_length=4e-3, pixel_pitch=1e-4, blur=0.7)
 
 
 def scene_of(*surfaces, lens=LENS, ambient=0.8):
@@ -36,9 +36,9 @@ def scene_of(*surfaces, lens=LENS, ambient=0.8):
         lens,
         CAMERA,
         Sensor(200 / 500e-6),
-        sources=[Source(Disc(0.03), Pose((0.02, -0.01, 0.5)), SquareWave(900.0, 0.3), intensity=2.0)],
+        sources=[Source(Disc(0.03), Pose((0.02, -0.01, 0.5)), SquareWave(900.0, duty=0.3), intensity=2.0)],
         surfaces=surfaces,
-        ambient=Ambient(ambient, Tone(100.0, depth=0.4)),
+        ambient=Ambient(ambient, waveform=Tone(100.0, depth=0.4)),
     )
 
 
@@ -63,19 +63,19 @@ def blurred_by_hand(scene):
 @pytest.mark.parametrize(
     "surface",
     [
-        Surface(Rectangle(0.2, 0.1), Pose((0, 0, 0.6), (0.0, 0.2, 0.0)), Plain(0.6)),
-        Surface(Rectangle(0.2, 0.1), Pose((0.05, 0, 0.6)), Cosine(40.0, 0.1, 0.9), speed=8.0),
-        Surface(Rectangle(0.5, 0.5), Pose((0, 0, 0.6)), Grating(31.0)),
+        Surface(Rectangle(0.2, 0.1), Pose((0, 0, 0.6), (0.0, 0.2, 0.0)), pattern=Plain(0.6)),
+        Surface(Rectangle(0.2, 0.1), Pose((0.05, 0, 0.6)), pattern=Cosine(40.0, low=0.1, high=0.9), speed=8.0),
+        Surface(Rectangle(0.5, 0.5), Pose((0, 0, 0.6)), pattern=Grating(31.0)),
     ],
 )
 def test_frames_are_means_of_sharp_ones(surface):
     scene = scene_of(surface)
-    plan = scene.plan(1e-4)
+    plan = scene.plan(tolerance=1e-4)
     (frame,) = render(plan)
     assert plan.bound < 2e-3
     assert plan.changing_pixels <= scene.lens.rows * scene.lens.columns
     np.testing.assert_allclose(frame, blurred_by_hand(scene), atol=plan.bound)
-    rough = scene.plan(5.0)
+    rough = scene.plan(tolerance=5.0)
     assert rough.bound <= 5.0
     np.testing.assert_allclose(next(render(rough)), frame, atol=rough.bound + plan.bound)
 
@@ -84,13 +84,13 @@ def test_light_is_kept_and_no_blur_is_the_sharp_picture():
     sharp, blurred = (
         scene_of(lens=dataclasses.replace(LENS, columns=41, rows=41, blur=b), ambient=0) for b in (0, 2.5)
     )
-    first, second = (next(render(scene.plan(1e-3))).sum(axis=1) for scene in (sharp, blurred))
+    first, second = (next(render(scene.plan(tolerance=1e-3))).sum(axis=1) for scene in (sharp, blurred))
     assert np.count_nonzero(second) > np.count_nonzero(first)
     steady = [
         dataclasses.replace(scene, sources=[dataclasses.replace(scene.sources[0], waveform=Tone(0.0))])
         for scene in (sharp, blurred)
     ]
-    first, second = (float(next(render(scene.plan(1e-3))).astype(float).sum()) for scene in steady)
+    first, second = (float(next(render(scene.plan(tolerance=1e-3))).astype(float).sum()) for scene in steady)
     assert second == pytest.approx(first, rel=1e-6)
 
 
@@ -102,8 +102,8 @@ def test_what_is_left_out_is_bounded():
 
 def test_files_hold_the_blur(tmp_path):
     path = tmp_path / "scene.toml"
-    scene = scene_of(Surface(Rectangle(0.2, 0.1), Pose((0, 0, 0.6)), Plain(0.6)))
-    save_scene(scene, path)
+    scene = scene_of(Surface(Rectangle(0.2, 0.1), Pose((0, 0, 0.6)), pattern=Plain(0.6)))
+    save_scene(path, scene)
     assert load_scene(path).lens.blur == 0.7
     assert "blur = 0.7" in path.read_text()
 
@@ -115,6 +115,6 @@ def test_refused_blur(blur):
 
 
 def test_moving_edges_are_refused():
-    scene = scene_of(Surface(Rectangle(0.5, 0.5), Pose((0, 0, 0.6)), Grating(30.0), speed=3.0))
+    scene = scene_of(Surface(Rectangle(0.5, 0.5), Pose((0, 0, 0.6)), pattern=Grating(30.0), speed=3.0))
     with pytest.raises(ValueError, match=r"blur: got 0\.7 before surface 0, allowed: 0 before a moving grating"):
-        scene.plan(1e-3)
+        scene.plan(tolerance=1e-3)

@@ -33,7 +33,7 @@ def scene(frames=3, seed=1, lit=True):
     y, x = np.mgrid[:720, :960]
     disc = ((y - 330) / 170) ** 2 + ((x - 600) / 70) ** 2 < 1
     if lit:
-        waves = ocisac.integrate_exposure(ocisac.Tone(1517.0, 200.0), CAMERA, 720, 0.0, frames)
+        waves = ocisac.integrate_exposure(ocisac.Tone(1517.0, amplitude=200.0), CAMERA, 720, start=0.0, frames=frames)
         view += disc * waves[..., None]
     view += 2 * random.standard_normal(view.shape)
     return np.clip(np.rint(view), 0, 255).astype(np.uint8)
@@ -70,7 +70,7 @@ def test_gain_of_a_found_texture_with_the_light_beside_it_told(frames):
 
 def test_the_background_is_measured_beside_lights():
     view = np.full((2, 720, 300), 30.0)
-    waves = ocisac.integrate_exposure(ocisac.Tone(1517.0, 200.0), CAMERA, 720, 0.0, 2)
+    waves = ocisac.integrate_exposure(ocisac.Tone(1517.0, amplitude=200.0), CAMERA, 720, start=0.0, frames=2)
     view[:, :, 120:180] += waves[..., None]
     view += np.random.default_rng(3).normal(0, 2, view.shape)
     stored = np.rint(view).astype(np.uint8)
@@ -184,7 +184,7 @@ def test_noise_in_the_restored_columns_is_what_is_told():
 def test_restored_contrast_is_that_of_equalised_columns(method, depth):
     """The equaliser of the reference, and the contrast before and after it, the ends of two exposures left out."""
     columns, camera = noisy(0.6, rows=540, columns=5)
-    found = ocisac.restore_contrast(columns, camera, 350.2, method, depth=depth)
+    found = ocisac.restore_contrast(columns, camera, 350.2, method=method, depth=depth)
     restored = reference.equalize(columns, camera, method, None, max_boost=10.0)
     np.testing.assert_allclose(found.columns, restored, rtol=1e-6)
     ends = min(math.ceil(2 * camera.exposure / ROW_TIME), 540 // 4)

@@ -46,13 +46,17 @@ def grating(frames, rows, columns, fx, speed, per_column=0.2, noise=2.0, seed=0)
     """A square wave that moves across the rows, through the library's exposure integration."""
     phases = -2 * np.pi * per_column * np.arange(columns)
     waves = [ocisac.SquareWave(fx * speed, amplitude=200.0, phase=phase) for phase in phases]
-    light = np.stack([ocisac.integrate_exposure(wave, camera(), rows, 0.0, frames) for wave in waves], axis=-1)
+    light = np.stack(
+        [ocisac.integrate_exposure(wave, camera(), rows, start=0.0, frames=frames) for wave in waves], axis=-1
+    )
     return light + noise * np.random.default_rng(seed).standard_normal(light.shape)
 
 
 def lamp(frames, rows, columns, frequency, *, mean=100.0, exposure=1202e-6, noise=2.0, seed=0):
-    tone = ocisac.Tone(frequency, 2 * mean)
-    light = ocisac.integrate_exposure(tone, camera(exposure), rows, 0.0, frames)[..., None] * np.ones(columns)
+    tone = ocisac.Tone(frequency, amplitude=2 * mean)
+    light = ocisac.integrate_exposure(tone, camera(exposure), rows, start=0.0, frames=frames)[..., None] * np.ones(
+        columns
+    )
     return light + noise * np.random.default_rng(seed).standard_normal(light.shape)
 
 
@@ -439,7 +443,7 @@ def test_a_light_and_a_texture_on_the_same_pixels():
             frames, camera(), others=[517.0], background=60.0, bounds=(250, 450), motion=KnownMotion(pitch=1e-3)
         )
         assert moving.kind == "moving"
-        beside = ocisac.background_light(unlit, camera(), [moving.frequency])
+        beside = ocisac.background_light(unlit, camera(), tones=[moving.frequency])
         light = ocisac.sense_region(frames, camera(), 517.0, others=[moving.frequency], background=beside)
         assert light.kind == "light"
         assert light.background_given

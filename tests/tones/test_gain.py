@@ -65,10 +65,11 @@ def test_agrees_with_the_reference(
     pixels = (big / 255 if floating else big).astype(dtype)
     view = pixels[:, ::row_step, ::column_step] if frames else pixels[0, ::row_step, ::column_step]
     camera = Camera(ROW_TIME, exposure=exposure, tone_curve=curve, dark_level=1 / 255 if floating else 1)
-    arguments = (camera, cycles / ROW_TIME, method, waveform, duty)
+    arguments = (camera, cycles / ROW_TIME)
+    options = {"method": method, "waveform": waveform, "duty": duty, "pooled": pooled}
     before = pixels.copy()
-    got = ocisac.tone_gain(view, *arguments, pooled=pooled)
-    want = reference.tone_gain(view, *arguments, pooled=pooled)
+    got = ocisac.tone_gain(view, *arguments, **options)
+    want = reference.tone_gain(view, *arguments, **options)
     # Streamed integers: a residual that is a difference of squares, and, from 256 rows of bytes on, weights of 13 bits
     # or more, which see the noise a little differently.
     streamed = not floating and method == "fit" and curve == "linear" and not pooled

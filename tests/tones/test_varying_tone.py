@@ -56,7 +56,10 @@ def test_agrees_with_the_reference(rows, position, shape, degree, dtype, step, w
     view = pixels[:, ::step] if len(shape) == 2 else pixels[::step]
     camera = Camera(1.0, tone_curve=curve)
     frequency = min(cycles * rows / len(range(rows)), 0.47)
-    got, want = (of.varying_tone_gain(view, camera, frequency, degree, waveform, duty) for of in (ocisac, reference))
+    got, want = (
+        of.varying_tone_gain(view, camera, frequency, degree=degree, waveform=waveform, duty=duty)
+        for of in (ocisac, reference)
+    )
     assert got.gain.shape == shape
     # As the steady fit of integers does.
     assert_agree(got, want, 1e-10 if dtype.startswith("float") else 1e-8, 1e-3 if dtype == "uint8" else 0.0)
@@ -82,7 +85,7 @@ def test_a_gradient_of_the_background_alone_is_exact_too():
 @pytest.mark.parametrize("degree", [0, 2])
 def test_standard_errors_are_those_of_many_columns(cycles, cost, degree):
     column = columns_of(720, cycles, 4000)
-    found = ocisac.varying_tone_gain(column, Camera(1.0), cycles / 720, degree)
+    found = ocisac.varying_tone_gain(column, Camera(1.0), cycles / 720, degree=degree)
     spread = np.sqrt(np.mean((found.gain - 0.5) ** 2))
     assert np.sqrt(np.mean(found.gain_std**2)) == pytest.approx(spread, rel=0.05)
     assert np.abs(found.gain.mean() - 0.5) < 4 * spread / np.sqrt(4000)

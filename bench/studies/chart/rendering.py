@@ -23,9 +23,11 @@ def testbed(columns: int) -> Scene:
     """The paper's testbed (table 2): an LED in a ring of bars, 180 rows for 270 columns; light up to 140 DN."""
     exposure, place = 2404e-6, Pose((0.0, 0.0, 0.3))
     led = Source(Disc(0.08), place, SquareWave(500.0))
-    ring = Surface(Ring(0.15, 0.04), place, Grating(100.0), speed=1.751)
-    lens = Pinhole(columns, columns * 2 // 3, 4e-3, 3.65e-6 * 1080 / columns)
-    return Scene(lens, Camera(22.2e-6, exposure), Sensor(200 / exposure), [led], [ring], ambient=Ambient(0.7))
+    ring = Surface(Ring(0.15, 0.04), place, pattern=Grating(100.0), speed=1.751)
+    lens = Pinhole(columns=columns, rows=columns * 2 // 3, focal_length=4e-3, pixel_pitch=3.65e-6 * 1080 / columns)
+    return Scene(
+        lens, Camera(22.2e-6, exposure), Sensor(200 / exposure), sources=[led], surfaces=[ring], ambient=Ambient(0.7)
+    )
 
 
 @panel(
@@ -38,10 +40,10 @@ def testbed(columns: int) -> Scene:
 def measure_scenes(effort: Effort, progress: Progress) -> list[Point]:
     """Measure plans at several tolerances, labelled in DN, and brute force, labelled by the number of sub-exposures."""
     scene = testbed(min(effort.columns, 540))
-    truth = next(render(scene.plan(_EXACT)))
+    truth = next(render(scene.plan(tolerance=_EXACT)))
     calls: list[tuple[str, str, str, Callable[[], Any]]] = []
     for tolerance in _TOLERANCES:
-        calls.append((f"plan, {tolerance:g} DN", "plan", f"{tolerance:g}", _frame_of(scene.plan(tolerance))))
+        calls.append((f"plan, {tolerance:g} DN", "plan", f"{tolerance:g}", _frame_of(scene.plan(tolerance=tolerance))))
     for count in _SUBEXPOSURES:
         calls.append((f"brute force, {count}", "brute force", f"{count}", _brute_force_of(scene, count)))
     points = []

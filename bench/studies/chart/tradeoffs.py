@@ -83,7 +83,7 @@ def _search_of(fast: Float64s, slow: Float64s, points: int) -> Callable[[], Floa
 
 
 def _choice_of(fast: Float64s, slow: Float64s, method: Any, points: int = 10001) -> Callable[[], Any]:
-    return lambda: best_exposure(fast, slow, method, points=points).exposure
+    return lambda: best_exposure(fast, slow, method=method, points=points).exposure
 
 
 # Exposure integration
@@ -146,7 +146,10 @@ def circular_inverse(columns: npt.NDArray[Any], camera: Camera, max_boost: float
 
 
 _CHIP_LIGHT = Chips(np.random.default_rng(3).integers(0, 2, 400), chip_rate=1.0 / (12 * _ROW_TIME), repeat=True)
-_TONE_LIGHT = sum((Tone(f, 0.25, phase) for f, phase in ((310.0, 1.0), (730.0, 2.0), (1490.0, 3.0))), Tone(95.0, 0.25))
+_TONE_LIGHT = sum(
+    (Tone(f, amplitude=0.25, phase=phase) for f, phase in ((310.0, 1.0), (730.0, 2.0), (1490.0, 3.0))),
+    Tone(95.0, amplitude=0.25),
+)
 _EQUALIZED = {"three tones and a swell": _TONE_LIGHT, "chips of 12 rows": _CHIP_LIGHT}
 _EQUALIZERS = ("none", "circular inverse", "inverse", "wiener")
 
@@ -185,7 +188,7 @@ def measure_equalizers(effort: Effort, progress: Progress) -> list[Point]:
 def _light_of(waveform: Waveform, camera: Camera, columns: int) -> Float64s:
     """(2, rows, columns): mean over the exposures, and the light at their ends; each column has its own start."""
     starts = np.linspace(0.0, 0.05, columns)
-    blurred = np.stack([integrate_exposure(waveform, camera, _ROWS, start) for start in starts], axis=1)
+    blurred = np.stack([integrate_exposure(waveform, camera, _ROWS, start=start) for start in starts], axis=1)
     instants = np.arange(_ROWS)[:, None] * camera.row_period + starts
     return np.stack([blurred, sample_waveform(waveform, instants)])
 
@@ -196,4 +199,4 @@ def _equalizer(method: str, camera: Camera) -> Callable[[npt.NDArray[np.uint8]],
     if method == "circular inverse":
         return lambda columns: circular_inverse(columns, camera)
     kind: Literal["inverse", "wiener"] = "wiener" if method == "wiener" else "inverse"
-    return lambda columns: equalize(columns, camera, kind)
+    return lambda columns: equalize(columns, camera, method=kind)

@@ -214,7 +214,7 @@ def _closed_form(seen: Float64s, bounds: Float64s) -> Float64s:
     for k in range(1, held.shape[1]):
         held[:, k] = np.where(np.isnan(held[:, k]), held[:, k - 1], held[:, k])
     held = np.where(np.isnan(held), LIGHT_FREQUENCY, held)
-    return _stepped(np.asarray(best_exposure(held[0], held[1], "closed-form").exposure), bounds)
+    return _stepped(np.asarray(best_exposure(held[0], held[1], method="closed-form").exposure), bounds)
 
 
 def _best_fixed(after: Float64s, weights: tuple[float, float], bounds: Float64s, noise: Float64s) -> float:

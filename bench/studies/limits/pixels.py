@@ -136,7 +136,10 @@ def _duty() -> list[Point]:
         scene = dataclasses.replace(_BASE, exposure_cycles=0.3, waveform="square")
         random = np.random.default_rng(9)
         phases = random.uniform(-np.pi, np.pi, 50)
-        rows = [integrate_exposure(SquareWave(scene.frequency, duty, 1, p), scene.camera, scene.rows) for p in phases]
+        rows = [
+            integrate_exposure(SquareWave(scene.frequency, duty=duty, amplitude=1, phase=p), scene.camera, scene.rows)
+            for p in phases
+        ]
         light = 20.0 + 200.0 * np.stack(rows, axis=1) + 2.0 * random.standard_normal((scene.rows, 50))
         frame = np.clip(np.rint(light), 0, 255).astype(np.uint8)
         found = tone_gain(frame, scene.camera, scene.frequency, waveform="square", duty=duty, background=20.0)

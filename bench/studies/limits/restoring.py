@@ -21,7 +21,7 @@ def _restored(light: Waveform, frequency: float, x: float, rows: int, exposure_r
     frequency with 1 % noise."""
     camera = Camera(_ROW_TIME, exposure_rows * _ROW_TIME)
     starts = np.linspace(0.0, 0.05, 40)
-    blurred = np.stack([integrate_exposure(light, camera, rows, start) for start in starts], axis=1)
+    blurred = np.stack([integrate_exposure(light, camera, rows, start=start) for start in starts], axis=1)
     truth = sample_waveform(light, np.arange(rows)[:, None] * _ROW_TIME + starts)
     columns = blurred + _NOISE * np.random.default_rng(12).standard_normal(blurred.shape)
     restored, report = equalize(columns, camera, report=True)
@@ -54,7 +54,7 @@ def _null_equalisation() -> list[Point]:
     points = []
     for exposure_rows in (1.5, 3, 6, 12, 24, 45):
         highest = 0.3 / (exposure_rows * _ROW_TIME)  # well inside the first lobe
-        light = Tone(highest, 0.5) + Tone(0.45 * highest, 0.5, 1.0)
+        light = Tone(highest, amplitude=0.5) + Tone(0.45 * highest, amplitude=0.5, phase=1.0)
         points.append(_restored(light, highest, exposure_rows, 1080, exposure_rows))
     return points
 

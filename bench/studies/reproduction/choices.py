@@ -54,7 +54,7 @@ def deviations() -> Deviations:
     inverse_ratio = np.arange(1, 101) / 100.0
     fast = SLOWEST / inverse_ratio
     exact = best_exposure(fast, SLOWEST)
-    closed = best_exposure(fast, SLOWEST, "closed-form")
+    closed = best_exposure(fast, SLOWEST, method="closed-form")
     return Deviations(
         inverse_ratio,
         np.asarray(exact.objective),

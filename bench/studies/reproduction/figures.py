@@ -199,7 +199,7 @@ def _optimum_and_closed_form(canvas: Canvas, workshop: Workshop) -> None:
             1e3 * time, 1e3 * choices.objective(time, 200.0, motion), color=colour, label=f"f_x v = {motion:.0f} Hz"
         )
         exact = best_exposure(200.0, motion)
-        closed = best_exposure(200.0, motion, "closed-form")
+        closed = best_exposure(200.0, motion, method="closed-form")
         axes.plot(1e3 * exact.exposure, 1e3 * exact.objective, "s", color=colour, ms=9.0, mfc="none", mew=1.6)
         axes.plot(1e3 * closed.exposure, 1e3 * closed.objective, "o", color=colour, ms=6.0)
         loss = 100.0 * abs(1.0 - float(closed.objective) / float(exact.objective))

@@ -52,8 +52,8 @@ class GainResult:
 def measure(setting: Setting, frames: int = FRAMES, seed: int = 0) -> GainResult:
     """Record a setting and measure it."""
     columns = record(setting, frames, seed)
-    paper = tone_gain(columns, setting.camera, setting.frequency, "dft", "square").gain
-    fit = tone_gain(columns, setting.camera, setting.frequency, "fit", "square")
+    paper = tone_gain(columns, setting.camera, setting.frequency, method="dft", waveform="square").gain
+    fit = tone_gain(columns, setting.camera, setting.frequency, method="fit", waveform="square")
     root = math.sqrt(frames)
     return GainResult(
         setting,

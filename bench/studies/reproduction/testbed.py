@@ -107,14 +107,14 @@ def scene(setting: Setting, columns: int, turn: float) -> Scene:
     The lampshade is the plane that touches the ring in front of the LED; its bars have the pitch of the ring. In
     recordings of communication it is static, with a slot in front of the middle column.
     """
-    lens = Pinhole(columns, ROWS, FOCAL_LENGTH, PIXEL_PITCH)
-    sensor = Sensor(SWING / setting.exposure, 8, FULL_WELL, read_noise=NOISE * FULL_WELL / 255.0)
+    lens = Pinhole(columns=columns, rows=ROWS, focal_length=FOCAL_LENGTH, pixel_pitch=PIXEL_PITCH)
+    sensor = Sensor(SWING / setting.exposure, bit_depth=8, full_well=FULL_WELL, read_noise=NOISE * FULL_WELL / 255.0)
     flickers = setting.kind == "communication"
     light = SquareWave(setting.frequency, phase=2.0 * math.pi * turn) if flickers else Constant(1.0)
     lamp = Source(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE + RING_DIAMETER / 2.0)), light)
     grating = GRATINGS[0] if flickers else setting.nominal
     bars = Grating(true_grating(grating), phase=0.0 if flickers else -2.0 * math.pi * turn)
-    shade = Mask(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE)), bars, 0.0 if flickers else speed())
+    shade = Mask(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE)), pattern=bars, speed=0.0 if flickers else speed())
     return Scene(lens, setting.camera, sensor, sources=(lamp,), masks=(shade,))
 
 
@@ -122,5 +122,5 @@ def record(setting: Setting, frames: int, seed: int, columns: int = 1) -> npt.ND
     """A recording of the testbed: (frames, rows, columns) bytes with noise, rendered from :func:`scene`."""
     number = settings().index(setting)
     turn = float(np.random.default_rng([seed, number]).uniform())
-    plan = scene(setting, columns, turn).plan(TOLERANCE, frames=frames)
+    plan = scene(setting, columns, turn).plan(tolerance=TOLERANCE, frames=frames)
     return np.stack(list(render(plan, noise=True, seed=seed * len(settings()) + number)))

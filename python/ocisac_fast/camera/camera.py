@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import functools
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Literal
 
 from ocisac_fast import _core
@@ -38,6 +40,7 @@ class Camera:
     row_time: float | None
     exposure: float | None = None
     frame_time: float | None = None
+    _: KW_ONLY
     tone_curve: str = "linear"
     gamma: float = 2.2
     dark_level: float = 0.0
@@ -62,9 +65,10 @@ class Camera:
         )
         object.__setattr__(self, "_handle", handle)
 
-    def __reduce__(self) -> tuple[type[Camera], tuple[object, ...]]:
-        values = (self.row_time, self.exposure, self.frame_time)
-        return (type(self), (*values, self.tone_curve, self.gamma, self.dark_level, self.white_level, self.scan_axis))
+    def __reduce__(self) -> tuple[Callable[[], Camera], tuple[()]]:
+        return functools.partial(
+            type(self), **{item.name: getattr(self, item.name) for item in fields(self) if item.init}
+        ), ()
 
     @property
     def row_period(self) -> float:

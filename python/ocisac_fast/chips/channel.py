@@ -97,7 +97,13 @@ class PreambleMatch:
 
 @dataclass(frozen=True, slots=True)
 class Pooled:
-    """Mean of several values weighted by the inverse squares of their errors, its standard error, number of values."""
+    """Mean of several values weighted by the inverse squares of their errors.
+
+    Attributes:
+        value: the mean.
+        std: its standard error.
+        count: number of values.
+    """
 
     value: float
     std: float
@@ -393,8 +399,8 @@ def find_preamble(
 def refine_channel(
     signal: npt.ArrayLike,
     start: ChannelEstimate,
-    detect: Detect | None = None,
     *,
+    detect: Detect | None = None,
     known: npt.ArrayLike = (),
     known_first: int = 0,
     exposure_known: bool = False,
@@ -436,8 +442,8 @@ def refine_channel(
 @checked
 def find_channel(
     signal: npt.ArrayLike,
-    detect: Detect | None = None,
     *,
+    detect: Detect | None = None,
     rows_per_chip: float,
     tolerance: float = 0.02,
     exposure_rows: float | None = None,

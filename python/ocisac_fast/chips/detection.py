@@ -45,7 +45,11 @@ class DetectedChips:
 
 @dataclass(frozen=True, slots=True)
 class DetectorErrorRates:
-    """Share of wrong chips of each detector, away from the frame's ends; for ``reduced`` use ``mlse``."""
+    """Share of wrong chips of each detector, away from the frame's ends; for ``reduced`` use ``mlse``.
+
+    Attributes:
+        slicer, inverse, wiener, dfe, mlse: shares, 0 to 1.
+    """
 
     slicer: float
     inverse: float
@@ -56,7 +60,7 @@ class DetectorErrorRates:
 
 @checked
 def detect_chips(
-    columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, method: str = "auto"
+    columns: npt.ArrayLike, camera: Camera, channel: ChannelEstimate, *, method: str = "auto"
 ) -> DetectedChips:
     """Detect the chips of columns whose channel is known, at any exposure up to 24 chips.
 

@@ -245,7 +245,7 @@ def _given_light(
 ) -> list[RowLight]:
     count, rows = shape
     if isinstance(light, Waveform):
-        every = integrate_exposure(light, camera, rows, start, frames=count if count > 1 else None)
+        every = integrate_exposure(light, camera, rows, start=start, frames=count if count > 1 else None)
         values = every.reshape(shape)
     else:
         values = np.asarray(light, np.float64)

@@ -64,7 +64,7 @@ def _detected(
             if plot is not None and index == 0:
                 from ocisac_fast.plots import plot_sources
 
-                plot_sources(plot, grey, pictures.camera, found)
+                plot_sources(grey, pictures.camera, path=plot, sources=found)
             yield {"frame": index, "frames": count, "sources": sources}
 
 

@@ -98,11 +98,11 @@ def exposure(
     if plot is not None:
         from ocisac_fast.plots import plot_exposure
 
-        plot_exposure(plot, float(comm), float(sense), weights=weights, bounds=bounds)
+        plot_exposure(float(comm), float(sense), path=plot, weights=weights, bounds=bounds)
     if front is not None:
         from ocisac_fast.plots import plot_front
 
-        plot_front(front, float(comm), float(sense), weights=weights, bounds=bounds)
+        plot_front(float(comm), float(sense), path=front, weights=weights, bounds=bounds)
     if as_json:
         emit_json({"exposure_s": exposure_time, "objective": objective, "method": method})
         return

@@ -50,7 +50,14 @@ def gain(
     if plot is not None:
         from ocisac_fast.plots import plot_gain
 
-        plot_gain(plot, measured.columns, measured.camera, measured.frequency, measured.gain, picture.waveform)
+        plot_gain(
+            measured.columns,
+            measured.camera,
+            path=plot,
+            frequency=measured.frequency,
+            gain=measured.gain,
+            waveform=picture.waveform,
+        )
     facts = picture.in_units(measured.facts(background is not None))
     if as_json:
         emit_json(facts)

@@ -63,7 +63,7 @@ def _frequencies(
         unmissed_frequency,
     )
 
-    found = flicker_free_frequencies(exposures, below, bounds, duty, exposure_spread=spread)
+    found = flicker_free_frequencies(exposures, below, bounds, duty=duty, exposure_spread=spread)
     shortest = [min(exposures) * (1.0 - spread)]
     return {
         "frequencies_hz": found.intervals,
@@ -72,7 +72,8 @@ def _frequencies(
         "always_from_hz": found.always_from,
         "no_missed_pulse_from_hz": None if duty is None else unmissed_frequency(shortest, duty),
         "chip_rates_from_hz": {
-            code: flicker_free_chip_rate(shortest, below, span) for code, span in DIGITAL_SUM_SPANS.items()
+            code: flicker_free_chip_rate(shortest, below, digital_sum_span=span)
+            for code, span in DIGITAL_SUM_SPANS.items()
         },
     }
 

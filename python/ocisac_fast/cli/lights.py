@@ -24,7 +24,7 @@ def _light(text: str) -> FlickeringLight:
     share = spread.endswith("%")
     uncertainty = Quantity.parse(spread.rstrip("%") or "0", "Hz") * (frequency / 100.0 if share else 1.0)
     duty = {"": None, "square": 0.5}[shape] if shape in ("", "square") else percentage(shape)
-    return FlickeringLight(float(frequency), float(uncertainty), duty)
+    return FlickeringLight(float(frequency), uncertainty=float(uncertainty), duty=duty)
 
 
 def percentage(text: str) -> float:
@@ -44,7 +44,7 @@ class _Lights(ParameterType):
         for part in str(value).split(","):
             text = part.strip()
             try:
-                lights += mains_lights(*_MAINS[text]) if text in _MAINS else [_light(text)]
+                lights += mains_lights(_MAINS[text]) if text in _MAINS else [_light(text)]
             except (ValueError, ZeroDivisionError, OverflowError) as error:
                 reason = f" ({error})" if ": got" in str(error) else ""
                 self.fail(f"got {text!r}{reason}, allowed: 100Hz, 100Hz+-1%, 90Hz:square, 90Hz:0.1 (its duty), mains")

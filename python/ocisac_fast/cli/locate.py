@@ -63,8 +63,8 @@ def locate(
     found = locate_camera(
         [places[light] for light in both],
         [pixels[light] for light in both],
-        focal[0] if len(focal) == 1 else (focal[0], focal[1]),
-        centre,
+        focal=focal[0] if len(focal) == 1 else (focal[0], focal[1]),
+        centre=centre,
         distortion=distortion or (),
         noise=noise,
         inside=None if inside is None else (inside[:3], inside[3:]),

@@ -140,7 +140,7 @@ def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None
     from ocisac_fast.plots import plot_received
     from ocisac_fast.receiver import receive as receive_frames
 
-    plot_received(plot, frames[0], camera, receive_frames(frames, camera, chip_rate=rate)[0])
+    plot_received(frames[0], camera, path=plot, received=receive_frames(frames, camera, chip_rate=rate)[0])
 
 
 def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:

@@ -61,7 +61,7 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     if plot is not None:
         from ocisac_fast.plots import plot_regions
 
-        plot_regions(plot, view[0, ..., 0], camera, regions)
+        plot_regions(view[0, ..., 0], camera, path=plot, regions=regions)
     facts = [_facts(region, picture) for region in regions]
     if as_json:
         rows, columns = picture.rows_and_columns(view.shape[1:])

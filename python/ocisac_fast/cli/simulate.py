@@ -23,9 +23,6 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 
 @click.command(short_help="Simulate a recording of a modulated light, or of a scene.")
 @click.argument("scene", required=False, type=click.Path(exists=True, dir_okay=False))
-@click.option("--waveform", type=click.Choice(["tone", "square", "chips"]), default="tone", show_default=True)
-@click.option("--frequency", type=FREQUENCY, help="Frequency of a tone or a square wave.")
-@click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
 @click.option(
     "--phase", type=float, default=0.0, show_default=True, help="Phase of a tone or a square wave, rad at time 0."
 )
@@ -89,7 +86,7 @@ def simulate(
     shown = progress(frames, "simulating", options["frames"])
     # A .npy file of one frame is (rows, columns).
     one_array = output.lower().endswith(".npy") and options["frames"] == 1
-    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate)
+    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate=frame_rate)
     facts = {name: options[name] for name in ("frames", "rows", "columns")}
     if as_json:
         emit_json({"file": output, **facts, "dtype": dtype, "row_time_s": row_time, "exposure_s": exposure})
@@ -103,12 +100,12 @@ def _simulate_scene(
     from ocisac_fast.scene import load_scene, render
 
     scene = load_scene(path)
-    plan = scene.plan(tolerance, frames=options["frames"], start=float(options["start"]))
+    plan = scene.plan(tolerance=tolerance, frames=options["frames"], start=float(options["start"]))
     frames = render(plan, noise=scene.sensor.noisy and not noise_off, seed=options["seed"])
     shown = progress(frames, "rendering", options["frames"])
     one_array = output.lower().endswith(".npy") and options["frames"] == 1
     rate = 1 / scene.camera.frame_time if scene.camera.frame_time else 30.0
-    write_frames(output, np.asarray(next(shown)) if one_array else shown, rate)
+    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate=rate)
     facts = {"frames": options["frames"], "rows": scene.lens.rows, "columns": scene.lens.columns}
     bits = scene.sensor.bit_depth
     dtype = "float32" if bits is None else "uint8" if bits <= 8 else "uint16"
@@ -134,5 +131,5 @@ def _waveform(options: dict[str, Any]) -> Waveform:
     if kind == "chips":
         return Chips(options["bits"], float(options["chip_rate"]), repeat=options["repeat"])
     if kind == "square":
-        return SquareWave(float(options["frequency"]), options["duty"], phase=options["phase"])
+        return SquareWave(float(options["frequency"]), duty=options["duty"], phase=options["phase"])
     return Tone(float(options["frequency"]), phase=options["phase"])

@@ -14,7 +14,7 @@ _COLOURS = 4  # maximum number of colours of a picture
 _KINDS = {np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32), np.dtype(np.float64)}
 
 
-def as_columns(columns: npt.ArrayLike, name: str = "columns", scan_axis: str = "y") -> Columns:
+def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str = "y") -> Columns:
     """Return an array that the core can view; it shares the caller's memory where type and alignment allow.
 
     Args:
@@ -73,11 +73,11 @@ def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y",
         if array.size == 0:
             raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row, column and colour")
         rows = array.reshape(-1) if array.flags.c_contiguous else array
-        kept = as_columns(rows if rows.ndim == 1 else array[0], name)  # gives the type that the core reads
+        kept = as_columns(rows if rows.ndim == 1 else array[0], name=name)  # gives the type that the core reads
         if kept.dtype != array.dtype or not array.flags.aligned or not _whole_strides(array):
             array = np.array(array, dtype=kept.dtype)
     else:
-        array = as_columns(array, name)
+        array = as_columns(array, name=name)
         array = array.reshape((1, -1, 1)) if array.ndim == 1 else array
         array = (array[np.newaxis] if array.ndim == 2 else array)[..., np.newaxis]
     if scan_axis == "y" or len(shape) == 1:

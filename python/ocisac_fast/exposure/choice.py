@@ -32,11 +32,11 @@ class BestExposure:
 def best_exposure(
     f_comm: npt.ArrayLike,
     f_sense: npt.ArrayLike,
+    *,
     method: Literal["exact", "closed-form", "rounded", "search"] = "exact",
     weights: Sequence[float] = (1, 1),
     bounds: tuple[float, float] | None = None,
     step: float | None = None,
-    *,
     more: Sequence[npt.ArrayLike] = (),
     points: int = 10001,
 ) -> BestExposure:
@@ -78,6 +78,7 @@ def exposure_objective(
     exposure: npt.ArrayLike,
     f_comm: npt.ArrayLike,
     f_sense: npt.ArrayLike,
+    *,
     weights: Sequence[float] = (1, 1),
     more: Sequence[npt.ArrayLike] = (),
 ) -> float | Float64s:

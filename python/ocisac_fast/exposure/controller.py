@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -56,7 +56,7 @@ _TEXTS = {
 class MeasuredTone:
     """A measured tone of a light or a motion; NaN: unknown.
 
-    Attributes:
+    Args:
         frequency: f_c or f_x v in Hz, above 0; NaN: the tone is ignored.
         share: weight relative to the other tones of its kind; 0 or above.
         snr: power ratio at the frame's exposure, 0 or above.
@@ -64,6 +64,7 @@ class MeasuredTone:
     """
 
     frequency: float
+    _: KW_ONLY
     share: float = 1.0
     snr: float = _NAN
     gain: float = _NAN
@@ -74,10 +75,11 @@ class MeasuredTone:
 class ExposureMeasurement:
     """Measurements of one frame; levels are shares of the full scale above dark, NaN: unknown.
 
-    Attributes:
+    Args:
         lights: tones of communication, plain frequencies (Hz) or :class:`MeasuredTone`; at most 32 with the motions.
         motions: tones of sensing.
-        exposure, gain: settings of the frame; NaN: those suggested last.
+        exposure: of the frame, s; NaN: the one suggested last.
+        gain: of the camera's amplifier in the frame, linear; NaN: the one suggested last.
         level: mean, 0 or above.
         peak: level of the brightest parts that must not saturate, such as a percentile; 0 or above.
         saturated: share of saturated pixels, 0 to 1.
@@ -85,6 +87,7 @@ class ExposureMeasurement:
 
     lights: Sequence[float | MeasuredTone] = ()
     motions: Sequence[float | MeasuredTone] = ()
+    _: KW_ONLY
     exposure: float = _NAN
     gain: float = _NAN
     level: float = _NAN

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +33,7 @@ _SHRINK = 2.0**-50  # relative reduction of intervals, which keeps their ends wi
 class FlickeringLight:
     """A periodic light of any phase.
 
-    Attributes:
+    Args:
         frequency: Hz, above 0.
         uncertainty: half width of the interval that contains the frequency, Hz, 0 to below ``frequency``.
         duty: bright share of a PWM period, above 0 and below 1 (0.5: a square wave); None: a raised cosine. The
@@ -45,6 +45,7 @@ class FlickeringLight:
     """
 
     frequency: float
+    _: KW_ONLY
     uncertainty: float = 0.0
     duty: float | None = None
     depth: float = 1.0
@@ -60,12 +61,18 @@ class FlickeringLight:
             raise ValueError(f"depth: got {self.depth}, allowed: above 0, at most 1")
 
 
-def mains_lights(*frequencies: float, drift: float = MAINS_DRIFT) -> tuple[FlickeringLight, ...]:
-    """Mains lamps: raised cosines of twice the mains' frequency (50 and 60 Hz by default), full depth.
+def mains_lights(
+    frequencies: Sequence[float] = (50.0, 60.0), *, drift: float = MAINS_DRIFT
+) -> tuple[FlickeringLight, ...]:
+    """Mains lamps: raised cosines of twice the mains' frequency, full depth.
 
     Within ``drift`` of a null they also bound full-wave rectified sines, whose harmonics 2/(4n^2 - 1) add up to 1.
+
+    Args:
+        frequencies: of the mains, Hz.
+        drift: relative half width of the interval that contains each frequency.
     """
-    return tuple(FlickeringLight(2.0 * f, 2.0 * f * drift) for f in frequencies or (50.0, 60.0))
+    return tuple(FlickeringLight(2.0 * f, uncertainty=2.0 * f * drift) for f in frequencies)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +197,7 @@ class FlickerFront:
 def flicker_front(
     f_comm: float,
     lights: Sequence[FlickeringLight],
+    *,
     bounds: tuple[float, float] | None = None,
     points: int = 20001,
 ) -> FlickerFront:
@@ -365,7 +373,7 @@ def _chosen(allowed: Float64s, near: float | None) -> float:
 def _objective(exposure: Float64s, tones: Sequence[float], weights: Sequence[float]) -> Float64s:
     first, second = tones[0], tones[-1]
     pair = weights if len(tones) == 2 else (1.0, 0.0)
-    return np.asarray(exposure_objective(exposure, first, second, pair))
+    return np.asarray(exposure_objective(exposure, first, second, weights=pair))
 
 
 def _largest_objective(

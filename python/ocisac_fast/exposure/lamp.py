@@ -47,8 +47,8 @@ def flicker_free_frequencies(
     exposures: Sequence[float],
     below: float,
     bounds: tuple[float, float],
-    duty: float | None = None,
     *,
+    duty: float | None = None,
     depth: float = 1.0,
     exposure_spread: float = 0.0,
 ) -> LampFrequencies:
@@ -66,7 +66,7 @@ def flicker_free_frequencies(
         ValueError: an argument outside its range.
     """
     times = _checked_exposures(exposures)
-    light = FlickeringLight(1.0, 0.0, duty, depth)
+    light = FlickeringLight(1.0, uncertainty=0.0, duty=duty, depth=depth)
     low, high = bounds
     if not 0.0 < low <= high < math.inf:
         raise ValueError(f"bounds: got {low} to {high}, allowed: 0 < lowest <= highest (Hz)")
@@ -86,7 +86,9 @@ def flicker_free_frequencies(
 
     holds, found = smallest_level(below, frequencies_at)
     found = found if holds else np.repeat(found[:1, :1], 2, axis=1)
-    shutters = [FlickeringLight(time, exposure_spread * time, duty, depth) for time in times]  # f and T_e interchange
+    shutters = [
+        FlickeringLight(time, uncertainty=exposure_spread * time, duty=duty, depth=depth) for time in times
+    ]  # f and T_e interchange
     left = max(float(exposure_modulation(shutter, found[0, 0])) for shutter in shutters)
     settled = cycles_below(light, below, 1.0 / below + 2.0)[-1, 0]  # the maxima decrease as 1/(2n + 1) or faster
     return LampFrequencies(found, left, holds, float(settled / (shorter * times.min())))
@@ -133,7 +135,7 @@ def unmissed_frequency(exposures: Sequence[float], duty: float) -> float:
 
 
 @checked
-def flicker_free_chip_rate(exposures: Sequence[float], below: float, digital_sum_span: float = 2) -> float:
+def flicker_free_chip_rate(exposures: Sequence[float], below: float, *, digital_sum_span: float = 2) -> float:
     """Chip rate in Hz from which chips show no bands for any data, given the span of their running digital sum.
 
     Over x chips the digital sum changes by at most the span S. So the share of bright chips is within 1/2 +- S/(2x),

@@ -70,7 +70,7 @@ def _status(path: Path) -> os.stat_result | None:
         return None
 
 
-def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], frame_rate: float = 30.0) -> None:
+def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame_rate: float = 30.0) -> None:
     """Write frames losslessly and atomically; the suffix selects the kind of file.
 
     Args:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field, fields
 from operator import add, mul
 from typing import Any, TypeVar
 
@@ -42,21 +43,24 @@ class Waveform:
     def _hold(self, handle: _core.Waveform) -> None:
         object.__setattr__(self, "_handle", handle)
 
-    def _values(self) -> tuple[Any, ...]:
+    def _values(self) -> dict[str, Any]:
         """The arguments that construct this waveform."""
-        return tuple(getattr(self, item.name) for item in fields(self) if item.init)  # type: ignore[arg-type]
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}  # type: ignore[arg-type]
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
             return NotImplemented
         assert isinstance(other, Waveform)
-        return all(_comparable(a) == _comparable(b) for a, b in zip(self._values(), other._values(), strict=True))
+        return all(
+            _comparable(a) == _comparable(b)
+            for a, b in zip(self._values().values(), other._values().values(), strict=True)
+        )
 
     def __hash__(self) -> int:
-        return hash((type(self), *map(_comparable, self._values())))
+        return hash((type(self), *map(_comparable, self._values().values())))
 
-    def __reduce__(self) -> tuple[type[Waveform], tuple[Any, ...]]:
-        return (type(self), self._values())
+    def __reduce__(self) -> tuple[Callable[[], Waveform], tuple[()]]:
+        return functools.partial(type(self), **self._values()), ()
 
     def __add__(self, other: Waveform | float) -> Waveform:
         return _combined(Sum, self, other)
@@ -106,6 +110,7 @@ class Tone(Waveform):
     """
 
     frequency: float
+    _: KW_ONLY
     amplitude: float = 1.0
     phase: float = 0.0
     depth: float = 1.0
@@ -134,6 +139,7 @@ class SquareWave(Waveform):
     """
 
     frequency: float
+    _: KW_ONLY
     duty: float = 0.5
     amplitude: float = 1.0
     phase: float = 0.0
@@ -171,6 +177,7 @@ class Chips(Waveform):
         self,
         levels: npt.ArrayLike,
         chip_rate: float,
+        *,
         start: float = 0.0,
         repeat: bool = False,
         amplitude: float = 1.0,
@@ -207,7 +214,7 @@ class Samples(Waveform):
     repeat: bool = False
     _handle: _core.Waveform = field(init=False, repr=False)
 
-    def __init__(self, values: npt.ArrayLike, sample_rate: float, start: float = 0.0, repeat: bool = False) -> None:
+    def __init__(self, values: npt.ArrayLike, sample_rate: float, *, start: float = 0.0, repeat: bool = False) -> None:
         held = (_as_levels(values, "values"), sample_rate, start, bool(repeat))
         for name, value in zip(("values", "sample_rate", "start", "repeat"), held, strict=True):
             object.__setattr__(self, name, value)
@@ -309,6 +316,7 @@ def integrate_exposure(
     waveform: Waveform,
     camera: Camera,
     rows: int | npt.ArrayLike,
+    *,
     start: float = 0.0,
     frames: int | npt.ArrayLike | None = None,
     out: npt.NDArray[np.float64] | None = None,

@@ -52,9 +52,9 @@ class Location:
 def locate_camera(
     places: npt.ArrayLike,
     pixels: npt.ArrayLike,
+    *,
     focal: float | tuple[float, float],
     centre: tuple[float, float],
-    *,
     distortion: Sequence[float] = (),
     noise: float = 1.0,
     inside: tuple[Sequence[float], Sequence[float]] | None = None,

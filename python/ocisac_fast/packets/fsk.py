@@ -45,7 +45,12 @@ class FskTransmission:
         Symbol 0 begins at ``start`` (s).
         """
         gates = [
-            Product([Chips(self.symbols == symbol, 1.0 / symbol_time, start, True, amplitude), Tone(tone)])
+            Product(
+                [
+                    Chips(self.symbols == symbol, 1.0 / symbol_time, start=start, repeat=True, amplitude=amplitude),
+                    Tone(tone),
+                ]
+            )
             for symbol, tone in enumerate(self.tones)
             if (self.symbols == symbol).any()
         ]

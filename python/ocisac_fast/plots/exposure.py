@@ -23,9 +23,10 @@ _DECIBEL_FLOOR = -30.0
 
 
 def plot_exposure(
-    path: str | os.PathLike[str],
     f_comm: float,
     f_sense: float,
+    *,
+    path: str | os.PathLike[str],
     weights: tuple[float, float] = (1.0, 1.0),
     bounds: tuple[float, float] | None = None,
 ) -> None:
@@ -37,7 +38,7 @@ def plot_exposure(
     """
     shortest, longest = bounds or (0.0, 1.0 / min(f_comm, f_sense))
     exposures = np.linspace(shortest, longest, 4001)
-    objective = np.asarray(exposure_objective(exposures, f_comm, f_sense, weights))
+    objective = np.asarray(exposure_objective(exposures, f_comm, f_sense, weights=weights))
     with picture(path, 8.0, 4.2) as figure:
         axes = figure.subplots()
         axes.plot(exposures * 1e3, objective * 1e3, color=BLUE, lw=1.4)
@@ -65,9 +66,10 @@ def _choices(f_comm: float, f_sense: float, weights: Any, bounds: Any) -> Iterat
 
 
 def plot_front(
-    path: str | os.PathLike[str],
     f_comm: float,
     f_sense: float,
+    *,
+    path: str | os.PathLike[str],
     weights: tuple[float, float] = (1.0, 1.0),
     bounds: tuple[float, float] | None = None,
     noise_exposure: float | None = None,

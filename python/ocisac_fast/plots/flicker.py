@@ -63,7 +63,7 @@ def plot_flicker_front(
         f_comm, lights, below, bounds: as for ``flicker_free_exposure``.
         found: result of ``flicker_free_exposure``.
     """
-    front = flicker_front(f_comm, lights, bounds)
+    front = flicker_front(f_comm, lights, bounds=bounds)
     best = front.efficient
     order = np.argsort(front.modulation[best])
     with picture(path, 6.0, 5.0) as figure:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def plot_received(path: str | os.PathLike[str], frame: npt.NDArray[Any], camera: Camera, received: Received) -> None:
+def plot_received(frame: npt.NDArray[Any], camera: Camera, *, path: str | os.PathLike[str], received: Received) -> None:
     """Plot the combined column of a frame with the detected chips and levels.
 
     Args:
@@ -34,13 +34,13 @@ def plot_received(path: str | os.PathLike[str], frame: npt.NDArray[Any], camera:
     with picture(path, 11.0, 1.2 + 1.5 * lines) as figure:
         every = figure.subplots(lines, squeeze=False)[:, 0]
         for axes, first, last in zip(every, edges[:-1], edges[1:], strict=True):
-            draw_chips(axes, frame, camera, received, first, last)
+            draw_chips(frame, camera, axes=axes, received=received, first=first, last=last)
         every[0].set_title(f"Combined column: {found}")
         every[-1].set_xlabel("row")
 
 
 def draw_chips(
-    axes: Axes, frame: npt.NDArray[Any], camera: Camera, received: Received, first: float, last: float
+    frame: npt.NDArray[Any], camera: Camera, *, axes: Axes, received: Received, first: float, last: float
 ) -> None:
     """Draw rows ``first`` to ``last`` of the combined column, the threshold, and a 0 or 1 over every chip."""
     stored = frame[..., received.colour] if frame.ndim == 3 else frame

@@ -35,7 +35,7 @@ def _over_frame(path: str | os.PathLike[str], frame: npt.NDArray[Any]) -> Iterat
 
 
 def plot_sources(
-    path: str | os.PathLike[str], frame: npt.NDArray[Any], camera: Camera, sources: list[LightSource]
+    frame: npt.NDArray[Any], camera: Camera, *, path: str | os.PathLike[str], sources: list[LightSource]
 ) -> None:
     """Plot a frame with box, number and frequency of every detected light; reflections are dashed.
 
@@ -58,7 +58,7 @@ def plot_sources(
 
 
 def plot_regions(
-    path: str | os.PathLike[str], frame: npt.NDArray[Any], camera: Camera, regions: Sequence[SensedRegion]
+    frame: npt.NDArray[Any], camera: Camera, *, path: str | os.PathLike[str], regions: Sequence[SensedRegion]
 ) -> None:
     """Plot a frame with box and kind of every region, and an arrow for a known motion.
 

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 
 def plot_gain(
-    path: str | os.PathLike[str],
     columns: npt.NDArray[Any],
     camera: Camera,
+    *,
+    path: str | os.PathLike[str],
     frequency: float,
     gain: float,
     waveform: str = "tone",
@@ -48,7 +49,7 @@ def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, 
     time = np.arange(light.size) * (1.0 if in_rows else camera.row_period * 1e3)
     axes.plot(time, light, ".-", color=BLUE, lw=0.8, ms=3, label="column")
     if camera.exposure:
-        restored = equalize(light, Camera(camera.row_time, camera.exposure), "wiener")
+        restored = equalize(light, Camera(camera.row_time, camera.exposure), method="wiener")
         axes.plot(time, restored, color=RED, lw=1.1, label="equalised (Wiener)")
     axes.set(
         xlabel="row" if in_rows else "time of the row / ms",

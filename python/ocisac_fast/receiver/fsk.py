@@ -78,7 +78,7 @@ class FskReceiver:
         self._handle = _core.FskReceiver(camera._handle, list(fsk_tones(tones)), size, preamble)
 
     @checked
-    def push(self, frame: npt.ArrayLike, number: int | None = None) -> FskFrame:
+    def push(self, frame: npt.ArrayLike, *, number: int | None = None) -> FskFrame:
         """Process the next frame; arguments and errors as in :meth:`ocisac_fast.Receiver.push`."""
         values = self._handle.push(frame_colours(frame, self._camera, self._colour), frame_number(number))
         index, outcome, missing, colour, symbol, stretch, flags = values

@@ -118,7 +118,7 @@ class Receiver:
         )
 
     @checked
-    def push(self, frame: npt.ArrayLike, number: int | None = None) -> ReceivedFrame:
+    def push(self, frame: npt.ArrayLike, *, number: int | None = None) -> ReceivedFrame:
         """Process the next frame.
 
         Args:
@@ -264,7 +264,7 @@ class MultiReceiver:
         self._handle = self._make(regions=self._regions)
 
     @checked
-    def push(self, frame: npt.ArrayLike, number: int | None = None) -> list[SourceFrame]:
+    def push(self, frame: npt.ArrayLike, *, number: int | None = None) -> list[SourceFrame]:
         """Process the next frame; returns the result of each light, the strongest first; at least one result.
 
         Args:

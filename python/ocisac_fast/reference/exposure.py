@@ -159,7 +159,7 @@ def flicker_free_exposure(
 def _modulation(light: FlickeringLight, frequency: float, exposure: float) -> float:
     wave: Waveform = Tone(frequency, depth=light.depth)
     if light.duty is not None:
-        wave = SquareWave(frequency, light.duty, amplitude=2.0 * light.depth) + (1.0 - light.depth)
+        wave = SquareWave(frequency, duty=light.duty, amplitude=2.0 * light.depth) + (1.0 - light.depth)
     camera = Camera(row_time=1.0 / (_PHASES * frequency), exposure=exposure)
     means = integrate_exposure(wave, camera, _PHASES, start=exposure / 2)
     return float((means.max() - means.min()) / (means.max() + means.min()))
@@ -182,9 +182,9 @@ def flicker_indices(
     times = np.asarray(exposure, dtype=np.float64)
     rows = np.random.default_rng(seed).integers(0, _STEPS, phases)
     dark = (1.0 - light.depth) / (1.0 + light.depth)
-    wave: Waveform = Tone(light.frequency, 2.0 / (1.0 + light.depth), depth=light.depth)
+    wave: Waveform = Tone(light.frequency, amplitude=2.0 / (1.0 + light.depth), depth=light.depth)
     if light.duty is not None:
-        wave = SquareWave(light.frequency, light.duty, 1.0 - dark) + dark
+        wave = SquareWave(light.frequency, duty=light.duty, amplitude=1.0 - dark) + dark
     found = []
     for time in times.ravel():
         lamp = integrate_exposure(wave, Camera(1.0 / (_STEPS * light.frequency), float(time)), rows)

@@ -194,7 +194,7 @@ def _pattern_light(item: Surface | Mask, x: float, y: float) -> Waveform:
     swing = pattern.high - pattern.low
     if isinstance(pattern, Cosine):
         return Constant(pattern.low) + swing * Tone(abs(rate), phase=phase)
-    return Constant(pattern.low) + swing * SquareWave(abs(rate), pattern.duty, phase=phase)
+    return Constant(pattern.low) + swing * SquareWave(abs(rate), duty=pattern.duty, phase=phase)
 
 
 def exact_scene(scene: Scene, frames: int = 1, start: float = 0.0) -> Array:
@@ -210,7 +210,9 @@ def exact_scene(scene: Scene, frames: int = 1, start: float = 0.0) -> Array:
             for count, (row, column) in enumerate(zip(*views.pixels[index], strict=True)):
                 light = _item_light(scene, views, index, item, count)
                 factors = [light, *masks.get((row, column), [])]
-                p = integrate_exposure(Product(factors), camera, [row], start, [frame] if frame else None).item()
+                p = integrate_exposure(
+                    Product(factors), camera, [row], start=start, frames=[frame] if frame else None
+                ).item()
                 result[frame, row, column] = scene.sensor.gain * scene.exposure * views.loss[index][count] * p
     return result
 

@@ -232,7 +232,7 @@ def varying_tone_gain(
 ) -> VaryingToneGain:
     """As :func:`ocisac_fast.varying_tone_gain`: ``numpy.linalg.pinv`` of the design, column by column."""
     light = linear_light(np.asarray(columns), camera)
-    steady = tone_gain(columns, camera, frequency, "fit", waveform, duty, background)
+    steady = tone_gain(columns, camera, frequency, method="fit", waveform=waveform, duty=duty, background=background)
     cycles = frequency * camera.row_period
     rows = light.shape[0] if light.ndim == 1 else light.shape[-2]
     every = [1] if waveform == "tone" else _square_harmonics(duty)(cycles)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -33,6 +33,7 @@ class Sensor:
     """
 
     gain: float
+    _: KW_ONLY
     bit_depth: int | None = None
     full_well: float | None = None
     read_noise: float = 0.0
@@ -65,6 +66,7 @@ class Ambient:
     """
 
     intensity: float = 0.0
+    _: KW_ONLY
     waveform: Waveform = field(default_factory=lambda: Constant(1.0))
 
     def __post_init__(self) -> None:
@@ -105,6 +107,7 @@ class SceneDescription:
     lens: Pinhole
     camera: Camera
     sensor: Sensor
+    _: KW_ONLY
     sources: Sequence[Source] = ()
     surfaces: Sequence[Surface] = ()
     masks: Sequence[Mask] = ()

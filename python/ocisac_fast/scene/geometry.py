@@ -7,7 +7,7 @@ at whole numbers, (0, 0) in the middle of the top left pixel.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +69,7 @@ class Pinhole:
         blur: standard deviation of the Gaussian point-spread function in pixels, 0 (sharp) to 100.
     """
 
+    _: KW_ONLY
     columns: int
     rows: int
     focal_length: float

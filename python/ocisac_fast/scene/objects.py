@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ class PathLoss:
     """
 
     exponent: float = 0.0
+    _: KW_ONLY
     reference: float = 1.0
     attenuation: float = 0.0
 
@@ -69,6 +70,7 @@ class Cosine:
     """
 
     frequency: float
+    _: KW_ONLY
     low: float = 0.0
     high: float = 1.0
     phase: float = 0.0
@@ -90,6 +92,7 @@ class Grating:
     """
 
     frequency: float
+    _: KW_ONLY
     duty: float = 0.5
     low: float = 0.0
     high: float = 1.0
@@ -154,6 +157,7 @@ class Source:
     shape: Shape
     pose: Pose
     waveform: Waveform
+    _: KW_ONLY
     intensity: float = 1.0
     path_loss: PathLoss = PathLoss()
     directivity: float = 1.0
@@ -171,6 +175,7 @@ class Source:
 class _Patterned:
     shape: Shape
     pose: Pose
+    _: KW_ONLY
     pattern: Pattern = Plain()
     speed: float = 0.0
 
@@ -225,6 +230,7 @@ class Surface(_Patterned):
             area S at distance d adds I * S * cos(a)^directivity * cos(b) / (pi * d^2) to the ambient light.
     """
 
+    _: KW_ONLY
     path_loss: PathLoss = PathLoss()
     lit_by_sources: bool = False
 

@@ -84,7 +84,7 @@ class Light:
             grid = Camera(step, step, camera.frame_time)
             frames = [frame] if frame else None
             numbers = np.arange(1, count + 1) - steps
-            light = np.ravel(integrate_exposure(waveform, grid, numbers, start, frames))
+            light = np.ravel(integrate_exposure(waveform, grid, numbers, start=start, frames=frames))
             self._step, self._sums = step, np.concatenate([[0.0], np.cumsum(light * step)])
 
     def until(self, time: Array) -> Array:

@@ -19,8 +19,8 @@ Frame = npt.NDArray[Any]
 @checked
 def render(
     plan: Plan,
-    frames: int | None = None,
     *,
+    frames: int | None = None,
     noise: bool = False,
     seed: int = 0,
     threads: int = 1,

@@ -14,7 +14,7 @@ class Scene(SceneDescription):
     __doc__ = SceneDescription.__doc__
 
     def plan(
-        self, tolerance: float = 0.5, unit: Literal["DN", "noise"] = "DN", frames: int = 1, start: float = 0.0
+        self, *, tolerance: float = 0.5, unit: Literal["DN", "noise"] = "DN", frames: int = 1, start: float = 0.0
     ) -> Plan:
         """Select the terms to compute so that every pixel is within ``tolerance`` of the full model.
 

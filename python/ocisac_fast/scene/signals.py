@@ -26,7 +26,7 @@ class Signal(Protocol):
 
 def _integrate(waveform: Waveform, camera: Camera, rows: npt.NDArray[np.int64], start: float, frame: int) -> Array:
     frames = [frame] if frame else None
-    return np.ravel(integrate_exposure(waveform, camera, rows, start, frames))
+    return np.ravel(integrate_exposure(waveform, camera, rows, start=start, frames=frames))
 
 
 @dataclass(frozen=True)

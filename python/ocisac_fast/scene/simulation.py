@@ -62,13 +62,13 @@ def simulate_frames(
     if kind not in (np.uint8, np.uint16, np.float32, np.float64):
         raise ValueError(f"dtype: got {kind}, allowed: uint8, uint16, float32, float64")
     if frames == 1:
-        first = integrate_exposure(waveform, camera, rows, start)[np.newaxis]
+        first = integrate_exposure(waveform, camera, rows, start=start)[np.newaxis]
     else:
-        first = integrate_exposure(waveform, camera, rows, start, [0])
+        first = integrate_exposure(waveform, camera, rows, start=start, frames=[0])
     random = np.random.default_rng(seed)
 
     def frame(number: int) -> npt.NDArray[Any]:
-        light = first if number == 0 else integrate_exposure(waveform, camera, rows, start, [number])
+        light = first if number == 0 else integrate_exposure(waveform, camera, rows, start=start, frames=[number])
         values = np.repeat(dark_level + swing * light[0], columns).reshape(rows, columns)
         if noise:
             values += noise * random.standard_normal(values.shape)

@@ -114,7 +114,7 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
         raise SceneFileError(f"{os.fspath(path)}:{where}{error.problem}") from error
 
 
-def save_scene(scene: Scene, path: str | os.PathLike[str]) -> None:
+def save_scene(path: str | os.PathLike[str], scene: Scene) -> None:
     """Write a scene to a TOML file that `load_scene` reads; arguments with their default value are omitted.
 
     Raises:

@@ -56,9 +56,9 @@ def restore_contrast(
     columns: npt.ArrayLike,
     camera: Camera,
     frequency: float,
+    *,
     method: Literal["inverse", "wiener"] = "inverse",
     noise: npt.ArrayLike | None = None,
-    *,
     max_boost: float = 10.0,
     depth: float = 1.0,
 ) -> RestoredContrast:
@@ -95,7 +95,7 @@ def restore_contrast(
     ):
         raise ValueError(f"columns: got {rows} rows, allowed: four exposures and two cycles of {frequency} Hz or more")
     before = sense_region(_grey(array), camera, frequency, depth=depth, motion=KnownMotion(axis="across"))
-    found, report = equalize(array, camera, method, noise, max_boost=max_boost, report=True)
+    found, report = equalize(array, camera, method=method, noise=noise, max_boost=max_boost, report=True)
     light = Camera(camera.row_time, camera.exposure)
     middle = found[..., inner : rows - inner, :] if found.ndim > 1 else found[inner : rows - inner]
     after = sense_region(_grey(middle), light, frequency, depth=depth, motion=KnownMotion(axis="across"))
@@ -131,7 +131,7 @@ def _grey(columns: npt.NDArray[Any]) -> npt.NDArray[Any]:
 def _expected(camera: Camera, frequency: float, rows: int, inner: int, max_boost: float) -> float:
     """Gain of an equalised full-depth texture without noise, over all phases."""
     phases = 2.0 * np.pi * np.arange(_PHASES) / _PHASES
-    columns = [integrate_exposure(Tone(frequency, 2.0, phase), camera, rows) for phase in phases]
+    columns = [integrate_exposure(Tone(frequency, amplitude=2.0, phase=phase), camera, rows) for phase in phases]
     restored = equalize(np.stack(columns, axis=1), camera, max_boost=max_boost)
     return sense_region(restored[inner : rows - inner], camera, frequency).gain
 

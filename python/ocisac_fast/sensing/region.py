@@ -270,7 +270,7 @@ def measure(
 
 @checked
 def background_light(
-    frames: npt.ArrayLike, camera: Camera, tones: npt.ArrayLike = (), *, pooled: bool = False
+    frames: npt.ArrayLike, camera: Camera, *, tones: npt.ArrayLike = (), pooled: bool = False
 ) -> BackgroundLight:
     """Mean light of pixels without the source: the same pixels in an unlit frame, or pixels beside the source.
 

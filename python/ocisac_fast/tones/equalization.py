@@ -40,9 +40,9 @@ class EqualizerReport:
 def equalize(
     columns: npt.ArrayLike,
     camera: Camera,
+    *,
     method: Literal["inverse", "wiener"] = ...,
     noise: npt.ArrayLike | None = ...,
-    *,
     max_boost: float = ...,
     out: Float64s | None = ...,
     report: Literal[False] = ...,
@@ -51,9 +51,9 @@ def equalize(
 def equalize(
     columns: npt.ArrayLike,
     camera: Camera,
+    *,
     method: Literal["inverse", "wiener"] = ...,
     noise: npt.ArrayLike | None = ...,
-    *,
     max_boost: float = ...,
     out: Float64s | None = ...,
     report: Literal[True],
@@ -62,9 +62,9 @@ def equalize(
 def equalize(
     columns: npt.ArrayLike,
     camera: Camera,
+    *,
     method: Literal["inverse", "wiener"] = "inverse",
     noise: npt.ArrayLike | None = None,
-    *,
     max_boost: float = 10.0,
     out: Float64s | None = None,
     report: bool = False,
@@ -117,7 +117,7 @@ def equalize(
 
 
 @checked
-def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> Float64s:
+def lost_frequencies(camera: Camera, *, max_boost: float = 10.0) -> Float64s:
     """Bands that ``equalize(..., method="inverse")`` restores to less than half of their amplitude.
 
     These are |sinc(f T_e)| < 1 / (sqrt(2) max_boost), and everything above half the row rate.

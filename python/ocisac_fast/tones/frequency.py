@@ -219,5 +219,5 @@ def pick_colour(
     Raises:
         ValueError: no colours, or as for :func:`find_frequency`.
     """
-    arrays = [as_columns(colour, "colours", camera.scan_axis) for colour in colours]
+    arrays = [as_columns(colour, name="colours", scan_axis=camera.scan_axis) for colour in colours]
     return _core.pick_colour(arrays, camera._handle, bounds, waveform)

@@ -50,13 +50,13 @@ def tone_gain(
     columns: npt.ArrayLike,
     camera: Camera,
     frequency: npt.ArrayLike,
+    *,
     method: Literal["fit", "dft"] = "fit",
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     background: npt.ArrayLike = 0.0,
     efficiency: float = 1.0,
     threads: int = 1,
-    *,
     pooled: bool = False,
 ) -> ToneGain:
     """Normalised gain of tones in every pixel column, with its standard error.

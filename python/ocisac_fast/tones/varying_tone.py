@@ -43,6 +43,7 @@ def varying_tone_gain(
     columns: npt.ArrayLike,
     camera: Camera,
     frequency: float,
+    *,
     degree: int = 2,
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
