@@ -65,6 +65,12 @@ void register_light(py::module_& module) {
       },
       arg("frequency"), arg("duty"), arg("amplitude"), arg("phase"));
   module.def(
+      "triangle_wave",
+      [](double frequency, double amplitude, double phase, double depth) {
+        return Waveform(TriangleWave{frequency, amplitude, phase, depth});
+      },
+      arg("frequency"), arg("amplitude"), arg("phase"), arg("depth"));
+  module.def(
       "chips",
       [](const Doubles& levels, double chip_rate, double start, bool repeat, double amplitude) {
         return Waveform(Chips{vector_of(levels), chip_rate, start, repeat, amplitude});

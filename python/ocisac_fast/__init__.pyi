@@ -17,6 +17,7 @@ from ocisac_fast.light import (
     SquareWave as SquareWave,
     Sum as Sum,
     Tone as Tone,
+    TriangleWave as TriangleWave,
     Waveform as Waveform,
     exposure_response as exposure_response,
     integrate_exposure as integrate_exposure,

@@ -205,6 +205,16 @@ def test_a_simulation_is_the_light_of_the_rows(facts, tmp_path):
     assert np.allclose(values, want[:, np.newaxis], atol=1e-4)
 
 
+def test_a_triangle_is_simulated(facts, tmp_path):
+    from ocisac_fast import Camera, TriangleWave, integrate_exposure
+
+    path = tmp_path / "rows.npy"
+    light = ("--waveform", "triangle", "--frequency", "500Hz", "--phase", "1")
+    facts("simulate", *light, *TESTBED, "--rows", 300, "--columns", 4, "--bit-depth", "float", "-o", path)
+    want = 200 * integrate_exposure(TriangleWave(500, phase=1), Camera(22.2e-6, 622e-6), 300)
+    assert np.allclose(np.load(path), want[:, np.newaxis], atol=1e-4)
+
+
 def test_frames_follow_each_other_in_time(facts, tmp_path):
     from ocisac_fast import Camera, Chips, integrate_exposure
 

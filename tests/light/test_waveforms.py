@@ -20,6 +20,7 @@ from ocisac_fast import (
     SquareWave,
     Sum,
     Tone,
+    TriangleWave,
     integrate_exposure,
     reference,
     sample_waveform,
@@ -32,6 +33,9 @@ PHASES = st.floats(-20, 20)
 TONES = st.builds(Tone, frequency=st.just(0.0) | RATES, amplitude=LEVELS, phase=PHASES, depth=st.floats(0, 1))
 SQUARES = st.builds(
     SquareWave, frequency=st.just(0.0) | RATES, duty=st.floats(0.01, 0.99), amplitude=LEVELS, phase=PHASES
+)
+TRIANGLES = st.builds(
+    TriangleWave, frequency=st.just(0.0) | RATES, amplitude=LEVELS, phase=PHASES, depth=st.floats(0, 1)
 )
 LISTS = st.lists(LEVELS, min_size=1, max_size=30)
 CHIPS = st.builds(Chips, levels=LISTS, chip_rate=RATES, start=STARTS, repeat=st.booleans(), amplitude=LEVELS)
@@ -50,7 +54,7 @@ def near_an_edge(waveform, camera, rows, start, frames):
 
 @settings(max_examples=50, deadline=None)
 @given(
-    parts=st.lists(TONES | SQUARES | CHIPS | SAMPLES | CONSTANTS, min_size=1, max_size=3),
+    parts=st.lists(TONES | SQUARES | TRIANGLES | CHIPS | SAMPLES | CONSTANTS, min_size=1, max_size=3),
     exposure=EXPOSURES,
     start=st.floats(-1, 1),
     length=st.sampled_from([1, 2, 31, 720, 1080, 4352]),
@@ -82,7 +86,9 @@ FACTORS = (
 @settings(max_examples=50, deadline=None)
 @given(
     factors=st.lists(FACTORS | st.builds(lambda a, b: a + b, FACTORS, FACTORS), min_size=1, max_size=3),
-    sampled=st.none() | st.builds(Samples, values=LISTS, sample_rate=SLOW, start=STARTS, repeat=st.booleans()),
+    sampled=st.none()
+    | st.builds(TriangleWave, frequency=st.just(0.0) | SLOW, phase=PHASES)
+    | st.builds(Samples, values=LISTS, sample_rate=SLOW, start=STARTS, repeat=st.booleans()),
     exposure=st.just(0.0) | st.floats(1e-6, 1e-2) | st.floats(0.01, 0.05),
     start=st.floats(-1, 1),
     length=st.sampled_from([1, 2, 31]),
@@ -105,7 +111,8 @@ def test_products_agree_with_quadrature(factors, sampled, exposure, start, lengt
     "waveform",
     [
         Tone(500.0, phase=0.4),
-        SquareWave(700.0, 0.3, phase=-0.4),
+        SquareWave(700.0, duty=0.3, phase=-0.4),
+        TriangleWave(700.0, phase=-0.4, depth=0.8),
         Chips("01101", 3e3, repeat=True),
         Samples([0.0, 1.0, 0.3], 2e3, start=0.01),
         Tone(500.0) * SquareWave(175.0, duty=0.5, phase=1.0),
@@ -125,6 +132,17 @@ def test_agrees_with_numerical_quadrature(waveform, exposure):
             for a, b in pairwise(points)
         )
         assert mean == pytest.approx(light / exposure, abs=1e-7)
+
+
+def test_a_triangle_wave_has_a_fundamental_of_8_over_pi_squared():
+    times = np.arange(1000) / 1000 / 50.0
+    wave, tone = (
+        sample_waveform(kind(50.0, amplitude=2.0, phase=0.7, depth=0.6), times) for kind in (TriangleWave, Tone)
+    )
+    ratio = np.fft.rfft(wave)[1] / np.fft.rfft(tone)[1]
+    assert ratio == pytest.approx(8 / np.pi**2, rel=1e-5)
+    assert (wave.min(), wave.max()) == (pytest.approx(0.4, abs=1e-3), pytest.approx(1.6, abs=1e-3))
+    assert wave.mean() == pytest.approx(1.0)
 
 
 def test_a_product_of_tones_has_lines_at_sum_and_difference():
@@ -367,9 +385,12 @@ def test_out_with_any_strides(step):
         (lambda: Tone(1.0, phase=np.inf), "phase: got inf"),
         (lambda: Tone(1.0, depth=1.5), "depth: got 1.5"),
         (lambda: SquareWave(-2.0), "frequency: got -2"),
-        (lambda: SquareWave(1.0, 0.0), "duty: got 0"),
-        (lambda: SquareWave(1.0, 1.0), "duty: got 1"),
-        (lambda: SquareWave(1.0, np.nan), "duty: got nan"),
+        (lambda: TriangleWave(np.nan), "frequency: got nan"),
+        (lambda: TriangleWave(1.0, depth=1.1), "depth: got 1.1"),
+        (lambda: TriangleWave(1.0) * TriangleWave(2.0), "product: got 2 factors that are Samples or TriangleWave"),
+        (lambda: SquareWave(1.0, duty=0.0), "duty: got 0"),
+        (lambda: SquareWave(1.0, duty=1.0), "duty: got 1"),
+        (lambda: SquareWave(1.0, duty=np.nan), "duty: got nan"),
         (lambda: Chips([], 1e3), "levels: got"),
         (lambda: Chips("", 1e3), "levels: got"),
         (lambda: Chips("012", 1e3), "levels: got '012'"),

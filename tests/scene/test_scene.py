@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from ocisac_fast import Camera, Chips, Constant, Samples, SquareWave, Tone
+from ocisac_fast import Camera, Chips, Constant, Samples, SquareWave, Tone, TriangleWave
 from ocisac_fast.reference import exact_scene, render_scene
 from ocisac_fast.scene import (
     Ambient,
@@ -106,7 +106,7 @@ def random_waveform(random, depth=0):
     frequency = 10 ** random.uniform(0.5, 5)
     phase = random.uniform(-4, 4)
     levels = random.uniform(0, 1, random.integers(1, 6))
-    kind = random.integers(7 if depth == 0 else 4)
+    kind = random.integers(8 if depth == 0 else 4)
     if kind == 0:
         return Constant(random.uniform(0, 1))
     if kind == 1:
@@ -117,8 +117,10 @@ def random_waveform(random, depth=0):
         return Chips(levels, min(frequency, 2e4), repeat=bool(random.integers(2)))
     if kind == 4:
         return Samples(levels, min(frequency, 2e4), repeat=bool(random.integers(2)))
+    if kind == 5:
+        return TriangleWave(frequency, phase=phase, depth=random.uniform(0, 1))
     first, second = random_waveform(random, 1), random_waveform(random, 1)
-    return first * second if kind == 5 else 0.5 * first + 0.5 * second
+    return first * second if kind == 6 else 0.5 * first + 0.5 * second
 
 
 def random_shape(random):

@@ -26,7 +26,8 @@ void check(const Waveform::Term& term) {
     tones += factor->cosines().empty() ? 0 : 1;
     samples += factor->has_slopes() ? 1 : 0;
   }
-  require(samples <= 1, "product", std::to_string(samples) + " factors that are Samples", "one such factor");
+  require(samples <= 1, "product", std::to_string(samples) + " factors that are Samples or TriangleWave",
+          "one such factor");
   require(tones <= kMaxTones, "product", std::to_string(tones) + " tones", "at most 8 tones");
   require(peak <= kMaxLight, "product", peak, "light of at most 1e300");
 }
@@ -52,6 +53,7 @@ Waveform::Waveform(std::vector<Term> terms) : terms_(std::move(terms)) {
 Waveform::Waveform(double level) : terms_{{level, {}}} { require_level("level", level); }
 Waveform::Waveform(const Tone& tone) : terms_{{1, {make_element(tone)}}} {}
 Waveform::Waveform(const SquareWave& wave) : terms_{{1, {make_element(wave)}}} {}
+Waveform::Waveform(const TriangleWave& wave) : terms_{{1, {make_element(wave)}}} {}
 Waveform::Waveform(const Chips& chips) : terms_{{1, {make_element(chips)}}} {}
 Waveform::Waveform(const Samples& samples) : terms_{{1, {make_element(samples)}}} {}
 

@@ -321,8 +321,8 @@ class CellsElement final : public WaveformElement {
     for (double level : chips.levels) cells_.append(level, 0);
   }
 
-  explicit CellsElement(const Samples& samples)
-      : rate_(samples.sample_rate), start_(samples.start), rate_name_("sample_rate"), has_slopes_(true) {
+  explicit CellsElement(const Samples& samples, const char* rate_name = "sample_rate")
+      : rate_(samples.sample_rate), start_(samples.start), rate_name_(rate_name), has_slopes_(true) {
     const auto& values = samples.values;
     check("values", values);
     cells_.repeat = samples.repeat;
@@ -398,6 +398,23 @@ DoubleDouble cycles_of(double rate, double exposure, const char* argument) {
 std::shared_ptr<const WaveformElement> make_element(const Tone& tone) { return std::make_shared<ToneElement>(tone); }
 std::shared_ptr<const WaveformElement> make_element(const SquareWave& wave) {
   return std::make_shared<SquareElement>(wave);
+}
+// Two samples per period, the maximum and the minimum.
+std::shared_ptr<const WaveformElement> make_element(const TriangleWave& wave) {
+  require_not_negative("frequency", wave.frequency);
+  require_level("amplitude", wave.amplitude);
+  require_finite("phase", wave.phase);
+  require(wave.depth >= 0 && wave.depth <= 1, "depth", wave.depth, "from 0 to 1");
+  const double high = wave.amplitude / 2 * (1 + wave.depth);
+  const double low = wave.amplitude / 2 * (1 - wave.depth);
+  const double whole_turns = turns(wave.phase).value();
+  const double fraction = whole_turns - std::round(whole_turns);
+  if (wave.frequency < kFewestCycles) {
+    const double level = high + 2 * std::abs(fraction) * (low - high);
+    return std::make_shared<CellsElement>(Samples{{level}, 1});
+  }
+  const Samples samples{{high, low}, 2 * wave.frequency, -fraction / wave.frequency, true};
+  return std::make_shared<CellsElement>(samples, "2 * frequency");
 }
 std::shared_ptr<const WaveformElement> make_element(const Chips& chips) {
   return std::make_shared<CellsElement>(chips);

@@ -73,6 +73,7 @@ std::unique_ptr<MeanLight> product_light(const WaveformFactors& factors, const E
 
 std::shared_ptr<const WaveformElement> make_element(const Tone& tone);
 std::shared_ptr<const WaveformElement> make_element(const SquareWave& wave);
+std::shared_ptr<const WaveformElement> make_element(const TriangleWave& wave);
 std::shared_ptr<const WaveformElement> make_element(const Chips& chips);
 std::shared_ptr<const WaveformElement> make_element(const Samples& samples);
 

@@ -55,6 +55,8 @@ TEST_CASE("means agree with sums over many points") {
   const std::vector<Waveform> waveforms = {
       ocisac::Tone{500, 2, 0.3, 0.7},
       ocisac::SquareWave{700, 0.3, 1.5, -1.0},
+      ocisac::TriangleWave{700, 1.5, -1.0, 0.8},
+      ocisac::TriangleWave{0, 1.5, -1.0, 0.8},
       ocisac::Chips{{0, 1, 1, 0.5}, 3e3, 0.001, true, 2},
       ocisac::Chips{{0, 1, 1, 0.5}, 3e3, 0.001},
       ocisac::Samples{{0, 1, 1, 0.5}, 3e3, 0.001, true},
@@ -92,6 +94,7 @@ TEST_CASE("chips of on-off keying are exact") {
 TEST_CASE("values without meaning are refused") {
   CHECK_THROWS_AS(Waveform(ocisac::Tone{-1}), std::invalid_argument);
   CHECK_THROWS_AS(Waveform(ocisac::SquareWave{1, 1.0}), std::invalid_argument);
+  CHECK_THROWS_AS(Waveform(ocisac::TriangleWave{1, 1, 0, 1.5}), std::invalid_argument);
   CHECK_THROWS_AS(Waveform(ocisac::Chips{{}, 1}), std::invalid_argument);
   CHECK_THROWS_AS(Waveform(ocisac::Samples{{1, NAN}, 1}), std::invalid_argument);
   const Waveform sampled = ocisac::Samples{{1, 2}, 1};

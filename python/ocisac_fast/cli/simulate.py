@@ -14,7 +14,7 @@ from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.units import FREQUENCY, TIME
 from ocisac_fast.files import write_frames
-from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, Waveform
+from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
 from ocisac_fast.scene.simulation import simulate_frames
 
 _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
@@ -24,8 +24,11 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.command(short_help="Simulate a recording of a modulated light, or of a scene.")
 @click.argument("scene", required=False, type=click.Path(exists=True, dir_okay=False))
 @click.option(
-    "--phase", type=float, default=0.0, show_default=True, help="Phase of a tone or a square wave, rad at time 0."
+    "--waveform", type=click.Choice(["tone", "square", "triangle", "chips"]), default="tone", show_default=True
 )
+@click.option("--frequency", type=FREQUENCY, help="Frequency of a tone, a square or a triangle wave.")
+@click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
+@click.option("--phase", type=float, default=0.0, show_default=True, help="Phase of these waves, rad at time 0.")
 @click.option("--bits", help="Chips of on-off keying, such as 0110.")
 @click.option("--chip-rate", type=FREQUENCY)
 @click.option("--repeat/--once", default=True, show_default=True, help="Repeat the bits.")
@@ -132,4 +135,4 @@ def _waveform(options: dict[str, Any]) -> Waveform:
         return Chips(options["bits"], float(options["chip_rate"]), repeat=options["repeat"])
     if kind == "square":
         return SquareWave(float(options["frequency"]), duty=options["duty"], phase=options["phase"])
-    return Tone(float(options["frequency"]), phase=options["phase"])
+    return (TriangleWave if kind == "triangle" else Tone)(float(options["frequency"]), phase=options["phase"])

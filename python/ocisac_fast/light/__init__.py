@@ -9,6 +9,7 @@ from ocisac_fast.light.waveforms import (
     SquareWave as SquareWave,
     Sum as Sum,
     Tone as Tone,
+    TriangleWave as TriangleWave,
     Waveform as Waveform,
     integrate_exposure as integrate_exposure,
     sample_waveform as sample_waveform,

@@ -151,6 +151,35 @@ class SquareWave(Waveform):
 
 @checked_class
 @dataclass(frozen=True, eq=False)
+class TriangleWave(Waveform):
+    """A triangle wave, such as the ripple of an LED driver: amplitude * (1/2 + depth/2 * (1 - 4 distance)).
+
+    distance: of frequency * t + phase / (2 pi) to the nearest whole number, 0 to 1/2. The maximum is where the tone of
+    the same phase has it; the fundamental is 8/pi^2 of that tone's.
+
+    Args:
+        frequency: Hz, 0 (steady light) or above.
+        amplitude: the light at the maximum for depth 1; finite, within 1e100 of 0.
+        phase: rad at t = 0, finite.
+        depth: 0 (steady) to 1 (dark at the minimum).
+
+    Raises:
+        ValueError: a value that is not finite or outside its range; the message names it.
+    """
+
+    frequency: float
+    _: KW_ONLY
+    amplitude: float = 1.0
+    phase: float = 0.0
+    depth: float = 1.0
+    _handle: _core.Waveform = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._hold(_core.triangle_wave(self.frequency, self.amplitude, self.phase, self.depth))
+
+
+@checked_class
+@dataclass(frozen=True, eq=False)
 class Chips(Waveform):
     """Chips (on-off keying, PAM): amplitude * levels[k] during [start + k/chip_rate, start + (k + 1)/chip_rate).
 
@@ -258,7 +287,8 @@ class Product(_Combination):
     """The product of waveforms or numbers, such as light through a filter or off a surface; also written ``a * b``.
 
     Raises:
-        ValueError: no parts, more than 4096 terms after expansion, two factors that are Samples, light above 1e300.
+        ValueError: no parts, more than 4096 terms after expansion, two factors that are Samples or TriangleWave, light
+            above 1e300.
     """
 
     @staticmethod

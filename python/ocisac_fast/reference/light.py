@@ -8,7 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, Waveform
+from ocisac_fast.light.waveforms import (
+    Chips,
+    Constant,
+    Product,
+    Samples,
+    SquareWave,
+    Sum,
+    Tone,
+    TriangleWave,
+    Waveform,
+)
 
 Long = npt.NDArray[np.longdouble]
 
@@ -63,7 +73,7 @@ def _numbers(numbers: int | npt.ArrayLike) -> Long:
 
 def _cycles(waveform: Any, times: Long) -> Long:
     """Periods or chips since the beginning of the first."""
-    if isinstance(waveform, Tone | SquareWave):
+    if isinstance(waveform, Tone | SquareWave | TriangleWave):
         return np.asarray(np.longdouble(waveform.frequency) * times + np.longdouble(waveform.phase) / _TURN)
     rate = waveform.chip_rate if isinstance(waveform, Chips) else waveform.sample_rate
     return np.asarray(np.longdouble(rate) * (times - np.longdouble(waveform.start)))
@@ -95,6 +105,10 @@ def _values(waveform: Waveform, times: Long) -> Long:
     if isinstance(waveform, Tone):
         swing = np.longdouble(waveform.depth) / 2 * np.cos(_TURN * (cycles - np.rint(cycles)))
         return np.asarray(np.longdouble(waveform.amplitude) * (swing + np.longdouble(0.5)))
+    if isinstance(waveform, TriangleWave):
+        distance = np.abs(cycles - np.rint(cycles))
+        swing = np.longdouble(waveform.depth) / 2 * (1 - 4 * distance)
+        return np.asarray(np.longdouble(waveform.amplitude) * (swing + np.longdouble(0.5)))
     if isinstance(waveform, SquareWave):
         bright = np.abs(cycles - np.floor(cycles + 0.5)) < np.longdouble(waveform.duty) / 2
         return np.where(bright, np.longdouble(waveform.amplitude), np.longdouble(0))
@@ -117,7 +131,7 @@ def _means(waveform: Waveform, ends: Long, exposure: np.longdouble) -> Long:
             return np.asarray(level * _means(changing[0], ends, exposure))
         return np.array([_quadrature(waveform, end, exposure) for end in ends.ravel()]).reshape(ends.shape)
     begins = _cycles(waveform, ends - exposure)
-    if isinstance(waveform, Tone | SquareWave) and waveform.frequency == 0:
+    if isinstance(waveform, Tone | SquareWave | TriangleWave) and waveform.frequency == 0:
         return _values(waveform, ends)
     if isinstance(waveform, Tone):
         length = np.longdouble(waveform.frequency) * exposure
@@ -129,6 +143,11 @@ def _means(waveform: Waveform, ends: Long, exposure: np.longdouble) -> Long:
         begins = begins - np.floor(begins)
         light = _square_antiderivative(begins + length, waveform) - _square_antiderivative(begins, waveform)
         return np.asarray(np.longdouble(waveform.amplitude) * light / length)
+    if isinstance(waveform, TriangleWave):
+        length = np.longdouble(waveform.frequency) * exposure
+        begins = begins - np.floor(begins)
+        swing = (_triangle_antiderivative(begins + length) - _triangle_antiderivative(begins)) / length
+        return np.asarray(np.longdouble(waveform.amplitude) / 2 * (1 + np.longdouble(waveform.depth) * swing))
     assert isinstance(waveform, Chips | Samples)
     rate = waveform.chip_rate if isinstance(waveform, Chips) else waveform.sample_rate
     length = np.longdouble(rate) * exposure
@@ -151,6 +170,11 @@ def _square_antiderivative(cycles: Long, wave: SquareWave) -> Long:
     return np.asarray(2 * half * whole + np.clip(cycles - whole, -half, half))
 
 
+def _triangle_antiderivative(cycles: Long) -> Long:
+    part = cycles - np.rint(cycles)
+    return np.asarray(part - 2 * part * np.abs(part))
+
+
 def _quadrature(waveform: Waveform, end: np.longdouble, exposure: np.longdouble) -> np.longdouble:
     begin = end - exposure
     edges = _edges(waveform, begin, end)
@@ -165,7 +189,9 @@ def _edges(waveform: Waveform, begin: np.longdouble, end: np.longdouble) -> Long
     """Instants in the interval at which the light or its slope jumps."""
     if isinstance(waveform, Sum | Product):
         return np.concatenate([_edges(part, begin, end) for part in waveform.parts])
-    if isinstance(waveform, Constant | Tone) or (isinstance(waveform, SquareWave) and waveform.frequency == 0):
+    if isinstance(waveform, Constant | Tone) or (
+        isinstance(waveform, SquareWave | TriangleWave) and waveform.frequency == 0
+    ):
         return np.zeros(0, np.longdouble)
     first, last = (_cycles(waveform, np.asarray(time)) for time in (begin, end))
     whole = np.arange(int(np.floor(first)), int(np.floor(last)) + 2).astype(np.longdouble)
@@ -173,6 +199,8 @@ def _edges(waveform: Waveform, begin: np.longdouble, end: np.longdouble) -> Long
     if isinstance(waveform, SquareWave):
         half, rate = np.longdouble(waveform.duty) / 2, waveform.frequency
         whole = np.concatenate([whole - half, whole + half])
+    elif isinstance(waveform, TriangleWave):
+        rate, whole = waveform.frequency, np.concatenate([whole, whole + np.longdouble(0.5)])
     else:
         rate = waveform.chip_rate if isinstance(waveform, Chips) else waveform.sample_rate  # type: ignore[attr-defined]
     times = begin + (whole - first) / np.longdouble(rate)

@@ -16,6 +16,7 @@ from ocisac_fast.light.waveforms import (
     SquareWave,
     Sum,
     Tone,
+    TriangleWave,
     Waveform,
     sample_waveform,
 )
@@ -84,7 +85,7 @@ def _product_limits(a: tuple[float, float], b: tuple[float, float]) -> tuple[flo
 def _extremes(waveform: Waveform) -> list[float]:
     if isinstance(waveform, Constant):
         return [waveform.level]
-    if isinstance(waveform, Tone):
+    if isinstance(waveform, (Tone, TriangleWave)):
         return [waveform.amplitude / 2 * (1 + sign * waveform.depth) for sign in (-1, 1)]
     if isinstance(waveform, SquareWave):
         return [0.0, waveform.amplitude]
@@ -138,6 +139,11 @@ def _one_period(waveform: Waveform, exposure: float) -> tuple[float, float] | No
             return float(sample_waveform(waveform, 0.0)), 0.0
         spread = abs(waveform.amplitude) * waveform.duty * (1 - waveform.duty)
         return waveform.amplitude * waveform.duty, spread / (waveform.frequency * exposure)
+    if isinstance(waveform, TriangleWave):
+        if waveform.frequency == 0:
+            return float(sample_waveform(waveform, 0.0)), 0.0
+        swing = abs(waveform.amplitude) / 2 * waveform.depth
+        return waveform.amplitude / 2, swing / (4 * waveform.frequency * exposure)  # half a period of one sign
     if isinstance(waveform, Chips) and waveform.repeat:
         levels = waveform.amplitude * waveform.levels
         sums = np.concatenate([[0.0], np.cumsum(levels - levels.mean())])

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone
+from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, TriangleWave
 from ocisac_fast.scene.description import Ambient, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
@@ -33,6 +33,7 @@ _WAVEFORMS: Kinds = {
     "constant": Constant,
     "tone": Tone,
     "square": SquareWave,
+    "triangle": TriangleWave,
     "chips": Chips,
     "samples": Samples,
     "sum": Sum,

@@ -1,4 +1,4 @@
-// Light over time: tones, square waves, chips, samples, and sums and products of them.
+// Light over time: tones, square and triangle waves, chips, samples, and sums and products of them.
 #pragma once
 
 #include <memory>
@@ -21,6 +21,15 @@ struct SquareWave {
   double duty = 0.5;  // share of a period that is bright, above 0 and below 1
   double amplitude = 1;
   double phase = 0;  // rad
+};
+
+// amplitude·(1/2 + depth/2·(1 − 4·distance)), distance: of frequency·t + phase/2π to the nearest whole number. The
+// maximum is where the tone of the same phase has it; the fundamental is 8/π² of that tone's.
+struct TriangleWave {
+  double frequency;      // Hz, >= 0
+  double amplitude = 1;  // light at the maximum for depth 1
+  double phase = 0;      // rad
+  double depth = 1;      // 0 to 1
 };
 
 // amplitude·levels[k] during [start + k/chip_rate, start + (k + 1)/chip_rate); dark before and after, or repeated
@@ -56,6 +65,7 @@ class Waveform {
   Waveform(double level);  // steady light; implicit, so that numbers add and multiply
   Waveform(const Tone& tone);
   Waveform(const SquareWave& wave);
+  Waveform(const TriangleWave& wave);
   Waveform(const Chips& chips);
   Waveform(const Samples& samples);
 
@@ -63,7 +73,8 @@ class Waveform {
 
   friend Waveform operator+(const Waveform& a, const Waveform& b);
 
-  // Light transmitted or reflected by a moving object. At most one factor of a product may be Samples.
+  // Light transmitted or reflected by a moving object. At most one factor of a product may be Samples or a
+  // TriangleWave.
   friend Waveform operator*(const Waveform& a, const Waveform& b);
 
  private:
