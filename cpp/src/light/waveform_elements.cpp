@@ -409,7 +409,7 @@ std::shared_ptr<const WaveformElement> make_element(const TriangleWave& wave) {
   const double low = wave.amplitude / 2 * (1 - wave.depth);
   const double whole_turns = turns(wave.phase).value();
   const double fraction = whole_turns - std::round(whole_turns);
-  if (wave.frequency < kFewestCycles) {
+  if (wave.frequency < kMinCycles) {
     const double level = high + 2 * std::abs(fraction) * (low - high);
     return std::make_shared<CellsElement>(Samples{{level}, 1});
   }
