@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ocisac_fast.chips import expose_chips
+from ocisac_fast.chips import ChipClock, expose_chips
 from ocisac_fast.plots import BLACK, BLUE, ORANGE, RED, picture
 from studies.chart.detectors import Setting, make_frame
 from studies.drawing import shrink
@@ -87,8 +87,9 @@ def _draw_way(axes: Axes, chips: np.ndarray, colour: str, style: str, label: str
 def _rows_of(chips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends of the rows' exposures in chips, and their light."""
     rows = int(CHIPS.size * ROWS_PER_CHIP)
-    clock = {"rows_per_chip": ROWS_PER_CHIP, "exposure": LENGTH * ROWS_PER_CHIP}
-    light = expose_chips(np.concatenate([[0, 0], chips]), rows, first=-2, phase=LENGTH * ROWS_PER_CHIP / 2, **clock)
+    exposure = LENGTH * ROWS_PER_CHIP
+    clock = ChipClock(rows_per_chip=ROWS_PER_CHIP, phase=exposure / 2, exposure_rows=exposure)
+    light = expose_chips(np.concatenate([[0, 0], chips]), rows, clock, first=-2)
     return np.arange(rows) / ROWS_PER_CHIP, light
 
 

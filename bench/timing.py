@@ -25,6 +25,7 @@ import numpy as np
 
 from ocisac_fast.chips import (
     ChannelEstimate,
+    ChipClock,
     chip_llr,
     clock_bounds,
     detector_error_rates,
@@ -52,7 +53,7 @@ class Frame:
 
     chips: np.ndarray
     first: int
-    clock: dict[str, float]
+    clock: ChipClock
     noise: float
     rows: np.ndarray
     preamble_chip: int  # number of the preamble's first chip
@@ -60,8 +61,8 @@ class Frame:
     @property
     def whole(self) -> np.ndarray:
         """Numbers of the chips compared: one exposure away from both edges."""
-        edge = math.ceil(self.clock["exposure_rows"] / self.clock["rows_per_chip"]) + 1
-        return np.arange(edge, int(ROWS / self.clock["rows_per_chip"]) - edge)
+        edge = math.ceil(self.clock.exposure_rows / self.clock.rows_per_chip) + 1
+        return np.arange(edge, int(ROWS / self.clock.rows_per_chip) - edge)
 
     def errors(self, chips: np.ndarray, first: int, shift: int) -> int:
         """Number of wrong `chips`, the first of which is number first + shift here."""
@@ -79,22 +80,20 @@ def make_frame(random: np.random.Generator, rows_per_chip: float, exposure: floa
     at = int(random.integers(margin, len(chips) - margin - len(LENGTHENED)))
     chips[at : at + len(LENGTHENED)] = LENGTHENED
     length = exposure * (1 + random.uniform(-0.03, 0.03))
-    clock = {"rows_per_chip": period, "phase": random.uniform(0, period), "exposure_rows": length * period}
-    rows = 20 + 100 * (expose_chips(chips, ROWS, first=first, **clock) + noise * random.standard_normal(ROWS))
+    clock = ChipClock(rows_per_chip=period, phase=random.uniform(0, period), exposure_rows=length * period)
+    rows = 20 + 100 * (expose_chips(chips, ROWS, clock, first=first) + noise * random.standard_normal(ROWS))
     return Frame(chips, first, clock, noise, rows, first + at)
 
 
 def genie(frame: Frame) -> int:
     """Errors for known clock, exposure, levels and noise."""
-    period, phase, exposure = (frame.clock[name] for name in ("rows_per_chip", "phase", "exposure_rows"))
+    period, phase, exposure = frame.clock.rows_per_chip, frame.clock.phase, frame.clock.exposure_rows
     first = math.floor((-exposure / 2 - phase) / period)
     count = math.floor((ROWS - 1 + exposure / 2 - phase) / period) - first + 1
     chips = (
         chip_llr(
             (frame.rows - 20) / 100,
-            rows_per_chip=period,
-            phase=phase,
-            exposure_rows=exposure,
+            frame.clock,
             noise=frame.noise,
             first=first,
             count=count,
@@ -109,7 +108,7 @@ def estimate(frame: Frame, rows_per_chip: float, blind: bool) -> tuple[ChannelEs
     """Channel, errors and seconds from the rows alone; blind frames have a given exposure instead of a preamble."""
     begin = time.perf_counter()
     if blind:
-        exposure = frame.clock["exposure_rows"]
+        exposure = frame.clock.exposure_rows
         found = find_channel(frame.rows, rows_per_chip=rows_per_chip, exposure_rows=exposure)
     else:
         matches = find_preamble(frame.rows, LENGTHENED, rows_per_chip=rows_per_chip)
@@ -120,9 +119,7 @@ def estimate(frame: Frame, rows_per_chip: float, blind: bool) -> tuple[ChannelEs
     shift = frame.preamble_chip
     if blind:
         here, there = frame.clock, found.channel
-        shift = round(
-            (ROWS / 2 - here["phase"]) / here["rows_per_chip"] - (ROWS / 2 - there.phase) / there.rows_per_chip
-        )
+        shift = round((ROWS / 2 - here.phase) / here.rows_per_chip - (ROWS / 2 - there.phase) / there.rows_per_chip)
     return found.channel, frame.errors(found.chips, found.first, shift), seconds
 
 
@@ -148,11 +145,11 @@ def measure(rows_per_chip: float, exposure: float, noise: float, frames: int, bl
         channel, errors, spent = found
         wrong += errors
         seconds += spent
-        clock_off += abs(channel.rows_per_chip / frame.clock["rows_per_chip"] - 1) > 1e-3
-        bound = clock_bounds(frame.chips, np.full(ROWS, 1.0), noise=noise, first=frame.first, **frame.clock)
+        clock_off += abs(channel.rows_per_chip / frame.clock.rows_per_chip - 1) > 1e-3
+        bound = clock_bounds(frame.chips, np.full(ROWS, 1.0), frame.clock, noise=noise, first=frame.first)
         if bound is not None and np.isfinite([bound.exposure_rows_std, channel.errors.exposure_rows_std]).all():
-            relative.append(channel.exposure_rows / frame.clock["exposure_rows"] - 1)
-            bounds.append(bound.exposure_rows_std / frame.clock["exposure_rows"])
+            relative.append(channel.exposure_rows / frame.clock.exposure_rows - 1)
+            bounds.append(bound.exposure_rows_std / frame.clock.exposure_rows)
             own.append(channel.errors.exposure_rows_std / channel.exposure_rows)
     off, limit = np.array(relative), np.array(bounds)
     pooled = pooled_off(off, np.array(own))

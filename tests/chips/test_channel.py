@@ -1,6 +1,8 @@
 """The channel from known chips: agreement with the reference, errors at their bounds, preambles found, refusals."""
 
+import dataclasses
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import ocisac_fast.chips as ocisac
 from ocisac_fast import Camera, Chips, integrate_exposure, reference
 from ocisac_fast.chips import (
     ChannelEstimate,
+    ChipClock,
     ClockErrors,
     ClockTracker,
     chip_llr,
@@ -42,19 +45,14 @@ class Column:
             self.chips[at : at + len(preamble)] = preamble
             self.start = self.phase + (self.first + at) * self.rows_per_chip
         self.swing = 40 * (1 + gradient * np.linspace(-1, 1, rows))
-        light = expose_chips(self.chips, rows, **self.clock)
+        light = expose_chips(self.chips, rows, self.clock, first=self.first)
         self.noise = 40 * noise
         self.rows = 10 + 3 * np.linspace(-1, 1, rows) + self.swing * light
         self.rows += self.noise * self.random.standard_normal(rows)
 
     @property
     def clock(self):
-        return {
-            "rows_per_chip": self.rows_per_chip,
-            "phase": self.phase,
-            "exposure_rows": self.exposure_rows,
-            "first": self.first,
-        }
+        return ChipClock(rows_per_chip=self.rows_per_chip, phase=self.phase, exposure_rows=self.exposure_rows)
 
     def wrong_clock(self):
         """Off by up to a fifth of a chip at either end of the frame, the exposure by a fifth."""
@@ -62,17 +60,16 @@ class Column:
         period = self.rows_per_chip * (1 + self.random.uniform(-0.2, 0.2) * self.rows_per_chip / middle)
         phase = self.phase + middle / self.rows_per_chip * (self.rows_per_chip - period)
         exposure = self.exposure_rows * self.random.uniform(0.8, 1.2)
-        return {**self.clock, "rows_per_chip": period, "phase": phase, "exposure_rows": exposure}
+        return ChipClock(rows_per_chip=period, phase=phase, exposure_rows=exposure)
 
     def bounds(self, **options):
-        return clock_bounds(self.chips, self.swing, noise=self.noise, **self.clock, **options)
+        return clock_bounds(self.chips, self.swing, self.clock, noise=self.noise, first=self.first, **options)
 
 
 clocks = {
     "rows_per_chip": st.floats(0.8, 9),
     "phase": st.floats(-50, 50),
     "exposure_rows": st.one_of(st.just(0.0), st.floats(0.01, 60)),
-    "first": st.integers(-30, 30),
 }
 
 
@@ -83,13 +80,14 @@ clocks = {
     rows=st.sampled_from([1, 2, 97, 720, 1080, 4352]),
     dtype=st.sampled_from(["uint8", "bool", "float32", "float64"]),
     step=st.sampled_from([-2, -1, 1, 3]),
-    **clocks,
+    clock=st.builds(ChipClock, **clocks),
+    first=st.integers(-30, 30),
 )
-def test_exposed_chips_agree_with_the_reference(seed, chips, rows, dtype, step, **clock):
+def test_exposed_chips_agree_with_the_reference(seed, chips, rows, dtype, step, clock, first):
     levels = np.random.default_rng(seed).integers(0, 2, abs(step) * chips).astype(dtype)[::step]
-    got, want = (of.expose_chips(levels, rows, **clock) for of in (ocisac, reference))
+    got, want = (of.expose_chips(levels, rows, clock, first=first) for of in (ocisac, reference))
     assert got.shape == (rows,)
-    rounding = 1e-12 * max(1, 4 / max(clock["exposure_rows"], 1e-3))  # of a row's place, in exposures
+    rounding = 1e-12 * max(1, 4 / max(clock.exposure_rows, 1e-3))  # of a row's place, in exposures
     np.testing.assert_allclose(got, want, rtol=0, atol=rounding)
 
 
@@ -98,7 +96,7 @@ def test_an_exposed_chip_is_a_waveform_seen_by_a_camera(exposure_known):
     chips = np.array([1, 0, 0, 1, 1, 0, 1, 0, 0, 0], float)
     camera = Camera(1.0, 7.3)
     light = integrate_exposure(Chips(chips, 1 / 4.7), camera, np.arange(8, 40))
-    got = expose_chips(chips, 40, rows_per_chip=4.7, phase=7.3 / 2, exposure_rows=7.3)
+    got = expose_chips(chips, 40, ChipClock(rows_per_chip=4.7, phase=7.3 / 2, exposure_rows=7.3))
     np.testing.assert_allclose(got[8:], light, atol=1e-12)
 
 
@@ -116,8 +114,9 @@ def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, 
     options = dict(zip(("dark_degree", "swing_degree"), degrees, strict=True), exposure_known=exposure_known)
     start = column.wrong_clock()
     if exposure_known:
-        start["exposure_rows"] = column.exposure_rows
-    got, want = (of.fit_channel(column.rows, column.chips, **start, **options) for of in (ocisac, reference))
+        start = dataclasses.replace(start, exposure_rows=column.exposure_rows)
+    options["first"] = column.first
+    got, want = (of.fit_channel(column.rows, column.chips, start, **options) for of in (ocisac, reference))
     spread = np.sqrt(np.diag(want.errors.covariance)) + 1e-6
     middle = got.errors.chip
     for channel in (got, want):
@@ -133,7 +132,7 @@ def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, 
         assert np.all(np.abs(difference) < 0.2 * spread)
         np.testing.assert_allclose(got.levels(rows), want.levels(rows), atol=0.02)
     bounds = [
-        of.clock_bounds(column.chips, column.swing, noise=column.noise, **column.clock, **options)
+        of.clock_bounds(column.chips, column.swing, column.clock, noise=column.noise, **options)
         for of in (ocisac, reference)
     ]
     spread = np.sqrt(np.diag(bounds[1].covariance))
@@ -147,7 +146,7 @@ def test_errors_are_at_their_bounds(rows_per_chip, exposure):
     misses = []
     for seed in range(40):
         column = Column(seed, rows_per_chip, exposure, noise=0.04)
-        got = fit_channel(column.rows, column.chips, **column.wrong_clock())
+        got = fit_channel(column.rows, column.chips, column.wrong_clock(), first=column.first)
         bounds = column.bounds()
         phase_of_middle = got.phase - column.phase + bounds.chip * (got.rows_per_chip - column.rows_per_chip)
         assert got.converged
@@ -174,7 +173,7 @@ def test_the_bounds_are_those_of_the_design():
 
 def test_a_gradient_of_the_light_is_followed():
     column = Column(3, 4.0, 5.0, noise=0.01, gradient=0.6)
-    got = fit_channel(column.rows, column.chips, **column.wrong_clock(), swing_degree=1)
+    got = fit_channel(column.rows, column.chips, column.wrong_clock(), first=column.first, swing_degree=1)
     dark, bright = got.levels(1080)
     np.testing.assert_allclose(bright - dark, column.swing, atol=0.5)
     np.testing.assert_allclose(dark, 10 + 3 * np.linspace(-1, 1, 1080), atol=0.5)
@@ -183,7 +182,7 @@ def test_a_gradient_of_the_light_is_followed():
 
 def test_without_noise_the_channel_is_exact():
     column = Column(4, 3.7, 6.2, noise=0.0)
-    got = fit_channel(column.rows, column.chips, **column.wrong_clock())
+    got = fit_channel(column.rows, column.chips, column.wrong_clock(), first=column.first)
     assert got.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-10)
     assert got.phase == pytest.approx(column.phase, abs=1e-8)
     assert got.exposure_rows == pytest.approx(column.exposure_rows, rel=1e-9)
@@ -191,19 +190,19 @@ def test_without_noise_the_channel_is_exact():
 
 def test_what_chips_do_not_tell_is_not_guessed():
     rows = np.linspace(0, 1, 50)
-    clock = {"rows_per_chip": 5.0, "phase": 0.0, "exposure_rows": 2.0}
-    assert fit_channel(rows, np.ones(10), **clock) is None
-    assert fit_channel(rows, [0, 1], **{**clock, "rows_per_chip": 3.0}) is None  # five rows, six unknowns
-    assert clock_bounds(np.ones(10), np.ones(50), noise=0.1, **clock) is None
-    aligned = {"rows_per_chip": 2.0, "phase": 0.3, "exposure_rows": 1.0}  # every edge on the same part of a row
+    clock = ChipClock(rows_per_chip=5.0, phase=0.0, exposure_rows=2.0)
+    assert fit_channel(rows, np.ones(10), clock) is None
+    assert fit_channel(rows, [0, 1], dataclasses.replace(clock, rows_per_chip=3.0)) is None  # five rows, six unknowns
+    assert clock_bounds(np.ones(10), np.ones(50), clock, noise=0.1) is None
+    aligned = ChipClock(rows_per_chip=2.0, phase=0.3, exposure_rows=1.0)  # every edge on the same part of a row
     chips = np.random.default_rng(0).integers(0, 2, 100)
-    bounds = clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
+    bounds = clock_bounds(chips, np.ones(200), aligned, noise=0.1)
     assert np.isinf(bounds.exposure_rows_std)
     assert 0 < bounds.rows_per_chip_std < 0.01
-    want = reference.clock_bounds(chips, np.ones(200), noise=0.1, **aligned)
+    want = reference.clock_bounds(chips, np.ones(200), aligned, noise=0.1)
     assert np.isinf(want.exposure_rows_std)
     assert bounds.rows_per_chip_std == pytest.approx(want.rows_per_chip_std)
-    got = fit_channel(expose_chips(chips, 200, **aligned), chips, **aligned)
+    got = fit_channel(expose_chips(chips, 200, aligned), chips, aligned)
     assert np.isinf(got.errors.exposure_rows_std)
 
 
@@ -244,8 +243,8 @@ def test_a_preamble_is_the_best_fit_of_all_places(seed, exposure):
     match = find_preamble(column.rows, preamble, rows_per_chip=4.1, exposure_rows=column.exposure_rows)[0]
 
     def fitted(phase):
-        clock = {"rows_per_chip": 4.1, "phase": phase, "exposure_rows": column.exposure_rows}
-        return reference.fit_channel(column.rows, preamble, **clock, exposure_known=True)
+        clock = ChipClock(rows_per_chip=4.1, phase=phase, exposure_rows=column.exposure_rows)
+        return reference.fit_channel(column.rows, preamble, clock, exposure_known=True)
 
     def explained(channel):
         rows = np.arange(*channel.rows)
@@ -269,7 +268,7 @@ def test_all_preambles_of_a_frame_are_found():
     column = Column(0, 3.0, 4.0, 0.01)
     for at in (30, 150, 280):
         column.chips[at : at + 32] = preamble
-    rows = 10 + 40 * expose_chips(column.chips, 1080, **column.clock)
+    rows = 10 + 40 * expose_chips(column.chips, 1080, column.clock, first=column.first)
     rows += 0.4 * column.random.standard_normal(1080)
     found = find_preamble(rows, preamble, rows_per_chip=3.0, max_matches=5)
     starts = [column.phase + (column.first + at) * column.rows_per_chip for at in (30, 150, 280)]
@@ -333,9 +332,8 @@ def test_the_channel_of_the_whole_frame_is_the_fit_of_its_chips():
     assert got.settled
     assert errors_of(column, got, round((column.start - column.phase) / column.rows_per_chip)) == 0
     channel = got.channel
-    clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure_rows")}
     degrees = {"dark_degree": len(channel.dark) - 1, "swing_degree": len(channel.swing) - 1}
-    want = reference.fit_channel(column.rows, got.chips[1:-1], **clock, first=got.first + 1, **degrees)
+    want = reference.fit_channel(column.rows, got.chips[1:-1], channel.clock, first=got.first + 1, **degrees)
     spread = want.errors
     assert channel.rows_per_chip == pytest.approx(want.rows_per_chip, abs=0.02 * spread.rows_per_chip_std)
     assert channel.exposure_rows == pytest.approx(want.exposure_rows, abs=0.02 * spread.exposure_rows_std)
@@ -370,7 +368,7 @@ def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
 
 def test_a_detector_that_answers_wrongly_is_refused():
     column = Column(0, 4.0, 2.0)
-    start = fit_channel(column.rows, column.chips, **column.wrong_clock())
+    start = fit_channel(column.rows, column.chips, column.wrong_clock(), first=column.first)
     with pytest.raises(ValueError, match="detect: got 1, allowed: as many levels as chips asked for"):
         refine_channel(column.rows, start, detect=lambda *question: [0.0])
     with pytest.raises(ValueError, match="highest_degree: got 9, allowed: 0 to 6"):
@@ -436,7 +434,7 @@ def test_frames_are_read_on_without_preambles_across_the_gaps(exposure):
     for frame in (0, 1, 2, 3, 5, 6, 9, 10, 15, 16):
         drifted = period * (1 + 2e-6 * frame)
         phase = -(frame * frame_rows) * (1 + 1e-6 * frame)  # of chip 0, in rows of this frame
-        light = expose_chips(chips, rows, rows_per_chip=drifted, phase=phase, exposure_rows=length)
+        light = expose_chips(chips, rows, ChipClock(rows_per_chip=drifted, phase=phase, exposure_rows=length))
         signal = 10 + 50 * (light + 0.02 * random.standard_normal(rows))
         if frame == 0:
             channel = find_preamble(signal, preamble, rows_per_chip=4.0, exposure_rows=length)[0].channel
@@ -470,7 +468,7 @@ def test_pooling_ten_frames_brings_short_exposures_below_a_percent():
     off = []
     for batch in range(12):
         columns = [Column(100 * batch + k, 4.0, 0.5, 0.04) for k in range(10)]
-        found = [fit_channel(c.rows, c.chips, **c.wrong_clock()) for c in columns]
+        found = [fit_channel(c.rows, c.chips, c.wrong_clock(), first=c.first) for c in columns]
         exposures = [f.exposure_rows / f.rows_per_chip for f in found]
         pooled = pool_estimates(exposures, [f.errors.exposure_rows_std / f.rows_per_chip for f in found])
         assert pooled.count == 10
@@ -479,16 +477,18 @@ def test_pooling_ten_frames_brings_short_exposures_below_a_percent():
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.6
 
 
-FIT = {"signal": np.zeros(9), "chips": [0, 1], "rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 1.0}
+CLOCK = {"rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 1.0}
+FIT = {"signal": np.zeros(9), "chips": [0, 1], "clock": ChipClock(**CLOCK)}
 FIND = {"signal": np.zeros(9), "preamble": [0, 1, 0], "rows_per_chip": 4.0}
 
 
 @pytest.mark.parametrize(
     ("function", "arguments", "message"),
     [
-        ("fit_channel", FIT | {"rows_per_chip": 0.0}, "rows_per_chip: got 0, allowed: a finite number above 0"),
-        ("fit_channel", FIT | {"phase": np.nan}, "phase: got nan"),
-        ("fit_channel", FIT | {"exposure_rows": -1.0}, "exposure_rows: got -1, allowed: a finite number, 0 or above"),
+        ("ChipClock", CLOCK | {"rows_per_chip": 0.0}, "rows_per_chip: got 0.0, allowed: a finite number above 0"),
+        ("ChipClock", CLOCK | {"phase": np.nan}, "phase: got nan"),
+        ("ChipClock", CLOCK | {"exposure_rows": -1.0}, "exposure_rows: got -1.0, allowed: a finite number, 0 or above"),
+        ("fit_channel", FIT | {"clock": CLOCK}, "clock: got .*, allowed: a ChipClock"),
         ("fit_channel", FIT | {"chips": [0, np.inf]}, "chips: got inf"),
         ("fit_channel", FIT | {"chips": []}, r"chips: got shape \(0,\)"),
         ("fit_channel", FIT | {"chips": [1j]}, "chips: got dtype complex128"),
@@ -515,6 +515,12 @@ def test_refuses(function, arguments, message):
         getattr(ocisac, function)(**arguments)
 
 
+def test_a_clock_pickles_and_prints():
+    clock = ChipClock(**CLOCK)
+    assert pickle.loads(pickle.dumps(clock)) == clock
+    assert repr(clock) == "ChipClock(rows_per_chip=4.0, phase=0.0, exposure_rows=1.0)"
+
+
 @settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.filter_too_much])
 @given(
     rows_per_chip=st.floats(1.0, 7.0),
@@ -532,8 +538,8 @@ def test_llr_are_those_of_all_sequences(rows_per_chip, chips, place, count, firs
     rows = int(count * rows_per_chip - exposure + place)
     assume(rows > 0)
     light = random.random(rows)
-    question = {"rows_per_chip": rows_per_chip, "phase": phase, "exposure_rows": exposure, "noise": 0.2}
-    got, want = (of.chip_llr(light, **question, first=first, count=count) for of in (ocisac, reference))
+    clock = ChipClock(rows_per_chip=rows_per_chip, phase=phase, exposure_rows=exposure)
+    got, want = (of.chip_llr(light, clock, noise=0.2, first=first, count=count) for of in (ocisac, reference))
     assert got.shape == (count,)
     np.testing.assert_allclose(got, want, atol=1e-3)  # single precision inside
 
@@ -547,7 +553,7 @@ def test_detection_reaches_what_the_closest_pair_allows():
         wrong = total = 0
         for _ in range(40):
             rows = light + noise * column.random.standard_normal(len(light))
-            found = chip_llr(rows, **column.clock, noise=noise, count=len(column.chips))
+            found = chip_llr(rows, column.clock, noise=noise, first=column.first, count=len(column.chips))
             inside = slice(12, -12)
             wrong += int(np.sum((found > 0)[inside] != column.chips[inside]))
             total += len(column.chips[inside])
@@ -578,9 +584,14 @@ def test_the_core_detects_where_no_detector_is_given():
     ],
 )
 def test_llr_refuse(change, message):
-    question = {"rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 8.0, "noise": 0.1, "first": 0, "count": 3}
+    clock = {"rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 8.0}
+    question = {"noise": 0.1, "first": 0, "count": 3}
     with pytest.raises(ValueError, match=message):
-        chip_llr(np.zeros(4), **{**question, **change})
+        chip_llr(
+            np.zeros(4),
+            ChipClock(**clock | {name: value for name, value in change.items() if name in clock}),
+            **question | {name: value for name, value in change.items() if name in question},
+        )
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3, 5, 7, 8, 12])

@@ -27,12 +27,11 @@ def make_columns(channel, shape, seed, noise=None):
     half = channel.exposure_rows / 2
     first, last = (int(np.floor((row - channel.phase) / channel.rows_per_chip)) for row in (-half, rows - 1 + half))
     chips = random.integers(0, 2, (frames, last - first + 1, columns))
-    clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure_rows")}
     dark, bright = channel.levels(rows)
     out = np.empty(shape)
     for frame in range(frames):
         for column in range(columns):
-            light = expose_chips(chips[frame, :, column], rows, first=first, **clock)
+            light = expose_chips(chips[frame, :, column], rows, channel.clock, first=first)
             out[frame, :, column] = dark + (bright - dark) * light
     out += (channel.noise if noise is None else noise) * random.standard_normal(shape)
     return out, chips, first

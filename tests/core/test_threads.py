@@ -16,6 +16,7 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, Samples, SquareWave, Tone
 from ocisac_fast.chips import (
+    ChipClock,
     ClockTracker,
     chip_llr,
     clock_bounds,
@@ -48,10 +49,10 @@ SENT = ocisac.transmit(bytes(range(24)))
 LIGHT = ocisac.integrate_exposure(Chips(SENT.chips, 11700.0, repeat=True), CAMERA, 720, frames=6)
 FRAMES = np.rint(20 + 150 * LIGHT[:, :, None] + RANDOM.standard_normal((6, 720, 16))).astype(np.uint8)
 TONE = 100 + 80 * ocisac.integrate_exposure(Tone(500.0), CAMERA, 720)[:, None] + RANDOM.standard_normal((720, 24))
-CLOCK = {"rows_per_chip": 6.0, "phase": 0.7, "exposure_rows": 4.5}
+CLOCK = ChipClock(rows_per_chip=6.0, phase=0.7, exposure_rows=4.5)
 CHIPS = RANDOM.integers(0, 2, 130).astype(float)
-SIGNAL = 10 + 40 * expose_chips(CHIPS, 720, first=-3, **CLOCK) + 0.5 * RANDOM.standard_normal(720)
-CHANNEL = fit_channel(SIGNAL, CHIPS, first=-3, **CLOCK)
+SIGNAL = 10 + 40 * expose_chips(CHIPS, 720, CLOCK, first=-3) + 0.5 * RANDOM.standard_normal(720)
+CHANNEL = fit_channel(SIGNAL, CHIPS, CLOCK, first=-3)
 GRATING = ocisac.integrate_exposure(Tone(175.0), CAMERA, 720, frames=2)[:, :, None]
 MOVING = (40 + 100 * GRATING + RANDOM.standard_normal((2, 720, 64))).astype(np.float32)
 WAVES = Tone(500.0) * SquareWave(90.0, phase=0.2) + Chips("0110", 3000.0) + Samples(RANDOM.random(50), 1e4)
@@ -74,7 +75,7 @@ def received_of_all_lights():
 
 def tracked_clock():
     tracker = ClockTracker(1500.0)
-    errors = clock_bounds(CHIPS, np.full(720, 40.0), noise=0.5, first=-3, **CLOCK)
+    errors = clock_bounds(CHIPS, np.full(720, 40.0), CLOCK, noise=0.5, first=-3)
     for frame in range(4):
         tracker.update(frame, dataclasses.replace(CHANNEL, errors=errors))
     return tracker.predict(5)
@@ -112,8 +113,8 @@ CALLS = {
     "best_exposure": lambda: ocisac.best_exposure([500.0, 700.0], [175.0, 350.0], method="search", points=500),
     "best_noisy_exposure": lambda: best_noisy_exposure([500.0, 175.0], [1.0, 1.0], (1e-5, 2e-3)),
     "calibrate": lambda: ocisac.calibrate(TONE, 500.0),
-    "chip_llr": lambda: chip_llr(SIGNAL / 40 - 0.25, noise=0.02, first=0, count=100, **CLOCK),
-    "clock_bounds": lambda: clock_bounds(CHIPS, np.full(720, 40.0), noise=0.5, first=-3, **CLOCK),
+    "chip_llr": lambda: chip_llr(SIGNAL / 40 - 0.25, CLOCK, noise=0.02, first=0, count=100),
+    "clock_bounds": lambda: clock_bounds(CHIPS, np.full(720, 40.0), CLOCK, noise=0.5, first=-3),
     "closest_pair_distance": lambda: closest_pair_distance(6.0, 4.5),
     "decode_line_code": lambda: decode_line_code(np.linspace(-3, 3, 80), "8b10b"),
     "detect_chips": lambda: ocisac.detect_chips(SIGNAL, CAMERA, CHANNEL, method="mlse"),
@@ -121,14 +122,14 @@ CALLS = {
     "detector_error_rates": lambda: detector_error_rates(6.0, 4.5, 0.1),
     "encode_line_code": lambda: encode_line_code(CHIPS[:128].astype(int), "4b6b"),
     "equalize": lambda: ocisac.equalize(TONE, CAMERA, method="wiener"),
-    "expose_chips": lambda: expose_chips(CHIPS, 720, first=-3, **CLOCK),
+    "expose_chips": lambda: expose_chips(CHIPS, 720, CLOCK, first=-3),
     "exposure_front": lambda: ocisac.exposure_front(500.0, 175.0, points=200),
     "exposure_objective": lambda: ocisac.exposure_objective(np.linspace(1e-5, 2e-3, 99), 500.0, 175.0),
     "exposure_response": lambda: ocisac.exposure_response(np.linspace(0, 2e4, 99), 1e-4),
     "find_channel": lambda: find_channel(SIGNAL, rows_per_chip=6.0, exposure_rows=4.5),
     "find_frequency": lambda: ocisac.find_frequency(TONE, CAMERA),
     "find_preamble": lambda: find_preamble(SIGNAL, CHIPS[40:54], rows_per_chip=6.0, exposure_rows=4.5),
-    "fit_channel": lambda: fit_channel(SIGNAL, CHIPS, first=-3, **CLOCK),
+    "fit_channel": lambda: fit_channel(SIGNAL, CHIPS, CLOCK, first=-3),
     "fsk_demodulate": lambda: fsk_demodulate(TONE[:, 0], CAMERA, [500.0, 900.0, 1300.0, 1700.0]),
     "fsk_symbol_error_rate": lambda: fsk_symbol_error_rate(16, 12.0),
     "fsk_transmit": lambda: fsk_transmit(b"threads", [500.0, 900.0, 1300.0, 1700.0]),

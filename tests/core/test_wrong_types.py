@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import ocisac_fast
-from ocisac_fast import Camera, Tone, chips, exposure, lights, packets, receiver, sensing, tones
+from ocisac_fast import Camera, Tone, chips, cleaning, exposure, lights, packets, receiver, sensing, tones
 
 CAMERA = Camera(1e-5, 1e-4, frame_time=1 / 30)
 FRAME = 100 + 50 * np.sin(np.arange(64) * 0.3)[:, None] * np.ones(16)
 SIGNAL = FRAME[:, 0]
-CLOCK = {"rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 1.0}
+CLOCK = {"clock": chips.ChipClock(rows_per_chip=4.0, phase=0.0, exposure_rows=1.0)}
 CALLS = [
     (Camera, {"row_time": 1e-5}),
     (Tone, {"frequency": 500.0}),
@@ -29,17 +29,21 @@ CALLS = [
     (ocisac_fast.receive, {"frames": FRAME, "camera": CAMERA}),
     (receiver.Receiver, {"camera": CAMERA}),
     (receiver.MultiReceiver, {"camera": CAMERA}),
+    (receiver.GainOptions, {}),
     (receiver.FskReceiver, {"camera": CAMERA, "tones": [1e3, 2e3]}),
     (lights.detect_sources, {"frames": FRAME, "camera": CAMERA}),
     (lights.SourceTracker, {"camera": CAMERA}),
     (ocisac_fast.remove_bands, {"frames": FRAME, "camera": CAMERA}),
+    (cleaning.CleaningOptions, {}),
     (ocisac_fast.subtract_still, {"frames": np.stack([FRAME, FRAME]), "camera": CAMERA}),
     (sensing.sense, {"frames": FRAME, "camera": CAMERA}),
     (sensing.sense_region, {"frames": FRAME, "camera": CAMERA}),
+    (sensing.KnownMotion, {}),
     (sensing.background_light, {"frames": FRAME, "camera": CAMERA}),
     (sensing.restore_contrast, {"columns": FRAME, "camera": CAMERA, "frequency": 4.8e3}),
     (exposure.best_exposure, {"f_comm": 500.0, "f_sense": 175.0}),
     (exposure.exposure_front, {"f_comm": 500.0, "f_sense": 175.0}),
+    (chips.ChipClock, {"rows_per_chip": 4.0, "phase": 0.0, "exposure_rows": 1.0}),
     (chips.expose_chips, {"chips": [0, 1], "rows": 9, **CLOCK}),
     (chips.fit_channel, {"signal": SIGNAL, "chips": [0, 1], **CLOCK}),
     (chips.find_preamble, {"signal": SIGNAL, "preamble": [0, 1, 0, 1, 1, 0, 0, 1], "rows_per_chip": 4.0}),
@@ -47,6 +51,8 @@ CALLS = [
     (chips.chip_llr, {"rows": SIGNAL, **CLOCK, "noise": 0.1, "first": 0, "count": 9}),
     (chips.closest_pair_distance, {"rows_per_chip": 4.0, "exposure_rows": 8.0}),
     (chips.detector_error_rates, {"rows_per_chip": 4.0, "exposure_rows": 8.0, "noise": 0.1}),
+    (exposure.LevelTargets, {}),
+    (packets.PacketFormat, {}),
     (packets.transmit, {"payload": b"a"}),
     (packets.possible_goodput, {"payload_bytes": 9, "camera": CAMERA, "chip_rate": 1e4, "rows": 99}),
     (packets.fsk_symbol_error_rate, {"tones": 2, "snr": 10.0}),

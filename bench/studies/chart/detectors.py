@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.chips import DETECTORS, chip_llr, expose_chips
+from ocisac_fast.chips import DETECTORS, ChipClock, chip_llr, expose_chips
 from studies.chart.measuring import Point, in_turn
 from studies.chart.panels import Effort, Progress, panel
 
@@ -42,21 +42,19 @@ class ChipFrame:
 
     chips: npt.NDArray[np.float64]
     first: int
-    clock: dict[str, float]
+    clock: ChipClock
     noise: float
     rows: Float64s
 
     def detect(self, method: str) -> Float64s:
         """Log-likelihood ratios."""
-        return chip_llr(
-            self.rows, **self.clock, noise=self.noise, first=self.first, count=self.chips.size, method=method
-        )
+        return chip_llr(self.rows, self.clock, noise=self.noise, first=self.first, count=self.chips.size, method=method)
 
     @property
     def whole(self) -> npt.NDArray[np.bool_]:
         """True for chips that the frame shows completely, not cut by its ends."""
-        period, reach = self.clock["rows_per_chip"], self.clock["exposure_rows"] / 2
-        begin = self.clock["phase"] + (self.first + np.arange(self.chips.size)) * period
+        period, reach = self.clock.rows_per_chip, self.clock.exposure_rows / 2
+        begin = self.clock.phase + (self.first + np.arange(self.chips.size)) * period
         return np.asarray((begin - reach > 0) & (begin + period + reach < self.rows.size - 1))
 
     def errors(self, method: str) -> tuple[int, int]:
@@ -71,12 +69,9 @@ def make_frame(setting: Setting, random: np.random.Generator, rows: int = _ROWS)
     period = setting.rows_per_chip * (1 + random.uniform(-0.01, 0.01))
     first = -math.ceil(setting.exposure_chips / 2) - 1
     chips = random.integers(0, 2, math.ceil(rows / period) - 2 * first).astype(float)
-    clock = {
-        "rows_per_chip": period,
-        "phase": random.uniform(0, period),
-        "exposure_rows": setting.exposure_chips * period,
-    }
-    light = expose_chips(chips, rows, first=first, **clock)
+    phase, exposure_rows = random.uniform(0, period), setting.exposure_chips * period
+    clock = ChipClock(rows_per_chip=period, phase=phase, exposure_rows=exposure_rows)
+    light = expose_chips(chips, rows, clock, first=first)
     light += setting.noise * random.standard_normal(rows)
     return ChipFrame(chips, first, clock, setting.noise, light)
 

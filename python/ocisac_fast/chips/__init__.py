@@ -2,6 +2,7 @@
 
 from ocisac_fast.chips.channel import (
     ChannelEstimate as ChannelEstimate,
+    ChipClock as ChipClock,
     ClockErrors as ClockErrors,
     ClockTracker as ClockTracker,
     Pooled as Pooled,

@@ -47,6 +47,36 @@ class ClockErrors:
         return float(np.sqrt(self.covariance[2, 2]))
 
 
+@checked_class
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChipClock:
+    """Positions of a light's chips in the rows of a frame, and the exposure that blurs them.
+
+    Args:
+        rows_per_chip: length of a chip, rows, above 0; need not be whole.
+        phase: row at which chip 0 begins, fractional, in the middle of the exposure (of its edge's ramp).
+        exposure_rows: exposure, rows, 0 or above; values below 0.001 rows are raised to it.
+
+    Raises:
+        ValueError: a value outside its range; the message names it.
+    """
+
+    rows_per_chip: float
+    phase: float
+    exposure_rows: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.rows_per_chip) and self.rows_per_chip > 0.0):
+            raise ValueError(f"rows_per_chip: got {self.rows_per_chip}, allowed: a finite number above 0")
+        if not np.isfinite(self.phase):
+            raise ValueError(f"phase: got {self.phase}, allowed: a finite number")
+        if not (np.isfinite(self.exposure_rows) and self.exposure_rows >= 0.0):
+            raise ValueError(f"exposure_rows: got {self.exposure_rows}, allowed: a finite number, 0 or above")
+
+    def _for_core(self) -> tuple[float, float, float]:
+        return float(self.rows_per_chip), float(self.phase), float(self.exposure_rows)
+
+
 @dataclass(frozen=True, slots=True)
 class ChannelEstimate:
     """A channel estimated by least squares.
@@ -72,6 +102,11 @@ class ChannelEstimate:
     noise: float
     rows: tuple[int, int]
     converged: bool
+
+    @property
+    def clock(self) -> ChipClock:
+        """Clock and exposure."""
+        return ChipClock(rows_per_chip=self.rows_per_chip, phase=self.phase, exposure_rows=self.exposure_rows)
 
     def levels(self, rows: int) -> FloatArray:
         """(2, rows): level of steady 0 and of steady 1 in each of the ``rows`` rows of a frame."""
@@ -148,6 +183,11 @@ class TrackedClock:
     chip: int
     covariance: FloatArray
     chips_lost: float
+
+    @property
+    def clock(self) -> ChipClock:
+        """Clock and exposure."""
+        return ChipClock(rows_per_chip=self.rows_per_chip, phase=self.phase, exposure_rows=self.exposure_rows)
 
     def channel(self, earlier: ChannelEstimate, rows: int) -> ChannelEstimate:
         """Initial channel of a frame: this clock with the levels and noise of an earlier frame.
@@ -232,17 +272,13 @@ class ClockTracker:
 
 
 @checked
-def expose_chips(
-    chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure_rows: float, first: int = 0
-) -> FloatArray:
+def expose_chips(chips: npt.ArrayLike, rows: int, clock: ChipClock, *, first: int = 0) -> FloatArray:
     """Chips integrated over the exposure of each row: s_n = (1/exposure) times their integral over the exposure.
 
     Args:
         chips: (chips,) levels, 0 dark to 1 bright; the first and the last extend to infinity.
         rows: rows of the frame.
-        rows_per_chip: rows, above 0.
-        phase: row at which chip 0 begins, in the middle of the exposure.
-        exposure_rows: rows, 0 or above; values below 0.001 rows are raised to it.
+        clock: of the chips.
         first: number of the first of ``chips``.
 
     Returns:
@@ -254,17 +290,15 @@ def expose_chips(
     levels = _vector(chips, "chips")
     if rows < 1:
         raise ValueError(f"rows: got {rows}, allowed: at least 1")
-    return _core.expose_chips(levels, int(first), int(rows), float(rows_per_chip), float(phase), float(exposure_rows))
+    return _core.expose_chips(levels, int(first), int(rows), *clock._for_core())
 
 
 @checked
 def fit_channel(
     signal: npt.ArrayLike,
     chips: npt.ArrayLike,
+    clock: ChipClock,
     *,
-    rows_per_chip: float,
-    phase: float,
-    exposure_rows: float,
     first: int = 0,
     exposure_known: bool = False,
     dark_degree: int = 1,
@@ -275,9 +309,7 @@ def fit_channel(
     Args:
         signal: (rows,) a column, or columns combined.
         chips: (chips,) levels, 0 dark to 1 bright. Rows that see other chips are excluded.
-        rows_per_chip: initial value, rows; with ``phase`` accurate to half a chip at every chip.
-        phase: initial value, rows.
-        exposure_rows: initial value or known exposure, rows.
+        clock: initial value, accurate to half a chip at every chip; its exposure is an initial value or the known one.
         first: number of the first of ``chips``.
         exposure_known: keep the exposure fixed.
         dark_degree: degree of the polynomial of the dark level along the frame, 0 to 6.
@@ -293,9 +325,7 @@ def fit_channel(
         _vector(signal, "signal"),
         _vector(chips, "chips"),
         int(first),
-        float(rows_per_chip),
-        float(phase),
-        float(exposure_rows),
+        *clock._for_core(),
         *_degrees(dark_degree, swing_degree),
         bool(exposure_known),
     )
@@ -306,10 +336,8 @@ def fit_channel(
 def clock_bounds(
     chips: npt.ArrayLike,
     swing: npt.ArrayLike,
+    clock: ChipClock,
     *,
-    rows_per_chip: float,
-    phase: float,
-    exposure_rows: float,
     noise: float,
     first: int = 0,
     exposure_known: bool = False,
@@ -321,9 +349,7 @@ def clock_bounds(
     Args:
         chips: (chips,) levels, 0 dark to 1 bright.
         swing: (rows,) the step from dark to bright in each row.
-        rows_per_chip: rows.
-        phase: row at which chip 0 begins.
-        exposure_rows: rows.
+        clock: of the chips.
         noise: standard deviation of a row, in the unit of ``swing``.
         first: number of the first of ``chips``.
         exposure_known: the exposure is not estimated.
@@ -339,9 +365,7 @@ def clock_bounds(
     values = _core.clock_bounds(
         _vector(chips, "chips"),
         int(first),
-        float(rows_per_chip),
-        float(phase),
-        float(exposure_rows),
+        *clock._for_core(),
         _vector(swing, "swing"),
         float(noise),
         *_degrees(dark_degree, swing_degree),
@@ -489,10 +513,8 @@ def find_channel(
 @checked
 def chip_llr(
     rows: npt.ArrayLike,
+    clock: ChipClock,
     *,
-    rows_per_chip: float,
-    phase: float,
-    exposure_rows: float,
     noise: float,
     first: int,
     count: int,
@@ -506,9 +528,8 @@ def chip_llr(
 
     Args:
         rows: (rows,) light of consecutive rows, 0 for steady dark and 1 for steady bright.
-        rows_per_chip: above 0, need not be whole.
-        phase: row at which chip 0 begins, in the middle of its edge's ramp.
-        exposure_rows: rows, at most 15 chips; time grows as 2^(exposure in chips). Other methods: 24 chips.
+        clock: of the chips; an exposure of at most 15 chips, since time grows as 2^(exposure in chips). Other methods:
+            24 chips.
         noise: standard deviation of ``rows``, above 0.
         first: number of the first chip that the rows see.
         count: number of chips that the rows see.
@@ -524,9 +545,7 @@ def chip_llr(
         raise ValueError(f"count: got {count}, allowed: 0 or more")
     return _core.chip_llr(
         _vector(rows, "rows"),
-        float(rows_per_chip),
-        float(phase),
-        float(exposure_rows),
+        *clock._for_core(),
         float(noise),
         int(first),
         int(count),

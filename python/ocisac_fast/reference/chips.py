@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chips.channel import (
     ChannelEstimate,
+    ChipClock,
     ClockErrors,
     Pooled,
     TrackedClock,
@@ -60,10 +61,8 @@ def detect_sequence(
 
 def chip_llr(
     rows: npt.ArrayLike,
+    clock: ChipClock,
     *,
-    rows_per_chip: float,
-    phase: float,
-    exposure_rows: float,
     noise: float,
     first: int,
     count: int,
@@ -75,8 +74,8 @@ def chip_llr(
         return np.zeros(0)
     values = np.asarray(rows, dtype=float)
     sequences = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
-    length = max(exposure_rows, 1e-3) / rows_per_chip
-    ends = (np.arange(len(values)) + exposure_rows / 2 - phase) / rows_per_chip - first
+    length = max(clock.exposure_rows, 1e-3) / clock.rows_per_chip
+    ends = (np.arange(len(values)) + clock.exposure_rows / 2 - clock.phase) / clock.rows_per_chip - first
     chip = np.arange(count)
     overlap = np.minimum(ends[:, None], chip + 1) - np.maximum(ends[:, None] - length, chip)
     expected = sequences @ np.maximum(overlap, 0).T / length
@@ -99,11 +98,15 @@ def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     return float(np.sqrt(min(squares)))
 
 
-def expose_chips(
-    chips: npt.ArrayLike, rows: int, *, rows_per_chip: float, phase: float, exposure_rows: float, first: int = 0
-) -> FloatArray:
+def expose_chips(chips: npt.ArrayLike, rows: int, clock: ChipClock, *, first: int = 0) -> FloatArray:
     """Sum of chips times their overlap with the row's exposure; the first and last chip extend to infinity."""
-    levels = np.asarray(chips, dtype=float)
+    numbers = np.array([clock.rows_per_chip, clock.phase, clock.exposure_rows])
+    return _exposed(np.asarray(chips, dtype=float), rows, numbers, first)
+
+
+def _exposed(levels: FloatArray, rows: int, clock: FloatArray, first: int) -> FloatArray:
+    """:func:`expose_chips` for rows per chip, phase and exposure in ``clock``."""
+    rows_per_chip, phase, exposure_rows = clock
     length = max(exposure_rows, 1e-3)
     edges = phase + (first + np.arange(len(levels) + 1)) * rows_per_chip
     edges[0], edges[-1] = -np.inf, np.inf
@@ -136,9 +139,7 @@ def derivatives(chips: FloatArray, rows: int, clock: FloatArray, first: int) -> 
 
     def exposed(phase: float, rows_per_chip: float, exposure_rows: float) -> FloatArray:
         start = phase - middle * rows_per_chip
-        return expose_chips(
-            chips, rows, rows_per_chip=rows_per_chip, phase=start, exposure_rows=exposure_rows, first=first
-        )
+        return _exposed(chips, rows, np.array([rows_per_chip, start, exposure_rows]), first)
 
     period, phase, exposure_rows = clock
     steps = 1e-6, 1e-6 / len(chips), 1e-6
@@ -167,10 +168,8 @@ def invert(normal: FloatArray, exposure_known: bool) -> FloatArray | None:
 def fit_channel(
     signal: npt.ArrayLike,
     chips: npt.ArrayLike,
+    clock: ChipClock,
     *,
-    rows_per_chip: float,
-    phase: float,
-    exposure_rows: float,
     first: int = 0,
     exposure_known: bool = False,
     dark_degree: int = 1,
@@ -180,29 +179,28 @@ def fit_channel(
     values, levels = np.asarray(signal, dtype=float), np.asarray(chips, dtype=float)
     rows, middle = len(values), first + len(levels) // 2
     dark, swing = legendre(rows, dark_degree), legendre(rows, swing_degree)
-    clock = np.array([rows_per_chip, phase, max(exposure_rows, 1e-3)])
+    at = np.array([clock.rows_per_chip, clock.phase, max(clock.exposure_rows, 1e-3)])
     used: tuple[int, int] | None = None
 
     def linear(clock: FloatArray, kept: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
-        period, start, length = clock
-        s = expose_chips(levels, rows, rows_per_chip=period, phase=start, exposure_rows=length, first=first)
+        s = _exposed(levels, rows, clock, first)
         design = np.hstack([dark, swing * s[:, None]])[kept]
         solution = np.linalg.lstsq(design, values[kept], rcond=None)[0]
         return design, solution, values[kept] - design @ solution
 
     for _ in range(3):
-        now = rows_of(len(levels), rows, clock, first)
+        now = rows_of(len(levels), rows, at, first)
         if now == used:
             break
         used, kept = now, slice(*now)
-        design, solution, residual = linear(clock, kept)
+        design, solution, residual = linear(at, kept)
         if now[1] - now[0] <= design.shape[1] + 2 + (not exposure_known):
             return None
         if np.linalg.matrix_rank(design) < design.shape[1]:
             return None
         for _ in range(40):
             height = (swing @ solution[dark_degree + 1 :])[:, None]
-            jacobian = np.hstack([(height * derivatives(levels, rows, clock, first))[kept], design])
+            jacobian = np.hstack([(height * derivatives(levels, rows, at, first))[kept], design])
             covariance = invert(jacobian.T @ jacobian, exposure_known)
             if covariance is None:
                 return None
@@ -213,7 +211,7 @@ def fit_channel(
             change = np.array([step[1], step[0] - middle * step[1], step[2]])
             share = 1.0
             while share > 1e-3:
-                trial = clock + share * change
+                trial = at + share * change
                 trial[2] = max(trial[2], 1e-3)
                 better = linear(trial, kept)
                 if better[2] @ better[2] <= residual @ residual:
@@ -221,21 +219,21 @@ def fit_channel(
                 share /= 2
             else:
                 break
-            moved = np.abs(trial - clock).max()
-            clock, (design, solution, residual) = trial, better
+            moved = np.abs(trial - at).max()
+            at, (design, solution, residual) = trial, better
             if moved < 1e-12:
                 break
     assert used is not None
     variance = residual @ residual / (len(residual) - len(solution) - 2 - (not exposure_known))
-    jacobian = np.hstack([((swing @ solution[dark_degree + 1 :])[:, None] * derivatives(levels, rows, clock, first))])
+    jacobian = np.hstack([((swing @ solution[dark_degree + 1 :])[:, None] * derivatives(levels, rows, at, first))])
     jacobian = np.hstack([jacobian[kept], design])
     covariance = invert(jacobian.T @ jacobian, exposure_known)
     if covariance is None:
         return None
     return ChannelEstimate(
-        float(clock[0]),
-        float(clock[1]),
-        float(clock[2]),
+        float(at[0]),
+        float(at[1]),
+        float(at[2]),
         ClockErrors(middle, variance * covariance),
         solution[: dark_degree + 1],
         solution[dark_degree + 1 :],
@@ -248,10 +246,8 @@ def fit_channel(
 def clock_bounds(
     chips: npt.ArrayLike,
     swing: npt.ArrayLike,
+    clock: ChipClock,
     *,
-    rows_per_chip: float,
-    phase: float,
-    exposure_rows: float,
     noise: float,
     first: int = 0,
     exposure_known: bool = False,
@@ -261,10 +257,10 @@ def clock_bounds(
     """Inverse of the Fisher information J^T J / noise^2, J the derivatives of the rows by all unknowns."""
     levels, height = np.asarray(chips, dtype=float), np.asarray(swing, dtype=float)
     rows = len(height)
-    clock = np.array([rows_per_chip, phase, max(exposure_rows, 1e-3)])
-    kept = slice(*rows_of(len(levels), rows, clock, first))
-    s = expose_chips(levels, rows, rows_per_chip=rows_per_chip, phase=phase, exposure_rows=exposure_rows, first=first)
-    by_clock = height[:, None] * derivatives(levels, rows, clock, first)
+    at = np.array([clock.rows_per_chip, clock.phase, max(clock.exposure_rows, 1e-3)])
+    kept = slice(*rows_of(len(levels), rows, at, first))
+    s = _exposed(levels, rows, at, first)
+    by_clock = height[:, None] * derivatives(levels, rows, at, first)
     jacobian = np.hstack([by_clock, legendre(rows, dark_degree), legendre(rows, swing_degree) * s[:, None]])[kept]
     if len(jacobian) < jacobian.shape[1] - exposure_known:
         return None
