@@ -6,7 +6,7 @@ import argparse
 import pathlib
 
 from ocisac_fast.exposure import FlickeringLight, flicker_free_exposure, mains_lights
-from ocisac_fast.plots.flicker import plot_flicker_front, plot_flicker_indices, plot_lamp, plot_modulation
+from ocisac_fast.plots import plot_flicker_front, plot_flicker_indices, plot_lamp, plot_modulation
 
 _DATA_LIGHT = 35.0  # Hz; suits exposures of 50 ms
 
@@ -16,15 +16,15 @@ def main() -> None:
     parser.add_argument("-o", "--directory", type=pathlib.Path, default=pathlib.Path("docs"))
     directory = parser.parse_args().directory
     mains = mains_lights()
-    plot_modulation(directory / "exposure-bands.png", mains, 0.02, flicker_free_exposure(mains, 0.02))
+    plot_modulation(mains, 0.02, path=directory / "exposure-bands.png", found=flicker_free_exposure(mains, 0.02))
     kept = flicker_free_exposure(mains, 0.02, f_comm=_DATA_LIGHT, min_gain=0.1)
-    plot_flicker_front(directory / "exposure-bands-front.png", _DATA_LIGHT, mains, 0.02, kept)
-    plot_lamp(directory / "lamp.png", [1 / 60, 1 / 100], 0.02, (50.0, 5000.0))
+    plot_flicker_front(_DATA_LIGHT, mains, 0.02, path=directory / "exposure-bands-front.png", found=kept)
+    plot_lamp([1 / 60, 1 / 100], 0.02, (50.0, 5000.0), path=directory / "lamp.png")
     lamps = [FlickeringLight(90.0, duty=0.1), FlickeringLight(90.0, duty=0.5), FlickeringLight(500.0, duty=0.5)]
     plot_flicker_indices(
-        directory / "flicker-indices.png",
         [*lamps, FlickeringLight(100.0)],
         [1e-3, 11e-3],
+        path=directory / "flicker-indices.png",
         background=0.05,
         contrast=0.1,
         tolerance=0.1,

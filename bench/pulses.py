@@ -12,7 +12,7 @@ import re
 
 from ocisac_fast.exposure import calibrate_pulses, pulse_bands
 from ocisac_fast.files import read_frames
-from ocisac_fast.plots.pulses import plot_pulses
+from ocisac_fast.plots import plot_pulses
 
 _FREQUENCY = 30.1  # Hz
 
@@ -36,7 +36,7 @@ def main() -> None:
                 exposure = f"exposure {found.exposure * 1e6:.0f} ± {found.exposure_std * 1e6:.0f} µs"
                 print(f"{exposure}, misfit {found.misfit:.3f}")
                 print(f"pulses of {widths} ms")
-                plot_pulses(arguments.directory / "pulses.png", found, _FREQUENCY, duties)
+                plot_pulses(found, _FREQUENCY, duties, path=arguments.directory / "pulses.png")
 
 
 if __name__ == "__main__":

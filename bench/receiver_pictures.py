@@ -32,7 +32,7 @@ def draw_eyes(path: Path) -> None:
     with picture(path, 10.4, 3.0) as figure:
         for axes, exposure in zip(figure.subplots(1, 4, sharey=True), EXPOSURES, strict=True):
             frame = make_frame(Setting(exposure, ROWS_PER_CHIP, NOISE), np.random.default_rng(1))
-            period, phase = frame.clock["rows_per_chip"], frame.clock["phase"]
+            period, phase = frame.clock.rows_per_chip, frame.clock.phase
             for k in np.flatnonzero(frame.whole):
                 begin = phase + (frame.first + k) * period
                 rows = np.arange(np.ceil(begin - period / 2), np.floor(begin + 1.5 * period) + 1).astype(int)

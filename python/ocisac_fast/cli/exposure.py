@@ -143,13 +143,13 @@ def _avoid(
         weights=weights,
     )
     if plot is not None:
-        from ocisac_fast.plots.flicker import plot_modulation
+        from ocisac_fast.plots import plot_modulation
 
-        plot_modulation(plot, avoid, below, found, bounds)
+        plot_modulation(avoid, below, path=plot, found=found, bounds=bounds)
     if front is not None and comm is not None:
-        from ocisac_fast.plots.flicker import plot_flicker_front
+        from ocisac_fast.plots import plot_flicker_front
 
-        plot_flicker_front(front, float(comm), avoid, below, found, bounds)
+        plot_flicker_front(float(comm), avoid, below, path=front, found=found, bounds=bounds)
     _report(found, avoid, as_json)
 
 

@@ -46,9 +46,9 @@ def flicker(
         values = np.array([getattr(found, name) for name in _NAMES])
         rows += [(light, time, each) for time, each in zip(exposures, values.T.tolist(), strict=True)]
     if plot is not None:
-        from ocisac_fast.plots.flicker import plot_flicker_indices
+        from ocisac_fast.plots import plot_flicker_indices
 
-        plot_flicker_indices(plot, lights, exposures, **settings)
+        plot_flicker_indices(lights, exposures, path=plot, **settings)
     if not as_json:
         header = ["lamp", "exposure", "FMI", "FDI", "MMP", "missed"]
         table = [[light_name(light), quantity(time, "s"), *(f"{v:.4f}" for v in each)] for light, time, each in rows]

@@ -44,9 +44,9 @@ def lamp(
     else:
         facts = _frequencies(exposures, below, duty, span, spread)
     if plot is not None:
-        from ocisac_fast.plots.flicker import plot_lamp
+        from ocisac_fast.plots import plot_lamp
 
-        plot_lamp(plot, exposures, below, span)
+        plot_lamp(exposures, below, span, path=plot)
     if as_json:
         emit_json(facts)
         return

@@ -1,6 +1,12 @@
 """Plots of results (matplotlib, ``ocisac-fast[cli]``)."""
 
 from ocisac_fast.plots.exposure import plot_exposure as plot_exposure, plot_front as plot_front
+from ocisac_fast.plots.flicker import (
+    plot_flicker_front as plot_flicker_front,
+    plot_flicker_indices as plot_flicker_indices,
+    plot_lamp as plot_lamp,
+    plot_modulation as plot_modulation,
+)
 from ocisac_fast.plots.picture import (
     BLACK as BLACK,
     BLUE as BLUE,
@@ -11,6 +17,7 @@ from ocisac_fast.plots.picture import (
     SKY as SKY,
     picture as picture,
 )
+from ocisac_fast.plots.pulses import plot_pulses as plot_pulses
 from ocisac_fast.plots.receiver import draw_chips as draw_chips, plot_received as plot_received
 from ocisac_fast.plots.regions import plot_regions as plot_regions, plot_sources as plot_sources
 from ocisac_fast.plots.tones import plot_gain as plot_gain

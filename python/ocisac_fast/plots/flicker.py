@@ -21,9 +21,10 @@ _COLOURS = (BLUE, ORANGE, GREEN, SKY)
 
 
 def plot_modulation(
-    path: str | os.PathLike[str],
     lights: Sequence[FlickeringLight],
     below: float,
+    *,
+    path: str | os.PathLike[str],
     found: FlickerFreeExposure,
     bounds: tuple[float, float] | None = None,
 ) -> None:
@@ -49,10 +50,11 @@ def plot_modulation(
 
 
 def plot_flicker_front(
-    path: str | os.PathLike[str],
     f_comm: float,
     lights: Sequence[FlickeringLight],
     below: float,
+    *,
+    path: str | os.PathLike[str],
     found: FlickerFreeExposure,
     bounds: tuple[float, float] | None = None,
 ) -> None:
@@ -82,10 +84,10 @@ def plot_flicker_front(
 
 
 def plot_flicker_indices(
-    path: str | os.PathLike[str],
     lights: Sequence[FlickeringLight],
     exposures: Sequence[float],
     *,
+    path: str | os.PathLike[str],
     background: float,
     contrast: float,
     tolerance: float,
@@ -116,13 +118,14 @@ def plot_flicker_indices(
 
 
 def plot_lamp(
-    path: str | os.PathLike[str], exposures: Sequence[float], below: float, bounds: tuple[float, float]
+    exposures: Sequence[float], below: float, bounds: tuple[float, float], *, path: str | os.PathLike[str]
 ) -> None:
     """Plot the largest modulation of PWM at any exposure over frequency and duty, the bound, and missed pulses.
 
     Args:
         path: ``.png``, ``.pdf`` or ``.svg``.
-        exposures, below, bounds: as for ``flicker_free_frequencies``.
+        exposures: of the cameras, s.
+        below, bounds: as for ``flicker_free_frequencies``.
     """
     frequency, duty = np.geomspace(*bounds, 1200), np.linspace(0.01, 0.99, 99)
     left = [

@@ -14,7 +14,7 @@ _COLOURS = (BLUE, ORANGE, GREEN, SKY, PURPLE)
 
 
 def plot_pulses(
-    path: str | os.PathLike[str], result: PulseCalibration, frequency: float, duties: Sequence[float]
+    result: PulseCalibration, frequency: float, duties: Sequence[float], *, path: str | os.PathLike[str]
 ) -> None:
     """Plot the residuals of lit rows over the lamp's pulse width, and the measured ramps with the fitted box.
 
