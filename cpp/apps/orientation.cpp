@@ -20,7 +20,7 @@ AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis) {
       stored);
 }
 
-Region to_time_order(const StoredRegion& stored, ScanAxis axis, std::size_t width, std::size_t height) {
+Region to_time_order(const Region& stored, ScanAxis axis, std::size_t width, std::size_t height) {
   switch (axis) {
     case ScanAxis::up: return {stored.x, height - stored.y - stored.height, stored.width, stored.height};
     case ScanAxis::right: return {stored.y, stored.x, stored.height, stored.width};
@@ -30,7 +30,7 @@ Region to_time_order(const StoredRegion& stored, ScanAxis axis, std::size_t widt
   return {stored.x, stored.y, stored.width, stored.height};
 }
 
-StoredRegion to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height) {
+Region to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height) {
   switch (axis) {
     case ScanAxis::up: return {box.x, height - box.y - box.height, box.width, box.height};
     case ScanAxis::right: return {box.y, box.x, box.height, box.width};

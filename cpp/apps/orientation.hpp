@@ -11,7 +11,7 @@ namespace ocisac::apps {
 AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis);
 
 // Conversion of a region between the stored picture of `width` × `height` and that view; it must lie inside.
-Region to_time_order(const StoredRegion& stored, ScanAxis axis, std::size_t width, std::size_t height);
-StoredRegion to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height);
+Region to_time_order(const Region& stored, ScanAxis axis, std::size_t width, std::size_t height);
+Region to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height);
 
 }  // namespace ocisac::apps

@@ -114,7 +114,7 @@ void check_size(const FrameLayout& layout) {
 
 GrayPicture::GrayPicture(const FrameLayout& layout) : layout_(layout) {}
 
-AnyFramesView GrayPicture::view(std::span<const std::uint8_t> frame, const StoredRegion& region) {
+AnyFramesView GrayPicture::view(std::span<const std::uint8_t> frame, const Region& region) {
   require(frame.size() >= layout_.bytes, "frame", frame.size(), std::to_string(layout_.bytes) + " bytes");
   if (is_unpacked(layout_.format)) {
     unpacked_.resize(layout_.width * layout_.height);  // allocated with the first frame: a header alone uses no memory

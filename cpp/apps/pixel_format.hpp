@@ -47,19 +47,13 @@ void check_size(const FrameLayout& layout);
 // Layout of a raw frame; `stride`: bytes from row to row, 0 for dense rows (else that of luma; chroma's is half of it).
 FrameLayout raw_layout(PixelFormat format, std::size_t width, std::size_t height, std::size_t stride = 0);
 
-// Part of a picture, in stored pixels.
-struct StoredRegion {
-  std::size_t x = 0, y = 0, width = 0, height = 0;
-  bool operator==(const StoredRegion&) const = default;
-};
-
 // The grey picture of a frame: a view of the frame where its pixels are plain numbers, else of an unpacked copy.
 class GrayPicture {
  public:
   explicit GrayPicture(const FrameLayout& layout);
 
-  // `frame`: `layout.bytes` bytes that outlive the view. Pixels outside of `region` are undefined.
-  AnyFramesView view(std::span<const std::uint8_t> frame, const StoredRegion& region);
+  // `frame`: `layout.bytes` bytes that outlive the view. Pixels outside of `region` (stored pixels) are undefined.
+  AnyFramesView view(std::span<const std::uint8_t> frame, const Region& region);
 
  private:
   FrameLayout layout_;

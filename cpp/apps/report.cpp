@@ -94,7 +94,7 @@ std::string base64(std::span<const std::uint8_t> bytes) {
   return text;
 }
 
-std::string light_line(const LightFrame& light, const StoredRegion& region, std::size_t rows, const Camera& camera) {
+std::string light_line(const LightFrame& light, const Region& region, std::size_t rows, const Camera& camera) {
   Json line{{"frame", light.frame},
             {"source", light.source},
             {"rows", rows},

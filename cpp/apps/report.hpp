@@ -27,7 +27,7 @@ struct Totals {
 // The line of a frame and light, with the keys of `ocisac receive --packets --json`. Numbers are the shortest text that
 // parses to the same value, null where not finite; bytes that are not UTF-8 become U+FFFD. `region`: in stored pixels.
 // `rows`: of the picture.
-std::string light_line(const LightFrame& light, const StoredRegion& region, std::size_t rows, const Camera& camera);
+std::string light_line(const LightFrame& light, const Region& region, std::size_t rows, const Camera& camera);
 std::string totals_line(const Totals& totals);
 // Times in s. `computing`: from a frame's last byte to the end of its line; `first_frame`: the same for the first
 // frame, which includes the search for lights; `ready`: from the start of the program until it waits for frames.

@@ -30,14 +30,14 @@ Camera camera_of(const Settings& settings, const StreamHeader& header) {
   return camera;
 }
 
-StoredRegion region_of(const Settings& settings, const FrameLayout& layout) {
-  const StoredRegion whole{0, 0, layout.width, layout.height};
-  const StoredRegion region = settings.region.value_or(whole);
+Region region_of(const Settings& settings, const FrameLayout& layout) {
+  const Region whole{0, 0, layout.width, layout.height};
+  const Region region = settings.region.value_or(whole);
   require_inside("--region", {region.x, region.y, region.width, region.height}, layout.width, layout.height);
   return region;
 }
 
-ReceiverOptions receiver_options(const Settings& settings, const FrameLayout& layout, const StoredRegion& region) {
+ReceiverOptions receiver_options(const Settings& settings, const FrameLayout& layout, const Region& region) {
   ReceiverOptions options{.light = settings.light, .regions = {}, .max_sources = settings.max_sources};
   if (settings.region) options.regions = {to_time_order(region, settings.scan_axis, layout.width, layout.height)};
   return options;
@@ -104,7 +104,7 @@ class Session {
   bool write_lines(const std::vector<LightFrame>& lights, std::size_t rows) {
     std::string lines;
     for (const LightFrame& light : lights) {
-      const StoredRegion region = to_stored(light.region, settings_.scan_axis, layout_.width, layout_.height);
+      const Region region = to_stored(light.region, settings_.scan_axis, layout_.width, layout_.height);
       lines += light_line(light, region, rows, camera_);
     }
     return write_all(STDOUT_FILENO, lines);
@@ -123,7 +123,7 @@ class Session {
   const Settings& settings_;
   FrameLayout layout_;
   Camera camera_;
-  StoredRegion unpacked_;
+  Region unpacked_;
   GrayPicture picture_;
   Receiver receiver_;
   Stats stats_;

@@ -50,7 +50,7 @@ std::pair<std::size_t, std::size_t> parse_size(const std::string& text) {
   return {n[0], n[1]};
 }
 
-StoredRegion parse_region(const std::string& text) {
+Region parse_region(const std::string& text) {
   const auto n = parse_pixels(text, ',', 4);
   require(!n.empty() && n[2] > 0 && n[3] > 0, "--region", text, "x,y,w,h in pixels, w and h above 0");
   return {n[0], n[1], n[2], n[3]};

@@ -16,7 +16,7 @@ struct Settings {
   std::string input = "-";
   std::optional<FrameLayout> raw;  // absent: from the stream's header
   ScanAxis scan_axis = ScanAxis::down;
-  std::optional<StoredRegion> region;  // stored pixels
+  std::optional<Region> region;  // stored pixels
   Camera camera;
   std::optional<double> dark_level, white_level;  // absent: from the stream's header
   LightOptions light;

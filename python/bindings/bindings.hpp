@@ -1,5 +1,5 @@
-// Common parts of the bindings: NumPy arrays as views of the core, objects shared by several threads, and one register
-// function per room.
+// Common parts of the bindings: NumPy arrays as views of the core, regions, objects shared by several threads, and one
+// register function per room.
 #pragma once
 
 #include <pybind11/complex.h>
@@ -8,6 +8,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -18,8 +19,33 @@
 #include <utility>
 #include <vector>
 
+#include "ocisac/core/region.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/views.hpp"
+
+// A region is a tuple (x, y, width, height) in Python; ocisac_fast.core.Region is one with names.
+namespace pybind11::detail {
+
+template <>
+struct type_caster<ocisac::Region> {
+  PYBIND11_TYPE_CASTER(ocisac::Region, const_name("tuple[int, int, int, int]"));
+
+  bool load(handle source, bool convert) {
+    if (!isinstance<tuple>(source) || len(source) != 4) return false;
+    std::array<make_caster<std::size_t>, 4> numbers;
+    for (std::size_t i = 0; i < numbers.size(); ++i)
+      if (!numbers[i].load(reinterpret_borrow<tuple>(source)[i], convert)) return false;
+    const auto number = [&](std::size_t i) { return cast_op<std::size_t>(numbers[i]); };
+    value = {number(0), number(1), number(2), number(3)};
+    return true;
+  }
+
+  static handle cast(const ocisac::Region& region, return_value_policy, handle) {
+    return make_tuple(region.x, region.y, region.width, region.height).release();
+  }
+};
+
+}  // namespace pybind11::detail
 
 namespace ocisac::bindings {
 

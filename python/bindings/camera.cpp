@@ -1,6 +1,7 @@
 #include "ocisac/camera/camera.hpp"
 
 #include "bindings.hpp"
+#include "ocisac/camera/linear_light.hpp"
 
 namespace ocisac::bindings {
 
@@ -29,6 +30,26 @@ void register_camera(py::module_& module) {
   py::class_<Camera>(module, "Camera")
       .def(py::init(&make_camera), arg("row_time"), arg("exposure"), arg("frame_time"), arg("tone_curve"), arg("gamma"),
            arg("dark_level"), arg("white_level"));
+  // `type_maximum`: of the stored samples, 1 for floats.
+  const auto define = [&](const char* name, double (*convert)(const ToneCurve&, double, double)) {
+    module.def(
+        name,
+        [convert](const Doubles& values, const Camera& camera, double type_maximum) {
+          py::array_t<double> out(std::vector<py::ssize_t>(values.shape(), values.shape() + values.ndim()));
+          std::transform(values.data(), values.data() + values.size(), out.mutable_data(),
+                         [&](double value) { return convert(camera.tone_curve, value, type_maximum); });
+          return out;
+        },
+        arg("values"), arg("camera"), arg("type_maximum"));
+  };
+  define("linear_light", &linear_light);
+  define("stored_value", &stored_value);
+  define("light_per_step", &light_per_step);
+  // `type_maximum`: NaN for floats.
+  module.def(
+      "saturation_level",
+      [](const Camera& camera, double type_maximum) { return saturation_level(camera.tone_curve, type_maximum); },
+      arg("camera"), arg("type_maximum"));
 }
 
 }  // namespace ocisac::bindings

@@ -7,9 +7,9 @@ namespace {
 
 // In the order of ocisac_fast.sources.LightSource.
 py::tuple as_tuple(const LightSource& s) {
-  return py::make_tuple(s.frame, s.x, s.y, s.width, s.height, s.frequency, s.frequency_std, s.gain, s.gain_std, s.phase,
-                        s.mean, s.snr, s.amplitude, s.share, s.carries_data, s.reflection_of, s.reflection_by_phase,
-                        s.merged, s.joined, s.flags);
+  return py::make_tuple(s.frame, s.box, s.frequency, s.frequency_std, s.gain, s.gain_std, s.phase, s.mean, s.snr,
+                        s.amplitude, s.share, s.carries_data, s.reflection_of, s.reflection_by_phase, s.merged,
+                        s.joined, s.flags);
 }
 
 py::list as_list(const std::vector<LightSource>& sources) {
@@ -25,19 +25,14 @@ py::list detect(const py::array& frames, const Camera& camera, double false_alar
 }
 
 // In the order of ExpectedLight.
-using Corners = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
-using Expected = std::tuple<Corners, double, Corners, bool, bool>;
+using Expected = std::tuple<Region, double, Region, bool, bool>;
 
 py::list follow(const py::array& frame, const Camera& camera, const std::vector<Expected>& expected,
                 double false_alarms, double min_cycles) {
   const AnyFramesView view = any_view(frame);
-  const auto region = [](const Corners& corners) {
-    const auto& [x, y, width, height] = corners;
-    return Region{x, y, width, height};
-  };
   std::vector<ExpectedLight> lights;
-  for (const auto& [box, frequency, where, seen, data] : expected)
-    lights.push_back({region(box), frequency, region(where), seen, data});
+  for (const auto& [box, frequency, region, seen, data] : expected)
+    lights.push_back({box, frequency, region, seen, data});
   return as_list(unlocked([&] { return follow_sources(view, camera, lights, {false_alarms, min_cycles}); }));
 }
 

@@ -48,22 +48,19 @@ py::object as_tuple(const std::optional<BestExposure>& suggestion) {
   return py::make_tuple(suggestion->exposure, suggestion->objective);
 }
 
-using Box = std::tuple<std::size_t, std::size_t, std::size_t, std::size_t>;
-
 Shared<Receiver> make_receiver(const Camera& camera, bool data, bool gain, std::optional<double> chip_rate,
                                const CodeName& line_code, std::size_t block_bytes, const std::string& preamble,
                                std::optional<double> search_passes, std::optional<double> frequency,
                                const std::string& waveform, double duty, double background,
                                std::optional<double> sense_frequency, bool whole_picture,
-                               const std::vector<Box>& regions, std::size_t max_sources) {
-  ReceiverOptions options{.max_sources = max_sources, .whole_picture = whole_picture};
+                               const std::vector<Region>& regions, std::size_t max_sources) {
+  ReceiverOptions options{.regions = regions, .max_sources = max_sources, .whole_picture = whole_picture};
   options.light.data.reset();
   if (data) options.light.data = {chip_rate, format_of(line_code, block_bytes, preamble), search_passes};
   require(waveform == "tone" || waveform == "square", "waveform", '"' + waveform + '"', "tone, square");
   const WaveformShape shape = waveform == "square" ? WaveformShape::square : WaveformShape::tone;
   if (gain) options.light.gain = {frequency, shape, duty, background};
   options.light.sense_frequency = sense_frequency;
-  for (const auto& [x, y, width, height] : regions) options.regions.push_back({x, y, width, height});
   return Shared(Receiver(camera, std::move(options)));
 }
 
@@ -71,12 +68,9 @@ py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours,
   const auto views = views_of(colours);
   const auto results = receiver.call([&](Receiver& alone) { return alone.push(views, frame); });
   py::list list;
-  for (const auto& light : results) {
-    const Region& region = light.region;
-    list.append(py::make_tuple(light.frame, light.source,
-                               py::make_tuple(region.x, region.y, region.width, region.height), light.searched,
-                               as_tuple(light.received), as_tuple(light.gain), as_tuple(light.suggestion)));
-  }
+  for (const auto& light : results)
+    list.append(py::make_tuple(light.frame, light.source, light.region, light.searched, as_tuple(light.received),
+                               as_tuple(light.gain), as_tuple(light.suggestion)));
   return list;
 }
 

@@ -30,7 +30,7 @@ HeldPart scene_part(std::size_t rows, std::size_t columns, std::size_t top, std:
                     const std::optional<Indices>& phase, const std::optional<Spans>& spans) {
   HeldPart held{rows, columns, gains, phase, spans, {}};
   ScenePart& part = held.part;
-  part.top = top, part.left = left, part.height = height, part.width = width;
+  part.region = {left, top, width, height};
   part.phases = phases, part.gain = gain;
   if (gains) {
     require_shape("gains", *gains, height, width);
@@ -66,7 +66,7 @@ std::vector<ScenePart> with_tables(const std::vector<const HeldPart*>& held, con
   for (std::size_t i = 0; i < held.size(); ++i) {
     parts.push_back(held[i]->part);
     require(held[i]->rows == rows && held[i]->columns == columns, "out", rows, "the frame that the parts are made for");
-    require_shape("tables", tables[i], parts[i].height, parts[i].phases);
+    require_shape("tables", tables[i], parts[i].region.height, parts[i].phases);
     parts[i].table = tables[i].data();
   }
   return parts;

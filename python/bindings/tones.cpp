@@ -6,6 +6,7 @@
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/projection.hpp"
 #include "ocisac/tones/read_bytes.hpp"
+#include "ocisac/tones/tone_design.hpp"
 #include "ocisac/tones/tone_gain.hpp"
 #include "ocisac/tones/varying_tone.hpp"
 
@@ -107,11 +108,6 @@ Harmonics harmonics_of(const std::string& waveform) {
   refuse("waveform", waveform, "auto, tone or square");
 }
 
-// The camera's white level, else the maximum of the sample type.
-double saturation_of(const Camera& camera, const AnyFramesView& frames) {
-  return camera.tone_curve.white_level == 0 ? saturation_level(frames) : camera.tone_curve.white_level;
-}
-
 // Bounds in Hz, converted to cycles per row.
 FrequencySearch search_of(const Camera& camera, const Bounds& bounds, const std::string& waveform,
                           bool select_columns) {
@@ -143,7 +139,7 @@ py::tuple find(const py::array& columns, const Camera& camera, const Bounds& bou
                bool select_columns) {
   const AnyFramesView view = any_view(columns);
   FrequencySearch search = search_of(camera, bounds, waveform, select_columns);
-  search.saturation = saturation_of(camera, view);
+  search.saturation = saturation_level(view, camera.tone_curve);
   return tuple_of(unlocked([&] { return find_frequency(view, search); }));
 }
 
@@ -154,23 +150,32 @@ py::tuple row_time_of(const py::array& columns, double frequency, const Bounds& 
   Camera per_row;
   per_row.row_time = 1;
   FrequencySearch search = search_of(per_row, bounds, waveform, select_columns);
-  search.saturation = saturation_of(per_row, view);
+  search.saturation = saturation_level(view, per_row.tone_curve);
   const Calibration result = unlocked([&] { return calibrate(view, frequency, search); });
   return py::make_tuple(result.row_time, result.row_time_std, tuple_of(result.found));
 }
 
 py::tuple columns_of_tone(const py::array& columns, const Camera& camera, double frequency) {
   const AnyFramesView view = any_view(columns);
-  return columns_as_arrays(
-      unlocked([&] { return tone_columns(view, frequency * camera.row_time, saturation_of(camera, view)); }));
+  return columns_as_arrays(unlocked(
+      [&] { return tone_columns(view, frequency * camera.row_time, saturation_level(view, camera.tone_curve)); }));
 }
 
 std::size_t colour_of(const std::vector<py::array>& colours, const Camera& camera, const Bounds& bounds,
                       const std::string& waveform) {
   const auto views = views_of(colours);
   FrequencySearch search = search_of(camera, bounds, waveform, true);
-  if (!views.empty()) search.saturation = saturation_of(camera, views.front());
+  if (!views.empty()) search.saturation = saturation_level(views.front(), camera.tone_curve);
   return unlocked([&] { return pick_colour(views, search); });
+}
+
+// (rows, columns)
+py::array_t<double> design_of(std::size_t rows, const std::vector<double>& cycles_per_row, std::size_t trend_degree) {
+  const ToneDesign design{rows, cycles_per_row, trend_degree};
+  const auto matrix = design.matrix();
+  py::array_t<double, py::array::f_style> out({rows, design.columns()});
+  std::ranges::copy(matrix, out.mutable_data());
+  return out;
 }
 
 EqualizerMethod equalizer_method(const std::string& name) {
@@ -220,6 +225,7 @@ void register_tones(py::module_& module) {
   module.def("calibrate", &row_time_of, arg("columns"), arg("frequency"), arg("bounds"), arg("waveform"),
              arg("select_columns"));
   module.def("tone_columns", &columns_of_tone, arg("columns"), arg("camera"), arg("frequency"));
+  module.def("tone_design", &design_of, arg("rows"), arg("cycles_per_row"), arg("trend_degree"));
   module.def("pick_colour", &colour_of, arg("colours"), arg("camera"), arg("bounds"), arg("waveform"));
   module.def("equalize", &run_equalize, arg("columns"), arg("camera"), arg("method"), arg("noise"), arg("max_boost"),
              arg("out"));

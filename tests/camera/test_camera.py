@@ -8,6 +8,8 @@ from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, reference, tones
+from ocisac_fast.camera.linear_light import light_per_step, linear_light, saturation_level, stored_values
+from ocisac_fast.reference.camera import saturation_level as reference_saturation_level
 
 
 @settings(deadline=None, max_examples=60)
@@ -43,6 +45,40 @@ def test_lost_frequencies_agree_with_the_reference(exposure, max_boost):
     got, want = (of.lost_frequencies(camera, max_boost=max_boost) for of in (tones, reference))
     assert got.shape == want.shape
     np.testing.assert_allclose(got, want, rtol=1e-9)
+
+
+@pytest.mark.parametrize("curve", [("linear", 2.2), ("gamma", 1.8), ("srgb", 2.2)])
+@pytest.mark.parametrize("levels", [(0.0, None), (16.0, 235.0)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+def test_tone_curves_agree_with_the_reference_and_invert(curve, levels, dtype):
+    if dtype is np.float64 and levels[1] is None:
+        levels = (0.0, 1.0)
+    camera = Camera(22.2e-6, tone_curve=curve[0], gamma=curve[1], dark_level=levels[0], white_level=levels[1])
+    stored = np.arange(256).astype(np.uint8) if dtype is np.uint8 else np.linspace(-0.1, 1.1, 500) * (levels[1] or 1.0)
+    light = linear_light(stored, camera)
+    np.testing.assert_allclose(light, reference.linear_light(stored, camera), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(stored_values(light, camera, dtype), stored, rtol=1e-6, atol=1e-6)
+    step, span = 1e-4, (levels[1] or 255.0) - levels[0]
+    middle = levels[0] + span * np.linspace(0.1, 1.0, 20)
+    full = Camera(22.2e-6, tone_curve=curve[0], gamma=curve[1], dark_level=levels[0], white_level=levels[0] + span)
+    slope = (linear_light(middle + step * span, full) - linear_light(middle - step * span, full)) / (2 * step * span)
+    np.testing.assert_allclose(light_per_step(middle, full), slope, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("dark", "white"), [(0.0, None), (16.0, 235.0)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_all_rooms_have_one_saturation_level(dark, white, dtype):
+    camera = Camera(22.2e-6, dark_level=dark, white_level=white)
+    level = saturation_level(camera, dtype)
+    np.testing.assert_equal(level, reference_saturation_level(np.zeros(1, dtype), camera))
+    if white is None and dtype is np.float32:
+        return
+    row = np.arange(400.0)[:, None]
+    for peak, flagged in ((np.ceil(level), True), (np.ceil(level) - 1.0, False)):
+        swing = 0.2 * peak * (np.cos(2 * np.pi * 0.02 * row) - 1.0)  # a sample of row 0 is at the peak
+        frame = np.broadcast_to(peak + swing, (400, 4)).astype(dtype)
+        gain = ocisac.tone_gain(frame, camera, 0.02 / 22.2e-6, waveform="tone")
+        assert np.all((gain.flags & ocisac.Flag.SATURATED != 0) == flagged)
 
 
 def test_a_camera_is_a_frozen_value():

@@ -25,10 +25,9 @@ from ocisac_fast import (
     remove_bands,
     subtract_still,
 )
-from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.camera.linear_light import linear_light, stored_values
 from ocisac_fast.cleaning import CleaningOptions, Mark
 from ocisac_fast.cleaning.columns import scaled
-from ocisac_fast.cleaning.stored import to_stored
 from ocisac_fast.cleaning.toe import lifted, lowered, slope
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
@@ -246,7 +245,7 @@ def test_types_colours_and_tone_curve(dtype: type) -> None:
     camera = Camera(1e-5, tone_curve="srgb", white_level=full)
     read, clean, _ = scene(light, noise=0.3)
     colours = np.stack([read, 0.6 * read, 0.3 * read], axis=2)[None] * full / 255
-    stored = to_stored(colours, camera, np.dtype(dtype))
+    stored = stored_values(colours, camera, np.dtype(dtype))
     frames = np.asfortranarray(stored)[:, :, ::-1]
     done = remove_bands(frames, camera, light=light, level="mean")
     assert done.frames.dtype == dtype
@@ -322,12 +321,12 @@ def test_a_toe_is_found_where_there_is_one(toe: float) -> None:
     light = integrate_exposure(Chips(bits.tolist(), 17e3, repeat=True), camera, ROWS)
     clean = 130 * boxes(2) * np.exp(-0.015 * np.arange(COLUMNS))
     read = clean * (0.03 + 0.97 * light[:, None]) + 0.3 * np.random.default_rng(0).standard_normal(clean.shape)
-    stored = to_stored(lowered(read, toe, 255.0), camera, np.dtype(np.uint8))
+    stored = stored_values(lowered(read, toe, 255.0), camera, np.dtype(np.uint8))
     done = remove_bands(stored, camera)
     assert done.model == ("chips",)
     assert (done.toe[0] > 0) == (toe > 0)
     kept = light > 0.2
-    truth = np.broadcast_to(to_stored(lowered(clean, toe, 255.0), camera, np.dtype(np.float64)), stored.shape)
+    truth = np.broadcast_to(stored_values(lowered(clean, toe, 255.0), camera, np.dtype(np.float64)), stored.shape)
     got, plain = (
         remove_bands(stored, camera, options=CleaningOptions(toe=value)).frames for value in (done.toe[0], 0.0)
     )

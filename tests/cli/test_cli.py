@@ -22,6 +22,7 @@ from ocisac_fast.cli import main
 from ocisac_fast.cli.output import plain, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, select
 from ocisac_fast.cli.units import Quantity
+from ocisac_fast.core import Region
 from ocisac_fast.files import read_frames, write_frames
 
 TESTBED = ("--row-time", "22.2us", "--exposure", "622us")
@@ -126,11 +127,11 @@ STORED = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)
     ("changed", "want"),
     [
         ({}, STORED),
-        ({"region": (2, 1, 4, 3)}, STORED[1:4, 2:6]),
-        ({"region": (2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 2:6]),
+        ({"region": Region(2, 1, 4, 3)}, STORED[1:4, 2:6]),
+        ({"region": Region(2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 2:6]),
         ({"channel": "b"}, STORED[..., 2]),
         ({"channel": 1}, STORED[..., 1]),
-        ({"region": (0, 0, 8, 6)}, STORED),
+        ({"region": Region(0, 0, 8, 6)}, STORED),
     ],
 )
 def test_geometry_is_a_view_of_what_is_stored(changed, want):
@@ -146,7 +147,7 @@ def test_geometry_is_a_view_of_what_is_stored(changed, want):
         ({"scan_axis": "-y"}, STORED[::-1]),
         ({"scan_axis": "x"}, STORED.transpose(1, 0, 2)),
         ({"scan_axis": "-x"}, STORED[:, ::-1].transpose(1, 0, 2)),
-        ({"region": (2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 5:1:-1].transpose(1, 0, 2)),
+        ({"region": Region(2, 1, 4, 3), "scan_axis": "-x"}, STORED[1:4, 5:1:-1].transpose(1, 0, 2)),
     ],
 )
 def test_row_batches_are_in_time_order_and_frames_as_stored(tmp_path, changed, want):
@@ -166,8 +167,8 @@ def test_luma_is_the_weighted_sum():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"region": (1, 0, 8, 6)}, "--region: got 1,0,8,6, allowed: x,y,w,h inside the picture of 8 x 6 pixels"),
-        ({"region": (0, 0, 8, 0)}, "--region: got 0,0,8,0"),
+        ({"region": Region(1, 0, 8, 6)}, "--region: got 1,0,8,6, allowed: x,y,w,h inside the picture of 8 x 6 pixels"),
+        ({"region": Region(0, 0, 8, 0)}, "--region: got 0,0,8,0"),
         ({"channel": 3}, "--channel: got 3, the picture has 3"),
     ],
 )

@@ -104,7 +104,7 @@ TEST_CASE("scan axes turn the picture so that rows are in time order, and boxes 
   const auto bytes = packed(layout, 8);
   GrayPicture picture(layout);
   const auto stored = picture.view(bytes, {0, 0, 5, 3});
-  const StoredRegion region{1, 0, 3, 2};
+  const ocisac::Region region{1, 0, 3, 2};
   for (const auto axis : {ScanAxis::down, ScanAxis::up, ScanAxis::right, ScanAxis::left}) {
     const auto view = in_time_order(stored, axis);
     const auto box = to_time_order(region, axis, 5, 3);

@@ -56,12 +56,12 @@ Shape shape_of(const AnyFramesView& frames) {
   return std::visit([](const auto& view) { return Shape{view.frames, view.rows, view.columns}; }, frames);
 }
 
-double saturation_level(const AnyFramesView& frames) {
-  return std::visit(
-      []<class T>(const FramesView<const T>&) {
-        return std::is_integral_v<T> ? sample_maximum<T>() : std::numeric_limits<double>::quiet_NaN();
-      },
-      frames);
+double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
+  return std::visit([&]<class T>(const FramesView<const T>&) { return saturation_level<T>(curve); }, frames);
+}
+
+bool holds_integers(const AnyFramesView& frames) {
+  return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T>; }, frames);
 }
 
 void check(const AnyFramesView& frames) {

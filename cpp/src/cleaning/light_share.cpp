@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
+#include "cleaning/edge_aware_filter.hpp"
 #include "cleaning/smooth_shares.hpp"
-#include "cleaning/spreader.hpp"
 
 namespace ocisac {
 
@@ -154,7 +154,7 @@ class ShareEstimator {
         guide_(pixels_),
         down_(pixels_),
         across_(pixels_),
-        spreader_(picture.rows, picture.columns) {
+        filter_(picture.rows, picture.columns) {
     for (double& value : change_) value -= 1;
     const double darkest = -*std::min_element(change_.begin(), change_.end());
     max_share_ = 1 / std::max(darkest, 1e-9);
@@ -207,13 +207,13 @@ class ShareEstimator {
     gather(step.texture);
     find_passages(step.reach);
     for (std::size_t i = 0; i < pixels_; ++i) evidence_.pull[i] += evidence_.weight[i] * share_[i];
-    spread(evidence_.pull);
-    spread(evidence_.weight);
+    smooth(evidence_.pull);
+    smooth(evidence_.weight);
     for (std::size_t i = 0; i < pixels_; ++i)
       share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, max_share_);
   }
 
-  void spread(std::vector<double>& values) { spreader_.all_around(down_, across_, values); }
+  void smooth(std::vector<double>& values) { filter_.all_around(down_, across_, values); }
 
   void wide_steps() {
     share_.assign(pixels_, std::min(0.5 * max_share_, 1.0));
@@ -259,8 +259,8 @@ class ShareEstimator {
       evidence_.weight[i] += 1;
       evidence_.pull[i] = evidence_.weight[i] * now_.light[i];
     }
-    spread(evidence_.pull);
-    spread(evidence_.weight);
+    smooth(evidence_.pull);
+    smooth(evidence_.weight);
     std::vector<double>& other = now_.light;
     for (std::size_t i = 0; i < pixels_; ++i) {
       const double steady = evidence_.pull[i] / evidence_.weight[i];
@@ -271,7 +271,7 @@ class ShareEstimator {
     add_gains(other);
     std::fill(down_.begin(), down_.end(), std::exp(-1 / std::max(reach_of_choice, lag)));
     std::fill(across_.begin(), across_.end(), std::exp(-1 / reach_of_choice));
-    spread(evidence_.pull);
+    smooth(evidence_.pull);
     for (std::size_t i = 0; i < pixels_; ++i)
       if (evidence_.pull[i] > min_gain) share_[i] = other[i];
   }
@@ -339,8 +339,8 @@ class ShareEstimator {
     const double of_rows = std::max(reach, lags_of_reach * static_cast<double>(lag_));
     if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not matter
     passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), edge_, down_);
-    spreader_.along_columns(down_, guide_.light);
-    spreader_.along_columns(down_, guide_.variance);
+    filter_.along_columns(down_, guide_.light);
+    filter_.along_columns(down_, guide_.variance);
     finish_guide(guide_);
     passages(guide_, 1, reach / merged_, edge_, across_);
     passages(now_, picture_.columns, of_rows, edge_, down_);
@@ -357,7 +357,7 @@ class ShareEstimator {
   Evidence evidence_;
   Cleaned now_, before_, guide_;
   std::vector<double> down_, across_;
-  Spreader spreader_;
+  EdgeAwareFilter filter_;
 };
 
 }  // namespace

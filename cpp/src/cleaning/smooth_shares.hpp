@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "cleaning/spreader.hpp"
+#include "cleaning/edge_aware_filter.hpp"
 
 namespace ocisac {
 
@@ -53,7 +53,7 @@ class ShareSmoother {
   double trend_across(std::size_t row, std::size_t column) const;
 
   std::size_t block_rows_, block_columns_;
-  Spreader blocks_;
+  EdgeAwareFilter blocks_;
   std::vector<double> passages_;  // equal for all blocks
   Trend trend_;
   std::vector<Level> levels_;  // the finest first

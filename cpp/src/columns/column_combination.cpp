@@ -28,12 +28,6 @@ constexpr std::size_t kMaxLights = 8;
 constexpr int kIterations = 8;            // of the factor model, and of the eigenvector within each
 constexpr double kMinOwnVariance = 0.01;  // relative to the strongest block: bounds the weight of a block without noise
 
-template <class T>
-double clipping_level(const ToneCurve& curve) {
-  if (std::is_floating_point_v<T> && curve.white_level == 0) return std::numeric_limits<double>::infinity();
-  return 0.98 * white_level(curve, sample_maximum<T>());
-}
-
 std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated,
                                          std::span<const std::uint8_t> columns) {
   const auto allowed = [&](std::size_t column) { return columns.empty() || columns[column] != 0; };
@@ -233,7 +227,7 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
       [&]<class T>(const FramesView<const T>& all) {
         const auto view = all.frame(frame);
         std::vector<std::uint32_t> counts(view.columns, 0);
-        const double level = clipping_level<T>(curve);
+        const double level = saturation_level<T>(curve);
         if (std::isfinite(level)) {
           const auto lowest = static_cast<T>(std::is_integral_v<T> ? std::ceil(level) : level);
           for (std::size_t row = 0; row < view.rows; ++row) {

@@ -65,11 +65,11 @@ class Signals {
 };
 
 // Log light of the left and the right half of the box's columns in rows [top, bottom), local mean removed.
-Signals swing_of_halves(const LitFrame& frame, const Box& box, std::size_t top, std::size_t bottom,
+Signals swing_of_halves(const LitFrame& frame, const Region& box, std::size_t top, std::size_t bottom,
                         std::size_t length) {
-  const std::size_t middle = box.column + box.width / 2;
-  const auto left = mean_light(frame, box.column, middle, top, bottom);
-  const auto right = mean_light(frame, middle, box.column + box.width, top, bottom);
+  const std::size_t middle = box.x + box.width / 2;
+  const auto left = mean_light(frame, box.x, middle, top, bottom);
+  const auto right = mean_light(frame, middle, box.right(), top, bottom);
   Signals logs(bottom - top);
   for (std::size_t n = 0; n < logs.rows(); ++n) {
     logs.at(n, 0) = std::log(std::max(left[n], 0.0) + frame.floor);
@@ -80,9 +80,9 @@ Signals swing_of_halves(const LitFrame& frame, const Box& box, std::size_t top, 
 }
 
 // Fast test that the halves of the box correlate; it rejects most suspects, which are noise.
-bool halves_alike(const LitFrame& frame, const Box& box, std::size_t length) {
+bool halves_alike(const LitFrame& frame, const Region& box, std::size_t length) {
   if (box.width < 2) return false;
-  Signals logs = swing_of_halves(frame, box, box.row, box.row + box.height, length);
+  Signals logs = swing_of_halves(frame, box, box.y, box.bottom(), length);
   double aa = 0, bb = 0, ab = 0;
   for (std::size_t n = 0; n < logs.rows(); ++n) {
     const double a = logs.at(n, 0), b = logs.at(n, 1);
@@ -92,10 +92,10 @@ bool halves_alike(const LitFrame& frame, const Box& box, std::size_t length) {
 }
 
 // Rows about the box in which the halves correlate.
-std::optional<Box> lit_rows(const LitFrame& frame, const Box& box, std::size_t length) {
+std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::size_t length) {
   if (box.width < 2) return {};
   const std::size_t reach = std::max(8 * length, 2 * box.height), rows = shape_of(frame.frames).rows;
-  const std::size_t top = box.row - std::min(box.row, reach), bottom = std::min(rows, box.row + box.height + reach);
+  const std::size_t top = box.y - std::min(box.y, reach), bottom = std::min(rows, box.bottom() + reach);
   Signals logs = swing_of_halves(frame, box, top, bottom, length), powers(bottom - top);
   for (std::size_t n = 0; n < logs.rows(); ++n) {
     const double a = logs.at(n, 0), b = logs.at(n, 1);
@@ -103,7 +103,7 @@ std::optional<Box> lit_rows(const LitFrame& frame, const Box& box, std::size_t l
   }
   powers = powers.means(length);
   std::vector<double> inside(box.height);
-  const std::size_t first = box.row - top;
+  const std::size_t first = box.y - top;
   for (std::size_t n = 0; n < box.height; ++n) inside[n] = powers.at(first + n, 0);
   const auto high = inside.begin() + static_cast<std::ptrdiff_t>(inside.size() * 9 / 10);
   std::ranges::nth_element(inside, high);
@@ -114,14 +114,14 @@ std::optional<Box> lit_rows(const LitFrame& frame, const Box& box, std::size_t l
   }
   const auto run = run_about(lit, first, first + box.height);
   if (!run) return {};
-  return Box{box.column, top + run->first, box.width, run->second - run->first};
+  return Region{box.x, top + run->first, box.width, run->second - run->first};
 }
 
 // Columns about the box that correlate with its own.
-std::optional<Box> lit_columns(const LitFrame& frame, const Box& box, std::size_t length) {
+std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std::size_t length) {
   const Patch patch = patch_of(frame, box, {std::max(box.width, box.height), 0});
   const auto slow = local_means(patch.logs, patch.rows, patch.stride, length);
-  const auto own = mean_light(frame, box.column, box.column + box.width, box.row, box.row + box.height);
+  const auto own = mean_light(frame, box.x, box.right(), box.y, box.bottom());
   Signals middle(patch.rows);
   for (std::size_t n = 0; n < patch.rows; ++n) middle.at(n, 0) = std::log(std::max(own[n], 0.0) + frame.floor);
   middle.subtract(middle.means(length));
@@ -139,12 +139,12 @@ std::optional<Box> lit_columns(const LitFrame& frame, const Box& box, std::size_
   std::vector<std::uint8_t> lit(patch.groups);
   for (std::size_t g = 0; g < patch.groups; ++g)
     lit[g] = products[g] > std::max(min_likeness * std::sqrt(squares[g] * energy), min_swing * energy);
-  const std::size_t first = std::min((box.column - patch.first_column) / patch.group, patch.groups - 1);
-  const std::size_t end = (box.column + box.width - patch.first_column) / patch.group;
+  const std::size_t first = std::min((box.x - patch.first_column) / patch.group, patch.groups - 1);
+  const std::size_t end = (box.right() - patch.first_column) / patch.group;
   const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));
   if (!run) return {};
-  return Box{patch.first_column + run->first * patch.group, box.row, (run->second - run->first) * patch.group,
-             box.height};
+  return Region{patch.first_column + run->first * patch.group, box.y, (run->second - run->first) * patch.group,
+                box.height};
 }
 
 // Rows at which the waveform has crossed its mean.
@@ -238,8 +238,9 @@ std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_
   const LitFrame lit{frames, frame, dark, floor};
   const Shape shape = shape_of(frames);
   const std::size_t length = hann_length(0.5 * suspect.frequency);
-  Box box{suspect.column, suspect.row, std::min(suspect.width, shape.columns - suspect.column),
-          std::min(suspect.height, shape.rows - suspect.row)};
+  Region box = suspect.box;
+  box.width = std::min(box.width, shape.columns - box.x);
+  box.height = std::min(box.height, shape.rows - box.y);
   if (!halves_alike(lit, box, length)) return {};
   for (int round = 0; round < rounds; ++round) {
     const auto rows = lit_rows(lit, box, length);
@@ -260,13 +261,10 @@ std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_
   const double error =
       jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency, lower, upper);
   const double rest = std::max(waveform.energy * (1 - share) - waveform.noise, 0.0);
-  const RefinedLight light{box.column,
-                           box.row,
-                           box.width,
-                           box.height,
+  const RefinedLight light{box,
                            frequency,
                            error,
-                           phase_at_start(waveform.values, frequency, box.row),
+                           phase_at_start(waveform.values, frequency, box.y),
                            share / std::max(1 - share, 1e-12),
                            swing_of_light(patch, length),
                            share,

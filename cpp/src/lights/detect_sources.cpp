@@ -38,7 +38,7 @@ void check(const DetectOptions& options) {
 
 struct Found {
   RefinedLight light;  // the strongest part
-  LightPart box;       // union of all parts
+  LightPart part;      // with the box of all parts
   std::size_t merged = 0;
   bool joined = false;  // of parts beside or above each other
   bool data = false;    // frequencies differ, or no tone spans the parts
@@ -50,28 +50,16 @@ struct Found {
 bool one_frequency(double f, double g) { return std::abs(f - g) <= frequency_apart * std::max(f, g); }
 
 // Approximate total flux of the box.
-double flux(const RefinedLight& light) { return light.amplitude * static_cast<double>(light.width * light.height); }
+double flux(const RefinedLight& light) { return light.amplitude * static_cast<double>(light.box.pixels()); }
 
 double size_of(const RefinedLight& light) {
-  return light.amplitude * std::sqrt(static_cast<double>(light.width * light.height));
-}
-
-// Box of a light, a suspect or a part.
-template <class T>
-Region region_of(const T& of) {
-  return {of.column, of.row, of.width, of.height};
-}
-
-// Intersection of two boxes over the smaller one.
-double overlap(const RefinedLight& a, const RefinedLight& b) {
-  return static_cast<double>(shared_pixels(region_of(a), region_of(b))) /
-         static_cast<double>(std::min(a.width * a.height, b.width * b.height));
+  return light.amplitude * std::sqrt(static_cast<double>(light.box.pixels()));
 }
 
 // −ln of the probability that texture looks as periodic; its variation in a box counts as one independent cell per
 // cycle.
 double evidence(const RefinedLight& light) {
-  return std::log1p(light.snr) * static_cast<double>(light.height) * light.frequency;
+  return std::log1p(light.snr) * static_cast<double>(light.box.height) * light.frequency;
 }
 
 // Evidence required of a suspect. On 600 pictures of overlapping boxes, the background with most chance alignments of
@@ -83,9 +71,7 @@ double evidence_for(std::size_t suspects, double false_alarms) {
 }
 
 // One stored step: smaller swings are often compression artefacts.
-double min_amplitude(const AnyFramesView& frames) {
-  return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T> ? 1.0 : 0.0; }, frames);
-}
+double min_amplitude(const AnyFramesView& frames) { return holds_integers(frames) ? 1 : 0; }
 
 // The same for data: on 400 other such pictures false detections fall as e^(−evidence/1.2), and the rate is a quarter
 // of the requested one.
@@ -95,20 +81,20 @@ double data_evidence_for(std::size_t suspects, double false_alarms) {
 
 // Max texture relative to the periodic swing; lines of text have more. The bound decreases for few columns, which may
 // be similar by chance.
-double max_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.width) / 24); }
+double max_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.box.width) / 24); }
 
 bool accepted(const DataLight& data, const LightLimits& limits, double min_evidence) {
   const RefinedLight& light = data.light;
-  return static_cast<double>(light.height) >= limits.rows && 0.5 * static_cast<double>(data.edges) >= limits.cycles &&
-         light.amplitude >= limits.amplitude && data.evidence >= min_evidence && light.snr >= 1 &&
-         light.texture <= data_texture * max_texture(light);
+  return static_cast<double>(light.box.height) >= limits.rows &&
+         0.5 * static_cast<double>(data.edges) >= limits.cycles && light.amplitude >= limits.amplitude &&
+         data.evidence >= min_evidence && light.snr >= 1 && light.texture <= data_texture * max_texture(light);
 }
 
 // True for texture that varies periodically with the rows, unlike a picture under a light.
 bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > max_uneven; }
 
 bool accepted(const RefinedLight& light, const LightLimits& limits, double min_evidence) {
-  const auto height = static_cast<double>(light.height);
+  const auto height = static_cast<double>(light.box.height);
   return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
          evidence(light) >= min_evidence && light.texture <= max_texture(light) && !like_text(light) &&
          light.periodic >= min_periodic && light.frequency_std <= largest_spread * light.frequency;
@@ -120,7 +106,7 @@ bool clean(const Found& one) { return !one.data && one.light.periodic >= data_pe
 bool settled(const Found& one) {
   return one.data || one.known ||
          (clean(one) && (one.light.periodic >= settled_periodic ||
-                         static_cast<double>(one.light.height) * one.light.frequency >= settled_cycles));
+                         static_cast<double>(one.light.box.height) * one.light.frequency >= settled_cycles));
 }
 
 // Compares frequencies with a tolerance: texture under a faint reflection biases its frequency by more than the
@@ -134,9 +120,7 @@ bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
 // True if a suspect lies in a light's box, or at most a cycle beside it, and needs no refinement.
 bool explained(const Suspect& suspect, const RefinedLight& light) {
   const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
-  const std::size_t left = light.column - std::min(light.column, cycle), top = light.row - std::min(light.row, cycle);
-  const Region about{left, top, light.width + 2 * cycle, light.height + 2 * cycle};
-  return 2 * shared_pixels(region_of(suspect), about) > suspect.width * suspect.height;
+  return 2 * shared_pixels(suspect.box, widened(light.box, cycle)) > suspect.box.pixels();
 }
 
 // Compares frequencies; that of a suspect is accurate to half a cycle of at least 2.5.
@@ -146,17 +130,14 @@ bool may_show(const Suspect& suspect, double frequency) {
 
 // True if a coarse suspect contains a light of its frequency.
 bool holds(const Suspect& suspect, const RefinedLight& light) {
-  return 2 * shared_pixels(region_of(suspect), region_of(light)) > light.width * light.height &&
-         may_show(suspect, light.frequency);
+  return 2 * shared_pixels(suspect.box, light.box) > light.box.pixels() && may_show(suspect, light.frequency);
 }
 
-LightPart part_of(const RefinedLight& light) {
-  return {light.column, light.row, light.width, light.height, light.frequency};
-}
+LightPart part_of(const RefinedLight& light) { return {light.box, light.frequency}; }
 
 // True if boxes share half of the smaller one at any frequency; lights known to be separate may cross.
 bool doubles(const Found& a, const Found& b) {
-  return overlap(a.light, b.light) > 0.5 &&
+  return shared_of_smaller(a.light.box, b.light.box) > 0.5 &&
          !(a.known && b.known && !one_frequency(a.light.frequency, b.light.frequency));
 }
 
@@ -174,11 +155,6 @@ std::vector<Found> without_doubles(std::vector<Found> lights) {
   return kept;
 }
 
-void extend(LightPart& box, const LightPart& by) {
-  const Region both = region_around(region_of(box), region_of(by));
-  box = {both.x, both.y, both.width, both.height, box.frequency};
-}
-
 // Joins the parts of a light that sends data, which is periodic in places; repeats with the joined parts. `across`,
 // `down`: predicates for two parts of one light.
 template <class Across, class Down>
@@ -186,8 +162,8 @@ void join_parts(std::vector<Found>& found, const Across& across, const Down& dow
   for (std::size_t i = 0; i < found.size(); ++i)
     for (std::size_t k = i + 1; k < found.size();) {
       Found &one = found[i], &other = found[k];
-      const bool beside = across(one.box, other.box);
-      if (!beside && !down(one.box, other.box)) {
+      const bool beside = across(one.part, other.part);
+      if (!beside && !down(one.part, other.part)) {
         ++k;
         continue;
       }
@@ -195,7 +171,7 @@ void join_parts(std::vector<Found>& found, const Across& across, const Down& dow
       one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
       one.merged += 1 + other.merged;
       one.joined = true;
-      extend(one.box, other.box);
+      one.part.box = hull(one.part.box, other.part.box);
       found.erase(found.begin() + static_cast<std::ptrdiff_t>(k));
       k = i + 1;
     }
@@ -211,7 +187,7 @@ void find_reflections(std::vector<Found>& found) {
         continue;
       // Phases at the centre of the weaker light: the error of its own frequency does not matter there.
       const auto middle = [](const RefinedLight& light) {
-        return static_cast<double>(light.row) + 0.5 * static_cast<double>(light.height);
+        return static_cast<double>(light.box.y) + 0.5 * static_cast<double>(light.box.height);
       };
       const double between = middle(weak) - middle(strong);
       const double spread = 2 * std::numbers::pi * std::abs(between) * strong.frequency_std + 0.3;
@@ -232,13 +208,11 @@ AnyFramesView frame_of(const AnyFramesView& frames, std::size_t frame) {
 LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Found& found) {
   const RefinedLight& light = found.light;
   const double frequency = light.frequency / camera.row_time;
-  const ToneGain gain =
-      pooled_tone_gain(part_of(frame_of(frames, frame), region_of(light)), camera, std::span(&frequency, 1));
-  const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.row), 1.0);
+  const ToneGain gain = pooled_tone_gain(part_of(frame_of(frames, frame), light.box), camera, std::span(&frequency, 1));
+  const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.box.y), 1.0);
   LightSource source;
   source.frame = frame;
-  const LightPart& box = found.box;
-  source.x = box.column, source.y = box.row, source.width = box.width, source.height = box.height;
+  source.box = found.part.box;
   source.frequency = frequency;
   source.frequency_std = light.frequency_std / camera.row_time;
   source.gain = gain.gain[0], source.gain_std = gain.gain_std[0];
@@ -272,10 +246,10 @@ class Look {
 
   // Returns true if the expected light is confirmed at its place and no other detection is there.
   bool find_expected(const Region& box, double cycles_per_row) {
-    const Suspect suspect{box.x, box.y, box.width, box.height, cycles_per_row, 1, 0};
+    const Suspect suspect{box, cycles_per_row, 1, 0};
     const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
     if (!light || !accepted(*light, limits_, evidence_for(1, options_.false_alarms))) return false;
-    const Found one{.light = *light, .box = part_of(*light), .known = true};
+    const Found one{.light = *light, .part = part_of(*light), .known = true};
     if (std::ranges::any_of(found_, [&](const Found& other) { return doubles(one, other); })) return false;
     found_.push_back(one);
     return true;
@@ -286,7 +260,7 @@ class Look {
   void search(const Region& region, std::span<const double> frequencies = {}) {
     auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms);
     suspects.resize(std::min(suspects.size(), max_suspects));
-    for (Suspect& suspect : suspects) suspect.column += region.x, suspect.row += region.y;
+    for (Suspect& suspect : suspects) suspect.box.x += region.x, suspect.box.y += region.y;
     find_tones(suspects, frequencies);
     if (frequencies.empty()) find_data(suspects);
   }
@@ -320,15 +294,15 @@ class Look {
   void add_tone(const RefinedLight& light, double min_evidence) {
     std::vector<RefinedLight> lamps;
     for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, part_of(light))) {
-      const auto columns = part_of(frames_, {part.column, 0, part.width, shape_of(frames_).rows});
-      const Suspect suspect{0, part.row, part.width, part.height, part.frequency, 1, 0};
+      const auto columns = part_of(frames_, {part.box.x, 0, part.box.width, shape_of(frames_).rows});
+      const Suspect suspect{{0, part.box.y, part.box.width, part.box.height}, part.frequency, 1, 0};
       auto lamp = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
       if (!lamp || !accepted(*lamp, limits_, min_evidence)) continue;
-      lamp->column += part.column;
+      lamp->box.x += part.box.x;
       lamps.push_back(*lamp);
     }
     if (lamps.size() < 2) lamps.assign(1, light);
-    for (const RefinedLight& lamp : lamps) found_.push_back({.light = lamp, .box = part_of(lamp)});
+    for (const RefinedLight& lamp : lamps) found_.push_back({.light = lamp, .part = part_of(lamp)});
   }
 
   void find_data(const std::vector<Suspect>& suspects) {
@@ -349,9 +323,11 @@ class Look {
         tones.push_back(light);
         continue;
       }
-      const auto part = [&](const Found& one) { return !one.known && overlap(one.light, light) > 0.5; };
+      const auto part = [&](const Found& one) {
+        return !one.known && shared_of_smaller(one.light.box, light.box) > 0.5;
+      };
       const std::size_t parts = std::erase_if(found_, part);
-      found_.push_back({.light = light, .box = part_of(light), .merged = parts, .data = true});
+      found_.push_back({.light = light, .part = part_of(light), .merged = parts, .data = true});
     }
   }
 
@@ -359,9 +335,9 @@ class Look {
   [[nodiscard]] bool made_of_tones(const RefinedLight& light) const {
     std::size_t rows = 0;
     for (const Found& one : found_)
-      if (clean(one) && shared_length(one.light.column, one.light.width, light.column, light.width) > 0)
-        rows += shared_length(one.light.row, one.light.height, light.row, light.height);
-    return 2 * rows > light.height;
+      if (clean(one) && shared_length(one.light.box.x, one.light.box.width, light.box.x, light.box.width) > 0)
+        rows += shared_length(one.light.box.y, one.light.box.height, light.box.y, light.box.height);
+    return 2 * rows > light.box.height;
   }
 
   const AnyFramesView& frames_;
@@ -389,7 +365,7 @@ std::vector<Search> united(std::vector<Search> searches) {
         ++k;
         continue;
       }
-      a = region_around(a, b);
+      a = hull(a, b);
       auto &all = searches[i].frequencies, &more = searches[k].frequencies;
       if (all.empty() || more.empty())
         all.clear();

@@ -77,28 +77,23 @@ kernels::Carrier carrier_view(const Turns& rows) { return {rows.real.data(), row
 
 }  // namespace
 
-Box widened(const Box& box, std::size_t by) {
-  const std::size_t left = std::min(box.column, by), up = std::min(box.row, by);
-  return {box.column - left, box.row - up, box.width + left + by, box.height + up + by};
-}
-
-PatchRange Patch::range(const Box& box) const {
+PatchRange Patch::range(const Region& box) const {
   const auto from = [](std::size_t a, std::size_t b) { return a - std::min(a, b); };
   PatchRange out{};
-  out.first_row = std::min(from(box.row, first_row), rows);
-  out.end_row = std::max(std::min(from(box.row + box.height, first_row), rows), out.first_row);
-  out.first_group = std::min(from(box.column, first_column) / group, groups);
-  const std::size_t last = (from(box.column + box.width, first_column) + group - 1) / group;
+  out.first_row = std::min(from(box.y, first_row), rows);
+  out.end_row = std::max(std::min(from(box.bottom(), first_row), rows), out.first_row);
+  out.first_group = std::min(from(box.x, first_column) / group, groups);
+  const std::size_t last = (from(box.right(), first_column) + group - 1) / group;
   out.end_group = std::max(std::min(last, groups), out.first_group);
   return out;
 }
 
-Patch patch_of(const LitFrame& frame, const Box& box, const Margins& margins) {
+Patch patch_of(const LitFrame& frame, const Region& box, const Margins& margins) {
   const Shape shape = shape_of(frame.frames);
-  const std::size_t left = box.column - std::min(box.column, margins.columns);
-  const std::size_t right = std::min(shape.columns, box.column + box.width + margins.columns);
-  const std::size_t top = box.row - std::min(box.row, margins.rows);
-  const std::size_t bottom = std::min(shape.rows, box.row + box.height + margins.rows);
+  const std::size_t left = box.x - std::min(box.x, margins.columns);
+  const std::size_t right = std::min(shape.columns, box.right() + margins.columns);
+  const std::size_t top = box.y - std::min(box.y, margins.rows);
+  const std::size_t bottom = std::min(shape.rows, box.bottom() + margins.rows);
   const std::size_t wanted = std::max<std::size_t>((right - left + max_groups - 1) / max_groups,
                                                    std::clamp<std::size_t>(box.width / 16, 1, widest_sharp));
   const std::size_t group = std::min(wanted, right - left);

@@ -9,12 +9,6 @@
 
 namespace ocisac {
 
-struct Box {
-  std::size_t column, row, width, height;  // pixels
-};
-
-Box widened(const Box& box, std::size_t by);
-
 // Rows and groups of a patch, [begin, end).
 struct PatchRange {
   std::size_t first_row, end_row, first_group, end_group;
@@ -28,7 +22,7 @@ struct Patch {
   std::vector<double> light, logs;
 
   // Part of the patch in the box, including groups that it cuts.
-  [[nodiscard]] PatchRange range(const Box& box) const;
+  [[nodiscard]] PatchRange range(const Region& box) const;
 };
 
 // A frame for light detection. `dark`: DN without light; `floor`: of the logarithm, DN.
@@ -43,7 +37,7 @@ struct LitFrame {
 struct Margins {
   std::size_t columns, rows;
 };
-Patch patch_of(const LitFrame& frame, const Box& box, const Margins& margins);
+Patch patch_of(const LitFrame& frame, const Region& box, const Margins& margins);
 
 // Mean of at most 32 columns evenly spaced over [begin, end), in rows [first, last): light above dark.
 std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::size_t end, std::size_t first,

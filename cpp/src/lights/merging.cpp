@@ -27,8 +27,8 @@ struct Span {
   [[nodiscard]] std::size_t size() const { return end > begin ? end - begin : 0; }
 };
 
-Span columns_of(const LightPart& part) { return {part.column, part.column + part.width}; }
-Span rows_of(const LightPart& part) { return {part.row, part.row + part.height}; }
+Span columns_of(const LightPart& part) { return {part.box.x, part.box.right()}; }
+Span rows_of(const LightPart& part) { return {part.box.y, part.box.bottom()}; }
 Span common(const Span& a, const Span& b) { return {std::max(a.begin, b.begin), std::min(a.end, b.end)}; }
 
 // Two cycles of the slower one, an odd number of rows.
@@ -66,10 +66,11 @@ double likeness(std::span<const double> a, std::span<const double> b) {
 
 bool beside(const Frame& frame, const LightPart& left, const LightPart& right) {
   const Span rows = common(rows_of(left), rows_of(right));
-  const Span between{left.column + left.width, right.column};
+  const Span between{left.box.right(), right.box.x};
   const std::size_t overlap = between.begin > between.end ? between.begin - between.end : 0;
-  if (2 * rows.size() < std::min(left.height, right.height) || rows.size() == 0 ||
-      between.size() > std::max(left.width, right.width) || 2 * overlap > std::min(left.width, right.width))
+  if (2 * rows.size() < std::min(left.box.height, right.box.height) || rows.size() == 0 ||
+      between.size() > std::max(left.box.width, right.box.width) ||
+      2 * overlap > std::min(left.box.width, right.box.width))
     return false;
   const std::size_t length = mean_length(left, right);
   const auto one = swing(frame, columns_of(left), rows, length), other = swing(frame, columns_of(right), rows, length);
@@ -81,13 +82,13 @@ bool beside(const Frame& frame, const LightPart& left, const LightPart& right) {
 
 bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
   const Span columns = common(columns_of(upper), columns_of(lower));
-  const Span between{upper.row + upper.height, lower.row};
-  if (10 * columns.size() < 8 * std::max(upper.width, lower.width) || columns.size() < 4 ||
+  const Span between{upper.box.bottom(), lower.box.y};
+  if (10 * columns.size() < 8 * std::max(upper.box.width, lower.box.width) || columns.size() < 4 ||
       static_cast<double>(between.size()) * std::max(upper.frequency, lower.frequency) < 1 ||
-      between.size() > upper.height + lower.height)
+      between.size() > upper.box.height + lower.box.height)
     return false;
   const std::size_t middle = (columns.begin + columns.end) / 2, length = mean_length(upper, lower);
-  const Span rows{upper.row, lower.row + lower.height};
+  const Span rows{upper.box.y, lower.box.bottom()};
   const auto left = swing(frame, {columns.begin, middle}, rows, length);
   const auto right = swing(frame, {middle, columns.end}, rows, length);
   std::vector<double> both(rows.size());
@@ -104,32 +105,33 @@ bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
 bool one_light_across(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
                       const LightPart& b) {
   const Frame in{frames, frame, dark, floor};
-  return a.column <= b.column ? beside(in, a, b) : beside(in, b, a);
+  return a.box.x <= b.box.x ? beside(in, a, b) : beside(in, b, a);
 }
 
 bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
                     const LightPart& b) {
   const Frame in{frames, frame, dark, floor};
-  return a.row <= b.row ? above(in, a, b) : above(in, b, a);
+  return a.box.y <= b.box.y ? above(in, a, b) : above(in, b, a);
 }
 
 std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
-                                    const LightPart& box) {
+                                    const LightPart& light) {
   const Frame in{frames, frame, dark, floor};
-  const Span rows = rows_of(box);
-  const std::size_t length = mean_length(box, box), end = box.column + box.width, quarter = box.width / 4;
-  if (box.width < 2 * min_strip || likeness(swing(in, {box.column, box.column + quarter}, rows, length),
-                                            swing(in, {end - quarter, end}, rows, length)) >= min_alike)
+  const Region& box = light.box;
+  const Span rows = rows_of(light);
+  const std::size_t length = mean_length(light, light), quarter = light.box.width / 4;
+  if (box.width < 2 * min_strip || likeness(swing(in, {box.x, box.x + quarter}, rows, length),
+                                            swing(in, {box.right() - quarter, box.right()}, rows, length)) >= min_alike)
     return {};
   const std::size_t strips = std::min(box.width / min_strip, max_strips);
-  const auto edge = [&](std::size_t strip) { return box.column + strip * box.width / strips; };
+  const auto edge = [&](std::size_t strip) { return box.x + strip * box.width / strips; };
   std::vector<LightPart> parts;
   std::vector<double> run = swing(in, {edge(0), edge(1)}, rows, length);
   const auto close = [&](std::size_t first, std::size_t last) {
     if (5 * (edge(last) - edge(first)) < box.width) return;
-    const double upper = std::min(2 * box.frequency, 0.499);
-    parts.push_back({edge(first), box.row, edge(last) - edge(first), box.height,
-                     strongest_frequency(run, 0.5 * box.frequency, upper)});
+    const double upper = std::min(2 * light.frequency, 0.499);
+    parts.push_back({{edge(first), box.y, edge(last) - edge(first), box.height},
+                     strongest_frequency(run, 0.5 * light.frequency, upper)});
   };
   std::size_t first = 0;
   for (std::size_t strip = 1; strip < strips; ++strip) {

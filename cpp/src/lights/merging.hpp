@@ -10,7 +10,7 @@ namespace ocisac {
 
 // Box of a light in a frame, and its cycles per row.
 struct LightPart {
-  std::size_t column, row, width, height;
+  Region box;
   double frequency;
 };
 
@@ -30,6 +30,6 @@ bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark,
 // before. Each run is at least a fifth of the box, with its strongest frequency between half and twice the box's. Empty
 // if the outer quarters correlate, or fewer than two runs are wide enough.
 std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
-                                    const LightPart& box);
+                                    const LightPart& light);
 
 }  // namespace ocisac

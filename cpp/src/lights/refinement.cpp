@@ -34,7 +34,7 @@ void for_each(const Patch& patch, const PatchRange& range, Visit visit) {
 }
 
 struct Lit {
-  Box box;
+  Region box;
   double amplitude;  // of |z|, near its maximum
 };
 
@@ -68,7 +68,7 @@ Part connected_part(const Patch& patch, std::span<const double> aligned, std::ve
 }
 
 // The light's box: the connected part of largest total swing that begins in the suspect's.
-std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Box& suspect) {
+std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Region& suspect) {
   const PatchRange where = patch.range(suspect);
   if (where.size() == 0) return {};
   Complex sum = 0;
@@ -136,7 +136,7 @@ double uneven_variance(const Patch& patch, const PatchRange& core, const std::ve
 }
 
 // Profile weighted with the local swing of log light, in the box and two cycles on each side.
-Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Box& box, double frequency) {
+Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Region& box, double frequency) {
   const SwingMap swing = demodulator.swing(patch, patch.logs);
   const std::vector<double> fast = fast_logs(patch, frequency);
   const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
@@ -190,16 +190,13 @@ double periodic_share(const Profile& profile, double frequency) {
 }
 
 // Properties of the light in a box from its profile.
-RefinedLight refined(const Patch& patch, const Profile& profile, const Box& box, double frequency, double error,
+RefinedLight refined(const Patch& patch, const Profile& profile, const Region& box, double frequency, double error,
                      double amplitude) {
   const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
   const double periodic = periodic_share(profile, frequency);
   const double explained = common * periodic;
   return {
-      box.column,
-      box.row,
-      box.width,
-      box.height,
+      box,
       frequency,
       error,
       phase_at_start(profile.matched, frequency, patch.first_row),
@@ -215,7 +212,7 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Box& box,
 
 std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
                                           const Suspect& suspect, double floor, const LightLimits& limits, int rounds) {
-  Box box{suspect.column, suspect.row, suspect.width, suspect.height};
+  Region box = suspect.box;
   double frequency = suspect.frequency;
   for (int round = 1;; ++round) {
     const std::size_t margin = hann_length(frequency) + 2;
@@ -231,7 +228,7 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     frequency = strongest_frequency(profile.matched, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
     if (round < rounds) continue;
-    box.width = std::min(box.width, shape_of(frames).columns - box.column);
+    box.width = std::min(box.width, shape_of(frames).columns - box.x);
     const double error =
         jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);
     return refined(patch, profile, box, frequency, error, 2 * lit->amplitude);

@@ -15,15 +15,15 @@ struct LightLimits {
 };
 
 struct RefinedLight {
-  std::size_t column, row, width, height;  // box of the fundamental above 15 % of its largest amplitude
-  double frequency, frequency_std;         // cycles per row
-  double phase;                            // rad, of the fundamental's sum at row 0 of the picture
-  double snr;                              // periodic part over the residual, in the box
-  double amplitude;                        // of the fundamental, DN
-  double common;                           // fraction of the box's swing that is common to all columns
-  double periodic;                         // periodic fraction of that common swing
-  double texture;                          // residual swing minus noise, over the periodic part
-  double uneven;  // modulation depth of the texture at the frequency; 0 where light multiplies it
+  Region box;                       // of the fundamental above 15 % of its largest amplitude
+  double frequency, frequency_std;  // cycles per row
+  double phase;                     // rad, of the fundamental's sum at row 0 of the picture
+  double snr;                       // periodic part over the residual, in the box
+  double amplitude;                 // of the fundamental, DN
+  double common;                    // fraction of the box's swing that is common to all columns
+  double periodic;                  // periodic fraction of that common swing
+  double texture;                   // residual swing minus noise, over the periodic part
+  double uneven;                    // modulation depth of the texture at the frequency; 0 where light multiplies it
 };
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of

@@ -120,9 +120,10 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
           open.push_back(next);
         }
     }
-    suspects.push_back({left * column_step, top * hop * row_step, (right - left + groups) * column_step,
-                        ((bottom - top) * hop + window) * row_step,
-                        cycles[best.wave] / static_cast<double>(window * row_step), static_cast<double>(best.share),
+    suspects.push_back({{left * column_step, top * hop * row_step, (right - left + groups) * column_step,
+                         ((bottom - top) * hop + window) * row_step},
+                        cycles[best.wave] / static_cast<double>(window * row_step),
+                        static_cast<double>(best.share),
                         evidence});
   }
 }
@@ -350,8 +351,7 @@ std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t fra
   const auto floor = static_cast<float>(logarithm_floor(frames, curve));
   const Shape shape = shape_of(frames);
   const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
-  const bool whole = saturation_level(frames) > 0;  // integers: a tone of less than half a stored step is ignored
-  const float min_swing = whole ? 0.5F : 0.0F;
+  const float min_swing = holds_integers(frames) ? 0.5F : 0.0F;  // a tone of less than half a stored step is ignored
   Scale finest(shape.rows, shape.columns / group, 1, group, true);
   finest.begin(floor, min_swing, false_alarms, finest.tiles());
   std::visit(

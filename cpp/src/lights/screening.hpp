@@ -11,10 +11,10 @@
 namespace ocisac {
 
 struct Suspect {
-  std::size_t column, row, width, height;  // pixels
-  double frequency;                        // cycles per row, accurate to half a cycle in the window of detection
-  double share;                            // fraction of the variation in its best tile explained by the common tone
-  double evidence;                         // Σ −log(1 − share) over its tiles
+  Region box;
+  double frequency;  // cycles per row, accurate to half a cycle in the window of detection
+  double share;      // fraction of the variation in its best tile explained by the common tone
+  double evidence;   // Σ −log(1 − share) over its tiles
 };
 
 // Tiles of 32 rows × 3 groups of columns of log(light + floor), at several scales: sums of 1, 2, 4, … rows and columns.

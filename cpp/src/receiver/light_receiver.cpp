@@ -99,7 +99,7 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
 void LightReceiver::find_tone(const AnyFramesView& part) {
   tone_known_ = true;
   FrequencySearch wanted;
-  wanted.saturation = saturation_level(part);
+  wanted.saturation = saturation_level(part, camera_.tone_curve);
   const FoundFrequency found = find_frequency(part, wanted);
   const bool is_tone = (found.flags & flag::no_tone) == 0;
   frequency_ = is_tone ? found.frequency / camera_.row_time : kNaN;

@@ -22,16 +22,6 @@ constexpr double kSamePlace = 0.5;
 constexpr std::size_t kFramesAgreed = 3, kMaxAttempts = 12;
 constexpr std::size_t kGivenUp = 90;  // frames without reception until a light is dropped
 
-double share_of_smaller(const Region& a, const Region& b) {
-  const std::size_t smaller = std::min(a.width * a.height, b.width * b.height);
-  return static_cast<double>(shared_pixels(a, b)) / static_cast<double>(std::max<std::size_t>(smaller, 1));
-}
-
-double share_of_larger(const Region& a, const Region& b) {
-  return static_cast<double>(shared_pixels(a, b)) /
-         static_cast<double>(std::max(a.width * a.height, b.width * b.height));
-}
-
 // Every `step`-th column.
 AnyFramesView thinned(const AnyFramesView& frame, std::size_t step) {
   return std::visit(
@@ -52,11 +42,11 @@ std::optional<Region> strongest_light(const AnyFramesView& frame, const Camera& 
   const std::size_t step = thinning_of(shape.columns);
   for (const LightSource& light : detect_sources(thinned(frame, step), camera)) {
     if (light.reflection_of) continue;
-    const std::size_t margin = std::max(kMinMargin, light.width * step / 4);
-    const std::size_t first = light.x * step - std::min(light.x * step, margin);
-    const std::size_t end = std::min(shape.columns, (light.x + light.width) * step + margin);
+    const std::size_t margin = std::max(kMinMargin, light.box.width * step / 4);
+    const std::size_t first = light.box.x * step - std::min(light.box.x * step, margin);
+    const std::size_t end = std::min(shape.columns, light.box.right() * step + margin);
     const Region rows = swinging_rows(frame, {first, 0, end - first, shape.rows}, camera.tone_curve);
-    return region_around(rows, {first, light.y, end - first, light.height});
+    return hull(rows, {first, light.box.y, end - first, light.box.height});
   }
   return std::nullopt;
 }
@@ -75,10 +65,10 @@ std::vector<Region> several_lights(const AnyFramesView& frame, const ToneCurve& 
     region.x *= step;
     region.width = std::min(region.width * step, columns - region.x);
   }
-  std::ranges::stable_sort(regions, std::ranges::greater{}, [](const Region& r) { return r.width * r.height; });
+  std::ranges::stable_sort(regions, std::ranges::greater{}, &Region::pixels);
   std::vector<Region> apart;
   for (const Region& region : regions)
-    if (std::ranges::none_of(apart, [&](const Region& r) { return share_of_smaller(r, region) > kSamePlace; }))
+    if (std::ranges::none_of(apart, [&](const Region& r) { return shared_of_smaller(r, region) > kSamePlace; }))
       apart.push_back(region);
   std::ranges::sort(apart, {}, [](const Region& r) { return std::pair(r.x, r.y); });
   return apart;
@@ -158,11 +148,11 @@ void Receiver::search_several(const AnyFramesView& frame) {
   }
   const bool agrees = agreed_ > 0 && found.size() == proposed_.size() &&
                       std::ranges::equal(found, proposed_, [](const Region& a, const Region& b) {
-                        return share_of_larger(a, b) > kSamePlace;
+                        return shared_of_larger(a, b) > kSamePlace;
                       });
   agreed_ = agrees ? agreed_ + 1 : 1;
   if (agrees)
-    std::ranges::transform(found, proposed_, proposed_.begin(), region_around);
+    std::ranges::transform(found, proposed_, proposed_.begin(), hull);
   else
     proposed_ = std::move(found);
   if (agreed_ >= kFramesAgreed) adopt(proposed_);
@@ -172,12 +162,12 @@ void Receiver::search_several(const AnyFramesView& frame) {
 // Adds new lights. Received lights keep their region; lost ones get the detected region.
 void Receiver::adopt(const std::vector<Region>& found) {
   std::erase_if(lights_, [&](const LightReceiver& light) {
-    const auto within = [&](const Region& region) { return share_of_smaller(light.region(), region) > kSamePlace; };
+    const auto within = [&](const Region& region) { return shared_of_smaller(light.region(), region) > kSamePlace; };
     return light.unseen() >= kGivenUp || std::ranges::count_if(found, within) > 1;  // covers several lights
   });
   for (const Region& region : found) {
     const auto same = std::ranges::find_if(
-        lights_, [&](const auto& light) { return share_of_smaller(light.region(), region) > kSamePlace; });
+        lights_, [&](const auto& light) { return shared_of_smaller(light.region(), region) > kSamePlace; });
     if (same == lights_.end()) {
       if (lights_.size() < options_.max_sources) add(region, true);
     } else if (same->unseen() >= kFramesAgreed) {

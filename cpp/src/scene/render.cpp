@@ -17,10 +17,12 @@ constexpr std::size_t rows_per_block = 32;
 
 bool uniform(const ScenePart& part) { return !part.gains && !part.phase; }
 
-bool reaches(const ScenePart& part, std::size_t row) { return row >= part.top && row - part.top < part.height; }
+bool reaches(const ScenePart& part, std::size_t row) {
+  return row >= part.region.y && row - part.region.y < part.region.height;
+}
 
 float uniform_value(const ScenePart& part, std::size_t row) {
-  return part.gain * part.table[(row - part.top) * part.phases];
+  return part.gain * part.table[(row - part.region.y) * part.phases];
 }
 
 template <class T>
@@ -40,17 +42,17 @@ struct Run {
 };
 
 Run run_of(const ScenePart& part, std::size_t row) {
-  if (!part.spans) return {part.left, part.left + part.width};
-  const std::uint32_t* span = part.spans + 2 * (row - part.top);
-  return {part.left + span[0], part.left + span[1]};
+  if (!part.spans) return {part.region.x, part.region.x + part.region.width};
+  const std::uint32_t* span = part.spans + 2 * (row - part.region.y);
+  return {part.region.x + span[0], part.region.x + span[1]};
 }
 
 void add_row(const ScenePart& part, const Run& run, std::size_t row, float* values) {
-  const std::size_t inside = row - part.top;
+  const std::size_t inside = row - part.region.y;
   const float* table = part.table + inside * part.phases;
   float* out = values + run.begin;
   const std::size_t count = run.end - run.begin;
-  const std::size_t first = inside * part.width + (run.begin - part.left);
+  const std::size_t first = inside * part.region.width + (run.begin - part.region.x);
   const float* gains = part.gains ? part.gains + first : nullptr;
   if (part.phase) {
     const std::uint16_t* phase = part.phase + first;
@@ -131,15 +133,17 @@ void render_row(std::span<const ScenePart> parts, const SceneBase& base, float w
 }  // namespace
 
 void check(const ScenePart& part, std::size_t rows, std::size_t columns) {
-  require(part.height <= rows && part.top <= rows - part.height, "parts", part.top, "rows within the frame");
-  require(part.width <= columns && part.left <= columns - part.width, "parts", part.left, "columns within the frame");
+  require(part.region.height <= rows && part.region.y <= rows - part.region.height, "parts", part.region.y,
+          "rows within the frame");
+  require(part.region.width <= columns && part.region.x <= columns - part.region.width, "parts", part.region.x,
+          "columns within the frame");
   require(part.phases >= 1, "phases", part.phases, "1 or more");
   if (part.phase)
-    for (std::size_t i = 0; i < part.height * part.width; ++i)
+    for (std::size_t i = 0; i < part.region.height * part.region.width; ++i)
       require(part.phase[i] < part.phases, "phase", part.phase[i], "below the phases of the table");
   if (part.spans)
-    for (std::size_t y = 0; y < part.height; ++y)
-      require(part.spans[2 * y] <= part.spans[2 * y + 1] && part.spans[2 * y + 1] <= part.width, "spans",
+    for (std::size_t y = 0; y < part.region.height; ++y)
+      require(part.spans[2 * y] <= part.spans[2 * y + 1] && part.spans[2 * y + 1] <= part.region.width, "spans",
               part.spans[2 * y + 1], "first <= last <= the width of the part");
 }
 

@@ -11,7 +11,7 @@
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
-#include "tones/combine_columns.hpp"
+#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 
@@ -310,7 +310,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const Signals parts = chosen(blocks, used);
   const std::size_t group = parts.count() / blocks.frames;
   const PeriodicFit fit = fit_periodic(parts.samples, parts.rows, model, coarse);
-  CombinedColumns combined = combine_columns(parts.samples, parts.rows, group, model, fit);
+  CombinedTone combined = combine_by_tone(parts.samples, parts.rows, group, model, fit);
   const Signals signals{std::move(combined.signals), parts.rows};
   const FinalFit final = final_fit(signals, coarse, range, search.harmonics);
   const double std = frequency_std(signals.samples, signals.rows, combined.per_frame, final.model, final.fit.frequency);

@@ -78,7 +78,6 @@ struct Folding {
   explicit Folding(std::size_t rows) : count(static_cast<Index>((rows + 1) / 2)), odd(rows % 2 == 1) {}
   Index count;
   bool odd;
-  [[nodiscard]] double position(Index i) const { return static_cast<double>(i) + (odd ? 0.0 : 0.5); }
   [[nodiscard]] double scale(Index i) const { return odd && i == 0 ? 1.0 : std::numbers::sqrt2; }
 };
 
@@ -113,24 +112,26 @@ Block solve_block(const MatrixXd& design, Index wanted) {
   return block;
 }
 
-template <class Oscillate>
-void fill_column(MatrixXd& design, Index column, const Folding& folding, Oscillate oscillate) {
-  for (Index i = 0; i < folding.count; ++i) design(i, column) = folding.scale(i) * oscillate(folding.position(i));
-}
+// The design's rows with u ≥ 0, folded: its symmetric columns (trend and cosines) and its antisymmetric ones (sines).
+struct FoldedDesign {
+  MatrixXd cosines, sines;
+};
 
-MatrixXd cosine_design(const std::vector<Oscillation>& oscillations, const Folding& folding) {
-  MatrixXd design(folding.count, static_cast<Index>(oscillations.size()) + 1);
-  fill_column(design, 0, folding, [](double) { return 1.0; });
-  for (Index column = 1; const auto& oscillation : oscillations)
-    fill_column(design, column++, folding, [&](double u) { return phasor(oscillation.cycles_per_row, u).cosine; });
-  return design;
-}
-
-MatrixXd sine_design(const std::vector<Oscillation>& oscillations, const Folding& folding) {
-  MatrixXd design(folding.count, static_cast<Index>(oscillations.size()));
-  for (Index column = 0; const auto& oscillation : oscillations)
-    fill_column(design, column++, folding, [&](double u) { return phasor(oscillation.cycles_per_row, u).sine; });
-  return design;
+FoldedDesign folded_design(const std::vector<Oscillation>& oscillations, std::size_t rows, const Folding& folding) {
+  ToneDesign design{rows, {}};
+  for (const auto& oscillation : oscillations) design.cycles_per_row.push_back(oscillation.cycles_per_row);
+  const auto table = design.matrix(rows / 2);
+  const Eigen::Map<const MatrixXd> full(table.data(), folding.count, static_cast<Index>(design.columns()));
+  const auto count = static_cast<Index>(oscillations.size());
+  MatrixXd folded = full;
+  for (Index i = 0; i < folding.count; ++i) folded.row(i) *= folding.scale(i);
+  FoldedDesign halves{MatrixXd(folding.count, count + 1), MatrixXd(folding.count, count)};
+  halves.cosines.col(0) = folded.col(0);
+  for (Index k = 0; k < count; ++k) {
+    halves.cosines.col(k + 1) = folded.col(2 * k + 1);
+    halves.sines.col(k) = folded.col(2 * k + 2);
+  }
+  return halves;
 }
 
 // Expands a folded column to the full one: symmetric (sign = 1) or antisymmetric (sign = −1).
@@ -165,13 +166,6 @@ void add_block(const Block& block, const Folding& folding, double sign, const st
 
 }  // namespace
 
-Phasor phasor(double cycles_per_row, double u) {
-  const double product = cycles_per_row * u;
-  const double rest = std::fma(cycles_per_row, u, -product);
-  const double cycles = (product - std::nearbyint(product)) + rest;
-  return {std::cos(2 * std::numbers::pi * cycles), std::sin(2 * std::numbers::pi * cycles)};
-}
-
 std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
   std::vector<int> harmonics{1};
   for (int h = 2; h * cycles_per_row < 0.5; ++h)
@@ -202,9 +196,10 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
     even_places.push_back(2 * oscillations.all[k].tone + 1);
     odd_places.push_back(2 * oscillations.all[k].tone + 2);
   }
-  const Block even = solve_block(cosine_design(oscillations.all, folding), wanted + 1);
+  const FoldedDesign design = folded_design(oscillations.all, rows, folding);
+  const Block even = solve_block(design.cosines, wanted + 1);
   add_block(even, folding, 1, even_places, model);
-  const Block odd = solve_block(sine_design(oscillations.all, folding), wanted);
+  const Block odd = solve_block(design.sines, wanted);
   add_block(odd, folding, -1, odd_places, model);
 
   const double condition = std::max(even.condition, odd.condition);

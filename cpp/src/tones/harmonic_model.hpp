@@ -1,4 +1,4 @@
-// Mean + tones + harmonics as a linear model of a column, solved by least squares (cf. IEEE Std 1057).
+// The least-squares solution of mean + tones + harmonics (cf. IEEE Std 1057), as the weights that streaming gains need.
 #pragma once
 
 #include <cstddef>
@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "ocisac/core/flags.hpp"
+#include "ocisac/tones/tone_design.hpp"
 
 namespace ocisac {
 
@@ -18,10 +19,10 @@ struct ModelTone {
 // The multiples of a square wave of `duty` that lie below half the row rate and do not vanish; at least {1}.
 std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
 
-// The least-squares solution as plain row weights. With u = n − (rows − 1)/2 a column is modelled as
+// The least-squares solution of a ToneDesign with a constant trend as plain row weights:
 //   y(n) = c + Σ_k Σ_h [a_kh·cos(2π h ν_k u) + b_kh·sin(2π h ν_k u)] + noise,
 // and parameters = weights·y, where only c and the fundamentals a_k1, b_k1 have weights, in this order:
-// c, a_1, b_1, a_2, b_2, … Counting u from the middle makes sines and cosines orthogonal, which splits the model
+// c, a_1, b_1, a_2, b_2, … Sines and cosines are orthogonal, which splits the model
 // into two of half the size. All tables are dense.
 struct HarmonicModel {
   std::size_t rows = 0;
@@ -37,11 +38,5 @@ struct HarmonicModel {
 
 // Throws std::invalid_argument for 0 rows and for frequencies that are not finite and positive.
 HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones);
-
-// cos and sin of 2π·h·ν·u; whole cycles are removed exactly before rounding.
-struct Phasor {
-  double cosine, sine;
-};
-Phasor phasor(double cycles_per_row, double u);
 
 }  // namespace ocisac

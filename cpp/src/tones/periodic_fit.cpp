@@ -27,29 +27,11 @@ Index trend_columns(const PeriodicModel& model) { return static_cast<Index>(mode
 
 // The model's columns: trend, then cosine and sine of each harmonic.
 MatrixXd model_matrix(const PeriodicModel& model, Index rows, double frequency) {
-  MatrixXd matrix(rows, static_cast<Index>(model.parameters()));
-  const VectorXd x = VectorXd::LinSpaced(rows, -1, 1);
-  matrix.col(0).setOnes();
-  for (Index d = 1; d < trend_columns(model); ++d) {
-    const auto k = static_cast<double>(d);
-    matrix.col(d) = (2 * k - 1) / k * x.cwiseProduct(matrix.col(d - 1));  // Legendre's recurrence
-    if (d > 1) matrix.col(d) -= (k - 1) / k * matrix.col(d - 2);
-  }
-  Index column = trend_columns(model);
-  for (const std::size_t harmonic : model.harmonics) {
-    const double cycles_per_row = static_cast<double>(harmonic) * frequency;
-    for (Index n = 0; n < rows; ++n) {
-      const double cycles = cycles_per_row * static_cast<double>(n);
-      const double phase = 2 * std::numbers::pi * (cycles - std::floor(cycles));
-      matrix(n, column) = std::cos(phase);
-      matrix(n, column + 1) = std::sin(phase);
-    }
-    column += 2;
-  }
-  return matrix;
+  const auto table = model.design(static_cast<std::size_t>(rows), frequency).matrix();
+  return Eigen::Map<const MatrixXd>(table.data(), rows, static_cast<Index>(model.parameters()));
 }
 
-// The tones times 2πh(n − n̄): with the coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.
+// The tones times 2πhu: with the coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.
 MatrixXd slope_matrix(const PeriodicModel& model, const MatrixXd& matrix) {
   const Index rows = matrix.rows(), first = trend_columns(model);
   const double middle = static_cast<double>(rows - 1) / 2;
@@ -125,6 +107,13 @@ PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max
     model.harmonics.push_back(h);
   while (model.harmonics.size() > 1 && rows < 2 * model.parameters()) model.harmonics.pop_back();
   return model;
+}
+
+ToneDesign PeriodicModel::design(std::size_t rows, double frequency) const {
+  ToneDesign design{rows, {}, trend_degree};
+  for (const std::size_t harmonic : harmonics)
+    design.cycles_per_row.push_back(static_cast<double>(harmonic) * frequency);
+  return design;
 }
 
 double PeriodicFit::total_residual() const {

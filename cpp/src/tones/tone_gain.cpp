@@ -156,16 +156,11 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
   }
 }
 
-// True for columns with samples at the top of the scale.
 template <class T>
 bool is_saturated(const FramesView<const T>& view, std::size_t frame, std::size_t column, double level) {
   for (std::size_t row = 0; row < view.rows; ++row)
     if (static_cast<double>(view(frame, row, column)) >= level) return true;
   return false;
-}
-
-double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
-  return curve.white_level != 0 ? curve.white_level : ocisac::saturation_level(frames);
 }
 
 // Estimates of one method for a block of signals (count × rows), for each tone.

@@ -40,32 +40,21 @@ constexpr std::array<Place, 8> kPlaces{{{-0.9602898564975363, 0.0506142681451881
                                         {0.7966664774136267, 0.1111905172266872},
                                         {0.9602898564975363, 0.0506142681451881}}};
 
-// Legendre polynomials of degrees 0 to `degree` at x.
-VectorXd legendre(double x, int degree) {
-  VectorXd values(degree + 1);
-  for (Index k = 0; k <= degree; ++k) {
-    const auto n = static_cast<double>(k);
-    values(k) = k == 0 ? 1 : k == 1 ? x : ((2 * n - 1) * x * values(k - 1) - (n - 1) * values(k - 2)) / n;
-  }
+// Legendre polynomials of degrees 0 to `degree` at the places: (places × terms).
+MatrixXd legendre_at_places(int degree) {
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values(kPlaces.size(), degree + 1);
+  for (Index i = 0; i < values.rows(); ++i)
+    legendre(kPlaces[static_cast<std::size_t>(i)].x, {values.row(i).data(), static_cast<std::size_t>(values.cols())});
   return values;
 }
 
 // Polynomials alone, then times cosine and sine of each harmonic: (rows × terms·(1 + 2·harmonics)).
 MatrixXd design_matrix(std::size_t rows, double cycles_per_row, const std::vector<int>& harmonics, int degree) {
-  const Index terms = degree + 1;
-  MatrixXd design(static_cast<Index>(rows), terms * (1 + 2 * static_cast<Index>(harmonics.size())));
-  for (Index n = 0; n < design.rows(); ++n) {
-    const double u = static_cast<double>(n) - (static_cast<double>(rows) - 1) / 2;
-    const Eigen::RowVectorXd polynomials = legendre(2 * u / static_cast<double>(rows), degree).transpose();
-    design.row(n).head(terms) = polynomials;
-    for (Index first = terms; const int h : harmonics) {
-      const Phasor at = phasor(h * cycles_per_row, u);
-      design.row(n).segment(first, terms) = at.cosine * polynomials;
-      design.row(n).segment(first + terms, terms) = at.sine * polynomials;
-      first += 2 * terms;
-    }
-  }
-  return design;
+  const auto polynomials = static_cast<std::size_t>(degree);
+  ToneDesign design{rows, {}, polynomials, polynomials};
+  for (const int h : harmonics) design.cycles_per_row.push_back(h * cycles_per_row);
+  const auto table = design.matrix();
+  return Eigen::Map<const MatrixXd>(table.data(), static_cast<Index>(rows), static_cast<Index>(design.columns()));
 }
 
 // Harmonics in ascending order until half of the degrees of freedom are used, without those so close to half the row
@@ -122,9 +111,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
       Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(steady.weights.data(), 3,
                                                                                   design.rows());
   plan.covariance = plan.weights * plan.weights.transpose();
-  plan.polynomials.resize(kPlaces.size(), plan.terms);
-  for (std::size_t i = 0; i < kPlaces.size(); ++i)
-    plan.polynomials.row(static_cast<Index>(i)) = legendre(kPlaces[i].x, options.degree).transpose();
+  plan.polynomials = legendre_at_places(options.degree);
   return plan;
 }
 

@@ -43,8 +43,8 @@ TEST_CASE("a light is found where it is") {
   REQUIRE(found.size() == 1);
   const LightSource& light = found.front();
   CHECK(light.frequency == doctest::Approx(8000).epsilon(0.01));
-  CHECK(std::abs(static_cast<double>(light.x + light.width / 2) - 140) < 8);
-  CHECK(std::abs(static_cast<double>(light.y + light.height / 2) - 120) < 8);
+  CHECK(std::abs(static_cast<double>(light.box.x + light.box.width / 2) - 140) < 8);
+  CHECK(std::abs(static_cast<double>(light.box.y + light.box.height / 2) - 120) < 8);
   CHECK_FALSE(light.carries_data);
 }
 
@@ -59,8 +59,8 @@ TEST_CASE("the same picture read the other way round, column by column, holds th
   const auto one = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
   const auto other = detect_sources(view, camera());
   REQUIRE(other.size() == one.size());
-  CHECK(other.front().x == one.front().x);
-  CHECK(other.front().height == one.front().height);
+  CHECK(other.front().box.x == one.front().box.x);
+  CHECK(other.front().box.height == one.front().box.height);
   CHECK(other.front().frequency == doctest::Approx(one.front().frequency));
 }
 
@@ -76,8 +76,8 @@ TEST_CASE("screening gives the place and, roughly, the frequency") {
   const auto suspects = screen_sources(dense_view(pixels.data(), 1, rows, columns), 0, {}, 0.01);
   REQUIRE_FALSE(suspects.empty());
   CHECK(suspects.front().frequency == doctest::Approx(0.08).epsilon(0.15));
-  CHECK(suspects.front().column <= 100);
-  CHECK(suspects.front().column + suspects.front().width >= 172);
+  CHECK(suspects.front().box.x <= 100);
+  CHECK(suspects.front().box.x + suspects.front().box.width >= 172);
 }
 
 // Columns 60 to 259 of rows 40 to 199 lit by `light(row, column)`, on uniform background.
@@ -97,9 +97,9 @@ TEST_CASE("random chips of five rows are found as data") {
   const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
   REQUIRE(found.size() == 1);
   CHECK(found.front().carries_data);
-  CHECK(found.front().x <= 64);
-  CHECK(found.front().x + found.front().width >= 252);
-  CHECK(found.front().height >= 140);
+  CHECK(found.front().box.x <= 64);
+  CHECK(found.front().box.x + found.front().box.width >= 252);
+  CHECK(found.front().box.height >= 140);
 }
 
 TEST_CASE("lamps that touch are told apart by their frequencies") {
@@ -109,8 +109,8 @@ TEST_CASE("lamps that touch are told apart by their frequencies") {
   const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
   REQUIRE(found.size() == 2);
   for (const LightSource& light : found) {
-    CHECK(light.frequency == doctest::Approx(light.x < 140 ? 6000 : 8000).epsilon(0.01));
-    CHECK(std::abs(static_cast<double>(light.width) - 100) <= 16);
+    CHECK(light.frequency == doctest::Approx(light.box.x < 140 ? 6000 : 8000).epsilon(0.01));
+    CHECK(std::abs(static_cast<double>(light.box.width) - 100) <= 16);
   }
 }
 
@@ -118,7 +118,7 @@ TEST_CASE("a light is followed in its box, and searched for in its region where 
   const auto pixels = picture(true);
   const auto view = dense_view(pixels.data(), 1, rows, columns);
   const LightSource whole = detect_sources(view, camera()).front();
-  const Region all{0, 0, columns, rows}, box{whole.x, whole.y, whole.width, whole.height}, away{0, 0, 40, 40};
+  const Region all{0, 0, columns, rows}, box = whole.box, away{0, 0, 40, 40};
   for (const ExpectedLight& expected :
        {ExpectedLight{box, 8000, all, true, false},
         ExpectedLight{{box.x + 6, box.y - 8, 60, 70}, 8100, all, true, false},
@@ -126,8 +126,8 @@ TEST_CASE("a light is followed in its box, and searched for in its region where 
         ExpectedLight{away, 5000, all, false, true}}) {
     const auto found = follow_sources(view, camera(), std::vector{expected});
     REQUIRE(found.size() == 1);
-    CHECK(std::abs(static_cast<double>(found[0].x) - static_cast<double>(whole.x)) <= 5);
-    CHECK(std::abs(static_cast<double>(found[0].y) - static_cast<double>(whole.y)) <= 2);
+    CHECK(std::abs(static_cast<double>(found[0].box.x) - static_cast<double>(whole.box.x)) <= 5);
+    CHECK(std::abs(static_cast<double>(found[0].box.y) - static_cast<double>(whole.box.y)) <= 2);
     CHECK(found[0].frequency == doctest::Approx(whole.frequency).epsilon(1e-3));
   }
   for (const ExpectedLight& expected :

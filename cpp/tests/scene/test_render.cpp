@@ -34,8 +34,8 @@ struct Parts {
       gains.push_back(static_cast<float>(i % 4));
       phase.push_back(static_cast<std::uint16_t>(i % 3));
     }
-    flat = {10, 4, 60, 12, 2.0F, nullptr, spans.data(), 1, nullptr, signal.data()};
-    patterned = {50, 0, 20, 9, 1.0F, gains.data(), nullptr, 3, phase.data(), table.data()};
+    flat = {{4, 10, 12, 60}, 2.0F, nullptr, spans.data(), 1, nullptr, signal.data()};
+    patterned = {{0, 50, 9, 20}, 1.0F, gains.data(), nullptr, 3, phase.data(), table.data()};
   }
 
   float expected(std::size_t y, std::size_t x, float base) const {
@@ -90,6 +90,6 @@ TEST_CASE("parts that leave the frame or their table are refused") {
   part.phases = 2;
   CHECK_THROWS_AS(check(part, rows, columns), std::invalid_argument);
   part = made.flat;
-  part.width = 11;
+  part.region.width = 11;
   CHECK_THROWS_AS(check(part, rows, columns), std::invalid_argument);
 }

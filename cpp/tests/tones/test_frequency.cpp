@@ -9,7 +9,7 @@
 #include "ocisac/tones/calibrate.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
-#include "tones/combine_columns.hpp"
+#include "tones/tone_combination.hpp"
 
 namespace {
 
@@ -85,7 +85,7 @@ TEST_CASE("combined columns keep the power of the noise and all of the tone") {
             std::cos(two_pi * 0.051 * static_cast<double>(n) + phase_step * static_cast<double>(k)) + normal(random);
     const auto model = ocisac::periodic_model(0.051, rows, 1);
     const auto apart = ocisac::fit_periodic(signals, rows, model, 0.051);
-    const auto combined = ocisac::combine_columns(signals, rows, count, model, apart);
+    const auto combined = ocisac::combine_by_tone(signals, rows, count, model, apart);
     CHECK(combined.per_frame == (phase_step == 0 ? 1 : 2));
     const auto together = ocisac::fit_periodic(combined.signals, rows, model, 0.051);
     CHECK(together.harmonic_energy[0] == doctest::Approx(apart.harmonic_energy[0]).epsilon(0.002));

@@ -28,7 +28,8 @@ class Camera:
         gamma: exponent from stored value to light for ``tone_curve="gamma"``; above 0.
         dark_level: stored value (DN) of no light; 16 for limited-range luma of 8 bits.
         white_level: stored value (DN) of full light; above ``dark_level``. None: the largest value of the array's
-            type (255, 65535, 1.0 for floats); 235 for limited-range luma.
+            type (255, 65535, 1.0 for floats); 235 for limited-range luma. Values from 98 % of it above dark on are
+            saturated; floats are if it is given.
         scan_axis: direction in which the rows are read out, in pictures as stored: ``"y"`` down, ``"-y"`` up, ``"x"``
             to the right, ``"-x"`` to the left. Pictures and boxes in arguments and results are as stored; "rows" are
             the camera's rows and "columns" are perpendicular to them.

@@ -11,10 +11,15 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.camera.linear_light import (
+    light_per_step,
+    linear_light,
+    saturation_level,
+    stored_values,
+    white_level,
+)
 from ocisac_fast.cleaning.columns import lit_colours
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
-from ocisac_fast.cleaning.stored import light_per_step, to_stored, white_level
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class
@@ -23,7 +28,6 @@ from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 FloatArray = npt.NDArray[np.float64]
 
 _MIN_LIGHT = 0.05  # as in the core
-_NEAR_WHITE = 0.98
 
 
 class Mark(IntEnum):
@@ -265,7 +269,7 @@ _Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], 
 def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None, task: _Task) -> _Done:
     """Clean frames (frames, rows, columns, colours) of one scene."""
     stored_light = linear_light(stack, camera)
-    saturated = _saturated(stack, camera)
+    saturated = stack >= saturation_level(camera, stack.dtype)
     noise = _noise_variance(stack, camera, task.options.noise)
     noise[saturated] = np.inf
     white = white_level(camera, stack.dtype) - camera.dark_level
@@ -285,20 +289,12 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
         share = _core.light_share(one, spread, rows, True)
         for k, row_light in enumerate(found):
             values, mark = _restored(one[k], saturated[k, ..., colour], share, row_light, task)
-            stored = to_stored(lowered(values, toe, white), camera, stack.dtype)
+            stored = stored_values(lowered(values, toe, white), camera, stack.dtype)
             untouched = (mark == Mark.SATURATED) & (task.keep == "picture")
             pictures[k, ..., colour] = np.where(untouched, stack[k, ..., colour], stored)
             marks[k, ..., colour] = mark
             shares[k, ..., colour] = share
     return pictures, marks, shares, found, toe
-
-
-def _saturated(stack: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.bool_]:
-    """Pixels within 2 % of white, since compression scatters clipped values; none for floats without a white level."""
-    if camera.white_level is None and stack.dtype.kind == "f":
-        return np.zeros(stack.shape, bool)
-    dark = camera.dark_level
-    return np.asarray(stack >= dark + _NEAR_WHITE * (white_level(camera, stack.dtype) - dark))
 
 
 def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None) -> FloatArray:

@@ -80,15 +80,9 @@ def grey_of(frame: Frame) -> Frame:
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 
-def box_facts(source: Any, picture: PictureOptions) -> dict[str, int]:
-    """Box of a light or region in pixels of the stored picture."""
-    x, y, width, height = picture.in_picture((source.x, source.y, source.width, source.height))
-    return {"x": x, "y": y, "width": width, "height": height}
-
-
 def _facts(source: Any, picture: PictureOptions) -> dict[str, Any]:
     facts = {
-        **box_facts(source, picture),
+        **picture.in_picture(source.region)._asdict(),
         "frequency_hz": source.frequency,
         "frequency_std_hz": source.frequency_std,
         "gain": source.gain,

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import flag_names, quantity
 from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.packets.transmission import PacketFormat, transmit
 
@@ -23,7 +24,7 @@ class PacketOptions:
     format: PacketFormat
     frame_time: float | None
     sources: int
-    regions: tuple[tuple[int, int, int, int], ...]
+    regions: tuple[Region, ...]
     tones: tuple[float, ...]
     gain: bool
     frequency: float | None

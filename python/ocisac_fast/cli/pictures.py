@@ -17,10 +17,10 @@ import numpy as np
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.units import TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
+from ocisac_fast.core.regions import Region
 from ocisac_fast.files import LightResponse, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame
 
-Region = tuple[int, int, int, int]  # x, y, width, height
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
 _BATCH_BYTES = 64 << 20
@@ -35,7 +35,7 @@ class _Region(ParameterType):
         match = re.fullmatch(r"\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", str(value))
         if match is None:
             self.fail(f"got {value!r}, allowed: four whole numbers x,y,w,h in pixels, such as 0,0,640,480")
-        return tuple(int(number) for number in match.groups())
+        return Region(*(int(number) for number in match.groups()))
 
 
 REGION = _Region()
@@ -74,7 +74,7 @@ class PictureOptions:
     row_time: Quantity | None
     exposure: Quantity | None
     scan_axis: str
-    region: tuple[int, int, int, int] | None
+    region: Region | None
     channel: str | int
     waveform: str
     duty: float
@@ -120,12 +120,12 @@ class PictureOptions:
     def in_picture(self, box: Region) -> Region:
         """Convert a box in the region to pixels of the stored picture."""
         left, top = (0, 0) if self.region is None else self.region[:2]
-        return box[0] + left, box[1] + top, box[2], box[3]
+        return box._replace(x=box.x + left, y=box.y + top)
 
     def in_region(self, box: Region) -> Region:
         """The inverse of `in_picture`."""
         left, top = (0, 0) if self.region is None else self.region[:2]
-        return box[0] - left, box[1] - top, box[2], box[3]
+        return box._replace(x=box.x - left, y=box.y - top)
 
     def rows_and_columns(self, shape: tuple[int, ...]) -> tuple[int, int]:
         """Rows and columns of the camera in pictures of ``shape``, (height, width) first."""
@@ -240,15 +240,14 @@ def select(frame: Frame, options: PictureOptions) -> Frame:
     return _channel(_cropped(frame, options.region), options.channel)
 
 
-def _cropped(frame: Frame, region: tuple[int, int, int, int] | None) -> Frame:
+def _cropped(frame: Frame, region: Region | None) -> Frame:
     if region is None:
         return frame
-    x, y, width, height = region
     rows, columns = frame.shape[:2]
-    if width < 1 or height < 1 or x + width > columns or y + height > rows:
+    if not region.is_inside(columns, rows):
         got = ",".join(map(str, region))
         raise ValueError(f"--region: got {got}, allowed: x,y,w,h inside the picture of {columns} x {rows} pixels")
-    return frame[y : y + height, x : x + width]
+    return frame[region.y : region.bottom, region.x : region.right]
 
 
 def _channel(frame: Frame, channel: str | int) -> Frame:

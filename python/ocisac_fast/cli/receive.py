@@ -12,6 +12,7 @@ from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, pr
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
+from ocisac_fast.core.regions import Region
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 
 
@@ -44,7 +45,7 @@ def receive(
     preamble: str,
     frame_rate: Quantity | None,
     sources: int,
-    source_region: tuple[tuple[int, int, int, int], ...],
+    source_region: tuple[Region, ...],
     fsk: tuple[Quantity, ...] | None,
     gain: bool,
     frequency: Quantity | None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.detect import box_facts, grey_of
+from ocisac_fast.cli.detect import grey_of
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, quantity, rate, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option, stack
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
@@ -107,7 +107,7 @@ def _regions(view: Frame, camera: Camera, picture: PictureOptions, options: dict
 
 def _facts(region: SensedRegion, picture: PictureOptions) -> dict[str, Any]:
     facts = {
-        **box_facts(region, picture),
+        **picture.in_picture(region.region)._asdict(),
         "kind": region.kind,
         "frequency_hz": region.frequency,
         "frequency_std_hz": region.frequency_std,

@@ -1,4 +1,5 @@
-"""Arrays, checks of arguments and flags that all rooms share."""
+"""Arrays, checks of arguments, flags and regions that all rooms share."""
 
 from ocisac_fast.core.arrays import as_columns as as_columns
 from ocisac_fast.core.flags import Flag as Flag
+from ocisac_fast.core.regions import Region as Region

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.regions import Region
+
 Columns = npt.NDArray[Any]
-Box = tuple[int, int, int, int]
 
 _COLOURS = 4  # maximum number of colours of a picture
 _KINDS = {np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32), np.dtype(np.float64)}
@@ -120,20 +121,20 @@ def in_stored_order(array: Columns, scan_axis: str) -> Columns:
     return view.swapaxes(-1, -2) if scan_axis.endswith("x") else view
 
 
-def stored_box(box: Box, shape: tuple[int, ...], scan_axis: str) -> Box:
-    """Convert (column, row, columns, rows) in time order to (x, y, width, height) in pixels as stored.
+def stored_box(box: Region, shape: tuple[int, ...], scan_axis: str) -> Region:
+    """Convert a region with rows in time order to pixels as stored.
 
     ``shape``: rows and columns in time order.
     """
     column, row, columns, rows = box
     first = shape[0] - row - rows if scan_axis.startswith("-") else row
-    return (first, column, rows, columns) if scan_axis.endswith("x") else (column, first, columns, rows)
+    return Region(first, column, rows, columns) if scan_axis.endswith("x") else Region(column, first, columns, rows)
 
 
-def box_in_time_order(box: Box, shape: tuple[int, ...], scan_axis: str) -> Box:
+def box_in_time_order(box: Region, shape: tuple[int, ...], scan_axis: str) -> Region:
     """The inverse of :func:`stored_box`; ``shape`` is in time order too."""
     x, y, width, height = (box[1], box[0], box[3], box[2]) if scan_axis.endswith("x") else box
-    return x, shape[0] - y - height if scan_axis.startswith("-") else y, width, height
+    return Region(x, shape[0] - y - height if scan_axis.startswith("-") else y, width, height)
 
 
 def _one(shape: tuple[int, ...]) -> bool:

@@ -12,6 +12,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, stored_box
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.regions import Region
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,11 @@ class LightSource:
     merged: int
     flags: Flag
 
+    @property
+    def region(self) -> Region:
+        """Its box."""
+        return Region(self.x, self.y, self.width, self.height)
+
 
 @checked
 def detect_sources(
@@ -102,8 +108,8 @@ def detect_sources(
 
 def source_of(values: tuple[Any, ...], shape: tuple[int, ...], scan_axis: str) -> LightSource:
     """Convert the core's values; ``shape``: rows and columns of the picture in time order."""
-    frame, column, row, columns, rows, *measured, reflection_of, by_phase, merged, joined, flags = values
-    x, y, width, height = stored_box((column, row, columns, rows), shape, scan_axis)
+    frame, box, *measured, reflection_of, by_phase, merged, joined, flags = values
+    x, y, width, height = stored_box(box, shape, scan_axis)
     if reflection_of is not None:
         reason = "frequency and phase" if by_phase else "frequency"
     else:

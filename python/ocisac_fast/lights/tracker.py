@@ -13,9 +13,8 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.regions import Region
 from ocisac_fast.lights.sources import LightSource, detect_sources, source_of
-
-Region = tuple[int, int, int, int]
 
 _SMOOTHING = 0.5  # weight of the latest step in a track's velocity, and of the latest frequency
 _SETTLED, _SETTLED_REACH = 3, 0.5  # frames after which a track's velocity is reliable, and its reach from then on
@@ -36,7 +35,7 @@ class Track:
         velocity: of its box's centre, columns and rows per frame.
         frequency: Hz, averaged over the frames in which it was detected.
         frequency_std: its standard error, Hz.
-        region: (x, y, width, height) in which it is expected in the next frame; within the frame.
+        region: part of the frame in which it is expected in the next frame; within the frame.
     """
 
     identity: int
@@ -195,7 +194,7 @@ class SourceTracker:
             velocity=(0.0, 0.0),
             frequency=source.frequency,
             frequency_std=source.frequency_std,
-            region=(0, 0, 0, 0),
+            region=source.region,
         )
         return dataclasses.replace(track, region=self._expected(track, shape))
 
@@ -210,26 +209,18 @@ class SourceTracker:
         rows, columns = shape
         x, y = min(max(math.floor(left), 0), columns - 1), min(max(math.floor(top), 0), rows - 1)
         width, height = min(math.ceil(right), columns) - x, min(math.ceil(bottom), rows) - y
-        return x, y, max(width, 1), max(height, 1)
+        return Region(x, y, max(width, 1), max(height, 1))
 
 
 def _looked_for(
     track: Track, shape: tuple[int, int], turned: tuple[int, ...], scan_axis: str
 ) -> tuple[Region, float, Region, bool, bool]:
     """Box, frequency and region in the next frame; True if visible; True if it carries data."""
-    source = track.source
+    source, (rows, columns) = track.source, shape
     x, y = round(source.x + track.velocity[0]), round(source.y + track.velocity[1])
-    box = box_in_time_order(_within((x, y, source.width, source.height), shape), turned, scan_axis)
-    region = box_in_time_order(_within(track.region, shape), turned, scan_axis)
+    box = box_in_time_order(source.region._replace(x=x, y=y).moved_into(columns, rows), turned, scan_axis)
+    region = box_in_time_order(track.region.moved_into(columns, rows), turned, scan_axis)
     return box, track.frequency, region, track.visible, source.carries_data
-
-
-def _within(region: Region, shape: tuple[int, int]) -> Region:
-    """Move a region into the frame, and crop it if it is larger."""
-    x, y, width, height = region
-    rows, columns = shape
-    width, height = min(width, columns), min(height, rows)
-    return min(max(x, 0), columns - width), min(max(y, 0), rows - height), width, height
 
 
 def _centre(source: LightSource) -> tuple[float, float]:

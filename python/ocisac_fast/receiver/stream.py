@@ -16,11 +16,11 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_frames, box_in_time_order, split_colours, stored_box
 from ocisac_fast.core.checks import checked, checked_class, count
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.regions import Region
 from ocisac_fast.exposure.choice import BestExposure
 from ocisac_fast.packets.transmission import PacketFormat, Payload, Stretch
 
 FloatArray = npt.NDArray[np.float64]
-Region = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +196,7 @@ class SourceFrame:
     Attributes:
         frame: number of the frame.
         source: number of the light, from 0 in the order of detection; never reused.
-        region: (x, y, width, height) of the box of reception: pixels as stored.
+        region: of reception, pixels as stored.
         searched: True if lights were searched in this frame.
         received: its data, ``phase`` is a row of the picture; None without ``data``, except for ignored frames.
         gain: gain of its tone; None without ``gain``.
@@ -243,7 +243,7 @@ class MultiReceiver:
         format: PacketFormat | None = None,
         colour: int | None = None,
         search_passes: float | None = None,
-        regions: Sequence[Region] = (),
+        regions: Sequence[tuple[int, int, int, int]] = (),
         max_sources: int = 8,
         data: bool = True,
         gain: GainOptions | None = None,
@@ -318,11 +318,11 @@ def _turned(region: Region, shape: tuple[int, ...], scan_axis: str) -> Region:
     return box
 
 
-def _region(region: Region) -> Region:
+def _region(region: tuple[int, int, int, int]) -> Region:
     box = tuple(region)
     if len(box) != 4 or not all(isinstance(value, (int, np.integer)) and value >= 0 for value in box):
         raise ValueError(f"regions: got {region!r}, allowed: (x, y, width, height), whole numbers from 0")
-    return int(box[0]), int(box[1]), int(box[2]), int(box[3])
+    return Region(*(int(value) for value in box))
 
 
 def frame_number(number: int | None) -> int | None:

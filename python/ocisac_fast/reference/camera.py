@@ -29,7 +29,11 @@ def linear_light(stored: npt.NDArray[np.generic], camera: Camera) -> npt.NDArray
 
 
 def saturation_level(stored: npt.NDArray[np.generic], camera: Camera) -> float:
-    """Stored value from which a pixel is saturated; NaN (never) for floats without a white level."""
-    if camera.white_level is not None:
-        return camera.white_level
-    return type_maximum(stored.dtype) if stored.dtype.kind in "ui" else float("nan")
+    """Stored value from which a pixel is saturated; NaN (never) for floats without a white level.
+
+    98 % of white above dark: lossy files and sharpening scatter clipped pixels.
+    """
+    if camera.white_level is None and stored.dtype.kind == "f":
+        return float("nan")
+    white = type_maximum(stored.dtype) if camera.white_level is None else camera.white_level
+    return camera.dark_level + 0.98 * (white - camera.dark_level)

@@ -96,22 +96,11 @@ def respond(scene: SceneDescription, light: npt.NDArray[np.float32], random: np.
         light = (electrons * (span / sensor.full_well)).astype(np.float32)
     if sensor.full_well is not None or sensor.bit_depth is not None:
         light = np.minimum(light, np.float32(span))
-    values = dark + span * _encoded(scene, light / np.float32(span))
+    values = light + dark
+    if scene.camera.tone_curve != "linear":
+        values = _core.stored_value(light, scene.camera._handle, scene.white_level)
     if sensor.bit_depth is None:
         return values.astype(np.float32)
     top = 2**sensor.bit_depth - 1
     stored: Frame = np.clip(np.rint(values), 0, top).astype(np.uint8 if sensor.bit_depth <= 8 else np.uint16)
     return stored
-
-
-def _encoded(scene: SceneDescription, light: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Stored share of full scale for a share of full light: the tone curve's inverse, odd symmetry below dark."""
-    curve = scene.camera.tone_curve
-    if curve == "linear":
-        return light
-    size = np.abs(light)
-    if curve == "gamma":
-        stored = size ** (1 / scene.camera.gamma)
-    else:  # IEC 61966-2-1
-        stored = np.where(size <= 0.0031308, 12.92 * size, 1.055 * size ** (1 / 2.4) - 0.055)
-    return np.asarray(np.copysign(stored, light), np.float32)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 
@@ -112,19 +113,17 @@ def make_model(
     degree = trend_degree(cycles * rows) if degree is None else degree
     steering = tuple(harmonics) if steering is None else tuple(steering)
     shape = np.ones(rows) if shape is None else shape
+    first = degree + 1
+    design = _core.tone_design(rows, [*(h * cycles for h in harmonics), *others], degree)
+    design[:, first:] *= shape[:, None]
     from_middle = np.arange(rows) - 0.5 * (rows - 1)
-    trend = np.polynomial.legendre.legvander(2.0 * from_middle / rows, degree).astype(np.float64)
-    parts, slopes = [trend], [np.zeros_like(trend)]
-    for factor, frequency in [*((h, cycles) for h in harmonics), *((0, f) for f in others)]:
-        turns = (factor or 1) * frequency * from_middle
-        angle = 2.0 * np.pi * (turns - np.rint(turns))
-        wave = shape[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        lever = 2.0 * np.pi * factor * from_middle if factor in steering else np.zeros(rows)
-        parts.append(wave)
-        slopes.append(lever[:, None] * np.stack([-wave[:, 1], wave[:, 0]], axis=1))
-    design = np.asarray(np.hstack(parts), dtype=np.float64)
-    slope = np.asarray(np.hstack(slopes), dtype=np.float64)
-    return Model(cycles, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, trend.shape[1])
+    slope = np.zeros_like(design)
+    for place, harmonic in enumerate(harmonics):
+        cosine = first + 2 * place
+        lever = 2.0 * np.pi * harmonic * from_middle if harmonic in steering else np.zeros(rows)
+        slope[:, cosine] = -lever * design[:, cosine + 1]
+        slope[:, cosine + 1] = lever * design[:, cosine]
+    return Model(cycles, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, first)
 
 
 def with_tones_shaped_by_light(

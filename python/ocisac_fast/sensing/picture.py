@@ -14,10 +14,11 @@ from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.core.arrays import as_grey_frames, in_stored_order, stored_box
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.regions import Region
 from ocisac_fast.lights.sources import LightSource, detect_sources
 from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import BackgroundLight, Request, SensedRegion, background_light, measure
-from ocisac_fast.sensing.search import Box, periodic_boxes, without_repeats
+from ocisac_fast.sensing.search import PeriodicRegion, periodic_regions, without_repeats
 
 _MIN_BESIDE = 4  # columns
 _COMPARED = 8  # frames
@@ -66,17 +67,17 @@ def sense(
     request = Request(waveform, duty, depth, motion)
 
     lights = [
-        Box(one.x, one.y, one.width, one.height, *_per_row(one, camera))
+        PeriodicRegion(one.region, *_per_row(one, camera))
         for one in detect_sources(pictures[0], camera)
         if one.reflection_of is None
     ]
-    every = without_repeats([*lights, *periodic_boxes(_changing(pictures, camera), still=len(pictures) == 1)])
+    every = without_repeats([*lights, *periodic_regions(_changing(pictures, camera), still=len(pictures) == 1)])
     found = []
     for box in every:
         bounds = (0.8 * box.cycles / camera.row_period, min(1.25 * box.cycles, 0.499) / camera.row_period)
         region = _measured(pictures, camera, box, dark, beside, every, dataclasses.replace(request, bounds=bounds))
         if region.kind != "unknown" and not region.flags & Flag.WEAK:
-            x, y, width, height = stored_box((box.x, box.y, box.width, box.height), pictures.shape[1:], scan_axis)
+            x, y, width, height = stored_box(box.region, pictures.shape[1:], scan_axis)
             found.append(dataclasses.replace(region, x=x, y=y, width=width, height=height))
     return sorted(found, key=lambda region: -np.nan_to_num(region.snr))
 
@@ -101,22 +102,23 @@ def _same_view(unlit: npt.ArrayLike, pictures: npt.NDArray[Any], scan_axis: str)
     return dark
 
 
-def _cut(pictures: npt.NDArray[Any], box: Box) -> npt.NDArray[Any]:
-    return pictures[:, box.y : box.y + box.height, box.x : box.x + box.width, np.newaxis]
+def _cut(pictures: npt.NDArray[Any], region: Region) -> npt.NDArray[Any]:
+    """(frames, rows, columns, 1)"""
+    return region.cut(pictures)[..., np.newaxis]
 
 
 def _measured(
     pictures: npt.NDArray[Any],
     camera: Camera,
-    box: Box,
+    box: PeriodicRegion,
     dark: npt.NDArray[Any] | None,
     beside: bool,
-    every: list[Box],
+    every: list[PeriodicRegion],
     request: Request,
 ) -> SensedRegion:
     """Measure a region, at the frequency of ``detect_sources`` if that is more precise (it models envelopes), and with
     its background if it is a light."""
-    cut = _cut(pictures, box)
+    cut = _cut(pictures, box.region)
     region = measure(cut, camera, request)
     if not (math.isnan(box.cycles_std) or region.frequency_std <= box.cycles_std / camera.row_period):
         frequency, std = box.cycles / camera.row_period, box.cycles_std / camera.row_period
@@ -124,7 +126,7 @@ def _measured(
         region = measure(cut, camera, request)
     background: BackgroundLight | None = None
     if region.kind == "light" and dark is not None:
-        background = background_light(_cut(dark, box), camera)
+        background = background_light(_cut(dark, box.region), camera)
     elif region.kind == "light" and beside:
         background = _beside(pictures, camera, box, every)
     if background is not None:
@@ -132,17 +134,21 @@ def _measured(
     return region
 
 
-def _beside(pictures: npt.NDArray[Any], camera: Camera, box: Box, every: list[Box]) -> BackgroundLight | None:
+def _beside(
+    pictures: npt.NDArray[Any], camera: Camera, box: PeriodicRegion, every: list[PeriodicRegion]
+) -> BackgroundLight | None:
     """Light left and right of a box, a few columns away, outside all other boxes; None without four such columns."""
-    gap = max(2, box.width // 4)
-    reach = gap + max(box.width // 2, _MIN_BESIDE)
-    left = range(box.x - reach, box.x - gap)
-    right = range(box.x + box.width + gap, box.x + box.width + reach)
+    region = box.region
+    gap = max(2, region.width // 4)
+    reach = gap + max(region.width // 2, _MIN_BESIDE)
+    left = range(region.x - reach, region.x - gap)
+    right = range(region.right + gap, region.right + reach)
     free = [
         column
         for column in [*left, *right]
-        if 0 <= column < pictures.shape[2] and not any(o.overlap(column, box.y, 1, box.height) > 0.0 for o in every)
+        if 0 <= column < pictures.shape[2]
+        and not any(region._replace(x=column, width=1).shared_pixels(o.region) for o in every)
     ]
     if len(free) < _MIN_BESIDE:
         return None
-    return background_light(pictures[:, box.y : box.y + box.height][..., free, np.newaxis], camera, pooled=True)
+    return background_light(pictures[:, region.y : region.bottom][..., free, np.newaxis], camera, pooled=True)

@@ -14,6 +14,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, stored_box
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.regions import Region
 from ocisac_fast.sensing.fit import (
     Fitted,
     PhaseAdvance,
@@ -119,6 +120,11 @@ class SensedRegion:
     spatial_frequency_std: float = math.nan
     background_given: bool = False
     flags: Flag = Flag(0)  # noqa: RUF009, a constant
+
+    @property
+    def region(self) -> Region:
+        """Where it lies in the picture."""
+        return Region(self.x, self.y, self.width, self.height)
 
 
 @runtime_checkable
@@ -226,7 +232,7 @@ def measure(
 ) -> SensedRegion:
     """:func:`sense_region` of a request."""
     region = as_grey_frames(frames, "frames", camera.scan_axis)
-    width, height = stored_box((0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
+    width, height = stored_box(Region(0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
     camera = camera.in_time_order
     tones = [f * camera.row_period for f in request.others]
     known = request.motion or KnownMotion()

@@ -1,13 +1,16 @@
-"""Detection of regions that are periodic along their columns: boxes for :func:`ocisac_fast.sense`."""
+"""Detection of regions that are periodic along their columns, for :func:`ocisac_fast.sense`."""
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from ocisac_fast.core.regions import Region
 
 Float64s = npt.NDArray[np.float64]
 
@@ -21,25 +24,16 @@ _LOBE = 4  # half the width of a Hann window's main lobe, in half bins
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
-    """A rectangle of a picture and the cycles per row of its columns, with the standard error where known."""
+class PeriodicRegion:
+    """A region of a picture and the cycles per row of its columns, with the standard error where known."""
 
-    x: int
-    y: int
-    width: int
-    height: int
+    region: Region
     cycles: float
     cycles_std: float = math.nan
 
-    def overlap(self, x: int, y: int, width: int, height: int) -> float:
-        """Share of a rectangle that lies in the box."""
-        across = min(self.x + self.width, x + width) - max(self.x, x)
-        down = min(self.y + self.height, y + height) - max(self.y, y)
-        return max(across, 0) * max(down, 0) / (width * height)
 
-
-def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
-    """Boxes of (rows, columns) whose columns are periodic with one frequency and free phases.
+def periodic_regions(light: Float64s, still: bool) -> list[PeriodicRegion]:
+    """Regions of (rows, columns) whose columns are periodic with one frequency and free phases.
 
     ``still``: the picture contains static content, much of which resembles a periodic component.
 
@@ -49,7 +43,7 @@ def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
     """
     rows = light.shape[0]
     step = min(_MAX_SKIPPED, max(1, light.size // _ENOUGH))
-    found: list[Box] = []
+    found: list[PeriodicRegion] = []
     for part in (1, 2, 4):
         height = rows // part
         if height < _MIN_ROWS:
@@ -57,29 +51,32 @@ def periodic_boxes(light: Float64s, still: bool) -> list[Box]:
         tiles = []
         for top in range(0, rows - height + 1, max(height // 2, 1)):
             tiles += _tiles(light[top : top + height, ::step], top, still, step)
-        fresh = [t for t in tiles if not any(box.overlap(t.x, t.y, t.width, t.height) > 0.5 for box in found)]
+        fresh = [t for t in tiles if not any(_mostly_in(t, other) for other in found)]
         joined = [_trimmed(light, box) for box in _joined(fresh)]
-        found += [box for box in joined if box.height * box.cycles >= 2.0 and box.width > 0]
+        found += [box for box in joined if box.region.height * box.cycles >= 2.0 and box.region.width > 0]
     return without_repeats(found)
 
 
-def without_repeats(boxes: list[Box]) -> list[Box]:
+def without_repeats(boxes: list[PeriodicRegion]) -> list[PeriodicRegion]:
     """Boxes in descending order of size without those that repeat a larger one."""
-    kept: list[Box] = []
-    for box in sorted(boxes, key=lambda one: -one.width * one.height):
+    kept: list[PeriodicRegion] = []
+    for box in sorted(boxes, key=lambda one: -one.region.pixels):
         if not any(_again(box, larger) for larger in kept):
             kept.append(box)
     return kept
 
 
-def _again(box: Box, larger: Box) -> bool:
+def _again(box: PeriodicRegion, larger: PeriodicRegion) -> bool:
     """True if the box repeats the larger one, or is a small piece at its edge."""
-    small = 4 * box.width * box.height < larger.width * larger.height
-    inside = larger.overlap(box.x, box.y, box.width, box.height) > 0.5
-    return (small or inside) and _alike(box, larger, 1.0)
+    small = 4 * box.region.pixels < larger.region.pixels
+    return (small or _mostly_in(box, larger)) and _alike(box, larger, 1.0)
 
 
-def _tiles(light: Float64s, top: int, still: bool, step: int) -> list[Box]:
+def _mostly_in(box: PeriodicRegion, other: PeriodicRegion) -> bool:
+    return 2 * box.region.shared_pixels(other.region) > box.region.pixels
+
+
+def _tiles(light: Float64s, top: int, still: bool, step: int) -> list[PeriodicRegion]:
     """The periodic strips of some rows, from every ``step``-th column."""
     height, columns = light.shape
     place = np.linspace(-1.0, 1.0, height)[:, None]
@@ -101,13 +98,14 @@ def _tiles(light: Float64s, top: int, still: bool, step: int) -> list[Box]:
             weights = strips[near, strip]
             centre = float((np.arange(near.start, near.start + len(weights)) * weights).sum() / weights.sum())
             width = min(strip_columns, columns - int(start))
-            found.append(Box(step * int(start), top, step * width, height, 0.5 * centre / height))
+            region = Region(step * int(start), top, step * width, height)
+            found.append(PeriodicRegion(region, 0.5 * centre / height))
     return found
 
 
-def _joined(tiles: list[Box]) -> list[Box]:
+def _joined(tiles: list[PeriodicRegion]) -> list[PeriodicRegion]:
     """Bounding boxes of tiles that touch and have similar frequencies."""
-    groups: list[list[Box]] = []
+    groups: list[list[PeriodicRegion]] = []
     for tile in tiles:
         touching = [group for group in groups if any(_alike(tile, other) for other in group)]
         groups = [group for group in groups if group not in touching]
@@ -115,31 +113,30 @@ def _joined(tiles: list[Box]) -> list[Box]:
     return [_around(group) for group in groups]
 
 
-def _alike(a: Box, b: Box, cycles: float = 0.5) -> bool:
-    beside = a.x <= b.x + b.width and b.x <= a.x + a.width
-    above = a.y <= b.y + b.height and b.y <= a.y + a.height
-    return beside and above and abs(a.cycles - b.cycles) * min(a.height, b.height) < cycles
+def _alike(a: PeriodicRegion, b: PeriodicRegion, cycles: float = 0.5) -> bool:
+    rows = min(a.region.height, b.region.height)
+    return a.region.touches(b.region) and abs(a.cycles - b.cycles) * rows < cycles
 
 
-def _around(group: list[Box]) -> Box:
-    x, y = min(box.x for box in group), min(box.y for box in group)
-    right = max(box.x + box.width for box in group)
-    bottom = max(box.y + box.height for box in group)
-    return Box(x, y, right - x, bottom - y, float(np.median([box.cycles for box in group])))
+def _around(group: list[PeriodicRegion]) -> PeriodicRegion:
+    region = functools.reduce(Region.hull, (box.region for box in group))
+    return PeriodicRegion(region, float(np.median([box.cycles for box in group])))
 
 
-def _trimmed(light: Float64s, box: Box) -> Box:
+def _trimmed(light: Float64s, box: PeriodicRegion) -> PeriodicRegion:
     """Trim the ends where the line is below half of its median: columns first, then rows, one cycle at a time."""
-    part = light[box.y : box.y + box.height, box.x : box.x + box.width]
-    turned = (part - part.mean(axis=0)) * np.exp(-2j * np.pi * box.cycles * np.arange(box.height))[:, None]
+    region = box.region
+    part = region.cut(light)
+    turned = (part - part.mean(axis=0)) * np.exp(-2j * np.pi * box.cycles * np.arange(region.height))[:, None]
     first, last = _inside(np.abs(turned.mean(axis=0)))
-    span = max(1, min(round(1.0 / box.cycles), box.height))
+    span = max(1, min(round(1.0 / box.cycles), region.height))
     sums = np.cumsum(np.vstack([np.zeros((1, last - first)), turned[:, first:last]]), axis=0)
     envelope = np.abs(sums[span:] - sums[:-span]).mean(axis=1)
     top, bottom = _inside(envelope)
     start = 0 if top == 0 else top + span // 2
-    end = box.height if bottom == len(envelope) else bottom + span // 2
-    return Box(box.x + first, box.y + start, last - first, end - start, box.cycles)
+    end = region.height if bottom == len(envelope) else bottom + span // 2
+    trimmed = Region(region.x + first, region.y + start, last - first, end - start)
+    return PeriodicRegion(trimmed, box.cycles)
 
 
 def _inside(height: npt.NDArray[Any]) -> tuple[int, int]:

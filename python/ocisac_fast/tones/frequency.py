@@ -108,7 +108,6 @@ def find_frequency(
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, all of one light; the phase
             may differ between frames. Finite.
         camera: its row time sets the unit; without one, frequencies are in cycles per row.
-            ``white_level`` is the level of saturated pixels.
         bounds: lowest and highest frequency of the search, Hz. By default from one cycle in the frame to half the row
             rate; a tone above that is found at its alias.
         waveform: ``"auto"`` fits the harmonics that exceed the noise, ``"tone"`` the fundamental alone,
@@ -184,7 +183,7 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
 
     Args:
         columns: as for :func:`find_frequency`.
-        camera: row time and, optionally, ``white_level``, at which pixels saturate.
+        camera: row time, tone curve and levels.
         frequency: of the light in Hz, above 0; None: estimated first.
 
     Raises:

@@ -18,8 +18,10 @@ struct Shape {
 };
 Shape shape_of(const AnyFramesView& frames);
 
-// The largest value that the samples can hold; NaN for floating point, which has no such value.
-double saturation_level(const AnyFramesView& frames);
+// That of the samples' type.
+double saturation_level(const AnyFramesView& frames, const ToneCurve& curve);
+
+bool holds_integers(const AnyFramesView& frames);
 
 // Refuses views without rows or columns, and floating-point samples that are not finite.
 void check(const AnyFramesView& frames);

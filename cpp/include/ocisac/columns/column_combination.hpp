@@ -23,8 +23,7 @@ struct CombinedColumn {
 
 enum class SaturatedColumns { leave_out, use };
 
-// Fraction of the rows in which each column of a frame is saturated (within 2 % of the top of the scale).
-// Floating-point samples saturate only if the curve has a white level.
+// Fraction of the rows in which each column of a frame is saturated, see saturation_level().
 std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
 // Columns dominated by one of several lights.

@@ -10,7 +10,7 @@ namespace ocisac {
 using Flags = std::uint32_t;
 
 namespace flag {
-inline constexpr Flags saturated = 1U << 0;          // samples at the top of the scale: gain reads low or distorted
+inline constexpr Flags saturated = 1U << 0;          // samples at 98 % of white or more: gain is low or distorted
 inline constexpr Flags near_null = 1U << 1;          // |sinc(f·T_e)| < 0.05: next to nothing of the tone is left
 inline constexpr Flags weak = 1U << 2;               // amplitude below three standard errors: mostly noise
 inline constexpr Flags few_cycles = 1U << 3;         // less than one cycle in the frame; two for a frequency search

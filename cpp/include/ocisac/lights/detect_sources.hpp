@@ -21,9 +21,9 @@ struct DetectOptions {
 
 struct LightSource {
   std::size_t frame = 0;
-  std::size_t x = 0, y = 0, width = 0, height = 0;  // pixels; x: columns, y: rows in time order
-  double frequency = 0;                             // Hz, below half the row rate
-  double frequency_std = 0;                         // Hz, standard error
+  Region box;
+  double frequency = 0;                      // Hz, below half the row rate
+  double frequency_std = 0;                  // Hz, standard error
   double gain = 0, gain_std = 0;             // as of tone_gain, with all light in the box attributed to the source
   double phase = 0;                          // rad, at the end of row 0's exposure, as of tone_gain
   double mean = 0;                           // light in the box, DN above dark

@@ -15,7 +15,7 @@ namespace ocisac {
 //
 // The memory belongs to the caller.
 struct ScenePart {
-  std::size_t top = 0, left = 0, height = 0, width = 0;
+  Region region;
   float gain = 1;                        // of every pixel where `gains` is absent
   const float* gains = nullptr;          // height × width
   const std::uint32_t* spans = nullptr;  // height × 2: first pixel and the one after the last; absent: all of them

@@ -6,14 +6,17 @@
 #include <span>
 #include <vector>
 
+#include "ocisac/tones/tone_design.hpp"
+
 namespace ocisac {
 
-// y(n) = Σ_d p_d·L_d(n) + Σ_h [a_h·cos(2πhfn) + b_h·sin(2πhfn)], L_d: Legendre polynomials over the rows.
+// A ToneDesign whose oscillations are f and multiples of it.
 struct PeriodicModel {
   std::size_t trend_degree = 0;
   std::vector<std::size_t> harmonics{1};
 
   [[nodiscard]] std::size_t parameters() const { return trend_degree + 1 + 2 * harmonics.size(); }
+  [[nodiscard]] ToneDesign design(std::size_t rows, double frequency) const;
 };
 
 // Up to `max_harmonics` below half the row rate, and a trend that few cycles do not resemble: a constant below 2 cycles
@@ -25,7 +28,7 @@ struct PeriodicFit {
   std::vector<double> residual_energy;  // (signals): Σ r(n)²
   std::vector<double> periodic_energy;  // (signals): explained by the harmonics beyond the trend
   std::vector<double> harmonic_energy;  // (harmonics): rows/2·(a² + b²), summed over the signals
-  std::vector<double> amplitudes;       // (2 × signals): a and b of the first harmonic
+  std::vector<double> amplitudes;       // (2 × signals): a and b of the first harmonic, phases from the middle row
   double step = 0;                      // Gauss–Newton step of f towards the minimum of the summed residual energy
 
   [[nodiscard]] double total_residual() const;

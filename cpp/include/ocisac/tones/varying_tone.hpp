@@ -34,10 +34,8 @@ struct VaryingToneGain {
   std::vector<Flags> flags;
 };
 
-// With x from −1 to 1 along the rows and u as in harmonic_model.hpp a column is modelled as
-//   y(n) = s(x) + Σ_h [a_h(x)·cos(2π h ν u) + b_h(x)·sin(2π h ν u)] + noise,
-// where s, a_h and b_h are polynomials of `degree`; solved by least squares. Throws as tone_gain does, and for a degree
-// outside its range.
+// Least squares of a ToneDesign whose trend and tones are polynomials of `degree`. Throws as tone_gain does, and for a
+// degree outside its range.
 VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency,
                                   const VaryingToneOptions& options = {});
 

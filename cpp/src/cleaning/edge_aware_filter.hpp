@@ -1,4 +1,5 @@
-// Weighted sums of pixel values over their surroundings.
+// Sums over the surroundings of every pixel that end at edges: a recursive edge-aware filter (cf. Gastal and Oliveira
+// 2011, domain transform).
 #pragma once
 
 #include <cstddef>
@@ -8,9 +9,9 @@ namespace ocisac {
 
 // Sums over columns and rows of a picture; each value is weighted with the product of the passages on the way. `down`,
 // `across`: (rows × columns), passage from each pixel to the next row and column; the last ones are not used.
-class Spreader {
+class EdgeAwareFilter {
  public:
-  Spreader(std::size_t rows, std::size_t columns);
+  EdgeAwareFilter(std::size_t rows, std::size_t columns);
 
   void along_columns(const std::vector<double>& down, std::vector<double>& values);
 

@@ -1,6 +1,6 @@
-#include "tones/combine_columns.hpp"
+#include "tones/tone_combination.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
@@ -29,8 +29,13 @@ struct Weights {
 };
 
 Weights principal(const MatrixX2d& amplitudes) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(amplitudes.transpose() * amplitudes);
-  Weights weights{amplitudes * solver.eigenvectors().rowwise().reverse(), solver.eigenvalues().reverse()};
+  const Eigen::Matrix2d gram = amplitudes.transpose() * amplitudes;
+  const double difference = (gram(0, 0) - gram(1, 1)) / 2, spread = std::hypot(difference, gram(0, 1));
+  const double angle = 0.5 * std::atan2(gram(0, 1), difference);  // of the major axis
+  Eigen::Matrix2d axes;
+  axes << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
+  const double mean = gram.trace() / 2;
+  Weights weights{amplitudes * axes, {mean + spread, mean - spread}};
   for (Index i = 0; i < 2; ++i) {
     const double norm = weights.vectors.col(i).norm();
     if (norm > 0) weights.vectors.col(i) /= norm;
@@ -46,8 +51,8 @@ double chance_energy(std::size_t count) {
   return freedom * std::pow(1 - spread + 4.8 * std::sqrt(spread), 3);
 }
 
-CombinedColumns combine_columns(std::span<const double> signals, std::size_t rows, std::size_t group,
-                                const PeriodicModel& model, const PeriodicFit& fit) {
+CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, std::size_t group,
+                             const PeriodicModel& model, const PeriodicFit& fit) {
   const auto length = static_cast<Index>(rows), members = static_cast<Index>(group);
   const Eigen::Map<const MatrixXd> y(signals.data(), length, static_cast<Index>(signals.size() / rows));
   const Eigen::Map<const MatrixX2d> amplitudes(fit.amplitudes.data(), y.cols(), 2);
@@ -60,7 +65,7 @@ CombinedColumns combine_columns(std::span<const double> signals, std::size_t row
     two = two || (group > 1 && weights.back().energies(1) >
                                    std::max(chance_energy(group) * noise, 1e-9 * weights.back().energies(0)));
   }
-  CombinedColumns out{{}, two ? 2U : 1U};
+  CombinedTone out{{}, two ? 2U : 1U};
   out.signals.resize(weights.size() * out.per_frame * rows);
   Eigen::Map<MatrixXd> combined(out.signals.data(), length, static_cast<Index>(weights.size() * out.per_frame));
   const auto kept = static_cast<Index>(out.per_frame);

@@ -1,4 +1,4 @@
-#include "cleaning/spreader.hpp"
+#include "cleaning/edge_aware_filter.hpp"
 
 #include <algorithm>
 #include <array>
@@ -35,16 +35,16 @@ void along_rows(const double* across, std::size_t columns, double* values, doubl
 
 }  // namespace
 
-Spreader::Spreader(std::size_t rows, std::size_t columns)
+EdgeAwareFilter::EdgeAwareFilter(std::size_t rows, std::size_t columns)
     : rows_(rows), columns_(columns), back_(rows * columns), lines_(together * columns) {}
 
-void Spreader::along_columns(const std::vector<double>& down, std::vector<double>& values) {
+void EdgeAwareFilter::along_columns(const std::vector<double>& down, std::vector<double>& values) {
   sum_from_below(down, values);
   for (std::size_t row = 0; row < rows_; ++row) add_columns(down, row, values);
 }
 
-void Spreader::all_around(const std::vector<double>& down, const std::vector<double>& across,
-                          std::vector<double>& values) {
+void EdgeAwareFilter::all_around(const std::vector<double>& down, const std::vector<double>& across,
+                                 std::vector<double>& values) {
   sum_from_below(down, values);
   for (std::size_t first = 0; first < rows_; first += together) {
     const std::size_t end = std::min(first + together, rows_);
@@ -56,7 +56,7 @@ void Spreader::all_around(const std::vector<double>& down, const std::vector<dou
 }
 
 // Writes the sums from below into `back_`, without the pixel itself.
-void Spreader::sum_from_below(const std::vector<double>& down, const std::vector<double>& values) {
+void EdgeAwareFilter::sum_from_below(const std::vector<double>& down, const std::vector<double>& values) {
   std::fill(back_.end() - static_cast<std::ptrdiff_t>(columns_), back_.end(), 0);
   for (std::size_t row = rows_ - 1; row-- > 0;) {
     const double* next = &values[(row + 1) * columns_];
@@ -68,7 +68,7 @@ void Spreader::sum_from_below(const std::vector<double>& down, const std::vector
 }
 
 // Adds the sum from above to the next row, and the stored sum from below.
-void Spreader::add_columns(const std::vector<double>& down, std::size_t row, std::vector<double>& values) const {
+void EdgeAwareFilter::add_columns(const std::vector<double>& down, std::size_t row, std::vector<double>& values) const {
   if (row + 1 == rows_) return;
   const double* passage = &down[row * columns_];
   const double* back = &back_[row * columns_];
@@ -81,7 +81,8 @@ void Spreader::add_columns(const std::vector<double>& down, std::size_t row, std
 }
 
 // Writes the sum from above into `back_`, without the pixel itself; needs that of the row above.
-void Spreader::sum_from_above(const std::vector<double>& down, std::size_t row, const std::vector<double>& values) {
+void EdgeAwareFilter::sum_from_above(const std::vector<double>& down, std::size_t row,
+                                     const std::vector<double>& values) {
   double* sum = &back_[row * columns_];
   if (row == 0) {
     std::fill(sum, sum + columns_, 0);
@@ -93,7 +94,7 @@ void Spreader::sum_from_above(const std::vector<double>& down, std::size_t row, 
   for (std::size_t i = 0; i < columns_; ++i) sum[i] = passage[i] * (last[i] + before[i]);
 }
 
-void Spreader::add_from_below(const std::vector<double>& down, std::vector<double>& values) {
+void EdgeAwareFilter::add_from_below(const std::vector<double>& down, std::vector<double>& values) {
   std::fill(lines_.begin(), lines_.begin() + static_cast<std::ptrdiff_t>(columns_), 0);
   for (std::size_t row = rows_; row-- > 0;) {
     const double* passage = &down[row * columns_];
@@ -107,17 +108,17 @@ void Spreader::add_from_below(const std::vector<double>& down, std::vector<doubl
   }
 }
 
-void Spreader::along_rows_twice(const std::vector<double>& across, std::size_t first, std::size_t end,
-                                std::vector<double>& values) {
-  const auto spread = [&](auto rows, std::size_t row) {
+void EdgeAwareFilter::along_rows_twice(const std::vector<double>& across, std::size_t first, std::size_t end,
+                                       std::vector<double>& values) {
+  const auto filter = [&](auto rows, std::size_t row) {
     for (int time = 0; time < 2; ++time)
       along_rows<decltype(rows)::value>(&across[row * columns_], columns_, &values[row * columns_], lines_.data());
   };
   if (end - first == together) {
-    spread(std::integral_constant<std::size_t, together>{}, first);
+    filter(std::integral_constant<std::size_t, together>{}, first);
     return;
   }
-  for (std::size_t row = first; row < end; ++row) spread(std::integral_constant<std::size_t, 1>{}, row);
+  for (std::size_t row = first; row < end; ++row) filter(std::integral_constant<std::size_t, 1>{}, row);
 }
 
 }  // namespace ocisac

@@ -9,7 +9,7 @@
 
 namespace ocisac {
 
-struct CombinedColumns {
+struct CombinedTone {
   std::vector<double> signals;  // (frames · per_frame × rows)
   std::size_t per_frame;        // 1, or 2 where the columns differ in phase
 };
@@ -17,8 +17,8 @@ struct CombinedColumns {
 // Weighted sums of the `group` neighbouring signals of each frame. The weights are the signals' amplitudes (of the
 // cosine and the sine of the fundamental, from `fit`), shrunk towards their mean according to the noise (James and
 // Stein 1961), and orthonormal, so that white noise keeps its power.
-CombinedColumns combine_columns(std::span<const double> signals, std::size_t rows, std::size_t group,
-                                const PeriodicModel& model, const PeriodicFit& fit);
+CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, std::size_t group,
+                             const PeriodicModel& model, const PeriodicFit& fit);
 
 // Threshold that a sum of `count` squared standard normal variables exceeds with a probability of about 10⁻⁶ (Wilson
 // and Hilferty 1931): low enough for a search over a thousand bins.
