@@ -1,10 +1,10 @@
 #include "chips/channel_equations.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -32,22 +32,13 @@ void check_model(const ChannelModel& model) {
   require_not_negative("rate_std", model.rate_std);
 }
 
-void legendre(double x, std::size_t degree, double* out) {
-  out[0] = 1;
-  if (degree > 0) out[1] = x;
-  for (std::size_t k = 1; k < degree; ++k) {
-    const auto order = static_cast<double>(k);
-    out[k + 1] = ((2 * order + 1) * x * out[k] - order * out[k - 1]) / (order + 1);
-  }
-}
-
 double along_frame(double row, std::size_t rows) {
   return rows < 2 ? 0.0 : 2 * row / static_cast<double>(rows - 1) - 1;
 }
 
 double polynomial(std::span<const double> coefficients, double x) {
   std::array<double, kHighestDegree + 1> basis;
-  legendre(x, coefficients.size() - 1, basis.data());
+  legendre(x, {basis.data(), coefficients.size()});
   double sum = 0;
   for (std::size_t k = 0; k < coefficients.size(); ++k) sum += coefficients[k] * basis[k];
   return sum;
@@ -58,11 +49,12 @@ std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::V
   if (!normal.allFinite()) return std::nullopt;
   const Eigen::VectorXd scale = (diagonal > 0).select(diagonal.max(1e-300).sqrt().inverse(), 0.0);
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Eigen::LDLT<Eigen::MatrixXd> factored(scaled);
-  if (!(factored.vectorD().minCoeff() > kMinPivot)) return std::nullopt;
-  const Eigen::MatrixXd inverse = factored.solve(Eigen::MatrixXd::Identity(normal.rows(), normal.rows()));
-  const Eigen::VectorXd values = scale.asDiagonal() * factored.solve(scale.asDiagonal() * right);
-  return Solved{values, scale.asDiagonal() * inverse * scale.asDiagonal()};
+  Eigen::MatrixXd sides(normal.rows(), normal.rows() + 1);
+  sides << Eigen::MatrixXd::Identity(normal.rows(), normal.rows()), scale.cwiseProduct(right);
+  const auto solved = solve_symmetric(scaled, sides, kMinPivot);
+  if (!solved) return std::nullopt;
+  return Solved{scale.cwiseProduct(solved->rightCols(1)),
+                scale.asDiagonal() * solved->leftCols(normal.rows()) * scale.asDiagonal()};
 }
 
 std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right) {

@@ -10,13 +10,13 @@
 
 #include "chips/exposed_chips.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/tones/tone_design.hpp"
 
 namespace ocisac {
 
 void check_model(const ChannelModel& model);
 
-// Legendre polynomials 0 … degree at x; position of a row along the frame, −1 … 1; a sum of such polynomials.
-void legendre(double x, std::size_t degree, double* out);
+// Position of a row along the frame, −1 … 1; a sum of Legendre polynomials at such a position.
 double along_frame(double row, std::size_t rows);
 double polynomial(std::span<const double> coefficients, double x);
 
@@ -38,7 +38,7 @@ class ChannelEquations {
         basis_size_(static_cast<std::size_t>(std::max(dark_size_, swing_size_))),
         basis_(rows * basis_size_) {
     for (std::size_t n = 0; n < rows; ++n)
-      legendre(along_frame(static_cast<double>(n), rows), basis_size_ - 1, &basis_[n * basis_size_]);
+      legendre(along_frame(static_cast<double>(n), rows), {&basis_[n * basis_size_], basis_size_});
   }
 
   [[nodiscard]] std::ptrdiff_t origin() const { return origin_; }

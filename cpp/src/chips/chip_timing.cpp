@@ -1,6 +1,5 @@
 #include "chips/chip_timing.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
@@ -10,6 +9,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "chips/channel_equations.hpp"
 #include "columns/moving_mean.hpp"
 
 namespace ocisac {
@@ -131,17 +131,15 @@ std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chi
   const bool both = falls > 0 && falls < count;
   const Eigen::Index unknowns = both ? 3 : 2;
   if (count <= unknowns) return std::nullopt;
-  const Eigen::MatrixXd matrix = normal.topLeftCorner(unknowns, unknowns);
-  const Eigen::LDLT<Eigen::MatrixXd> factored(matrix);
-  const auto pivots = factored.vectorD();
-  if (!(pivots.minCoeff() > 1e-12 * pivots.maxCoeff())) return std::nullopt;
-  const Eigen::VectorXd values = factored.solve(right.head(unknowns));
-  const Eigen::VectorXd unit = factored.solve(Eigen::VectorXd::Unit(unknowns, 1));
+  const auto solved = solve_normal(normal.topLeftCorner(unknowns, unknowns), right.head(unknowns));
+  if (!solved) return std::nullopt;
+  const Eigen::VectorXd& values = solved->values;
   ChipLattice lattice{{values[1], values[0] - values[1] * middle}, 0, both ? values[2] : 0.0};
   double squares = 0;
   for (std::size_t k = 0; k < chips.size(); ++k)
     if (used[k]) squares += std::pow(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]), 2);
-  lattice.rows_per_chip_std = std::sqrt(unit[1] * squares / std::max(count - static_cast<int>(unknowns), 1));
+  lattice.rows_per_chip_std =
+      std::sqrt(solved->inverse(1, 1) * squares / std::max(count - static_cast<int>(unknowns), 1));
   return lattice;
 }
 

@@ -1,10 +1,10 @@
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "cleaning/cleaned_picture.hpp"
+#include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -96,10 +96,10 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
       product.row(one) += value * b.row(other);
       if (k > 0) product.row(other) += value * b.row(one);
     }
-  Matrix normal = b.transpose() * product;
+  Eigen::MatrixXd normal = transposed_product(b, product);
   if (!(normal.trace() > 0)) return std::vector<double>(rows);
   normal.diagonal().array() += 1e-6 * normal.trace() / static_cast<double>(terms);
-  const Eigen::VectorXd change = b * normal.ldlt().solve(b.transpose() * right);
+  const Eigen::VectorXd change = b * solve_positive_definite(normal, b.transpose() * right);
   return {change.data(), change.data() + change.size()};
 }
 

@@ -10,6 +10,7 @@
 
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
+#include "core/linear_algebra.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
 namespace ocisac {
@@ -154,13 +155,6 @@ struct BlockedFrame {
   }
 };
 
-Matrix covariance_of(const Matrix& swings) {
-  Matrix covariance = Matrix::Zero(swings.cols(), swings.cols());
-  covariance.selfadjointView<Eigen::Upper>().rankUpdate(swings.transpose(), 1 / static_cast<double>(swings.rows()));
-  covariance.triangularView<Eigen::StrictlyLower>() = covariance.transpose();
-  return covariance;
-}
-
 double min_own_variance(const VectorXd& power) { return std::max(kMinOwnVariance * power.maxCoeff(), 1e-12); }
 
 // Blocks of one light, and the block that represents it.
@@ -253,7 +247,7 @@ std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t fr
   const auto& [clipped, usable, blocks, means, swings] = pixels;
   const VectorXd power = swings.colwise().squaredNorm();
   const VectorXd scale = (power.array() > 0).select(power.array().max(1e-300).sqrt().inverse(), 0.0);
-  const Matrix cosines = scale.asDiagonal() * (swings.transpose() * swings) * scale.asDiagonal();
+  const Matrix cosines = scale.asDiagonal() * gram(swings.transpose()) * scale.asDiagonal();
   const auto groups = block_groups(cosines, power);
   if (groups.size() < 2) return {};
   std::vector<LightGroup> lights;
@@ -325,7 +319,7 @@ double slope_of(const BlockedFrame& frame) {
 }
 
 CombinedColumn combined_anew(const BlockedFrame& frame) {
-  const Matrix covariance = covariance_of(frame.swings);
+  const Eigen::MatrixXd covariance = gram(frame.swings.transpose()) / static_cast<double>(frame.swings.rows());
   const auto count = static_cast<std::size_t>(covariance.rows());
   auto result = combined(frame, common_factor({covariance.data(), count * count}, count));
   if (count == 1) result.quality = covariance(0, 0);

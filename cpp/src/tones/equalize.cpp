@@ -1,6 +1,5 @@
 #include "ocisac/tones/equalize.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -11,6 +10,7 @@
 #include <optional>
 #include <string>
 
+#include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -20,7 +20,7 @@ namespace ocisac {
 
 namespace {
 
-using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Matrix = Eigen::MatrixXd;
 using Eigen::Index;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
@@ -55,7 +55,7 @@ Matrix continuation(std::size_t rows, double exposure_rows) {
     return of_distance(std::abs(i - j)) + (i == j ? noise_share * std::max(exposure_rows, 1.0) : 0);
   });
   const Matrix ahead = Matrix::NullaryExpr(used, predicted, [&](Index i, Index j) { return of_distance(i + j + 1); });
-  Matrix weights = seen.llt().solve(ahead).transpose();
+  Matrix weights = solve_positive_definite(seen, ahead).transpose();
   for (Index i = 0; i < predicted; ++i)
     weights.row(i) *=
         0.5 + 0.5 * std::cos(std::numbers::pi * static_cast<double>(i + 1) / static_cast<double>(predicted + 1));
@@ -240,13 +240,12 @@ class Equalizer {
   [[nodiscard]] std::vector<double> extended(std::span<const double> signals, std::size_t count) const {
     const Index used = continuation_.cols(), predicted = continuation_.rows();
     const auto columns = static_cast<Index>(count), rows = static_cast<Index>(rows_);
-    const Eigen::Map<const Matrix> inside(signals.data(), columns, rows);
+    const Eigen::Map<const Matrix> inside(signals.data(), rows, columns);
     std::vector<double> result(count * response_.length, 0.0);
-    Eigen::Map<Matrix> all(result.data(), columns, static_cast<Index>(response_.length));
-    all.leftCols(rows) = inside;
-    all.middleCols(rows, predicted).noalias() =
-        Matrix(inside.rightCols(used).rowwise().reverse()) * continuation_.transpose();
-    all.rightCols(predicted) = (inside.leftCols(used) * continuation_.transpose()).rowwise().reverse();
+    Eigen::Map<Matrix> all(result.data(), static_cast<Index>(response_.length), columns);
+    all.topRows(rows) = inside;
+    all.middleRows(rows, predicted) = product(continuation_, inside.bottomRows(used).colwise().reverse());
+    all.bottomRows(predicted) = product(continuation_, inside.topRows(used)).colwise().reverse();
     return result;
   }
 

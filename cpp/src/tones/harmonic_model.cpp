@@ -1,11 +1,11 @@
 #include "tones/harmonic_model.hpp"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -91,11 +91,11 @@ struct Block {
 
 Block solve_block(const MatrixXd& design, Index wanted) {
   if (design.cols() == 0) return {MatrixXd(design.rows(), 0), MatrixXd(design.rows(), 0), MatrixXd(0, 0)};
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(design);
-  const Index rank = qr.rank();
+  OrthogonalFactors factors = pivoted_orthogonal_factors(design);
+  const Index rank = factors.rank();
   Block block;
-  block.basis = qr.householderQ() * MatrixXd::Identity(design.rows(), rank);
-  const auto triangle = qr.matrixR().topLeftCorner(rank, rank);
+  block.basis = std::move(factors.basis);
+  const auto triangle = factors.triangle.leftCols(rank);
   if (rank < design.cols())
     block.condition = kInfinity;
   else if (rank > 0)
@@ -103,12 +103,12 @@ Block solve_block(const MatrixXd& design, Index wanted) {
   // Parameter p is column j of R after pivoting: its row of the pseudo-inverse is Q·R^{-T}·e_j.
   MatrixXd selected = MatrixXd::Zero(rank, wanted);
   for (Index j = 0; j < rank; ++j) {
-    const Index parameter = qr.colsPermutation().indices()(j);
+    const Index parameter = factors.order[static_cast<std::size_t>(j)];
     if (parameter < wanted) selected(j, parameter) = 1;
   }
-  const MatrixXd solved = triangle.triangularView<Eigen::Upper>().transpose().solve(selected);
-  block.weights = block.basis * solved;
-  block.covariance = solved.transpose() * solved;
+  const MatrixXd solved = solve_upper_transposed(triangle, selected);
+  block.weights = product(block.basis, solved);
+  block.covariance = transposed_product(solved, solved);
   return block;
 }
 

@@ -1,12 +1,12 @@
 #include "ocisac/tones/periodic_fit.hpp"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <numeric>
 
+#include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -50,13 +50,9 @@ struct Projection {
 };
 
 Projection project(const MatrixXd& matrix, const Signals& signals) {
-  const Eigen::HouseholderQR<MatrixXd> qr(matrix);
-  Projection p;
-  p.q = qr.householderQ() * MatrixXd::Identity(matrix.rows(), matrix.cols());
-  p.coordinates.noalias() = p.q.transpose() * signals;
-  const auto r = qr.matrixQR().topRows(matrix.cols()).triangularView<Eigen::Upper>();
-  p.coefficients = r.solve(p.coordinates);
-  return p;
+  OrthogonalFactors factors = orthogonal_factors(matrix);
+  const MatrixXd coordinates = transposed_product(factors.basis, signals);
+  return {std::move(factors.basis), coordinates, solve_upper(factors.triangle, coordinates)};
 }
 
 // Coefficients of the slopes: b for a cosine, −a for a sine.
@@ -129,13 +125,12 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
   MatrixXd both(y.rows(), 2 * parameters - first);
   both.leftCols(parameters) = model_matrix(model, y.rows(), frequency);
   const MatrixXd slopes = slope_matrix(model, both.leftCols(parameters));
-  const Eigen::HouseholderQR<MatrixXd> qr(both.leftCols(parameters));
-  both.leftCols(parameters) = qr.householderQ() * MatrixXd::Identity(y.rows(), parameters);
+  const OrthogonalFactors factors = orthogonal_factors(both.leftCols(parameters));
+  both.leftCols(parameters) = factors.basis;
   both.rightCols(slopes.cols()) = slopes;
-  const MatrixXd products = both.transpose() * y;
+  const MatrixXd products = transposed_product(both, y);
   const auto coordinates = products.topRows(parameters);
-  const MatrixXd coefficients =
-      qr.matrixQR().topRows(parameters).triangularView<Eigen::Upper>().solve(MatrixXd(coordinates));
+  const MatrixXd coefficients = solve_upper(factors.triangle, coordinates);
 
   PeriodicFit fit;
   fit.frequency = frequency;
@@ -148,11 +143,11 @@ PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, cons
     fit.amplitudes.insert(fit.amplitudes.end(), coefficients.row(j).begin(), coefficients.row(j).end());
 
   const MatrixXd turned = slope_coefficients(model, coefficients);
-  const MatrixXd inside = both.leftCols(parameters).transpose() * slopes;  // projection of the slopes on the model
-  const MatrixXd gram = slopes.transpose() * slopes - inside.transpose() * inside;
-  const MatrixXd against_residual = products.bottomRows(slopes.cols()) - inside.transpose() * coordinates;
+  const MatrixXd inside = transposed_product(factors.basis, slopes);  // projection of the slopes on the model
+  const MatrixXd gram = transposed_product(slopes, slopes) - transposed_product(inside, inside);
+  const MatrixXd against_residual = products.bottomRows(slopes.cols()) - transposed_product(inside, coordinates);
   const double gradient = against_residual.cwiseProduct(turned).sum();
-  const double information = (gram * turned).cwiseProduct(turned).sum();
+  const double information = product(gram, turned).cwiseProduct(turned).sum();
   fit.step = information > 0 ? gradient / information : 0;
   return fit;
 }
@@ -186,9 +181,9 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
   const MatrixXd matrix = model_matrix(model, y.rows(), frequency);
   const Projection p = project(matrix, y);
-  const MatrixXd residual = y - p.q * p.coordinates;
-  MatrixXd derivative = slope_matrix(model, matrix) * slope_coefficients(model, p.coefficients);
-  derivative -= p.q * (p.q.transpose() * derivative);
+  const MatrixXd residual = y - product(p.q, p.coordinates);
+  MatrixXd derivative = product(slope_matrix(model, matrix), slope_coefficients(model, p.coefficients));
+  derivative -= product(p.q, transposed_product(p.q, derivative));
   const double information = derivative.squaredNorm();
   if (!(information > 0)) return std::numeric_limits<double>::quiet_NaN();
 

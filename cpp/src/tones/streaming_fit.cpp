@@ -1,13 +1,13 @@
 #include "tones/streaming_fit.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <list>
 #include <mutex>
 #include <numbers>
 
+#include "core/linear_algebra.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 #include "tones/projection_kernels.hpp"
@@ -124,14 +124,14 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
   freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
   covariance_ = dense(chosen.covariance);
-  gram_ = dense(chosen.design.transpose() * chosen.design);
+  gram_ = dense(transposed_product(chosen.design, chosen.design));
   // The mean's row is omitted: with those of the tones, the plain sum spans the same estimates.
   const auto tones = chosen.weights.rows() - 1;
   weights_ = RowWeights(dense(chosen.weights.bottomRows(tones)), estimates_ - 1, rows, chosen.row_group, limbs);
   const auto transform = [&](std::span<const double> of_tones) {
     RowMajor all = RowMajor::Ones(estimates, chosen.weights.cols());
     all.bottomRows(tones) = Eigen::Map<const RowMajor>(of_tones.data(), tones, chosen.weights.cols());
-    return dense((all * chosen.design).inverse());
+    return dense(inverse(product(all, chosen.design)));
   };
   of_samples_ = transform(weights_.weights());
   of_bytes_ = transform(weights_.byte_weights());

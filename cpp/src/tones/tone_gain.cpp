@@ -9,6 +9,7 @@
 #include <numbers>
 #include <string>
 
+#include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -21,8 +22,6 @@
 namespace ocisac {
 
 namespace {
-
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNearNull = 0.05;               // |sinc| below which a gain is called near a null
@@ -177,16 +176,18 @@ class FitEstimator final : public Estimator {
   [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
     const auto rows = static_cast<Eigen::Index>(model_.rows);
     const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
-    const Eigen::Map<const RowMajor> y(signals.data(), count, rows);
-    const Eigen::Map<const RowMajor> weights(model_.weights.data(), static_cast<Eigen::Index>(model_.estimates), rows);
-    const Eigen::Map<const RowMajor> basis(model_.basis.data(), static_cast<Eigen::Index>(model_.parameters), rows);
-    const RowMajor values = y * weights.transpose();
-    const RowMajor residual = y - (y * basis.transpose()) * basis;
+    const Eigen::Map<const Eigen::MatrixXd> y(signals.data(), rows, count);
+    const Eigen::Map<const Eigen::MatrixXd> weights(model_.weights.data(), rows,
+                                                    static_cast<Eigen::Index>(model_.estimates));
+    const Eigen::Map<const Eigen::MatrixXd> basis(model_.basis.data(), rows,
+                                                  static_cast<Eigen::Index>(model_.parameters));
+    const Eigen::MatrixXd values = transposed_product(y, weights);
+    const Eigen::MatrixXd residual = y - product(basis, transposed_product(basis, y));
     const auto freedom = static_cast<double>(model_.rows - std::min(model_.rows, model_.parameters));
     const auto tones = static_cast<Eigen::Index>(model_.tone_flags.size());
     std::vector<double> noise(static_cast<std::size_t>(count), kNaN);
     for (Eigen::Index column = 0; freedom > 0 && column < count; ++column)
-      noise[static_cast<std::size_t>(column)] = residual.row(column).squaredNorm() / freedom;
+      noise[static_cast<std::size_t>(column)] = residual.col(column).squaredNorm() / freedom;
     const auto estimates_of = [&](Eigen::Index i) {
       const Eigen::VectorXd column = values.col(i);
       return std::vector<double>(column.begin(), column.end());

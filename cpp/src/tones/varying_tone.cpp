@@ -1,12 +1,12 @@
 #include "ocisac/tones/varying_tone.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
+#include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -92,17 +92,18 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   if (harmonics.size() < shape_harmonics.size()) plan.flags |= flag::harmonics_dropped;
   if (cycles_per_row * static_cast<double>(rows) < 1 + options.degree / 2.0) plan.flags |= flag::few_cycles;
   const MatrixXd design = design_matrix(rows, cycles_per_row, harmonics, options.degree);
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(design);
-  if (design.rows() <= design.cols() || qr.rank() < design.cols()) {
+  OrthogonalFactors factors = pivoted_orthogonal_factors(design);
+  if (design.rows() <= design.cols() || factors.rank() < design.cols()) {
     plan.flags |= flag::unresolvable;
     return plan;
   }
-  const auto triangle = qr.matrixR().topRows(design.cols());
+  const MatrixXd& triangle = factors.triangle;
   if (std::abs(triangle(0, 0)) > kIllConditioned * std::abs(triangle(design.cols() - 1, design.cols() - 1)))
     plan.flags |= flag::ill_conditioned;
-  plan.basis = qr.householderQ() * MatrixXd::Identity(design.rows(), design.cols());
-  const MatrixXd solved =
-      qr.colsPermutation() * MatrixXd(triangle.triangularView<Eigen::Upper>().solve(MatrixXd(plan.basis.transpose())));
+  plan.basis = std::move(factors.basis);
+  const MatrixXd pivoted = solve_upper(triangle, plan.basis.transpose());
+  MatrixXd solved(pivoted.rows(), pivoted.cols());
+  for (Index j = 0; j < solved.rows(); ++j) solved.row(factors.order[static_cast<std::size_t>(j)]) = pivoted.row(j);
 
   const std::array<ModelTone, 1> tone{{{cycles_per_row, shape_harmonics}}};
   const HarmonicModel steady = harmonic_model(rows, tone);
@@ -110,7 +111,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   plan.weights << solved.topRows(3 * plan.terms),
       Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(steady.weights.data(), 3,
                                                                                   design.rows());
-  plan.covariance = plan.weights * plan.weights.transpose();
+  plan.covariance = product(plan.weights, plan.weights.transpose());
   plan.polynomials = legendre_at_places(options.degree);
   return plan;
 }
@@ -209,8 +210,8 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
     const std::size_t count = std::min(kColumnsPerBlock, shape.columns - first);
     const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
     const Eigen::Map<const MatrixXd> y(signals.data(), static_cast<Index>(shape.rows), static_cast<Index>(count));
-    const MatrixXd parameters = plan.weights * y;
-    const MatrixXd residual = y - plan.basis * (plan.basis.transpose() * y);
+    const MatrixXd parameters = product(plan.weights, y);
+    const MatrixXd residual = y - product(plan.basis, transposed_product(plan.basis, y));
     for (std::size_t i = 0; i < count; ++i) {
       const auto column = static_cast<Index>(i);
       const std::size_t index = frame * shape.columns + first + i;

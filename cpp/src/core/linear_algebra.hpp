@@ -1,0 +1,40 @@
+// Dense linear algebra by Eigen, compiled once: its products and decompositions cost seconds of compile time in every
+// source that instantiates them. Sources that use these functions include no more of Eigen than its Core.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+namespace ocisac {
+
+using ConstMatrix = Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+
+Eigen::MatrixXd product(const ConstMatrix& a, const ConstMatrix& b);             // a·b
+Eigen::MatrixXd transposed_product(const ConstMatrix& a, const ConstMatrix& b);  // aᵀ·b
+Eigen::MatrixXd gram(const ConstMatrix& a);                                      // a·aᵀ
+Eigen::MatrixXd inverse(const ConstMatrix& matrix);  // (n × n), by LU with partial pivoting
+
+// QR factors of A (rows × columns): column order[j] of A is column j of basis·triangle.
+struct OrthogonalFactors {
+  Eigen::MatrixXd basis;     // (rows × rank), orthonormal
+  Eigen::MatrixXd triangle;  // (rank × columns), upper
+  std::vector<Eigen::Index> order;
+
+  [[nodiscard]] Eigen::Index rank() const { return basis.cols(); }
+};
+
+OrthogonalFactors orthogonal_factors(const ConstMatrix& matrix);  // in order; rows ≥ columns, which are independent
+OrthogonalFactors pivoted_orthogonal_factors(const ConstMatrix& matrix);  // by descending norm, finds the rank
+
+// x with triangle·x = right and with triangleᵀ·x = right, for an upper triangle (n × n).
+Eigen::MatrixXd solve_upper(const ConstMatrix& triangle, const ConstMatrix& right);
+Eigen::MatrixXd solve_upper_transposed(const ConstMatrix& triangle, const ConstMatrix& right);
+
+// x with matrix·x = right for a positive definite matrix (n × n), by LLᵀ.
+Eigen::MatrixXd solve_positive_definite(const ConstMatrix& matrix, const ConstMatrix& right);
+
+// x with matrix·x = right for a symmetric matrix (n × n), by LDLᵀ; empty unless all pivots exceed min_pivot.
+std::optional<Eigen::MatrixXd> solve_symmetric(const ConstMatrix& matrix, const ConstMatrix& right, double min_pivot);
+
+}  // namespace ocisac
