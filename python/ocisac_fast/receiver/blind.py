@@ -36,7 +36,8 @@ class Received:
             makes of an edge, half an exposure after the light's edge. Chip k begins at ``phase + k * rows_per_chip``.
         snr: (half the swing)^2 over the variance of the chips about their levels, a plain ratio; at most 1e12.
         levels: (2, chips) light of a dark and of a bright chip at each chip, DN above dark; they follow the gradient.
-        relative_levels: (chips,) light of each chip: -1 at the dark level, 1 at the bright one.
+        relative_levels: (chips,) light of each chip: -1 at the dark level, 1 at the bright one; 0 in rows that the lamp
+            does not light, whose bits are guesses.
         weights: (columns,) share of each column in the signal, sum 1; 0 for columns that are not used.
         columns: indices of the columns with a weight above 0.
         flags: :class:`ocisac_fast.Flag`.
