@@ -18,6 +18,7 @@ constexpr double kMinTurn = 0.15;        // of the span of the signal
 constexpr double kMinDeparture = 0.125;  // of the light's swing, from the level of the dark rows
 constexpr double kDarkRuns = 4;          // times the longest run of the light
 constexpr double kDarkChips = 16;        // shortest runs
+constexpr double kExpectedDarkRuns = 1.5;
 constexpr std::size_t kMinTurns = 8;
 
 double median(std::vector<double> values) {
@@ -55,8 +56,8 @@ std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double
 
 }  // namespace
 
-LitRows lit_rows(std::span<const double> signal, double noise) {
-  LitRows lit{{0, signal.size()}, 0};
+LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& seen) {
+  LitRows lit{seen, 0};
   if (signal.size() < 2) return lit;
   std::vector<double> sorted(signal.begin(), signal.end());
   std::ranges::sort(sorted);
@@ -70,17 +71,22 @@ LitRows lit_rows(std::span<const double> signal, double noise) {
   for (std::size_t k = 3; k + 1 < points.size(); ++k) runs.push_back(points[k] - points[k - 1]);
   std::ranges::sort(runs);
   lit.shortest = runs[runs.size() / 4];  // noise moves single turning points
-  const double enough =
-      std::max(kDarkRuns * static_cast<double>(runs.back()), kDarkChips * static_cast<double>(lit.shortest));
+  const auto longest = static_cast<double>(runs.back());
+  const double many = std::max(kDarkRuns * longest, kDarkChips * static_cast<double>(lit.shortest));
+  const auto enough = [&](bool expected) { return expected ? kExpectedDarkRuns * longest : many; };
   const double departure = std::max(kNoiseErrors * spread, kMinDeparture * span);
   const double unsteady = std::max(kMinUnsteady * span, kNoiseKept * std::min(spread, 0.5 * kMaxNoise * span));
   const std::size_t after = signal.size() - 1 - points[points.size() - 2], before = points[2];
-  if (static_cast<double>(after) > enough) lit.rows.end -= dark_rows(signal, after / 2, departure, unsteady);
-  if (static_cast<double>(before) > enough) {
+  RowRange rows{0, signal.size()};
+  if (static_cast<double>(after) > enough(seen.end < signal.size()))
+    rows.end -= dark_rows(signal, after / 2, departure, unsteady);
+  if (static_cast<double>(before) > enough(seen.begin > 0)) {
     const std::vector<double> reversed(signal.rbegin(), signal.rend());
-    lit.rows.begin += dark_rows(reversed, before / 2, departure, unsteady);
+    rows.begin += dark_rows(reversed, before / 2, departure, unsteady);
   }
-  if (lit.rows.begin >= lit.rows.end) return {{0, signal.size()}, lit.shortest};
+  if (rows.begin == 0) rows.begin = seen.begin;
+  if (rows.end == signal.size()) rows.end = seen.end;
+  if (rows.begin < rows.end) lit.rows = rows;
   return lit;
 }
 

@@ -81,18 +81,23 @@ double lamp_slope(std::span<const double> swings, std::span<const double> centre
   std::erase_if(found, [&](const Centroid& light) { return !(light.swing > kMinSwing * strongest); });
   if (found.size() < kMinWindows) return 0;
   const auto count = static_cast<double>(found.size());
-  double row = 0, column = 0, spread = 0, moment = 0, product = 0, left = 0;
+  // A centroid's variance is inverse to the power of its window.
+  double power = 0, row = 0, column = 0, spread = 0, moment = 0, product = 0, left = 0;
+  for (const Centroid& light : found) power += light.swing * light.swing;
   for (const Centroid& light : found) {
-    row += light.row / count;
-    column += light.column / count;
-    spread += light.spread / count;
+    const double weight = light.swing * light.swing / power;
+    row += weight * light.row;
+    column += weight * light.column;
+    spread += weight * light.spread;
   }
   for (const Centroid& light : found) {
-    moment += std::pow(light.row - row, 2);
-    product += (light.row - row) * (light.column - column);
+    const double weight = light.swing * light.swing / power;
+    moment += weight * std::pow(light.row - row, 2);
+    product += weight * (light.row - row) * (light.column - column);
   }
   const double slope = product / moment;
-  for (const Centroid& light : found) left += std::pow(light.column - column - slope * (light.row - row), 2);
+  for (const Centroid& light : found)
+    left += light.swing * light.swing / power * std::pow(light.column - column - slope * (light.row - row), 2);
   const double error = std::sqrt(left / (count - 2) / moment);
   const double movement = std::abs(slope) * (found.back().row - found.front().row);
   return std::abs(slope) > kSlopeErrors * error && movement > kMinMovement * spread ? slope : 0.0;

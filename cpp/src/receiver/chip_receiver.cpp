@@ -271,9 +271,10 @@ ReceivedFrame nothing_received(std::int64_t frame) {
   return result;
 }
 
-ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row) {
+ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row,
+                                 RowRange region) {
   ReceivedFrame result = nothing_received(frame);
-  const RowRange lit = lit_rows(column.signal, column.noise).rows;
+  const RowRange lit = lit_rows(column.signal, column.noise, region).rows;
   const auto signal = std::span(column.signal).subspan(lit.begin, lit.size());
   first_row_ = first_row + lit.begin;
   if (column.saturated) result.flags |= flag::saturated;

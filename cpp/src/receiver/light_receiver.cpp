@@ -75,19 +75,24 @@ void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
 }
 
 // Returns the received colour.
-std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, LightFrame& result) {
+std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, RowRange free, LightFrame& result) {
+  Region read = region_;
+  if (can_move_) {
+    read.y = free.begin;
+    read.height = free.size();
+  }
   while (followers_.size() < colours.size()) followers_.emplace_back(camera_.tone_curve);
   CombinedColumn best;
   std::size_t colour = 0;
   for (std::size_t k = 0; k < colours.size(); ++k) {
-    const auto part = part_of(colours[k], region_);
+    const auto part = part_of(colours[k], read);
     auto column = followers_[k].combine(part);
     if (column.slope != 0) column = combine_upright(part, camera_.tone_curve, column.slope);
     if (k > 0 && !(column.quality > best.quality)) continue;
     best = std::move(column);
     colour = k;
   }
-  result.received = chips_->push(best, result.frame, region_.y);
+  result.received = chips_->push(best, result.frame, read.y, {region_.y - read.y, region_.y - read.y + region_.height});
   result.received->colour = colour;
   if (result.received->outcome != FrameOutcome::received)
     for (auto& follower : followers_) follower.forget();
@@ -137,12 +142,12 @@ void LightReceiver::suggest_exposure(const LightFrame& result) {
                                          : best_exposure_exact(comm, comm, 1, 0);
 }
 
-LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int64_t frame) {
+LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free) {
   LightFrame result;
   result.frame = frame;
   result.source = source_;
   const Region before = region_;
-  const std::size_t colour = chips_ ? receive_data(colours, result) : 0;
+  const std::size_t colour = chips_ ? receive_data(colours, free, result) : 0;
   result.region = region_;
   if (options_.gain) {
     if (!tone_known_) find_tone(part_of(colours[colour], before));

@@ -176,6 +176,18 @@ void Receiver::adopt(const std::vector<Region>& found) {
   }
 }
 
+// Rows about a region without another light in its columns.
+RowRange Receiver::free_rows(const Region& region, std::size_t rows) const {
+  RowRange free{0, rows};
+  for (const LightReceiver& light : lights_) {
+    const Region& other = light.region();
+    if (other.x >= region.x + region.width || region.x >= other.x + other.width) continue;
+    if (other.y + other.height <= region.y) free.begin = std::max(free.begin, other.y + other.height);
+    if (other.y >= region.y + region.height) free.end = std::min(free.end, other.y);
+  }
+  return free;
+}
+
 std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame) {
   const std::int64_t number = frame.value_or(order_.next());
   const auto lengths = lengths_of(colours);
@@ -206,7 +218,7 @@ std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, s
 
   std::vector<LightFrame> results;
   for (LightReceiver& light : lights_) {
-    results.push_back(light.push(colours, number));
+    results.push_back(light.push(colours, number, free_rows(light.region(), whole.height)));
     results.back().searched = searched;
     if (results.back().received) results.back().received->missing = verdict.missing;
   }

@@ -35,6 +35,17 @@ TEST_CASE("rows that no lamp reaches are left out") {
   }
 }
 
+TEST_CASE("where the light was found with a margin, few dark rows are enough, and none leave that place") {
+  const auto few = ocisac::lit_rows(lamp_rows(60, 960, 1), 1, {40, 980}).rows;
+  CHECK(few.begin >= 60);
+  CHECK(few.begin <= 70);
+  CHECK(few.end <= 960);
+  CHECK(few.end >= 950);
+  const auto whole = ocisac::lit_rows(lamp_rows(0, 1000, 1), 1, {100, 900}).rows;
+  CHECK(whole.begin == 100);
+  CHECK(whole.end == 900);
+}
+
 TEST_CASE("a lamp that fills the frame keeps all rows, and so does a frame without one") {
   const auto whole = ocisac::lit_rows(lamp_rows(0, 1000, 2), 2);
   CHECK(whole.rows.begin == 0);

@@ -57,7 +57,8 @@ class ChipReceiver {
   ChipReceiver(const Camera& camera, ChipOptions options);
 
   // `column`: the light's signal. `frame`: number, ascending. `first_row`: row of the picture at index 0 of the signal.
-  ReceivedFrame push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row);
+  // `region`: rows of the signal in which the light was found; it ends there where no dark rows show its end.
+  ReceivedFrame push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row, RowRange region);
 
   // Resets clock, channel and rate; the packet keeps its bytes.
   void forget();

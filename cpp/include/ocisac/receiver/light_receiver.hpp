@@ -61,14 +61,16 @@ class LightReceiver {
   // Resets all state of earlier frames; the packet keeps its bytes.
   void forget();
 
-  // `colours`: a frame, one view per colour; the colour of best quality is received.
-  LightFrame push(std::span<const AnyFramesView> colours, std::int64_t frame);
+  // `colours`: a frame, one view per colour; the colour of best quality is received. `free`: rows about the region
+  // without another light in its columns. A light that can move is received in all of them: dark rows at either end
+  // show where it ends, better than the region.
+  LightFrame push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free);
 
   [[nodiscard]] const Region& region() const { return region_; }
   [[nodiscard]] std::size_t unseen() const { return unseen_; }  // frames since the last data or tone
 
  private:
-  std::size_t receive_data(std::span<const AnyFramesView> rows, LightFrame& result);
+  std::size_t receive_data(std::span<const AnyFramesView> colours, RowRange free, LightFrame& result);
   void follow(const CombinedColumn& column, std::size_t columns);
   void find_tone(const AnyFramesView& part);
   [[nodiscard]] LightGain measure_gain(const AnyFramesView& part) const;

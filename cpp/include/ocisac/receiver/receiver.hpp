@@ -43,6 +43,7 @@ class Receiver {
   void search_one(const AnyFramesView& frame);
   void adopt(const std::vector<Region>& found);
   void add(const Region& region, bool can_move);
+  [[nodiscard]] RowRange free_rows(const Region& region, std::size_t rows) const;
 
   Camera camera_;
   ReceiverOptions options_;
