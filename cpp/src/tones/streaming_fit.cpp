@@ -46,7 +46,7 @@ struct StreamingFit::Candidate {
   int row_group;
   std::vector<Flags> flags;  // of the tones
   RowMajor weights;          // (estimates × groups), of sums
-  RowMajor design;           // (groups × estimates), of sums
+  Eigen::MatrixXd design;    // (groups × estimates), of sums
   RowMajor covariance;       // for rows with noise of variance 1
 };
 
@@ -58,7 +58,7 @@ StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<cons
   for (const double cycles : cycles_per_row) gains.push_back(group_gain(cycles, row_group));
   const auto size = static_cast<Eigen::Index>(model.estimates);
   Candidate result{row_group, model.tone_flags, RowMajor(size, static_cast<Eigen::Index>(groups)),
-                   RowMajor(static_cast<Eigen::Index>(groups), size), RowMajor(size, size)};
+                   Eigen::MatrixXd(static_cast<Eigen::Index>(groups), size), RowMajor(size, size)};
   for (Eigen::Index i = 0; i < size; ++i) {
     const auto estimate = static_cast<std::size_t>(i);
     const double scale = row_group * tone_of(estimate, gains, 1);
@@ -131,7 +131,7 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   const auto transform = [&](std::span<const double> of_tones) {
     RowMajor all = RowMajor::Ones(estimates, chosen.weights.cols());
     all.bottomRows(tones) = Eigen::Map<const RowMajor>(of_tones.data(), tones, chosen.weights.cols());
-    return dense(inverse(product(all, chosen.design)));
+    return dense(inverse(transposed_product(all.transpose(), chosen.design)));
   };
   of_samples_ = transform(weights_.weights());
   of_bytes_ = transform(weights_.byte_weights());
