@@ -149,7 +149,8 @@ ChipRows::ChipRows(std::span<const double> signal, const ChannelEstimate& channe
   for (std::size_t n = 0; n < rows_.size(); ++n) {
     const auto row = static_cast<double>(n);
     const double swing = channel.swing_at(row, rows_.size());
-    require(swing > 0, "channel", "a swing of " + shortest_text(swing) + " in row " + std::to_string(n), "above 0");
+    if (!(swing > 0))
+      refuse("channel", "a swing of " + shortest_text(swing) + " in row " + std::to_string(n), "above 0");
     rows_[n] = (signal[n] - channel.dark_at(row, rows_.size())) / swing;
   }
   const double middle = 0.5 * (static_cast<double>(rows_.size()) - 1);

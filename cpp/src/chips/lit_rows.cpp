@@ -21,10 +21,12 @@ constexpr double kDarkChips = 16;        // shortest runs
 constexpr double kExpectedDarkRuns = 1.5;
 constexpr std::size_t kMinTurns = 8;
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::ranges::nth_element(values, middle);
-  return *middle;
+// The value at an index of the sorted ones.
+double quantile(std::span<const double> values, std::size_t index) {
+  std::vector<double> sorted(values.begin(), values.end());
+  const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(index);
+  std::ranges::nth_element(sorted, at);
+  return *at;
 }
 
 // Standard deviation about a straight line.
@@ -48,7 +50,7 @@ double unsteadiness(std::span<const double> part) {
 std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double departure, double noise) {
   const auto part = signal.last(steady);
   if (unsteadiness(part) > noise) return 0;
-  const double level = median({part.begin(), part.end()});
+  const double level = quantile(part, part.size() / 2);
   std::size_t count = 0;
   while (count < signal.size() && std::abs(signal[signal.size() - 1 - count] - level) <= departure) ++count;
   return count;
@@ -59,10 +61,8 @@ std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double
 LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& seen) {
   LitRows lit{seen, 0};
   if (signal.size() < 2) return lit;
-  std::vector<double> sorted(signal.begin(), signal.end());
-  std::ranges::sort(sorted);
-  const std::size_t tail = sorted.size() / 50;
-  const double span = sorted[sorted.size() - 1 - tail] - sorted[tail];
+  const std::size_t tail = signal.size() / 50;
+  const double span = quantile(signal, signal.size() - 1 - tail) - quantile(signal, tail);
   const double spread = std::isfinite(noise) ? std::min(noise, kMaxNoise * span) : 0.0;
   const auto points = turning_points(signal, std::max(kNoiseErrors * spread, kMinTurn * span));
   if (points.size() < kMinTurns + 2) return lit;

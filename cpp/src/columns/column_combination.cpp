@@ -2,9 +2,11 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <type_traits>
 
@@ -25,6 +27,7 @@ constexpr std::size_t kBlocks = 64;              // groups of neighbouring colum
 constexpr double kClippedShare = 0.01;           // max fraction of saturated rows of a column
 constexpr double kTogether = 0.6, kApart = 0.3;  // cosines between swings of one light, of different lights
 constexpr int kMaxShears = 3;
+constexpr std::size_t kWeightsInterval = 2, kSlopeInterval = 8;  // frames of a followed light between estimates
 constexpr std::size_t kMaxLights = 8;
 constexpr int kIterations = 8;            // of the factor model, and of the eigenvector within each
 constexpr double kMinOwnVariance = 0.01;  // relative to the strongest block: bounds the weight of a block without noise
@@ -80,13 +83,17 @@ void sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> u
 template <class T>
 void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
                 Matrix& sums) {
-  std::vector<std::uint64_t> prefix(view.columns + 1, 0);
+  std::vector<std::int64_t> masks(view.columns), prefix(view.columns + 1, 0);
+  std::ranges::transform(usable, masks.begin(), [](std::uint8_t use) { return use ? -1 : 0; });
+  const std::size_t count = blocks.begin.size();
   for (std::size_t row = 0; row < view.rows; ++row) {
-    for (std::size_t column = 0; column < view.columns; ++column)
-      prefix[column + 1] = prefix[column] + (usable[column] ? std::uint64_t{view(0, row, column)} : 0);
-    for (std::size_t block = 0; block < blocks.begin.size(); ++block)
-      sums(static_cast<Index>(row), static_cast<Index>(block)) =
-          static_cast<double>(prefix[blocks.end[block]] - prefix[blocks.begin[block]]);
+    const T* values = view.at(0, row, 0);
+    std::int64_t sum = 0;
+    for (std::size_t column = 0; column < view.columns; ++column, values += view.column_stride)
+      prefix[column + 1] = sum += *values & masks[column];
+    double* of_row = &sums(static_cast<Index>(row), 0);
+    for (std::size_t block = 0; block < count; ++block)
+      of_row[block] = static_cast<double>(prefix[blocks.end[block]] - prefix[blocks.begin[block]]);
   }
 }
 
@@ -115,8 +122,8 @@ double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::
 }
 
 // Swings of the blocks about their moving means over rows n − reach … n + reach, which removes gradients along the
-// rows. count·x − Σx is exact for integers, so constant columns have exactly zero swing.
-void take_swings(const Matrix& sums, Matrix& swings) {
+// rows, times `scale`. count·x − Σx is exact for integers, so constant columns have exactly zero swing.
+void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Matrix& swings) {
   const Index rows = sums.rows(), reach = rows / 16 + 1;
   swings.resize(rows, sums.cols());
   Eigen::RowVectorXd window = sums.topRows(std::min(reach, rows)).colwise().sum();
@@ -125,7 +132,7 @@ void take_swings(const Matrix& sums, Matrix& swings) {
     if (row + reach < rows) window += sums.row(row + reach), ++length;
     if (row > reach) window -= sums.row(row - reach - 1), --length;
     const auto count = static_cast<double>(length);
-    swings.row(row) = (count * sums.row(row) - window) * (1 / count);
+    swings.row(row) = ((count * sums.row(row) - window) * (1 / count)).cwiseProduct(scale);
   }
 }
 
@@ -144,14 +151,12 @@ struct BlockedFrame {
     blocks = make_blocks(usable);
     const double dark = std::visit(
         [&](const auto& view) { return block_sums(view.frame(frame), curve, usable, blocks, means); }, frames);
-    take_swings(means, swings);
     Eigen::RowVectorXd scale(means.cols());
     for (Index block = 0; block < means.cols(); ++block)
       scale(block) = 1 / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]);
-    for (Index row = 0; row < means.rows(); ++row) {
+    take_swings(means, scale, swings);
+    for (Index row = 0; row < means.rows(); ++row)
       means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
-      swings.row(row).array() *= scale.array();
-    }
   }
 };
 
@@ -216,6 +221,16 @@ CommonFactor common_factor(std::span<const double> covariance, std::size_t size)
   return {{loadings.begin(), loadings.end()}, {own.begin(), own.end()}};
 }
 
+// False if all samples of a row lie below `level`; the maximum of contiguous integers takes few instructions.
+template <class T>
+static bool reaches(const FramesView<const T>& view, std::size_t row, T level) {
+  if (!std::is_integral_v<T> || view.column_stride != 1) return true;
+  const T* values = view.at(0, row, 0);
+  T highest = 0;
+  for (std::size_t column = 0; column < view.columns; ++column) highest = std::max(highest, values[column]);
+  return highest >= level;
+}
+
 std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& all) {
@@ -225,13 +240,9 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
         if (std::isfinite(level)) {
           const auto lowest = static_cast<T>(std::is_integral_v<T> ? std::ceil(level) : level);
           for (std::size_t row = 0; row < view.rows; ++row) {
-            if (view.column_stride == 1) {
-              const T* values = &view(0, row, 0);
-              for (std::size_t column = 0; column < view.columns; ++column) counts[column] += values[column] >= lowest;
-            } else {
-              for (std::size_t column = 0; column < view.columns; ++column)
-                counts[column] += view(0, row, column) >= lowest;
-            }
+            if (!reaches(view, row, lowest)) continue;
+            for (std::size_t column = 0; column < view.columns; ++column)
+              counts[column] += view(0, row, column) >= lowest;
           }
         }
         std::vector<double> share(counts.begin(), counts.end());
@@ -318,12 +329,37 @@ double slope_of(const BlockedFrame& frame) {
   return lamp_slope({by_block.data(), static_cast<std::size_t>(by_block.size())}, centres);
 }
 
-CombinedColumn combined_anew(const BlockedFrame& frame) {
+CombinedColumn combined_from_covariance(const BlockedFrame& frame) {
   const Eigen::MatrixXd covariance = gram(frame.swings.transpose()) / static_cast<double>(frame.swings.rows());
   const auto count = static_cast<std::size_t>(covariance.rows());
   auto result = combined(frame, common_factor({covariance.data(), count * count}, count));
   if (count == 1) result.quality = covariance(0, 0);
   return result;
+}
+
+// Row signal with given weights of the columns, whose sum is 1.
+template <class T>
+std::vector<double> weighted_rows(const FramesView<const T>& view, const ToneCurve& curve,
+                                  std::span<const double> weights) {
+  constexpr std::size_t kLanes = 8;  // independent sums, for vectorisation
+  std::vector<double> signal(view.rows);
+  const bool dense = curve.kind == ToneCurve::Kind::linear && view.column_stride == 1;
+  const std::size_t in_lanes = dense ? view.columns / kLanes * kLanes : 0;
+  for (std::size_t row = 0; row < view.rows; ++row) {
+    const T* values = view.at(0, row, 0);
+    std::array<double, kLanes> sums{};
+    for (std::size_t column = 0; column < in_lanes; column += kLanes)
+      for (std::size_t lane = 0; lane < kLanes; ++lane)
+        sums[lane] += weights[column + lane] * static_cast<double>(values[column + lane]);
+    double sum = std::accumulate(sums.begin(), sums.end(), 0.0);
+    for (std::size_t column = in_lanes; column < view.columns; ++column) {
+      const auto value = static_cast<double>(view(0, row, column));
+      if (weights[column] != 0)
+        sum += weights[column] * (dense ? value : linear_light(curve, value, sample_maximum<T>()));
+    }
+    signal[row] = sum - (dense ? curve.dark_level : 0);
+  }
+  return signal;
 }
 
 // One step of common_factor's iteration from approximate weights w, without the covariance C: with C = a·aᵀ + diag(v),
@@ -350,7 +386,7 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
                                SaturatedColumns saturated, std::span<const std::uint8_t> columns) {
   BlockedFrame pixels;
   pixels.fill(frames, frame, curve, saturated, columns);
-  auto result = combined_anew(pixels);
+  auto result = combined_from_covariance(pixels);
   if (columns.empty()) result.slope = slope_of(pixels);
   return result;
 }
@@ -376,19 +412,28 @@ ColumnFollower& ColumnFollower::operator=(ColumnFollower&&) noexcept = default;
 ColumnFollower::~ColumnFollower() = default;
 
 CombinedColumn ColumnFollower::combine(const AnyFramesView& frame) {
+  const bool may_follow = weights_.size() == shape_of(frame).columns;
+  if (may_follow && ++age_ % kWeightsInterval != 0) {
+    CombinedColumn result = last_;
+    result.signal = std::visit([&](const auto& view) { return weighted_rows(view, curve_, weights_); }, frame);
+    result.weights = weights_;
+    return result;
+  }
   BlockedFrame& pixels = *memory_;
   pixels.fill(frame, 0, curve_, SaturatedColumns::leave_out, {});
   std::optional<CommonFactor> factor;
-  if (pixels.swings.cols() > 1 && weights_.size() == pixels.usable.size()) {
+  if (may_follow && pixels.swings.cols() > 1) {
     VectorXd weights = VectorXd::Zero(pixels.swings.cols());
     for (std::size_t block = 0; block < pixels.blocks.begin.size(); ++block)
       for (std::size_t column = pixels.blocks.begin[block]; column < pixels.blocks.end[block]; ++column)
         weights(static_cast<Index>(block)) += weights_[column];
     factor = next_factor(pixels.swings, weights);
   }
-  auto result = factor ? combined(pixels, *factor) : combined_anew(pixels);
-  result.slope = slope_of(pixels);
+  auto result = factor ? combined(pixels, *factor) : combined_from_covariance(pixels);
+  if (!factor) age_ = 0;
+  result.slope = age_ % kSlopeInterval == 0 ? slope_of(pixels) : last_.slope;
   weights_ = result.weights;
+  last_ = {{}, {}, result.noise, result.quality, result.slope, result.saturated};
   return result;
 }
 
@@ -397,6 +442,9 @@ void ColumnFollower::move(std::ptrdiff_t columns) {
     std::fill(std::shift_left(weights_.begin(), weights_.end(), columns), weights_.end(), 0.0);
   else
     std::fill(weights_.begin(), std::shift_right(weights_.begin(), weights_.end(), -columns), 0.0);
+  const double sum = std::accumulate(weights_.begin(), weights_.end(), 0.0);
+  if (!(sum > 0)) return weights_.clear();
+  for (double& weight : weights_) weight /= sum;
 }
 
 }  // namespace ocisac

@@ -14,10 +14,10 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kFirstPatience = 8, kMaxPatience = 256;  // frames
-constexpr std::size_t kSearchInterval = 60;                    // frames between searches for further lights
-constexpr std::size_t kSearchedColumns = 640;                  // evenly spaced, at most
-constexpr std::size_t kMinMargin = 8;                          // columns added on either side of a light's region
+constexpr std::size_t kFirstPatience = 8, kMaxPatience = 256;          // frames
+constexpr std::size_t kSearchInterval = 60, kMaxSearchInterval = 240;  // frames between searches for further lights
+constexpr std::size_t kSearchedColumns = 640;                          // evenly spaced, at most
+constexpr std::size_t kMinMargin = 8;  // columns added on either side of a light's region
 constexpr double kSamePlace = 0.5;
 constexpr std::size_t kFramesAgreed = 3, kMaxAttempts = 12;
 constexpr std::size_t kGivenUp = 90;  // frames without reception until a light is dropped
@@ -77,7 +77,7 @@ std::vector<Region> several_lights(const AnyFramesView& frame, const ToneCurve& 
 }  // namespace
 
 Receiver::Receiver(const Camera& camera, ReceiverOptions options)
-    : camera_(camera), options_(std::move(options)), patience_(kFirstPatience) {
+    : camera_(camera), options_(std::move(options)), patience_(kFirstPatience), search_interval_(kSearchInterval) {
   require(options_.max_sources >= 1, "max_sources", options_.max_sources, "1 or above");
   const LightReceiver checked(camera_, options_.light, 0);  // refuses its arguments
   for (const Region& region : options_.regions)
@@ -100,6 +100,7 @@ void Receiver::place_given(const Region& whole) {
 void Receiver::restart(const Region& whole) {
   agreed_ = attempts_ = 0;
   patience_ = kFirstPatience;
+  search_interval_ = kSearchInterval;
   if (options_.whole_picture && !lights_.empty()) lights_.front().place(whole, false);
   if (options_.whole_picture || !options_.regions.empty())
     for (auto& light : lights_) light.forget();
@@ -112,11 +113,12 @@ bool Receiver::must_search() const {
   if (lights_.empty() || agreed_ > 0) return true;
   const auto longest = std::ranges::max_element(lights_, {}, &LightReceiver::unseen)->unseen();
   if (longest >= kFirstPatience) return longest >= patience_ && since_search_ >= patience_;
-  return lights_.size() < options_.max_sources && since_search_ >= kSearchInterval;
+  return lights_.size() < options_.max_sources && since_search_ >= search_interval_;
 }
 
 void Receiver::search(std::span<const AnyFramesView> colours) {
   since_search_ = 0;
+  const std::size_t known = lights_.size();
   const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).second : 0;
   const bool none_seen =
       std::ranges::none_of(lights_, [](const auto& light) { return light.unseen() < kFirstPatience; });
@@ -125,6 +127,10 @@ void Receiver::search(std::span<const AnyFramesView> colours) {
     search_one(colours[colour]);
   }
   if (options_.max_sources > 1) search_several(colours[colour]);
+  if (known != lights_.size())
+    search_interval_ = kSearchInterval;
+  else if (agreed_ == 0)  // no proposal is open
+    search_interval_ = std::min(2 * search_interval_, kMaxSearchInterval);
 }
 
 // Takes effect at once, without agreement over frames. Without a detected light, all rows with swings are received.

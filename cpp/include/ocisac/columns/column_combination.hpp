@@ -47,8 +47,9 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
                                SaturatedColumns saturated = SaturatedColumns::leave_out,
                                std::span<const std::uint8_t> columns = {});
 
-// combine_columns for successive frames of one light. The first frame's weights are estimated in full; each later frame
-// takes one step of the factor model from the previous weights, in O(blocks · rows) instead of O(blocks² · rows).
+// combine_columns for successive frames of one light. The first frame's weights are estimated in full; later every
+// second frame takes one step of the factor model from the previous weights, in O(blocks · rows) instead of
+// O(blocks² · rows), and the frames between use the weights of the frame before.
 class ColumnFollower {
  public:
   explicit ColumnFollower(const ToneCurve& curve);
@@ -69,6 +70,8 @@ class ColumnFollower {
   struct Memory;
   ToneCurve curve_;
   std::vector<double> weights_;     // (columns) of the last frame
+  CombinedColumn last_;             // noise, quality, saturation and slope at the last estimate
+  std::size_t age_ = 0;             // frames since the last full estimate
   std::unique_ptr<Memory> memory_;  // reused from frame to frame
 };
 

@@ -55,6 +55,7 @@ class Receiver {
   std::size_t attempts_ = 0;      // frames in which the open proposal was searched
   std::size_t since_search_ = 0;  // frames
   std::size_t patience_;          // frames without a light before the next search
+  std::size_t search_interval_;   // frames between searches for further lights; doubles while none is found
   bool began_ = false;
 };
 
