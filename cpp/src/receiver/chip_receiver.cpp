@@ -7,6 +7,7 @@
 #include <tuple>
 #include <utility>
 
+#include "chips/chip_period.hpp"
 #include "chips/lit_rows.hpp"
 #include "ocisac/chips/chip_clock.hpp"
 #include "ocisac/core/require.hpp"
@@ -175,6 +176,7 @@ std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> sign
     auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
     if (shaped) reading = std::move(shaped);
   }
+  if (reading && !camera_.exposure) reading = with_shortest_exposure(rest, std::move(*reading), &frame.effort);
   return reading;
 }
 
@@ -238,6 +240,7 @@ void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedF
   result.error_rate = mean_error_rate(result.llr);
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
   if (is_misfit(reading)) result.flags |= flag::model_misfit;
+  if (chip_period(whole_bits(reading, rows))) result.flags |= flag::periodic;
   channel_ = channel;
   if (model_.exposure_rows) model_.exposure_rows = channel.clock.exposure_rows;
   relative_noise_ = std::max(reading.relative_noise, kNoiseKept * relative_noise_);

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "chips/chip_period.hpp"
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"
@@ -23,6 +24,7 @@ constexpr double kMaxRelativeNoise = 1.0 / 3;
 constexpr double kMaxErrors = 2e-3;  // expected error rate
 constexpr double kMaxErrorsIfEven = 0.08;
 constexpr double kMaxCorrelation = 0.3;  // right frames have at most 0.07, wrong ones at least 0.7
+constexpr double kEquallyGood = 1.2;     // ratio of residuals
 constexpr int kNuisanceRounds = 6;
 constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
 constexpr double kToneReach = 0.25;        // spectral lines of a frame
@@ -147,6 +149,24 @@ std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows) 
   std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
   expose_chips({chips, reading.first}, reading.channel.clock, exposed);
   return exposed;
+}
+
+std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows) {
+  const ChipGrid whole = whole_chips(reading.channel.clock, rows);
+  std::vector<std::uint8_t> bits;
+  for (std::size_t k = 0; k < whole.count; ++k) {
+    const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
+    if (at >= 0 && at < std::ssize(reading.llr)) bits.push_back(reading.llr[static_cast<std::size_t>(at)] > 0);
+  }
+  return bits;
+}
+
+FrameReading with_shortest_exposure(std::span<const double> signal, FrameReading reading, SearchEffort* effort) {
+  const auto start = with_shortest_exposure(reading.channel, whole_bits(reading, signal.size()));
+  auto shorter = start ? read_frame(signal, *start, false, effort) : std::nullopt;
+  if (!shorter || !(shorter->channel.noise < kEquallyGood * reading.channel.noise)) return reading;
+  shorter->even = reading.even;
+  return std::move(*shorter);
 }
 
 // Golden-section search about the tone's frequency, within a quarter of a frame's spectral line.

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <utility>
 
+#include "chips/chip_period.hpp"
 #include "chips/chip_timing.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
@@ -30,9 +31,8 @@ constexpr double kMinSnr = 2;                              // noise divided at i
 constexpr double kMaxSnr = 1e12;
 constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
-constexpr std::size_t kMaxPeriod = 4, kPeriodicBits = 24;  // chips; of which all repeat
-constexpr double kInterpolated = 0.1;                      // of the second differences of the other rows
-constexpr std::array kMains{100.0, 120.0};                 // Hz
+constexpr double kInterpolated = 0.1;       // of the second differences of the other rows
+constexpr std::array kMains{100.0, 120.0};  // Hz
 constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 50;  // Hz; over the median of all tones
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;                        // in the frame
 constexpr double kBetter = 1.5;                                                // times the signal-to-noise ratio
@@ -185,14 +185,6 @@ Decoded spread_over(std::span<const double> signal, Decoded lit) {
   return spread;
 }
 
-// True if the bits repeat with a period of at most kMaxPeriod.
-bool is_periodic(const std::string& bits) {
-  if (bits.size() < kPeriodicBits) return false;
-  for (std::size_t period = 1; period <= kMaxPeriod; ++period)
-    if (std::equal(bits.begin() + static_cast<std::ptrdiff_t>(period), bits.end(), bits.begin())) return true;
-  return false;
-}
-
 void fill(Received& received, Decoded decoded, std::optional<double> exposure_rows) {
   for (auto bit : decoded.detection.bits) received.bits += bit ? '1' : '0';
   received.rows_per_chip = decoded.grid.clock.rows_per_chip;
@@ -201,7 +193,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   received.snr = snr_of(decoded.detection.relative_levels);
   received.detection = std::move(decoded.detection);
   if (received.snr < kWeakSnr) received.flags |= flag::weak;
-  if (is_periodic(received.bits)) received.flags |= flag::periodic;
+  if (chip_period(received.detection.bits)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongExposure * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
 

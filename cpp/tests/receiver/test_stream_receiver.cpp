@@ -60,3 +60,24 @@ TEST_CASE("a payload comes out of a stream of frames, past those that are damage
   CHECK(got->bytes == payload);
   CHECK(got->number == 42);
 }
+
+TEST_CASE("a square wave is received with the shortest of the exposures that explain it") {
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, 2);
+  std::vector<double> chips, rows(720);
+  for (std::size_t k = 0; k < 120; ++k) chips.push_back(static_cast<double>(k % 2));
+  for (const double exposure : {1.0, 2.8, 8.4}) {
+    CAPTURE(exposure);
+    ocisac::expose_chips({chips, 0}, {9.3, -40.3, exposure}, rows);
+    for (double& row : rows) row = 40 + 150 * row + noise(random);
+    ocisac::ReceiverOptions options;
+    options.light.data->chip_rate = 1 / 9.3;
+    options.whole_picture = true;
+    ocisac::Receiver receiver({.row_time = 1, .exposure = {}, .frame_time = {}, .tone_curve = {}}, options);
+    const ocisac::AnyFramesView view = ocisac::dense_view<const double>(rows.data(), 1, rows.size(), 1);
+    const auto result = *receiver.push({&view, 1}).front().received;
+    CHECK(result.outcome == ocisac::FrameOutcome::received);
+    CHECK(result.exposure == doctest::Approx(exposure).epsilon(0.1));
+    CHECK((result.flags & ocisac::flag::periodic) != 0);
+  }
+}

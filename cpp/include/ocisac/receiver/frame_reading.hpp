@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -55,6 +56,14 @@ std::optional<FrameReading> refine_nuisance(std::span<const double> signal, Fram
 // read_frame.
 std::optional<FrameReading> refine_shape(std::span<const double> signal, const FrameReading& reading,
                                          bool exposure_known, SearchEffort* effort = nullptr);
+
+// A reading of periodic chips again with the shortest exposure that explains it: their rows do not determine the
+// exposure. Other readings as they are.
+FrameReading with_shortest_exposure(std::span<const double> signal, FrameReading reading,
+                                    SearchEffort* effort = nullptr);
+
+// Bits of the chips that lie whole in `rows` rows.
+std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows);
 
 // More is left than noise: chips are wrong, or something in the rows is in no model. Log-likelihood ratios then count
 // correlated rows as independent ones.
