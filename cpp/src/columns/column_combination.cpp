@@ -413,7 +413,7 @@ ColumnFollower::~ColumnFollower() = default;
 
 CombinedColumn ColumnFollower::combine(const AnyFramesView& frame) {
   const bool may_follow = weights_.size() == shape_of(frame).columns;
-  if (may_follow && ++age_ % kWeightsInterval != 0) {
+  if (may_follow && ++age_ % kWeightsInterval != 0 && !moved_) {
     CombinedColumn result = last_;
     result.signal = std::visit([&](const auto& view) { return weighted_rows(view, curve_, weights_); }, frame);
     result.weights = weights_;
@@ -431,13 +431,15 @@ CombinedColumn ColumnFollower::combine(const AnyFramesView& frame) {
   }
   auto result = factor ? combined(pixels, *factor) : combined_from_covariance(pixels);
   if (!factor) age_ = 0;
-  result.slope = age_ % kSlopeInterval == 0 ? slope_of(pixels) : last_.slope;
+  result.slope = age_ % kSlopeInterval == 0 || moved_ ? slope_of(pixels) : last_.slope;
+  moved_ = false;
   weights_ = result.weights;
   last_ = {{}, {}, result.noise, result.quality, result.slope, result.saturated};
   return result;
 }
 
 void ColumnFollower::move(std::ptrdiff_t columns) {
+  moved_ = true;
   if (columns > 0)
     std::fill(std::shift_left(weights_.begin(), weights_.end(), columns), weights_.end(), 0.0);
   else

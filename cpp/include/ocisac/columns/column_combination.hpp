@@ -49,7 +49,7 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
 
 // combine_columns for successive frames of one light. The first frame's weights are estimated in full; later every
 // second frame takes one step of the factor model from the previous weights, in O(blocks · rows) instead of
-// O(blocks² · rows), and the frames between use the weights of the frame before.
+// O(blocks² · rows). The frames between use the weights of the frame before, unless the light moved.
 class ColumnFollower {
  public:
   explicit ColumnFollower(const ToneCurve& curve);
@@ -72,6 +72,7 @@ class ColumnFollower {
   std::vector<double> weights_;     // (columns) of the last frame
   CombinedColumn last_;             // noise, quality, saturation and slope at the last estimate
   std::size_t age_ = 0;             // frames since the last full estimate
+  bool moved_ = false;              // since the last estimate: the next frame needs one
   std::unique_ptr<Memory> memory_;  // reused from frame to frame
 };
 
