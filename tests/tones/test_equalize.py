@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
+import pathlib
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ import ocisac_fast.tones as of
 from ocisac_fast import Camera, reference
 from ocisac_fast.tones import EqualizerReport, lost_frequencies
 
+ROOT = pathlib.Path(__file__).resolve().parents[2]
 ROW_TIME = 10e-6
 Floats = npt.NDArray[np.float64]
 
@@ -52,6 +55,16 @@ def plain_inverse(column: Floats, exposure_rows: float, max_boost: float = 10.0)
 
 def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def equalisation() -> Any:
+    """The module bench/equalisation.py."""
+    spec = importlib.util.spec_from_file_location("equalisation", ROOT / "bench" / "equalisation.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 class TestRestores:
@@ -129,6 +142,38 @@ class TestRestores:
         assert wiener < 0.99 * inverse
         if chip_rows > exposure_rows:
             assert wiener < 0.4 * inverse
+
+    @pytest.mark.parametrize(
+        ("kind", "value", "exposure_rows", "sigma", "most"),
+        [
+            ("tone", 0.18, 5.0, 0.01, 0.01),
+            ("tone", 0.2, 3.0, 0.01, 0.01),
+            ("tone", 0.005, 3.0, 0.001, 0.001),
+            ("swell", 20.0, 12.0, 0.01, 0.005),
+            ("swell", 60.0, 3.0, 0.001, 0.0005),
+            ("swell", 8.0, 30.0, 0.05, 0.06),
+            ("chips", 9.0, 12.0, 0.01, 0.11),
+            ("chips", 30.0, 5.0, 0.05, 0.08),
+        ],
+    )
+    def test_wiener_is_behind_no_plain_method(
+        self, kind: str, value: float, exposure_rows: float, sigma: float, most: float
+    ) -> None:
+        error = equalisation().errors(kind, value, exposure_rows, sigma, 720, 6)
+        assert error["wiener"] < 1.06 * min(error["inverse"], error["shift"])  # 0.5 dB
+        assert error["wiener"] < most
+
+    @pytest.mark.parametrize(("kind", "value", "decibels"), [("swell", 20.0, 4), ("chips", 9.0, 1), ("chips", 3.0, 1)])
+    def test_wiener_is_near_what_all_covariances_allow(self, kind: str, value: float, decibels: float) -> None:
+        error = equalisation().errors(kind, value, 5.0, 0.01, 300, 10, draws=3000)
+        assert error["wiener"] < 10 ** (decibels / 20) * error["oracle"]
+
+    @pytest.mark.nightly
+    def test_wiener_over_the_grid_of_the_bench(self) -> None:
+        bench = equalisation()
+        for case in bench.cases():
+            error = bench.errors(*case, 720, 20)
+            assert error["wiener"] < 1.06 * min(error["inverse"], error["shift"]), case
 
     def test_last_half_exposure(self) -> None:
         """Chips without noise: the error grows where no later row saw the light, and stays bounded."""

@@ -48,6 +48,10 @@ MatrixXd solve_upper_transposed(const ConstMatrix& triangle, const ConstMatrix& 
   return triangle.triangularView<Eigen::Upper>().transpose().solve(right);
 }
 
+MatrixXd least_squares(const ConstMatrix& matrix, const ConstMatrix& right) {
+  return matrix.colPivHouseholderQr().solve(right);
+}
+
 MatrixXd solve_positive_definite(const ConstMatrix& matrix, const ConstMatrix& right) {
   return matrix.llt().solve(right);
 }

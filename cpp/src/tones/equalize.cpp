@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 
+#include "columns/light_and_noise.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -24,6 +25,7 @@ using Matrix = Eigen::MatrixXd;
 using Eigen::Index;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kMinAnalysedRows = 16;  // fewer rows do not determine a spectrum: wiener is the inverse
 
 void check_max_boost(double max_boost) {
   require(max_boost >= 1 && max_boost <= 1e6, "max_boost", max_boost, "1 to 1e6");
@@ -82,28 +84,6 @@ Line least_squares_line(std::span<const double> signal) {
   return line;
 }
 
-double mean_square(std::span<const double> signal) {
-  return std::inner_product(signal.begin(), signal.end(), signal.begin(), 0.0) / static_cast<double>(signal.size());
-}
-
-double mean_square_difference(std::span<const double> signal, std::size_t lag) {
-  double sum = 0;
-  for (std::size_t n = lag; n < signal.size(); ++n)
-    sum += (signal[n] - signal[n - lag]) * (signal[n] - signal[n - lag]);
-  return sum / static_cast<double>(signal.size() - lag);
-}
-
-// The power gain of y[n−1] − 2·y[n] + y[n+1] is 6 for white noise and small for light that changes slowly.
-double noise_power_of_second_differences(std::span<const double> signal) {
-  if (signal.size() < 3) return 0;
-  double sum = 0;
-  for (std::size_t n = 1; n + 1 < signal.size(); ++n) {
-    const double second = signal[n - 1] - 2 * signal[n] + signal[n + 1];
-    sum += second * second;
-  }
-  return sum / (6 * static_cast<double>(signal.size() - 2));
-}
-
 // Response of the exposure at k/length cycles per row, k = 0 … length/2: |H| with its sign, and its delay.
 struct Response {
   Response(std::size_t length_of_dft, double exposure_rows)
@@ -121,59 +101,6 @@ struct Response {
   std::vector<std::complex<double>> advance;
 };
 
-// Candidate power densities of the light: 1/(1 + (f/corner)²) with corners from 1/2 cycle per row down in half octaves,
-// and a flat one.
-class LightModel {
- public:
-  LightModel(const Response& response, std::size_t lag) : lag_(lag) {
-    candidates_.push_back(candidate(response, infinity));
-    for (int half_octaves = 0; half_octaves < 20; ++half_octaves)
-      candidates_.push_back(candidate(response, 0.5 * std::exp2(-0.5 * half_octaves)));
-  }
-
-  // Noise power over the light's power density at every frequency. Selects the candidate whose ratio of mean squared
-  // differences over `lag` rows is nearest that of the column (`residual`: without its line). Empty if the light is not
-  // above the noise.
-  [[nodiscard]] std::vector<double> noise_to_light(std::span<const double> residual, double noise_power) const {
-    const double light = mean_square(residual) - noise_power;
-    if (!(light > 0)) return {};
-    const double ratio = std::max((mean_square_difference(residual, lag_) - 2 * noise_power) / light, 1e-12);
-    const auto misfit = [&](const Candidate& c) { return std::abs(std::log(c.ratio / ratio)); };
-    const auto& best = *std::ranges::min_element(candidates_, {}, misfit);
-    std::vector<double> result(best.shape);
-    const double noise_to_mean = noise_power / light;  // divided first: the light may be close to the smallest number
-    for (double& value : result) value = noise_to_mean * best.power / value;
-    return result;
-  }
-
- private:
-  struct Candidate {
-    std::vector<double> shape;
-    double power;  // of the rows, for light of power density `shape`
-    double ratio;  // mean square of differences over `lag` rows over that of the rows
-  };
-
-  [[nodiscard]] Candidate candidate(const Response& response, double corner) const {
-    const std::size_t bins = response.sinc_at.size();
-    Candidate result{std::vector<double>(bins), 0, 0};
-    double difference = 0;
-    for (std::size_t k = 0; k < bins; ++k) {
-      const double f = response.frequency(static_cast<double>(k));
-      result.shape[k] = 1 / (1 + (f / corner) * (f / corner));
-      const double power = response.sinc_at[k] * response.sinc_at[k] * result.shape[k];
-      const double sine = std::sin(std::numbers::pi * f * static_cast<double>(lag_));
-      result.power += power;
-      difference += 4 * sine * sine * power;
-    }
-    result.ratio = difference / result.power;
-    result.power /= static_cast<double>(bins);
-    return result;
-  }
-
-  std::size_t lag_;
-  std::vector<Candidate> candidates_;
-};
-
 // ---- All columns ---------------------------------------------------------------------------------------------------
 
 class Equalizer {
@@ -185,9 +112,8 @@ class Equalizer {
         continuation_(continuation(rows, exposure_rows)),
         response_(optimal_dft_length(rows + 2 * static_cast<std::size_t>(continuation_.rows())), exposure_rows),
         restored_(response_.sinc_at.size(), 0.0) {
-    const double lag = std::min(std::ceil(exposure_rows / 4), static_cast<double>(rows - 1));
-    if (settings.method == EqualizerMethod::wiener)
-      light_model_.emplace(response_, static_cast<std::size_t>(std::max(lag, 1.0)));
+    if (settings.method == EqualizerMethod::wiener && rows >= kMinAnalysedRows)
+      analysis_.emplace(rows, exposure_rows, response_.length);
   }
 
   // Equalises `signals` (count × rows) in place; `noise` (count, or empty: estimated).
@@ -199,21 +125,24 @@ class Equalizer {
       lines[c] = least_squares_line(signal);
       for (std::size_t n = 0; n < rows_; ++n) signal[n] -= lines[c].at(static_cast<double>(n));
     }
+    std::vector<ColumnAnalysis::Result> analysed(count);
+    for (std::size_t c = 0; c < count && analysis_; ++c) {
+      const auto known = noise.empty() ? std::nullopt : std::optional(noise[c] * noise[c]);
+      if (known != 0.0) analysed[c] = analysis_->take_off_course(signals.subspan(c * rows_, rows_), known);
+    }
     auto spectra = half_spectra(extended(signals, count), response_.length);
     const std::size_t bins = response_.sinc_at.size();
     for (std::size_t c = 0; c < count; ++c) {
-      const auto residual = signals.subspan(c * rows_, rows_);
-      const double power = settings_.method == EqualizerMethod::inverse ? 0
-                           : noise.empty()                              ? noise_power_of_second_differences(residual)
-                                                                        : noise[c] * noise[c];
-      report.noise.push_back(std::sqrt(power));
-      report.noise_gain.push_back(filter(std::span(spectra).subspan(c * bins, bins), residual, power));
+      report.noise.push_back(std::sqrt(analysed[c].rest.noise));
+      const auto gain = analysed[c].course.empty() ? inverse_gain() : bounded(analysis_->gain(analysed[c].rest));
+      report.noise_gain.push_back(filter(std::span(spectra).subspan(c * bins, bins), gain));
     }
     const auto equalised = signals_of_half_spectra(spectra, response_.length);
     for (std::size_t c = 0; c < count; ++c)
       for (std::size_t n = 0; n < rows_; ++n)
-        signals[c * rows_ + n] =
-            equalised[c * response_.length + n] + lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
+        signals[c * rows_ + n] = equalised[c * response_.length + n] +
+                                 (analysed[c].course.empty() ? 0 : analysed[c].course[n]) +
+                                 lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
   }
 
   // Bands (cycles per row) whose restored amplitude, averaged over the columns so far, is below 1/2.
@@ -249,19 +178,27 @@ class Equalizer {
     return result;
   }
 
-  // G = H/max(|H|² + noise/light, 1/max_boost²) with H without its delay, which is corrected separately. Returns the
-  // noise gain.
-  double filter(std::span<std::complex<double>> spectrum, std::span<const double> residual, double noise_power) {
-    std::vector<double> noise_to_light(spectrum.size(), 0.0);
-    if (noise_power > 0) noise_to_light = light_model_->noise_to_light(residual, noise_power);
+  // G = H/max(|H|², 1/max_boost²) with H without its delay.
+  [[nodiscard]] std::vector<std::complex<double>> inverse_gain() const {
     const double floor = 1 / (settings_.max_boost * settings_.max_boost);
+    std::vector<std::complex<double>> gain;
+    for (const double h : response_.sinc_at) gain.emplace_back(h / std::max(h * h, floor));
+    return gain;
+  }
+
+  [[nodiscard]] std::vector<std::complex<double>> bounded(std::vector<std::complex<double>> gain) const {
+    for (auto& value : gain)
+      if (const double size = std::abs(value); size > settings_.max_boost) value *= settings_.max_boost / size;
+    return gain;
+  }
+
+  // Applies the gain and corrects the delay. Returns the noise gain.
+  double filter(std::span<std::complex<double>> spectrum, std::span<const std::complex<double>> gain) {
     double gain_power = 0;
     for (std::size_t k = 0; k < spectrum.size(); ++k) {
-      const double h = response_.sinc_at[k];
-      const double gain = noise_to_light.empty() ? 0 : h / std::max(h * h + noise_to_light[k], floor);
-      spectrum[k] *= gain * response_.advance[k];
-      restored_[k] += gain * h;
-      gain_power += gain * gain;
+      spectrum[k] *= gain[k] * response_.advance[k];
+      restored_[k] += gain[k].real() * response_.sinc_at[k];
+      gain_power += std::norm(gain[k]);
     }
     return std::sqrt(gain_power / static_cast<double>(spectrum.size()));
   }
@@ -271,8 +208,8 @@ class Equalizer {
   EqualizerSettings settings_;
   Matrix continuation_;
   Response response_;
-  std::optional<LightModel> light_model_;  // for wiener
-  std::vector<double> restored_;           // sum over columns of the restored fraction of the amplitude
+  std::optional<ColumnAnalysis> analysis_;  // for wiener
+  std::vector<double> restored_;            // sum over columns of the restored fraction of the amplitude
 };
 
 void write(const FramesView<double>& out, std::size_t frame, std::size_t first, std::span<const double> signals) {

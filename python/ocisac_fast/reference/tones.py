@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -415,37 +417,151 @@ def optimal_length(length: int) -> int:
 def _equalize_column(
     column: FloatArray, exposure_rows: float, weights: FloatArray, noise: float, max_boost: float
 ) -> FloatArray:
+    """``noise``: of a row; 0: the inverse; NaN: estimated."""
     rows = len(column)
     n = np.arange(rows)
     line = np.polynomial.Polynomial.fit(n, column, 1) if rows > 1 else np.polynomial.Polynomial([column[0]])
     residual = column - line(n)
     predicted, used = weights.shape
     length = optimal_length(rows + 2 * predicted)
+    f = np.arange(length // 2 + 1) / length
+    h = np.sinc(f * exposure_rows)
+    gain = (h / np.maximum(h**2, max_boost**-2)).astype(complex)
+    light = line(n + exposure_rows / 2)
+    if noise != 0 and rows >= 16:
+        residual, course, gain = _without_course(residual, exposure_rows, length, noise)
+        light = light + course
+        gain = gain * np.minimum(1, max_boost / np.maximum(np.abs(gain), 1e-300))
     after = weights @ residual[::-1][:used]
     before = (weights @ residual[:used])[::-1]
     extended = np.concatenate([residual, after, np.zeros(length - rows - 2 * predicted), before])
-    f = np.arange(length // 2 + 1) / length
-    h = np.sinc(f * exposure_rows)
-    gain = h / np.maximum(h**2 + _noise_to_light(residual, f, h, exposure_rows, noise), max_boost**-2)
     spectrum = np.fft.rfft(extended) * gain * np.exp(1j * np.pi * f * exposure_rows)
-    return np.asarray(np.fft.irfft(spectrum, length)[:rows] + line(n + exposure_rows / 2))
+    return np.asarray(np.fft.irfft(spectrum, length)[:rows] + light)
 
 
-def _noise_to_light(x: FloatArray, f: FloatArray, h: FloatArray, exposure_rows: float, noise: float) -> FloatArray:
-    """noise^2 / S(f); infinite if the light does not exceed the noise."""
-    power = noise**2
-    if np.isnan(noise):
-        power = float(np.mean(np.diff(x, 2) ** 2)) / 6 if len(x) > 2 else 0.0
-    if power == 0:
-        return np.zeros_like(f)
-    light = np.mean(x**2) - power
-    if light <= 0:
-        return np.full_like(f, np.inf)
-    lag = min(max(int(np.ceil(exposure_rows / 4)), 1), len(x) - 1)
-    ratio = max((np.mean((x[lag:] - x[:-lag]) ** 2) - 2 * power) / light, 1e-12)
-    corners = np.append(np.inf, 0.5 * 2.0 ** (-0.5 * np.arange(20)))
-    shapes = 1 / (1 + (f / corners[:, None]) ** 2)
-    seen = shapes * h**2
-    ratios = (seen * 4 * np.sin(np.pi * f * lag) ** 2).mean(axis=1) / seen.mean(axis=1)
-    shape = shapes[np.argmin(np.abs(np.log(ratios / ratio)))]
-    return np.asarray(power / light * np.mean(h**2 * shape) / shape)
+def _densities(f: FloatArray) -> FloatArray:
+    """(shapes, ...) power densities of light: flat, and three kinds of fall beyond corners at octaves."""
+    squares = [(f / (0.5 * 2.0**-octave)) ** 2 for octave in range(10)]
+    falls = [[1 / (1 + s), 1 / (1 + s) ** 2, np.exp(-np.minimum(s, 600))] for s in squares]
+    return np.stack([np.ones_like(f), *itertools.chain(*falls)])
+
+
+def _fit_spectrum(values: FloatArray, seen: FloatArray, noise: float) -> tuple[float, float, int]:
+    """Light, noise power and shape of the largest likelihood of a periodogram (Whittle)."""
+    group = -(-len(values) // 512)
+    groups = len(values) // group
+    values = values[: groups * group].reshape(groups, group).mean(axis=1)
+    seen = seen[:, : groups * group].reshape(len(seen), groups, group).mean(axis=2)
+    known, mean = not np.isnan(noise), float(values.mean())
+    nothing = (0.0, noise**2 if known else mean, 0)
+    if not mean > 1e-280:
+        return nothing
+    ratios = 4.0 ** np.arange(-12, 9)
+    powers = seen[:, np.newaxis] + ratios[:, np.newaxis]
+    sums = (values / powers).sum(axis=-1)
+    light = noise**2 / ratios if known else sums / groups
+    misfit = np.log(powers).sum(axis=-1) + groups * np.log(light) + sums / light
+    alone = groups * (np.log(noise**2) + mean / noise**2 if known else np.log(mean) + 1)
+    shape, ratio = np.unravel_index(np.argmin(misfit), misfit.shape)
+    if not (alone - misfit[shape, ratio]) * group > 6:
+        return nothing
+    level = float(np.broadcast_to(light, misfit.shape)[shape, ratio])
+    power, g = level * float(ratios[ratio]), seen[shape]
+    for _ in range(20):
+        p = level * g + power
+        level *= float(np.sqrt((values * g / p**2).sum() / (g / p).sum()))
+        if not known:
+            p = level * g + power
+            power *= float(np.sqrt((values / p**2).sum() / (1 / p).sum()))
+    return level, power, int(shape)
+
+
+def _without_course(
+    x: FloatArray, exposure_rows: float, length: int, noise: float
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.complex128]]:
+    """What is left of a column without its smooth course or its tones, the light of these, the gain for the rest."""
+    rows, n, f = len(x), np.arange(len(x)), np.arange(length // 2 + 1) / length
+    aliases = np.arange(-4, 5)[:, np.newaxis]
+    h = np.sinc((f + aliases) * exposure_rows)
+    aliased = h * np.sinc(f + aliases) * np.exp(1j * np.pi * aliases * exposure_rows)
+    density = _densities(f + aliases)
+    seen, wanted = (h**2 * density).sum(axis=1), (aliased * density).sum(axis=1)
+    wanted, seen = wanted / seen.mean(axis=1, keepdims=True), seen / seen.mean(axis=1, keepdims=True)
+    window = np.hanning(rows + 2)[1:-1]
+    window = window / np.linalg.norm(window)
+
+    def spectrum_of(values: FloatArray) -> FloatArray:
+        return np.asarray(np.abs(np.fft.rfft(values * window, length)) ** 2)
+
+    def waves(frequencies: list[float], later: float) -> FloatArray:
+        angle = 2 * np.pi * np.outer(n + later - (rows - 1) / 2, frequencies)
+        return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+
+    x, course = _without_trend(x, exposure_rows, noise, lambda rest: _fit_spectrum(spectrum_of(rest), seen, noise)[0])
+    tones: list[float] = []
+    rest: FloatArray = x
+    amplitudes: FloatArray = np.empty(0)
+    threshold, apart = np.log(len(f)) + 4, 2 / rows
+    for step in range(6):
+        values = spectrum_of(rest)
+        light, power, shape = _fit_spectrum(values, seen, noise)
+        if step == 5:
+            break
+        is_peak = (values[1:-1] > threshold * (light * seen[shape] + power)[1:-1]) & (values[1:-1] >= values[:-2])
+        is_peak &= (values[1:-1] > values[2:]) & (f[1:-1] > apart) & (f[1:-1] < 0.5 - apart)
+        peaks = np.flatnonzero(is_peak & (np.abs(np.sinc(f[1:-1] * exposure_rows)) > 0.1)) + 1
+        peaks = peaks[np.argsort(-values[peaks], kind="stable")]
+        found: list[float] = []
+        for k in peaks:
+            if values[k] < 0.01 * values[peaks[0]] or len(tones) + len(found) >= 12:
+                break
+            low, at, high = np.log(values[k - 1 : k + 2])
+            candidate = float((k + np.clip(0.5 * (low - high) / (low - 2 * at + high), -0.5, 0.5)) / length)
+            if all(abs(candidate - other) > apart for other in tones + found):
+                found.append(candidate)
+        if not found:
+            break
+        tones += found
+        for _ in range(2):
+            basis = waves(tones, 0)
+            amplitudes = np.asarray(np.linalg.lstsq(basis, x, rcond=None)[0])
+            cosines, sines = np.split(amplitudes, 2)
+            turn = 2 * np.pi * (n - (rows - 1) / 2)[:, np.newaxis]
+            slopes = turn * (sines * basis[:, : len(tones)] - cosines * basis[:, len(tones) :])
+            moves = np.linalg.lstsq(np.concatenate([basis, slopes], axis=1), x - basis @ amplitudes, rcond=None)[0]
+            moved = np.array(tones) + np.clip(moves[-len(tones) :], -0.5 / rows, 0.5 / rows)
+            tones = [float(tone) for tone in np.clip(moved, 1 / rows, 0.5 - 1 / rows)]
+        basis = waves(tones, 0)
+        amplitudes = np.asarray(np.linalg.lstsq(basis, x, rcond=None)[0])
+        rest = x - basis @ amplitudes
+    if tones:
+        course = course + waves(tones, exposure_rows / 2) @ (
+            amplitudes / np.tile(np.sinc(np.array(tones) * exposure_rows), 2)
+        )
+    gain = light * wanted[shape] / (light * seen[shape] + power) if light > 0 else np.zeros(len(f), complex)
+    return rest, course, np.asarray(gain)
+
+
+def _without_trend(
+    x: FloatArray, exposure_rows: float, noise: float, light_left: Callable[[FloatArray], float]
+) -> tuple[FloatArray, FloatArray]:
+    """A polynomial taken off where it leaves nothing but noise, and its light at the ends of the exposures."""
+    legendre, rows = np.polynomial.legendre, len(x)
+    n, terms = np.arange(rows), min(25, rows // 8 + 1)
+    scale, middle = (rows - 1 + exposure_rows) / 2, (rows - 1 - exposure_rows) / 2
+    end, begin = (n - middle) / scale, (n - exposure_rows - middle) / scale
+    each = [np.eye(terms)[k] for k in range(terms)]
+    light = np.stack([legendre.legval(end, c) for c in each], axis=1)
+    integrals = [legendre.legint(c) for c in each]
+    seen = np.stack([legendre.legval(end, c) - legendre.legval(begin, c) for c in integrals], axis=1)
+    q, r = np.linalg.qr(seen * scale / exposure_rows)
+    parts, whole = q.T @ x, x @ x
+    left = np.maximum(whole - np.cumsum(parts**2), 1e-28 * whole)
+    if whole == 0:
+        return x, np.zeros(rows)
+    kept = int(np.argmin((rows * np.log(left) + 2 * np.log(rows) * np.arange(terms))[1:])) + 2
+    allowed = 1.3 * (noise**2 if not np.isnan(noise) else np.mean(np.diff(x, 2) ** 2) / 6)
+    rest = x - q[:, :kept] @ parts[:kept]
+    if kept <= 2 or left[kept - 1] / (rows - kept) > allowed or light_left(rest) > 0:
+        return x, np.zeros(rows)
+    return rest, np.asarray(np.linalg.solve(r.T, light.T).T[:, :kept] @ parts[:kept])

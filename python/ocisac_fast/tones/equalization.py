@@ -76,9 +76,14 @@ def equalize(
 
         G(f) = H / max(|H|^2 + noise^2 / S(f), 1 / max_boost^2) * exp(j pi f T_e),   H = sinc(f T_e)
 
-    and the line, shifted by half an exposure, is added. For ``"inverse"`` the noise term is 0, so that G = 1/H wherever
-    |H| >= 1/max_boost, and G falls to 0 at the nulls of H. For ``"wiener"`` S(f) is the light's power density, a
-    constant over 1 + (f/corner)^2 fitted to each column. Constants and ramps are exact.
+    and gets its line back, half an exposure earlier. For ``"inverse"`` the noise term is 0, so that G = 1/H wherever
+    |H| >= 1/max_boost, and G falls to 0 at the nulls of H. For ``"wiener"`` a polynomial that leaves nothing but noise,
+    or tones, are taken off as well and come back as their light; S(f), the light's power density in what is left, and
+    the noise are estimated together (docs/tones.md). Constants and ramps are exact where the exposure is shorter than
+    the frame.
+
+    The result estimates the light at t_n; where it changes within a row, ``"wiener"`` estimates its mean over a row
+    time about t_n.
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order; finite.
@@ -86,8 +91,8 @@ def equalize(
             or more returns the mean of the column.
         method: ``"inverse"`` or ``"wiener"``.
         noise: RMS noise of a row for ``"wiener"``, in linear light (DN above dark), 0 or above: a scalar or one value
-            per column ((columns,) or (frames, columns)); None: estimated from second differences along each column,
-            which include fast changes of the light. 0 gives the inverse.
+            a column ((columns,) or (frames, columns)); None: estimated with the light's spectrum, for each column.
+            0, or fewer than 16 rows, gives the inverse.
         max_boost: largest factor at any frequency, 1 to 1e6: 20 log10(max_boost) dB.
         out: float64 array of the same shape for the result; it may be ``columns`` itself.
         report: also return an :class:`EqualizerReport`.
