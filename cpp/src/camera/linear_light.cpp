@@ -56,6 +56,10 @@ Shape shape_of(const AnyFramesView& frames) {
   return std::visit([](const auto& view) { return Shape{view.frames, view.rows, view.columns}; }, frames);
 }
 
+AnyFramesView frame_of(const AnyFramesView& frames, std::size_t index) {
+  return std::visit([&](const auto& view) -> AnyFramesView { return view.frame(index); }, frames);
+}
+
 double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
   return std::visit([&]<class T>(const FramesView<const T>&) { return saturation_level<T>(curve); }, frames);
 }

@@ -124,6 +124,7 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
   freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
   covariance_ = dense(chosen.covariance);
+  design_ = dense(chosen.design);
   gram_ = dense(transposed_product(chosen.design, chosen.design));
   // The mean's row is omitted: with those of the tones, the plain sum spans the same estimates.
   const auto tones = chosen.weights.rows() - 1;
@@ -193,6 +194,19 @@ void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t firs
   kernels::parameters_of_sums({estimates_, count, sums.totals.size(), &sums.totals[first], &sums.sums[first],
                                &sums.squares[first], (bytes ? of_bytes_ : of_samples_).data(), gram_.data(), freedom_},
                               to.parameters.data(), to.noise_variance.data());
+}
+
+StreamingFit::Residual StreamingFit::residual(std::span<const double> column) const {
+  const auto size = static_cast<Eigen::Index>(estimates_), groups = static_cast<Eigen::Index>(weights_.groups());
+  const auto rows_in_one = static_cast<std::size_t>(weights_.row_group());
+  Eigen::VectorXd sums = Eigen::VectorXd::Zero(groups), weighted(size);
+  for (std::size_t row = 0; row < weights_.groups() * rows_in_one; ++row)
+    sums(static_cast<Eigen::Index>(row / rows_in_one)) += column[row];
+  weighted(0) = sums.sum();
+  weighted.tail(size - 1) = Eigen::Map<const RowMajor>(weights_.weights().data(), size - 1, groups) * sums;
+  const Eigen::VectorXd parameters = Eigen::Map<const RowMajor>(of_samples_.data(), size, size) * weighted;
+  sums -= Eigen::Map<const RowMajor>(design_.data(), groups, size) * parameters;
+  return {{parameters.begin(), parameters.end()}, {sums.begin(), sums.end()}};
 }
 
 }  // namespace ocisac

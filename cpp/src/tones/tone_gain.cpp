@@ -7,6 +7,7 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <numeric>
 #include <string>
 
 #include "core/linear_algebra.hpp"
@@ -18,6 +19,7 @@
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 #include "tones/streaming_fit.hpp"
+#include "tones/surroundings.hpp"
 
 namespace ocisac {
 
@@ -63,6 +65,7 @@ struct Context {
   const ToneGainOptions* options;
   Shape shape;
   bool whole_numbers;  // samples are light in steps of 1
+  std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
 };
 
 // Phase of H: half an exposure of delay, and π where sinc is negative.
@@ -273,6 +276,7 @@ std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
 std::unique_ptr<Estimator> fit_estimator(Context& context) {
   std::vector<ModelTone> model_tones;
   for (const Tone& tone : context.tones) model_tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
+  for (const double cycles : context.others) model_tones.push_back({cycles, {1}});
   auto model = harmonic_model(context.shape.rows, model_tones);
   const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
@@ -309,8 +313,7 @@ Context make_context(const AnyFramesView& frames, const Camera& camera, std::spa
                      const ToneGainOptions& options) {
   check(camera);
   check(frames);
-  const bool integers = std::holds_alternative<FramesView<const std::uint8_t>>(frames) ||
-                        std::holds_alternative<FramesView<const std::uint16_t>>(frames);
+  const bool integers = holds_integers(frames);
   Context context{{},
                   full_depth_ratio(options.waveform, options.duty),
                   &camera,
@@ -347,6 +350,17 @@ void check_room(const ToneGainView& result, std::size_t size) {
 
 bool holds_bytes(const AnyFramesView& frames) { return std::holds_alternative<FramesView<const std::uint8_t>>(frames); }
 
+// Cycles per row of all oscillations of the model: tones first, then their harmonics, then other tones.
+std::vector<double> model_cycles(const Context& context) {
+  std::vector<double> cycles;
+  for (const Tone& tone : context.tones) cycles.push_back(tone.cycles_per_row);
+  for (const Tone& tone : context.tones)
+    for (const int harmonic : harmonics_of(context, tone))
+      if (harmonic != 1) cycles.push_back(harmonic * tone.cycles_per_row);
+  cycles.insert(cycles.end(), context.others.begin(), context.others.end());
+  return cycles;
+}
+
 // Plan of a pass over the stored pixels if it is as accurate as the float64 fit of linear light; else null. At full
 // efficiency floats use the latter, whose residual is exact too.
 std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
@@ -356,12 +370,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   if (options.method != GainMethod::fit || context.camera->tone_curve.kind != ToneCurve::Kind::linear ||
       (options.efficiency == 1 && !integers))
     return nullptr;
-  std::vector<double> cycles;  // tones first, then their harmonics
-  for (const Tone& tone : context.tones) cycles.push_back(tone.cycles_per_row);
-  for (const Tone& tone : context.tones)
-    for (const int harmonic : harmonics_of(context, tone))
-      if (harmonic != 1) cycles.push_back(harmonic * tone.cycles_per_row);
-  auto fit = StreamingFit::plan(context.shape.rows, cycles, options.efficiency, holds_bytes(frames));
+  auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), options.efficiency, holds_bytes(frames));
   if (!fit->well_posed()) return nullptr;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
@@ -513,26 +522,18 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
   return pooled;
 }
 
-}  // namespace
-
-double full_depth_ratio(WaveformShape waveform, double duty) {
-  return waveform == WaveformShape::tone ? 1.0 : 2 * sinc(duty);
-}
-
-void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-               const ToneGainOptions& options, const ToneGainView& result) {
-  Context context = make_context(frames, camera, frequencies, options);
-  const auto [frame_count, rows, columns] = context.shape;
-  check_room(result, frequencies.size() * frame_count * columns);
+// Gains of all columns by one model.
+void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
+  const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   const auto estimator = make_estimator(context);
-  const double level = saturation_level(frames, camera.tone_curve);
+  const double level = saturation_level(frames, context.camera->tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
-  for_each_block(frame_count * blocks, options.threads, [&](std::size_t block) {
+  for_each_block(frame_count * blocks, context.options->threads, [&](std::size_t block) {
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
-    auto estimates = estimator->estimate(column_signals(frames, frame, first, count, camera.tone_curve));
+    auto estimates = estimator->estimate(column_signals(frames, frame, first, count, context.camera->tone_curve));
     std::vector<Flags> of_pixels(count);
     for (std::size_t i = 0; i < count; ++i)
       of_pixels[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames)
@@ -543,6 +544,194 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
       write_result(context, context.tones[k], estimates[k].view(), of_pixels, index_of(context, k, frame) + first,
                    result);
     }
+  });
+}
+
+std::vector<FittedLight> lights_of(const Context& context) {
+  const auto& exposure = context.camera->exposure;
+  const bool square = context.options->waveform == WaveformShape::square;
+  std::vector<FittedLight> lights;
+  for (const Tone& tone : context.tones)
+    lights.push_back(
+        {tone.cycles_per_row, exposure ? tone.frequency * *exposure : kNaN, square ? context.options->duty : 0});
+  return lights;
+}
+
+// Mean of up to 16 neighbouring columns with the strongest tone, without saturated ones; empty if all are.
+std::vector<double> strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
+                                      const ToneGainView& result) {
+  constexpr std::size_t kMaxColumns = 16;
+  constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
+  const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
+  const auto level = [&](std::size_t column) { return result.gain[start + column] * result.mean[start + column]; };
+  std::size_t longest = 0;
+  for (std::size_t i = 0, run = 0; i < columns; ++i) {
+    run = result.flags[start + i] & kUnusable ? 0 : run + 1;
+    longest = std::max(longest, run);
+  }
+  if (longest == 0) return {};
+  const std::size_t count = std::min(kMaxColumns, longest);
+  double best = -1, sum = 0;
+  std::size_t first = 0;
+  for (std::size_t i = 0, run = 0; i < columns; ++i) {
+    const bool usable = !(result.flags[start + i] & kUnusable);
+    run = usable ? run + 1 : 0;
+    sum = usable ? sum + level(i) - (run > count ? level(i - count) : 0) : 0;
+    if (run >= count && sum > best) {
+      best = sum;
+      first = i + 1 - count;
+    }
+  }
+  const auto signals = column_signals(frames, frame, first, count, context.camera->tone_curve);
+  std::vector<double> mean(context.shape.rows);
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t row = 0; row < mean.size(); ++row)
+      mean[row] += signals[i * mean.size() + row] / static_cast<double>(count);
+  return mean;
+}
+
+double square_sum(std::span<const double> values) {
+  return std::inner_product(values.begin(), values.end(), values.begin(), 0.0);
+}
+
+// False if the model leaves nothing but noise of a column: the test of every frame, a thousand times faster than
+// `surroundings`.
+bool may_have_surroundings(const StreamingFit& fit, const Context& context, std::span<const double> column) {
+  constexpr double kRounding = 1e-9;  // of the column
+  if (!fit.well_posed()) return false;
+  const auto [parameters, left] = fit.residual(column);
+  if (square_sum(left) <= kRounding * kRounding * square_sum(column)) return false;
+  if (!is_white(left)) return true;
+  if (context.options->waveform != WaveformShape::square || context.tones.size() != 1) return false;
+  const auto orders = harmonics_of(context, context.tones[0]);
+  std::vector<HarmonicLine> lines;
+  for (std::size_t k = 0; k < orders.size(); ++k)
+    lines.push_back({orders[k], {parameters[2 * k + 1], -parameters[2 * k + 2]}});
+  const double noise = square_sum(left) / fit.freedom();
+  return harmonic_distortion(lights_of(context)[0], lines, noise * fit.covariance(1, 1)) > 0;
+}
+
+Surroundings surroundings_of(const Context& context, bool bytes, std::span<const double> column) {
+  const auto fit =
+      StreamingFit::plan(context.shape.rows, model_cycles(context), context.options->efficiency, bytes);
+  if (column.empty() || !may_have_surroundings(*fit, context, column)) return {};
+  return surroundings(column, lights_of(context));
+}
+
+// Flags columns that the distortion may bias by half a standard error.
+void flag_misfit(const Surroundings& around, std::size_t first, std::size_t count, const ToneGainView& result) {
+  if (!around.inseparable && around.distortion == 0) return;
+  for (std::size_t i = first; i < first + count; ++i)
+    if (around.inseparable || around.distortion * result.gain[i] > 0.5 * result.gain_std[i])
+      result.flags[i] |= flag::model_misfit;
+}
+
+// The options for one frame of those for many.
+ToneGainOptions options_of(const Context& context, std::size_t frame) {
+  ToneGainOptions options = *context.options;
+  const std::size_t columns = context.shape.columns;
+  if (options.background.size() > 1) options.background = options.background.subspan(frame * columns, columns);
+  return options;
+}
+
+// Fits the frame again with the other tones.
+void fit_with_others(const AnyFramesView& frames, const Context& context, std::size_t frame,
+                     const std::vector<double>& others, const ToneGainView& result) {
+  const ToneGainOptions options = options_of(context, frame);
+  std::vector<double> frequencies;
+  for (const Tone& tone : context.tones) frequencies.push_back(tone.frequency);
+  const AnyFramesView one = frame_of(frames, frame);
+  Context with_others = make_context(one, *context.camera, frequencies, options);
+  with_others.others = others;
+  const std::size_t columns = context.shape.columns;
+  ToneGain found = empty_result(frequencies.size(), 1, columns);
+  gains_of_model(one, with_others, view_of(found));
+  const auto copy = [&](const auto& from, auto to, std::size_t tone) {
+    std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(tone * columns), columns,
+                to.begin() + static_cast<std::ptrdiff_t>(index_of(context, tone, frame)));
+  };
+  for (std::size_t tone = 0; tone < frequencies.size(); ++tone) {
+    copy(found.gain, result.gain, tone);
+    copy(found.gain_std, result.gain_std, tone);
+    copy(found.phase, result.phase, tone);
+    copy(found.mean, result.mean, tone);
+    copy(found.snr, result.snr, tone);
+    copy(found.flags, result.flags, tone);
+  }
+}
+
+void check_frame(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
+  const auto around = surroundings_of(context, holds_bytes(frames), strongest_columns(frames, context, frame, result));
+  if (!around.tones.empty()) fit_with_others(frames, context, frame, around.tones, result);
+  for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
+    flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
+}
+
+// Number of samples of 0 in each column of a frame.
+std::vector<std::uint32_t> count_black(const AnyFramesView& frames, std::size_t frame) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        std::vector<std::uint32_t> black(view.columns);
+        for (std::size_t row = 0; row < view.rows; ++row) {
+          const T* samples = &view(frame, row, 0);
+          if (view.column_stride == 1)
+            for (std::size_t i = 0; i < view.columns; ++i) black[i] += samples[i] == 0;
+          else
+            for (std::size_t i = 0; i < view.columns; ++i) black[i] += view(frame, row, i) == 0;
+        }
+        return black;
+      },
+      frames);
+}
+
+// Clipping at black loses the lower half of the noise. Columns whose light and noise cannot reach black are not
+// counted: light is at least mean − 1.5 Σ amplitudes, or that of the lamp when off.
+bool may_reach_black(const Context& context, std::size_t frame, std::size_t column, const ToneGainView& result) {
+  constexpr double kDepth = 1.5, kNoise = 4, kHalfStep = 0.5;
+  const std::size_t i = index_of(context, 0, frame) + column;
+  const double off = context.camera->tone_curve.dark_level + background_of(context, frame, column);
+  const double level = result.gain[i] * result.mean[i];
+  const double reach = kNoise * level / std::sqrt(result.snr[i]) + kHalfStep;
+  double depth = 0;
+  for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
+    const std::size_t own = index_of(context, tone, frame) + column;
+    depth += kDepth * context.ratio * result.gain[own] * result.mean[own];
+  }
+  return off < reach && result.mean[i] + off - depth < reach;
+}
+
+void flag_black(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
+  const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
+  constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
+  std::vector<std::size_t> suspects;
+  for (std::size_t i = 0; i < columns; ++i)
+    if (!(result.flags[start + i] & kSettled) &&
+        (context.camera->tone_curve.kind != ToneCurve::Kind::linear || may_reach_black(context, frame, i, result)))
+      suspects.push_back(i);
+  if (suspects.empty()) return;
+  const auto black = count_black(frames, frame);
+  // At k samples the mean is raised by at most 0.8 σ k/rows: less than its standard error σ/√rows for k below √rows.
+  const double allowed = 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
+  for (const std::size_t i : suspects)
+    for (std::size_t tone = 0; black[i] > allowed && tone < context.tones.size(); ++tone)
+      result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
+}
+
+}  // namespace
+
+double full_depth_ratio(WaveformShape waveform, double duty) {
+  return waveform == WaveformShape::tone ? 1.0 : 2 * sinc(duty);
+}
+
+void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+               const ToneGainOptions& options, const ToneGainView& result) {
+  Context context = make_context(frames, camera, frequencies, options);
+  check_room(result, frequencies.size() * context.shape.frames * context.shape.columns);
+  gains_of_model(frames, context, result);
+  if (options.method != GainMethod::fit || !options.check_surroundings) return;
+  for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
+    check_frame(frames, context, frame, result);
+    if (holds_integers(frames)) flag_black(frames, context, frame, result);
   });
 }
 
@@ -562,12 +751,27 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
   check_room(result, frequencies.size() * context.shape.frames);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
-    auto estimates = estimator->estimate(pooled.signal);
-    for (std::size_t k = 0; k < context.tones.size(); ++k) {
-      estimates[k].mean[0] -= pooled.background;
-      write_result(context, context.tones[k], estimates[k].view(),
-                   std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame, result);
+    const auto write = [&](const Context& of_fit, const Estimator& own) {
+      auto estimates = own.estimate(pooled.signal);
+      for (std::size_t k = 0; k < of_fit.tones.size(); ++k) {
+        estimates[k].mean[0] -= pooled.background;
+        write_result(of_fit, of_fit.tones[k], estimates[k].view(),
+                     std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame,
+                     result);
+      }
+    };
+    write(context, *estimator);
+    if (options.method != GainMethod::fit || !options.check_surroundings || pooled.saturated) return;
+    const Surroundings around = surroundings_of(context, false, pooled.signal);
+    if (!around.tones.empty()) {
+      Context with_others = make_context(frames, camera, frequencies, options);
+      with_others.whole_numbers = false;
+      with_others.others = around.tones;
+      const auto own = make_estimator(with_others);
+      write(with_others, *own);
     }
+    for (std::size_t k = 0; k < context.tones.size(); ++k)
+      flag_misfit(around, k * context.shape.frames + frame, 1, result);
   });
 }
 

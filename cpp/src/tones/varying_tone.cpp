@@ -193,7 +193,7 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
   const std::array<double, 1> frequencies{frequency};
   const ToneGain steady =
       tone_gain(frames, camera, frequencies,
-                {GainMethod::fit, options.waveform, options.duty, options.background, 1.0, options.threads});
+                {GainMethod::fit, options.waveform, options.duty, options.background, 1.0, options.threads, false});
   const Shape shape = shape_of(frames);
   VaryingToneGain result = empty_result(shape.frames, shape.columns);
   const Plan plan = make_plan(shape.rows, frequency * camera.row_time, options);

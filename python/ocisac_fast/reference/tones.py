@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference.camera import linear_light, saturation_level
+from ocisac_fast.reference.surroundings import Light, Surroundings, harmonic_distortion, is_white, surroundings
 from ocisac_fast.tones.gain import ToneGain
 from ocisac_fast.tones.varying_tone import VaryingToneGain
 
@@ -50,18 +51,78 @@ def tone_gain(
     estimate = _fit if method == "fit" else _dft
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
     harmonics_of = _only_fundamental if waveform == "tone" else _square_harmonics(duty)
-    results = []
-    for frame, b, s in zip(light, ambient, saturated, strict=True):
+    cycles = tones * camera.row_period
+    exposure_cycles = tones * (np.nan if camera.exposure is None else camera.exposure)
+    lights = [Light(c, e, duty if waveform == "square" else 0.0) for c, e in zip(cycles, exposure_cycles, strict=True)]
+
+    def gains(frame: FloatArray, b: FloatArray, s: Any, others: tuple[float, ...] = ()) -> list[FloatArray]:
+        fitted = np.append(cycles, others)
         per_tone = [
             _gain(parts, frame_flags, f, camera, ratio, b, s, whole_numbers)
             for f, (parts, frame_flags) in zip(
-                tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True
+                tones, estimate(frame, fitted, lambda c: harmonics_of(c) if c in cycles else [1]), strict=False
             )
         ]
-        results.append([np.stack(values) for values in zip(*per_tone, strict=True)])
+        return [np.stack(values) for values in zip(*per_tone, strict=True)]
+
+    clipped = np.zeros(saturated.shape, dtype=bool)
+    if stored.dtype in (np.uint8, np.uint16) and not pooled:
+        clipped = np.sum(stored.reshape(light.shape) == 0, axis=1) > 0.5 * np.sqrt(light.shape[1])
+    results = []
+    for frame, b, s, black in zip(light, ambient, saturated, clipped, strict=True):
+        found = gains(frame, b, s)
+        if method == "fit":
+            around = _surroundings(_strongest(frame, found), lights, harmonics_of)
+            if around.tones:
+                found = gains(frame, b, s, around.tones)
+            biased = around.distortion * found[0] > 0.5 * found[1]
+            found[5][biased | around.inseparable] |= np.uint32(Flag.MODEL_MISFIT)
+            settled = np.uint32(Flag.SATURATED | Flag.UNRESOLVABLE | Flag.NO_LIGHT | Flag.WEAK)
+            found[5][:, black & (found[5][0] & settled == 0)] |= np.uint32(Flag.SATURATED)
+        results.append(found)
     arrays = [np.stack(values, axis=1) for values in zip(*results, strict=True)]  # (tones, frames, columns)
     out_shape = np.shape(frequency) + shape[:-2] + (() if pooled else shape[-1:] * (len(shape) > 1))
     return ToneGain(*(values.reshape(out_shape) for values in arrays))
+
+
+def _strongest(frame: FloatArray, found: list[FloatArray]) -> FloatArray:
+    """Mean of up to 16 neighbouring columns with the strongest first tone, without saturated ones; empty if all are."""
+    gain, _, _, mean, _, flags = (values[0] for values in found)
+    level = gain * mean
+    level[flags & np.uint32(Flag.SATURATED | Flag.UNRESOLVABLE | Flag.NO_LIGHT) != 0] = np.nan
+    usable = np.isfinite(level)
+    if not usable.any():
+        return np.empty(0)
+    count = min(16, max(len(run) for run in "".join("x" if u else " " for u in usable).split()))
+    first = int(np.nanargmax(np.convolve(level, np.ones(count), "valid")))
+    return np.asarray(frame[:, first : first + count].mean(axis=1))
+
+
+def _surroundings(column: FloatArray, lights: list[Light], harmonics_of: Any) -> Surroundings:
+    """Those of a column that the model does not explain."""
+    harmonics = [[light.cycles * h for h in harmonics_of(light.cycles)] for light in lights]
+    every = np.concatenate(harmonics)
+    rows, estimates = column.size, 1 + 2 * every.size
+    if rows <= 2 * estimates:
+        return Surroundings()
+    (_, _, _, _, covariance), flags = next(iter(_fit(column[:, None], every, _only_fundamental)))
+    if any(
+        f & (Flag.FEW_CYCLES | Flag.UNRESOLVABLE | Flag.ILL_CONDITIONED)
+        for _, f in _fit(column[:, None], every, _only_fundamental)
+    ):
+        return Surroundings()
+    design = np.ones((rows, estimates))
+    for k, c in enumerate(every):
+        phase = _phase(c, np.arange(rows) - (rows - 1) / 2)
+        design[:, 1 + 2 * k], design[:, 2 + 2 * k] = np.cos(phase), np.sin(phase)
+    parameters = np.linalg.lstsq(design, column, rcond=None)[0]
+    left = column - design @ parameters
+    if left @ left <= 1e-18 * (column @ column):
+        return Surroundings()
+    noise = (left @ left) / (rows - estimates) * covariance[1, 1]
+    lines = parameters[1::2] - 1j * parameters[2::2]
+    distorted = len(lights) == 1 and harmonic_distortion(lights[0], harmonics_of(every[0]), lines, noise) > 0
+    return surroundings(column, lights) if distorted or not is_white(left) else Surroundings()
 
 
 def _pool(

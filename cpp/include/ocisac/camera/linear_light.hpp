@@ -17,6 +17,7 @@ struct Shape {
   std::size_t frames, rows, columns;
 };
 Shape shape_of(const AnyFramesView& frames);
+AnyFramesView frame_of(const AnyFramesView& frames, std::size_t index);
 
 // That of the samples' type.
 double saturation_level(const AnyFramesView& frames, const ToneCurve& curve);

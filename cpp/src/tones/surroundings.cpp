@@ -1,0 +1,335 @@
+#include "tones/surroundings.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/QR>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <numbers>
+#include <optional>
+
+#include "core/spectrum.hpp"
+#include "ocisac/light/exposure_response.hpp"
+#include "ocisac/tones/tone_design.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr std::size_t kMaxTones = 3;
+constexpr double kPeak = 20;         // of the residual's periodogram over its floor, for a significant tone
+constexpr double kExplained = 0.05;  // max fraction of the residual's energy above the noise that tones may leave
+constexpr double kCorrelated = 6;    // standard errors of a correlation from row to row
+constexpr double kNearNull = 0.05;
+constexpr std::size_t kPadding = 4;  // of the periodogram
+
+double middle_of(Index rows) { return (static_cast<double>(rows) - 1) / 2; }
+
+MatrixXd design_matrix(const ToneDesign& design) {
+  const std::vector<double> values = design.matrix();
+  return Eigen::Map<const MatrixXd>(values.data(), static_cast<Index>(design.rows),
+                                    static_cast<Index>(design.columns()));
+}
+
+// Cosine and sine of each tone, (rows × 2·tones).
+MatrixXd waves_of(std::vector<double> tones, Index rows) {
+  const auto columns = 2 * static_cast<Index>(tones.size());
+  return design_matrix({static_cast<std::size_t>(rows), std::move(tones)}).rightCols(columns);
+}
+
+// All harmonics below half the row rate, at least a quarter of a bin apart; at most one for eight rows.
+std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t row_count) {
+  const auto rows = static_cast<double>(row_count);
+  std::vector<double> all, kept;
+  for (const double cycles : lights)
+    for (int h = 1; h * cycles < 0.5 - 0.5 / rows; ++h) all.push_back(h * cycles);
+  std::ranges::sort(all);
+  for (const double cycles : all)
+    if ((kept.empty() || cycles - kept.back() > 0.25 / rows) && kept.size() < row_count / 8) kept.push_back(cycles);
+  return kept;
+}
+
+MatrixXd make_basis(std::vector<double> harmonics, std::size_t rows, std::size_t degree) {
+  const std::size_t room = rows / 2 / (degree + 1);  // terms that leave half of the degrees of freedom
+  harmonics.resize(std::min(harmonics.size(), (std::max<std::size_t>(room, 1) - 1) / 2));
+  const MatrixXd design = design_matrix({rows, std::move(harmonics), degree, degree});
+  const Eigen::HouseholderQR<MatrixXd> qr(design);
+  return qr.householderQ() * MatrixXd::Identity(design.rows(), design.cols());
+}
+
+// Orthonormal bases of polynomials times mean and harmonics.
+struct Space {
+  Space(std::vector<double> of_harmonics, std::size_t rows)
+      : harmonics(std::move(of_harmonics)), steady(make_basis(harmonics, rows, 0)), rows_(rows) {}
+  std::vector<double> harmonics;  // cycles per row, ascending
+  MatrixXd steady;                // degree 0
+  // Degree 2; decomposed when first asked for.
+  [[nodiscard]] const MatrixXd& varying() const {
+    std::call_once(once_, [&] { varying_ = make_basis(harmonics, rows_, 2); });
+    return varying_;
+  }
+
+ private:
+  std::size_t rows_;
+  mutable std::once_flag once_;
+  mutable MatrixXd varying_;
+};
+
+// The last used spaces: their decomposition takes longer than all else.
+std::shared_ptr<const Space> space_of(std::size_t rows, const std::vector<double>& cycles_per_row) {
+  struct Kept {
+    std::size_t rows;
+    std::vector<double> cycles_per_row;
+    std::shared_ptr<const Space> space;
+  };
+  constexpr std::size_t kKept = 4;
+  static std::mutex mutex;
+  static std::list<Kept> kept;  // most recently used first
+  const std::lock_guard lock(mutex);
+  const auto found = std::ranges::find_if(
+      kept, [&](const Kept& k) { return k.rows == rows && k.cycles_per_row == cycles_per_row; });
+  if (found != kept.end()) {
+    kept.splice(kept.begin(), kept, found);
+    return found->space;
+  }
+  kept.push_front({rows, cycles_per_row,
+                   std::make_shared<const Space>(all_harmonics(cycles_per_row, rows), rows)});
+  if (kept.size() > kKept) kept.pop_back();
+  return kept.front().space;
+}
+
+template <class Vectors>
+MatrixXd beside(const MatrixXd& basis, const Vectors& vectors) {
+  return vectors - basis * (basis.transpose() * vectors);
+}
+
+// Power in bins of 1/(length·padding) cycles per row, over the rows.
+std::vector<double> periodogram(const VectorXd& residual, std::size_t padding) {
+  const auto rows = static_cast<std::size_t>(residual.size());
+  std::vector<double> padded(rows * padding);
+  std::copy(residual.begin(), residual.end(), padded.begin());
+  std::vector<double> power;
+  for (const auto& line : half_spectra(padded, padded.size())) power.push_back(std::norm(line) / double(rows));
+  return power;
+}
+
+// Variance of white noise: the median of the upper half of the periodogram over that of an exponential variate.
+double noise_floor(const VectorXd& residual) {
+  auto power = periodogram(residual, 1);
+  power.erase(power.begin(), power.begin() + static_cast<std::ptrdiff_t>(power.size() / 2));
+  const auto middle = power.begin() + static_cast<std::ptrdiff_t>(power.size() / 2);
+  std::ranges::nth_element(power, middle);
+  const double upper = *middle;
+  const double median = power.size() % 2 ? upper : (upper + *std::max_element(power.begin(), middle)) / 2;
+  return median / std::numbers::ln2;
+}
+
+// Energy that a tone explains beside the basis.
+double explained_energy(double cycles_per_row, const MatrixXd& basis, const VectorXd& residual) {
+  const MatrixXd own = beside(basis, waves_of({cycles_per_row}, residual.size()));
+  if (own.squaredNorm() < 1e-3 * static_cast<double>(residual.size())) return 0;
+  const VectorXd fitted = own * own.colPivHouseholderQr().solve(residual);
+  return fitted.dot(residual);
+}
+
+VectorXd least_squares(const MatrixXd& design, const VectorXd& values) {
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(design.rows(), design.cols());
+  qr.setThreshold(1e-6);
+  return qr.compute(design).solve(values);
+}
+
+struct TonesFound {
+  std::vector<double> cycles_per_row;
+  VectorXd left;
+};
+
+// Gauss–Newton on all frequencies together.
+TonesFound refine(std::vector<double> tones, const MatrixXd& basis, const VectorXd& column) {
+  constexpr int kSteps = 6;
+  const Index rows = column.size(), count = static_cast<Index>(tones.size());
+  const double bin = 1 / static_cast<double>(rows);
+  const VectorXd u = VectorXd::LinSpaced(rows, -middle_of(rows), middle_of(rows)) * (2 * std::numbers::pi);
+  for (int step = 0; step < kSteps; ++step) {
+    const MatrixXd waves = waves_of(tones, rows);
+    MatrixXd slopes(rows, count), both(rows, 3 * count);
+    both.leftCols(2 * count) = beside(basis, waves);
+    const VectorXd levels = least_squares(both.leftCols(2 * count), column);
+    for (Index k = 0; k < count; ++k)
+      slopes.col(k) =
+          u.cwiseProduct(levels(2 * k + 1) * waves.col(2 * k) - levels(2 * k) * waves.col(2 * k + 1));
+    both.rightCols(count) = beside(basis, slopes);
+    const VectorXd moves = least_squares(both, column).tail(count);
+    for (Index k = 0; k < count; ++k) {
+      double& tone = tones[static_cast<std::size_t>(k)];
+      tone = std::clamp(tone + std::clamp(moves(k), -bin / 4, bin / 4), bin, 0.5 - bin);
+    }
+  }
+  const MatrixXd own = beside(basis, waves_of(tones, rows));
+  return {tones, column - own * least_squares(own, column)};
+}
+
+// The best of the frequencies around a peak of the periodogram.
+double best_near(std::size_t peak, const MatrixXd& basis, const VectorXd& residual) {
+  const auto rows = static_cast<double>(residual.size());
+  double best = 0, largest = -1;
+  for (int offset = -static_cast<int>(kPadding); offset <= static_cast<int>(kPadding); ++offset) {
+    const double cycles =
+        std::clamp((static_cast<double>(peak) + offset) / (kPadding * rows), 1 / rows, 0.5 - 1 / rows);
+    const double energy = explained_energy(cycles, basis, residual);
+    if (energy > largest) {
+      largest = energy;
+      best = cycles;
+    }
+  }
+  return best;
+}
+
+// Tones that leave white noise; nothing without tones, or if they do not explain the residual.
+std::optional<std::vector<double>> find_tones(const VectorXd& column, const MatrixXd& basis) {
+  const auto rows = static_cast<double>(column.size());
+  const VectorXd first = beside(basis, column);
+  TonesFound found{{}, first};
+  const double floor = noise_floor(first);
+  const double excess = first.squaredNorm() - floor * rows;
+  while (found.cycles_per_row.size() < kMaxTones) {
+    auto power = periodogram(found.left, kPadding);
+    std::fill_n(power.begin(), std::min(kPadding, power.size()), 0.0);  // less than a cycle in the frame
+    const auto peak = std::ranges::max_element(power);
+    if (*peak < kPeak * floor) return {};
+    found.cycles_per_row.push_back(
+        best_near(static_cast<std::size_t>(peak - power.begin()), basis, found.left));
+    found = refine(std::move(found.cycles_per_row), basis, first);
+    const double left = found.left.squaredNorm() - floor * rows;
+    if (left >= std::max(kExplained * excess, 4 * floor * std::sqrt(2 * rows))) continue;
+    constexpr double kTrend = 1.2;  // cycles in the frame: no tone
+    if (std::ranges::min(found.cycles_per_row) * rows < kTrend) return {};
+    return found.cycles_per_row;
+  }
+  return {};
+}
+
+// True for the sidebands of a light that varies along the rows: f + d with d, or f + d with f − d.
+bool modulates(const std::vector<double>& tones, double cycles_per_row, double rows) {
+  constexpr double kSame = 0.6, kSlow = 3;  // cycles in the frame
+  for (std::size_t i = 0; i < tones.size(); ++i) {
+    const double side = (tones[i] - cycles_per_row) * rows;
+    for (const double slow : tones)
+      if (slow * rows < kSlow && std::abs(std::abs(side) - slow * rows) < kSame) return true;
+    for (std::size_t j = 0; j < i; ++j)
+      if (std::abs(side + (tones[j] - cycles_per_row) * rows) < kSame) return true;
+  }
+  return false;
+}
+
+// Harmonics over the fundamental, with sign.
+double harmonic_ratio(int order, double exposure_cycles, double duty) {
+  return std::sin(std::numbers::pi * order * duty) / (order * std::sin(std::numbers::pi * duty)) *
+         sinc(order * exposure_cycles) / std::abs(sinc(exposure_cycles));
+}
+
+double distortion_of(const VectorXd& column, const FittedLight& light, const Space& space) {
+  std::vector<double> cycles;
+  std::vector<HarmonicLine> lines;
+  const auto rows = static_cast<double>(column.size());
+  for (int h = 1; h * light.cycles_per_row < 0.5 * (1 - 1 / rows); ++h)
+    if (std::ranges::any_of(space.harmonics, [&](double c) { return std::abs(c - h * light.cycles_per_row) < 1e-12; })) {
+      cycles.push_back(h * light.cycles_per_row);
+      lines.push_back({h, {}});
+    }
+  if (lines.size() < 2) return 0;
+  MatrixXd design(column.size(), 1 + 2 * static_cast<Index>(lines.size()));
+  design.col(0).setOnes();
+  design.rightCols(design.cols() - 1) = waves_of(cycles, column.size());
+  const VectorXd levels = design.householderQr().solve(column);
+  for (std::size_t k = 0; k < lines.size(); ++k) {
+    const auto a = static_cast<Index>(1 + 2 * k);
+    lines[k].level = {levels(a), -levels(a + 1)};
+  }
+  const double freedom = std::max(rows - static_cast<double>(space.steady.cols()), 1.0);
+  const VectorXd residual = beside(space.steady, column);
+  return harmonic_distortion(light, lines, 2 / rows * residual.squaredNorm() / freedom);
+}
+
+}  // namespace
+
+bool is_white(std::span<const double> residual) {
+  double energy = 0, first = 0, second = 0;
+  for (std::size_t n = 0; n < residual.size(); ++n) {
+    energy += residual[n] * residual[n];
+    if (n > 0) first += residual[n] * residual[n - 1];
+    if (n > 1) second += residual[n] * residual[n - 2];
+  }
+  return std::max(std::abs(first), std::abs(second)) <=
+         kCorrelated / std::sqrt(static_cast<double>(residual.size())) * energy;
+}
+
+double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance) {
+  constexpr double kTolerance = 0.1;  // of the exposure
+  const double size = lines.empty() ? 0 : std::abs(lines[0].level);
+  if (light.duty == 0 || !(light.exposure_cycles >= 0) || std::abs(sinc(light.exposure_cycles)) < kNearNull ||
+      lines.size() < 2 || lines[0].order != 1 || !(size > 0))
+    return 0;
+  const double start = std::arg(lines[0].level) + (sinc(light.exposure_cycles) < 0 ? std::numbers::pi : 0);
+  // Harmonics above half the row rate fold onto these: their RMS, from the envelope of the first of them.
+  const double beyond = 0.5 / light.cycles_per_row;
+  const double folded = 0.3 * size / (beyond * std::max(1.0, std::numbers::pi * beyond * light.exposure_cycles));
+  const double total = variance + folded * folded;
+  struct Deviation {
+    double along, across, slope, variance_along, variance_across;
+  };
+  std::vector<Deviation> deviations;
+  double product = 0, square = 0;
+  for (const auto& [order, level] : lines.subspan(1)) {
+    const auto ratio = [&](double factor) { return harmonic_ratio(order, factor * light.exposure_cycles, light.duty); };
+    const double expected = ratio(1);
+    const double slope = size * (ratio(1.001) - ratio(0.999)) / 0.002;
+    const auto turned = level * std::polar(1.0, -order * start);
+    const double across_share = order * expected;
+    deviations.push_back({turned.real() - size * expected, turned.imag(), slope,
+                          total * (1 + expected * expected), total * (1 + across_share * across_share)});
+    const Deviation& last = deviations.back();
+    product += last.along * slope / last.variance_along;
+    square += slope * slope / last.variance_along;
+  }
+  const double longer = square > 0 ? std::clamp(product / square, -kTolerance, kTolerance) : 0;
+  double misfit = 0, energy = 0;
+  for (const Deviation& d : deviations) {
+    const double along = d.along - longer * d.slope;
+    misfit += along * along / d.variance_along + d.across * d.across / d.variance_across;
+    energy += along * along + d.across * d.across;
+  }
+  const double freedom = 2 * static_cast<double>(deviations.size());
+  return misfit < freedom + 6 * std::sqrt(2 * freedom) + 12 ? 0 : std::sqrt(energy) / size;
+}
+
+Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights) {
+  std::vector<double> cycles_per_row;
+  for (const FittedLight& light : lights) cycles_per_row.push_back(light.cycles_per_row);
+  const auto space = space_of(column.size(), cycles_per_row);
+  Surroundings result;
+  if (space->harmonics.empty()) return result;
+  const Eigen::Map<const VectorXd> given(column.data(), static_cast<Index>(column.size()));
+  const VectorXd centred = given.array() - given.mean();
+  for (const FittedLight& light : lights)
+    result.distortion = std::max(result.distortion, distortion_of(centred, light, *space));
+  const auto rows = static_cast<double>(column.size());
+  for (const int degree : {0, 2}) {  // of the light's course along the rows
+    const auto tones = find_tones(centred, degree == 0 ? space->steady : space->varying());
+    if (!tones || std::ranges::any_of(cycles_per_row, [&](double c) { return modulates(*tones, c, rows); })) continue;
+    result.tones = *tones;
+    for (const double tone : *tones)
+      for (const double cycles : cycles_per_row) result.inseparable |= std::abs(tone - cycles) * rows < 1;
+    return result;
+  }
+  return result;
+}
+
+}  // namespace ocisac

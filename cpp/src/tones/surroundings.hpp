@@ -1,0 +1,40 @@
+// Other tones and distortion in a column of a periodic light: what tone_gain's model leaves out.
+#pragma once
+
+#include <complex>
+#include <span>
+#include <vector>
+
+namespace ocisac {
+
+// A light of the model.
+struct FittedLight {
+  double cycles_per_row;
+  double exposure_cycles;  // f·T_e; NaN: unknown
+  double duty;             // of a square wave; 0: a tone
+};
+
+struct Surroundings {
+  std::vector<double> tones;  // cycles per row of additive tones, to be fitted with the lights
+  bool inseparable = false;   // one of them is within one cycle per frame of a light
+  double distortion = 0;      // amplitude of harmonics that fit neither waveform nor exposure, over the light's
+};
+
+// True if the correlations at lags 1 and 2 are those of noise.
+bool is_white(std::span<const double> residual);
+
+// One harmonic: a·cos + b·sin over the rows counted from the middle, as a − jb.
+struct HarmonicLine {
+  int order;
+  std::complex<double> level;
+};
+
+// RMS amplitude of what waveform and exposure do not explain of the harmonics, over that of the fundamental; 0 where it
+// is not significant. `lines`: the fundamental first; `variance`: of a and b. Exposures up to 10 % off are admitted.
+double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance);
+
+// `column`: linear light of one frame. A tone is accepted only if at most three of them leave white noise, so that a
+// light that varies along the rows, whose sidebands are no tones, has none.
+Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights);
+
+}  // namespace ocisac

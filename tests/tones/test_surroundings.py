@@ -1,0 +1,119 @@
+"""Gains in company: other tones, distortion and clipped black; agreement with the reference and honesty."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Flag, SquareWave, integrate_exposure, reference
+
+ROW_TIME, ROWS, FREQUENCY, EXPOSURE = 22.2e-6, 1080, 500.0, 622e-6
+CAMERA = Camera(ROW_TIME, exposure=EXPOSURE, dark_level=16)
+THEORY = float(np.sinc(FREQUENCY * EXPOSURE))
+
+
+def lamp(random, swing=100.0, frequency=FREQUENCY, columns=24):
+    """Light of a square wave, DN, (rows, columns)."""
+    wave = SquareWave(frequency, phase=random.uniform(0, 2 * np.pi))
+    light = integrate_exposure(wave, CAMERA, np.arange(ROWS))
+    return swing * light[:, None] * np.linspace(0.6, 1, columns)
+
+
+def tone(random, frequency, peak_to_peak):
+    """An additive tone of that mean, DN, (rows, 1)."""
+    angle = 2 * np.pi * frequency * ROW_TIME * np.arange(ROWS) + random.uniform(0, 2 * np.pi)
+    return peak_to_peak / 2 * (1 - np.sinc(frequency * EXPOSURE) * np.cos(angle))[:, None]
+
+
+def stored(light, random, dark=16.0, noise=2.0):
+    return np.clip(np.rint(light + dark + noise * random.standard_normal(light.shape)), 0, 255).astype(np.uint8)
+
+
+def square_gain(pixels, of=ocisac, **options):
+    return of.tone_gain(pixels, CAMERA, FREQUENCY, waveform="square", **options)
+
+
+@settings(deadline=None, max_examples=12)
+@given(
+    mains=st.sampled_from([0.0, 100.0, 120.0, 300.0, 520.0, 730.0, 1000.0]),
+    level=st.floats(0.02, 0.6),
+    curve=st.sampled_from([1.0, 1.0, 0.45]),
+    gradient=st.sampled_from([0.0, 0.3]),
+    dtype=st.sampled_from(["uint8", "float64"]),
+    pooled=st.booleans(),
+    seed=st.integers(0, 10**6),
+)
+def test_agrees_with_the_reference(mains, level, curve, gradient, dtype, pooled, seed):
+    random = np.random.default_rng(seed)
+    light = lamp(random) * np.linspace(1, 1 - gradient, ROWS)[:, None]
+    if mains:
+        light = light + tone(random, mains, 100 * level)
+    pixels = stored(200 * (light / 200) ** curve, random).astype(dtype)
+    got, want = (square_gain(pixels, of, pooled=pooled) for of in (ocisac, reference))
+    np.testing.assert_array_equal(got.flags, want.flags)
+    # Weights of 13 bits, and frequencies that ended their iterations a little apart; a tone near the light is flagged,
+    # and its iterations have no sharp end.
+    clear = got.flags & Flag.MODEL_MISFIT == 0
+    assert np.all(np.abs(got.gain - want.gain)[clear] < 5e-3 * want.gain_std[clear])
+    np.testing.assert_allclose(got.gain_std[clear], want.gain_std[clear], rtol=1e-2)
+
+
+@pytest.mark.parametrize("frequencies", [(100.0,), (120.0,), (100.0, 200.0), (730.0,), (300.0, 2345.0)])
+@pytest.mark.parametrize("level", [0.02, 0.1, 0.5])
+def test_other_tones_are_fitted_and_the_standard_error_covers_the_truth(frequencies, level):
+    errors = []
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        light = lamp(random) + sum(tone(random, f, 100 * level) for f in frequencies)
+        found = square_gain(stored(light, random), background=50 * level * len(frequencies))
+        assert not found.flags.any()
+        errors.append((found.gain - THEORY) / found.gain_std)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3  # 1 for independent columns; they share the frequencies' errors
+    assert np.abs(np.median(errors, axis=1)).max() < 2
+
+
+def test_a_tone_within_a_cycle_of_the_light_is_flagged():
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        found = square_gain(stored(lamp(random) + tone(random, 520.0, 12), random), background=6)
+        assert (found.flags == Flag.MODEL_MISFIT).all()
+
+
+@pytest.mark.parametrize("exposure", [60e-6, 622e-6, 1202e-6])
+def test_a_tone_curve_that_was_not_told_is_flagged(exposure):
+    camera = Camera(ROW_TIME, exposure=exposure)
+    random = np.random.default_rng(3)
+    light = integrate_exposure(SquareWave(FREQUENCY, phase=0.3), camera, np.arange(ROWS))[:, None]
+    pixels = stored(255 * (0.1 + 0.6 * light * np.ones(24)) ** 0.45, random, 0)
+    found = ocisac.tone_gain(pixels, camera, FREQUENCY, waveform="square", background=25.5)
+    assert (found.flags == Flag.MODEL_MISFIT).all()
+
+
+def test_what_is_no_tone_beside_the_light_changes_nothing():
+    """A lamp in part of the rows, a gradient, a drifting lamp: their sidebands are not fitted, nothing is flagged."""
+    row = np.linspace(-1, 1, ROWS)[:, None]
+    for profile in (abs(row) < 0.3, abs(row) < 0.5, 1 - 0.3 * (row + 1) / 2, np.exp(-0.5 * (row / 0.4) ** 2), 1 + 0 * row):
+        for seed in range(4):
+            random = np.random.default_rng(seed)
+            found = square_gain(stored(lamp(random) * profile, random))
+            assert not found.flags.any()
+            assert np.abs(np.median((found.gain - THEORY) / found.gain_std)) < 2
+
+
+def test_harmonics_of_a_light_fitted_as_a_tone_are_no_tones_beside_it():
+    random = np.random.default_rng(5)
+    pixels = stored(lamp(random), random)
+    found = ocisac.tone_gain(pixels, CAMERA, FREQUENCY)
+    assert not found.flags.any()
+    np.testing.assert_allclose(found.gain * np.pi / 4, THEORY, rtol=0.02)
+
+
+@pytest.mark.parametrize("lost", [0.0, 2.0, 8.0])
+def test_clipping_at_black_is_flagged_like_that_at_white(lost):
+    random = np.random.default_rng(1)
+    pixels = stored(lamp(random), random, dark=-lost)
+    found = ocisac.tone_gain(pixels, Camera(ROW_TIME, exposure=EXPOSURE), FREQUENCY, waveform="square")
+    assert (found.flags & Flag.SATURATED).all()
+    few = stored(lamp(random), random, dark=6)  # 3 standard deviations of the noise above 0
+    told = ocisac.tone_gain(few, Camera(ROW_TIME, exposure=EXPOSURE, dark_level=6), FREQUENCY, waveform="square")
+    assert not told.flags.any()
