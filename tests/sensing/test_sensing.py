@@ -556,3 +556,49 @@ def test_bad_frames_are_refused(frames):
         ocisac.sense_region(frames, camera())
     with pytest.raises(ValueError, match="frames: got"):
         ocisac.background_light(frames, camera())
+
+
+def irregular(frames, starts, speed=SPEED, shake=0.0, seed=0):
+    """A texture that moves across the rows, in frames that begin at ``starts`` (s) and are shifted by up to ``shake``
+    rows."""
+    random = np.random.default_rng(seed)
+    n, k = np.arange(720)[:, None], np.arange(12)
+    shifts = shake * random.uniform(-1, 1, frames)
+    f = 200 * speed
+    turns = [
+        f * ((n + shift) * ROW_TIME + start - 601e-6) - 0.2 * k for start, shift in zip(starts, shifts, strict=True)
+    ]
+    light = 100 * (1 + np.sinc(f * 1202e-6) * np.cos(2 * np.pi * np.array(turns)))
+    return light + 2 * random.standard_normal(light.shape)
+
+
+@pytest.mark.parametrize("frames", [2, 3, 8])
+@pytest.mark.parametrize("seed", range(6))
+def test_irregular_frames_widen_the_error_and_time_stamps_restore_it(frames, seed):
+    starts = FRAME_TIME * np.arange(frames) + 2e-4 * np.random.default_rng(seed).uniform(-1, 1, frames)
+    moving = irregular(frames, starts, seed=seed)
+    blind = ocisac.sense_region(moving, camera())
+    assert abs(blind.motion_frequency - 350.2) < 4 * blind.motion_frequency_std
+    told = ocisac.sense_region(moving, camera(), motion=KnownMotion(frame_times=tuple(starts)))
+    assert told.kind == "moving"
+    assert not told.flags
+    assert told.motion_frequency == pytest.approx(350.2, abs=4 * told.motion_frequency_std)
+    assert told.motion_frequency_std < 0.5
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_shaking_camera_and_a_wrong_row_time_are_within_the_standard_error(seed):
+    starts = FRAME_TIME * np.arange(3)
+    shaken = ocisac.sense_region(irregular(3, starts, shake=1.0, seed=seed), camera())
+    assert abs(shaken.motion_frequency - 350.2) < 4 * shaken.motion_frequency_std
+    off = dataclasses.replace(camera(), row_time=(1.01 if seed % 2 else 0.99) * ROW_TIME)
+    slow = ocisac.sense_region(irregular(3, starts, seed=seed), off)
+    assert abs(slow.motion_frequency - 350.2) < 4 * slow.motion_frequency_std
+    assert slow.flags & Flag.AMBIGUOUS_MOTION
+
+
+def test_frame_times_are_checked():
+    with pytest.raises(ValueError, match="frame_times: got"):
+        KnownMotion(frame_times=(0.0, 0.0))
+    with pytest.raises(ValueError, match="frame_times: got 2 values, allowed: 3"):
+        ocisac.sense_region(texture(3, 240, 8, 200, SPEED), camera(), motion=KnownMotion(frame_times=(0.0, 1.0)))

@@ -92,7 +92,13 @@ def test_a_tone_curve_that_was_not_told_is_flagged(exposure):
 def test_what_is_no_tone_beside_the_light_changes_nothing():
     """A lamp in part of the rows, a gradient, a drifting lamp: their sidebands are not fitted, nothing is flagged."""
     row = np.linspace(-1, 1, ROWS)[:, None]
-    for profile in (abs(row) < 0.3, abs(row) < 0.5, 1 - 0.3 * (row + 1) / 2, np.exp(-0.5 * (row / 0.4) ** 2), 1 + 0 * row):
+    for profile in (
+        abs(row) < 0.3,
+        abs(row) < 0.5,
+        1 - 0.3 * (row + 1) / 2,
+        np.exp(-0.5 * (row / 0.4) ** 2),
+        1 + 0 * row,
+    ):
         for seed in range(4):
             random = np.random.default_rng(seed)
             found = square_gain(stored(lamp(random) * profile, random))

@@ -94,14 +94,13 @@ std::shared_ptr<const Space> space_of(std::size_t rows, const std::vector<double
   static std::mutex mutex;
   static std::list<Kept> kept;  // most recently used first
   const std::lock_guard lock(mutex);
-  const auto found = std::ranges::find_if(
-      kept, [&](const Kept& k) { return k.rows == rows && k.cycles_per_row == cycles_per_row; });
+  const auto found =
+      std::ranges::find_if(kept, [&](const Kept& k) { return k.rows == rows && k.cycles_per_row == cycles_per_row; });
   if (found != kept.end()) {
     kept.splice(kept.begin(), kept, found);
     return found->space;
   }
-  kept.push_front({rows, cycles_per_row,
-                   std::make_shared<const Space>(all_harmonics(cycles_per_row, rows), rows)});
+  kept.push_front({rows, cycles_per_row, std::make_shared<const Space>(all_harmonics(cycles_per_row, rows), rows)});
   if (kept.size() > kKept) kept.pop_back();
   return kept.front().space;
 }
@@ -163,8 +162,7 @@ TonesFound refine(std::vector<double> tones, const MatrixXd& basis, const Vector
     both.leftCols(2 * count) = beside(basis, waves);
     const VectorXd levels = least_squares(both.leftCols(2 * count), column);
     for (Index k = 0; k < count; ++k)
-      slopes.col(k) =
-          u.cwiseProduct(levels(2 * k + 1) * waves.col(2 * k) - levels(2 * k) * waves.col(2 * k + 1));
+      slopes.col(k) = u.cwiseProduct(levels(2 * k + 1) * waves.col(2 * k) - levels(2 * k) * waves.col(2 * k + 1));
     both.rightCols(count) = beside(basis, slopes);
     const VectorXd moves = least_squares(both, column).tail(count);
     for (Index k = 0; k < count; ++k) {
@@ -204,8 +202,7 @@ std::optional<std::vector<double>> find_tones(const VectorXd& column, const Matr
     std::fill_n(power.begin(), std::min(kPadding, power.size()), 0.0);  // less than a cycle in the frame
     const auto peak = std::ranges::max_element(power);
     if (*peak < kPeak * floor) return {};
-    found.cycles_per_row.push_back(
-        best_near(static_cast<std::size_t>(peak - power.begin()), basis, found.left));
+    found.cycles_per_row.push_back(best_near(static_cast<std::size_t>(peak - power.begin()), basis, found.left));
     found = refine(std::move(found.cycles_per_row), basis, first);
     const double left = found.left.squaredNorm() - floor * rows;
     if (left >= std::max(kExplained * excess, 4 * floor * std::sqrt(2 * rows))) continue;
@@ -240,7 +237,8 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const Spa
   std::vector<HarmonicLine> lines;
   const auto rows = static_cast<double>(column.size());
   for (int h = 1; h * light.cycles_per_row < 0.5 * (1 - 1 / rows); ++h)
-    if (std::ranges::any_of(space.harmonics, [&](double c) { return std::abs(c - h * light.cycles_per_row) < 1e-12; })) {
+    if (std::ranges::any_of(space.harmonics,
+                            [&](double c) { return std::abs(c - h * light.cycles_per_row) < 1e-12; })) {
       cycles.push_back(h * light.cycles_per_row);
       lines.push_back({h, {}});
     }
@@ -293,8 +291,8 @@ double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLin
     const double slope = size * (ratio(1.001) - ratio(0.999)) / 0.002;
     const auto turned = level * std::polar(1.0, -order * start);
     const double across_share = order * expected;
-    deviations.push_back({turned.real() - size * expected, turned.imag(), slope,
-                          total * (1 + expected * expected), total * (1 + across_share * across_share)});
+    deviations.push_back({turned.real() - size * expected, turned.imag(), slope, total * (1 + expected * expected),
+                          total * (1 + across_share * across_share)});
     const Deviation& last = deviations.back();
     product += last.along * slope / last.variance_along;
     square += slope * slope / last.variance_along;

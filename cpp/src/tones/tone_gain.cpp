@@ -64,7 +64,7 @@ struct Context {
   const Camera* camera;
   const ToneGainOptions* options;
   Shape shape;
-  bool whole_numbers;  // samples are light in steps of 1
+  bool whole_numbers;            // samples are light in steps of 1
   std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
 };
 
@@ -612,8 +612,7 @@ bool may_have_surroundings(const StreamingFit& fit, const Context& context, std:
 }
 
 Surroundings surroundings_of(const Context& context, bool bytes, std::span<const double> column) {
-  const auto fit =
-      StreamingFit::plan(context.shape.rows, model_cycles(context), context.options->efficiency, bytes);
+  const auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), context.options->efficiency, bytes);
   if (column.empty() || !may_have_surroundings(*fit, context, column)) return {};
   return surroundings(column, lights_of(context));
 }

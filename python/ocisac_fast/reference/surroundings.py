@@ -69,12 +69,7 @@ def surroundings(column: FloatArray, lights: list[Light]) -> Surroundings:
 
 def _comb(lights: list[Light], rows: int) -> list[float]:
     """All harmonics of the lights below half the row rate, ascending, at least a quarter of a bin apart."""
-    every = sorted(
-        h * light.cycles
-        for light in lights
-        for h in range(1, rows)
-        if h * light.cycles < 0.5 - 0.5 / rows
-    )
+    every = sorted(h * light.cycles for light in lights for h in range(1, rows) if h * light.cycles < 0.5 - 0.5 / rows)
     kept: list[float] = []
     for cycles in every:
         if not kept or cycles - kept[-1] > 0.25 / rows:

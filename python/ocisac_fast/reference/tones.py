@@ -37,6 +37,21 @@ def tone_gain(
     ``efficiency`` and ``threads`` have no effect. Flags, such as those of multiples of half the row rate and of few
     cycles, are equal.
     """
+    return _tone_gain(columns, camera, frequency, method, waveform, duty, background, pooled, method == "fit")
+
+
+def _tone_gain(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    frequency: npt.ArrayLike,
+    method: str,
+    waveform: str,
+    duty: float,
+    background: npt.ArrayLike,
+    pooled: bool,
+    checked: bool,
+) -> ToneGain:
+    """``checked``: with other tones, distortion and clipping at black."""
     stored = np.asarray(columns)
     light = linear_light(stored, camera)
     shape = light.shape
@@ -71,14 +86,15 @@ def tone_gain(
     results = []
     for frame, b, s, black in zip(light, ambient, saturated, clipped, strict=True):
         found = gains(frame, b, s)
-        if method == "fit":
+        if checked:
             around = _surroundings(_strongest(frame, found), lights, harmonics_of)
             if around.tones:
                 found = gains(frame, b, s, around.tones)
             biased = around.distortion * found[0] > 0.5 * found[1]
-            found[5][biased | around.inseparable] |= np.uint32(Flag.MODEL_MISFIT)
+            flags: Any = found[5]
+            flags[biased | around.inseparable] |= np.uint32(Flag.MODEL_MISFIT)
             settled = np.uint32(Flag.SATURATED | Flag.UNRESOLVABLE | Flag.NO_LIGHT | Flag.WEAK)
-            found[5][:, black & (found[5][0] & settled == 0)] |= np.uint32(Flag.SATURATED)
+            flags[:, black & (flags[0] & settled == 0)] |= np.uint32(Flag.SATURATED)
         results.append(found)
     arrays = [np.stack(values, axis=1) for values in zip(*results, strict=True)]  # (tones, frames, columns)
     out_shape = np.shape(frequency) + shape[:-2] + (() if pooled else shape[-1:] * (len(shape) > 1))
@@ -105,11 +121,9 @@ def _surroundings(column: FloatArray, lights: list[Light], harmonics_of: Any) ->
     rows, estimates = column.size, 1 + 2 * every.size
     if rows <= 2 * estimates:
         return Surroundings()
-    (_, _, _, _, covariance), flags = next(iter(_fit(column[:, None], every, _only_fundamental)))
-    if any(
-        f & (Flag.FEW_CYCLES | Flag.UNRESOLVABLE | Flag.ILL_CONDITIONED)
-        for _, f in _fit(column[:, None], every, _only_fundamental)
-    ):
+    fits = list(_fit(column[:, None], every, _only_fundamental))
+    covariance = fits[0][0][4]
+    if any(flags & (Flag.FEW_CYCLES | Flag.UNRESOLVABLE | Flag.ILL_CONDITIONED) for _, flags in fits):
         return Surroundings()
     design = np.ones((rows, estimates))
     for k, c in enumerate(every):
@@ -295,7 +309,7 @@ def varying_tone_gain(
 ) -> VaryingToneGain:
     """As :func:`ocisac_fast.varying_tone_gain`: ``numpy.linalg.pinv`` of the design, column by column."""
     light = linear_light(np.asarray(columns), camera)
-    steady = tone_gain(columns, camera, frequency, method="fit", waveform=waveform, duty=duty, background=background)
+    steady = _tone_gain(columns, camera, frequency, "fit", waveform, duty, background, False, False)
     cycles = frequency * camera.row_period
     rows = light.shape[0] if light.ndim == 1 else light.shape[-2]
     every = [1] if waveform == "tone" else _square_harmonics(duty)(cycles)

@@ -54,7 +54,7 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
     if kind == "still":
         motion = along_rows(seen, known)
         if not abs(motion.frequency) > 4.0 * motion.std + 1e-6 / seen.frame_time:
-            std = seen.per_frame_std / seen.frame_time
+            std = math.hypot(seen.per_frame_std / seen.frame_time, motion.spread)
             rest = {"motion_frequency": 0.0, "motion_frequency_std": std, "motion_candidates": motion.candidates}
             return {"kind": kind, "speed": 0.0, "flags": motion.flags, **rest}
         kind = "moving"  # by whole cycles per frame
@@ -62,7 +62,7 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
         return {"kind": kind, "flags": Flag(0)}
     if axis == "along":
         motion = along_rows(seen, known)
-        per_pixel, pixel_std = motion.still, math.hypot(seen.per_row_std, motion.std * seen.row_time)
+        per_pixel, pixel_std = motion.still, math.hypot(seen.per_row_std, motion.total_std * seen.row_time)
         direction = motion.direction
     else:
         motion = across_rows(seen)
@@ -72,7 +72,7 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
     return {
         "kind": kind,
         "motion_frequency": abs(motion.frequency),
-        "motion_frequency_std": motion.std,
+        "motion_frequency_std": motion.total_std,
         "motion_candidates": motion.candidates,
         "direction": direction,
         "flags": flags,
@@ -90,14 +90,16 @@ def _speed(motion: Motion, known: KnownMotion, per_pixel: float, pixel_std: floa
             "speed": known.speed,
             "speed_std": 0.0,
             "spatial_frequency": frequency / known.speed,
-            "spatial_frequency_std": motion.std / known.speed,
+            "spatial_frequency_std": motion.total_std / known.speed,
         }
     elif known.pitch is not None:
         texture, texture_std = per_pixel / known.pitch, pixel_std / known.pitch
     else:
         return {}
     speed = frequency / texture if texture > 0.0 else math.nan
-    relative = math.hypot(motion.std / frequency, texture_std / texture) if frequency * texture > 0.0 else math.nan
+    relative = (
+        math.hypot(motion.total_std / frequency, texture_std / texture) if frequency * texture > 0.0 else math.nan
+    )
     return {
         "speed": speed,
         "speed_std": speed * relative,

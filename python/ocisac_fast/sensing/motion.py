@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from ocisac_fast.core.checks import checked_class
@@ -48,6 +49,8 @@ class KnownMotion:
         spatial_frequency: of the texture along the motion, 1/m, above 0.
         speed: of the texture, m/s, above 0.
         bounds: lowest and highest f_x v of motion along the rows, Hz, 0 <= low < high; None: 0 to half the row rate.
+        frame_times: when the frames begin, s, ascending, one value per frame, such as the time stamps of the camera;
+            None: multiples of the camera's frame time.
         timing_tolerance: relative error of the frame time over the row time, above 0 up to 0.01. A component whose
             advance fits c T_f/T_r within it is a light, or moves across the rows; up to ten times the tolerance this is
             flagged; beyond, it moves along the rows.
@@ -62,6 +65,7 @@ class KnownMotion:
     spatial_frequency: float | None = None
     speed: float | None = None
     bounds: tuple[float, float] | None = None
+    frame_times: tuple[float, ...] | None = None
     timing_tolerance: float = 1e-4
 
     def __post_init__(self) -> None:
@@ -75,6 +79,9 @@ class KnownMotion:
                 raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
         if self.bounds is not None and not (0.0 <= self.bounds[0] < self.bounds[1] < math.inf):
             raise ValueError(f"bounds: got {self.bounds}, allowed: (low, high), 0 <= low < high, finite")
+        times = self.frame_times
+        if times is not None and not (all(map(math.isfinite, times)) and all(a < b for a, b in pairwise(times))):
+            raise ValueError(f"frame_times: got {times}, allowed: finite and ascending")
         if not 0.0 < self.timing_tolerance <= 0.01:
             raise ValueError(f"timing_tolerance: got {self.timing_tolerance}, allowed: above 0 up to 0.01")
 
@@ -92,6 +99,7 @@ class Motion:
         still: cycles per row of the texture at rest, signed.
         candidates: all frequencies (magnitudes, Hz, ascending) that fit, at most 16.
         flags: AMBIGUOUS_MOTION, MODEL_MISFIT.
+        spread: RMS distance of all frequencies that fit from the one given, Hz.
     """
 
     frequency: float
@@ -99,6 +107,12 @@ class Motion:
     still: float
     candidates: tuple[float, ...]
     flags: Flag
+    spread: float = 0.0
+
+    @property
+    def total_std(self) -> float:
+        """Standard error that includes the ambiguity, Hz."""
+        return math.hypot(self.std, self.spread)
 
     @property
     def direction(self) -> int:
@@ -132,8 +146,11 @@ def along_rows(seen: Seen, known: KnownMotion) -> Motion:
     flags = Flag(0) if fits else Flag.MODEL_MISFIT
     if len(kept) > 1:
         flags |= Flag.AMBIGUOUS_MOTION
-    magnitudes = tuple(abs(one[0]) for one in kept[:_MAX_CANDIDATES])
-    return Motion(frequency, std, seen.per_row - frequency * seen.row_time, magnitudes, flags)
+    magnitudes = [abs(one[0]) for one in kept]
+    possible = magnitudes if len(kept) == 1 or known.axis == "along" else [*magnitudes, across_rows(seen).frequency]
+    spread = math.sqrt(sum((one - abs(frequency)) ** 2 for one in possible) / len(possible))
+    still = seen.per_row - frequency * seen.row_time
+    return Motion(frequency, std, still, tuple(magnitudes[:_MAX_CANDIDATES]), flags, spread)
 
 
 def _allowed(seen: Seen, known: KnownMotion, frequency: float, std: float) -> bool:

@@ -68,6 +68,7 @@ class SensedRegion:
             error is the given one.
         motion_frequency, motion_frequency_std: f_x v, Hz, of a moving texture: the frequency of the light in a pixel.
             Across the rows it equals ``frequency``; along them the row pitch contributes. 0 for a still texture.
+            With the flag AMBIGUOUS_MOTION its standard error includes the RMS distance of all values that fit.
         motion_candidates: all values that fit, Hz, ascending; more than one with the flag AMBIGUOUS_MOTION (at most 16
             are listed).
         direction: of the motion: +1 with the read-out (across the rows: to higher columns), -1 against it, 0 unknown.
@@ -245,7 +246,8 @@ def measure(
         return dataclasses.replace(blank, flags=flags)
     if request.frequency is not None:
         fitted = dataclasses.replace(fitted, cycles_std=request.frequency_std * camera.row_period)
-    columns_advance, frames_advance = _phase_advances(fitted)
+    camera, late = _timed(camera, known.frame_times, len(region))
+    columns_advance, frames_advance = _phase_advances(fitted, camera, late)
     common, doubt = _common_phase(fitted, columns_advance)
     seen = seen_by(fitted, frames_advance, camera)
     kind, axis, kind_flags = kind_of(seen, common, doubt, known.axis, known.timing_tolerance)
@@ -362,10 +364,29 @@ def _component_variance(fitted: Fitted) -> float:
     return float(np.nan_to_num(fitted.noise).mean() * 0.5 * (c[first, first] + c[first + 1, first + 1]))
 
 
-def _phase_advances(fitted: Fitted) -> tuple[PhaseAdvance, PhaseAdvance]:
-    """Phase advances from column to column and from frame to frame."""
+def _timed(camera: Camera, times: tuple[float, ...] | None, frames: int) -> tuple[Camera, Float64s]:
+    """The camera with the mean frame time of its time stamps, and (frames,) times after those of even frames, s."""
+    if times is None:
+        return camera, np.zeros(frames)
+    if len(times) != frames:
+        raise ValueError(f"frame_times: got {len(times)} values, allowed: {frames}, one for each frame")
+    if frames < 2:
+        return camera, np.zeros(frames)
+    number, stamps = np.arange(frames), np.asarray(times, dtype=np.float64)
+    slope, start = np.polynomial.Polynomial.fit(number, stamps - stamps[0], 1).convert().coef[::-1]
+    return dataclasses.replace(camera, frame_time=float(slope)), stamps - stamps[0] - start - slope * number
+
+
+def _phase_advances(fitted: Fitted, camera: Camera, late: Float64s) -> tuple[PhaseAdvance, PhaseAdvance]:
+    """Phase advances from column to column and from frame to frame, with ``late`` frames set right.
+
+    Late frames turn a light, or a texture that moves across the rows, by its frequency; they hardly turn a slow motion
+    along the rows. The hypothesis with less scatter is kept.
+    """
     variance = _component_variance(fitted)
-    return phase_advance(fitted.tone.T, variance), phase_advance(fitted.tone, variance)
+    turned = fitted.tone * np.exp(-2j * np.pi * fitted.model.cycles / camera.row_period * late)[:, None]
+    advances = [phase_advance(tone, variance) for tone in ((turned, fitted.tone) if late.any() else (fitted.tone,))]
+    return phase_advance(fitted.tone.T, variance), min(advances, key=lambda one: one.std)
 
 
 def _common_phase(fitted: Fitted, advance: PhaseAdvance) -> tuple[bool, bool]:

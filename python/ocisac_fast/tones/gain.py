@@ -61,7 +61,9 @@ def tone_gain(
 ) -> ToneGain:
     """Normalised gain of tones in every pixel column, with its standard error.
 
-    Method ``"fit"`` solves mean + tone + harmonics by least squares at the exact frequency (cf. IEEE Std 1057).
+    Method ``"fit"`` solves mean + tone + harmonics by least squares at the exact frequency (cf. IEEE Std 1057). Other
+    tones that the strongest columns of a frame show, such as mains hum or another lamp, are fitted too; distortion and
+    clipping at black are flagged (see docs/tones.md).
     ``"dft"`` is the paper's: the DFT's bin nearest to the tone (eqs. 24-25, figure 8), biased unless the tone completes
     whole cycles in the frame (flag OFF_BIN); it is computed by OpenCV. Both assume a mean and a tone that are constant
     along the column; :func:`varying_tone_gain` tests this.

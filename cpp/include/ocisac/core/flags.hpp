@@ -26,7 +26,8 @@ inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no
 inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to be sure of the chip rate
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
 inline constexpr Flags periodic = 1U << 19;       // receive: the same few chips over and over; no data tell from that
-// Light or tone vary along the column: tone_gain is biased. Receiver: more is left of the rows than noise; bits are
+// Harmonics that fit neither waveform nor exposure, another tone too near, or a light that varies along the column:
+// tone_gain is biased. Receiver: more is left of the rows than noise; bits are
 // less sure than their likelihoods.
 inline constexpr Flags model_misfit = 1U << 24;
 inline constexpr Flags quantised = 1U << 25;  // less noise than half a step: rounding may exceed the standard error
