@@ -1,7 +1,6 @@
 #include "tones/surroundings.hpp"
 
 #include <Eigen/Core>
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,6 +11,7 @@
 #include <numbers>
 #include <optional>
 
+#include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/tones/tone_design.hpp"
@@ -60,9 +60,7 @@ std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t
 MatrixXd make_basis(std::vector<double> harmonics, std::size_t rows, std::size_t degree) {
   const std::size_t room = rows / 2 / (degree + 1);  // terms that leave half of the degrees of freedom
   harmonics.resize(std::min(harmonics.size(), (std::max<std::size_t>(room, 1) - 1) / 2));
-  const MatrixXd design = design_matrix({rows, std::move(harmonics), degree, degree});
-  const Eigen::HouseholderQR<MatrixXd> qr(design);
-  return qr.householderQ() * MatrixXd::Identity(design.rows(), design.cols());
+  return orthogonal_factors(design_matrix({rows, std::move(harmonics), degree, degree})).basis;
 }
 
 // Orthonormal bases of polynomials times mean and harmonics.
@@ -105,9 +103,8 @@ std::shared_ptr<const Space> space_of(std::size_t rows, const std::vector<double
   return kept.front().space;
 }
 
-template <class Vectors>
-MatrixXd beside(const MatrixXd& basis, const Vectors& vectors) {
-  return vectors - basis * (basis.transpose() * vectors);
+MatrixXd beside(const MatrixXd& basis, const MatrixXd& vectors) {
+  return vectors - product(basis, transposed_product(basis, vectors));
 }
 
 // Power in bins of 1/(length·padding) cycles per row, over the rows.
@@ -131,18 +128,26 @@ double noise_floor(const VectorXd& residual) {
   return median / std::numbers::ln2;
 }
 
+// Parameters that are nearly collinear with others are 0.
+VectorXd least_squares(const MatrixXd& design, const MatrixXd& values) {
+  constexpr double kCollinear = 1e-6;
+  const OrthogonalFactors factors = pivoted_orthogonal_factors(design);
+  Index rank = factors.rank();
+  while (rank > 0 && std::abs(factors.triangle(rank - 1, rank - 1)) < kCollinear * std::abs(factors.triangle(0, 0)))
+    --rank;
+  const MatrixXd solved =
+      solve_upper(factors.triangle.topLeftCorner(rank, rank), transposed_product(factors.basis.leftCols(rank), values));
+  VectorXd parameters = VectorXd::Zero(design.cols());
+  for (Index i = 0; i < rank; ++i) parameters(factors.order[static_cast<std::size_t>(i)]) = solved(i, 0);
+  return parameters;
+}
+
 // Energy that a tone explains beside the basis.
 double explained_energy(double cycles_per_row, const MatrixXd& basis, const VectorXd& residual) {
   const MatrixXd own = beside(basis, waves_of({cycles_per_row}, residual.size()));
   if (own.squaredNorm() < 1e-3 * static_cast<double>(residual.size())) return 0;
-  const VectorXd fitted = own * own.colPivHouseholderQr().solve(residual);
+  const VectorXd fitted = own * least_squares(own, residual);
   return fitted.dot(residual);
-}
-
-VectorXd least_squares(const MatrixXd& design, const VectorXd& values) {
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(design.rows(), design.cols());
-  qr.setThreshold(1e-6);
-  return qr.compute(design).solve(values);
 }
 
 struct TonesFound {
@@ -246,7 +251,7 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const Spa
   MatrixXd design(column.size(), 1 + 2 * static_cast<Index>(lines.size()));
   design.col(0).setOnes();
   design.rightCols(design.cols() - 1) = waves_of(cycles, column.size());
-  const VectorXd levels = design.householderQr().solve(column);
+  const VectorXd levels = least_squares(design, column);
   for (std::size_t k = 0; k < lines.size(); ++k) {
     const auto a = static_cast<Index>(1 + 2 * k);
     lines[k].level = {levels(a), -levels(a + 1)};
