@@ -103,6 +103,13 @@ struct Response {
 
 // ---- All columns ---------------------------------------------------------------------------------------------------
 
+// A gain per bin of the DFT as it is applied, with the delay corrected; the fraction of the amplitude that it restores.
+struct Filter {
+  std::vector<std::complex<double>> gain;
+  std::vector<double> restored;
+  double noise_gain = 0;
+};
+
 class Equalizer {
  public:
   Equalizer(std::size_t rows, double exposure_rows, const EqualizerSettings& settings)
@@ -111,6 +118,7 @@ class Equalizer {
         settings_(settings),
         continuation_(continuation(rows, exposure_rows)),
         response_(optimal_dft_length(rows + 2 * static_cast<std::size_t>(continuation_.rows())), exposure_rows),
+        inverse_(filter_of(inverse_gain())),
         restored_(response_.sinc_at.size(), 0.0) {
     if (settings.method == EqualizerMethod::wiener && rows >= kMinAnalysedRows)
       analysis_.emplace(rows, exposure_rows, response_.length);
@@ -134,8 +142,10 @@ class Equalizer {
     const std::size_t bins = response_.sinc_at.size();
     for (std::size_t c = 0; c < count; ++c) {
       report.noise.push_back(std::sqrt(analysed[c].rest.noise));
-      const auto gain = analysed[c].course.empty() ? inverse_gain() : bounded(analysis_->gain(analysed[c].rest));
-      report.noise_gain.push_back(filter(std::span(spectra).subspan(c * bins, bins), gain));
+      const auto spectrum = std::span(spectra).subspan(c * bins, bins);
+      const bool is_inverse = analysed[c].course.empty();
+      const Filter own = is_inverse ? Filter{} : filter_of(bounded(analysis_->gain(analysed[c].rest)));
+      report.noise_gain.push_back(apply(is_inverse ? inverse_ : own, spectrum));
     }
     const auto equalised = signals_of_half_spectra(spectra, response_.length);
     for (std::size_t c = 0; c < count; ++c)
@@ -192,15 +202,25 @@ class Equalizer {
     return gain;
   }
 
-  // Applies the gain and corrects the delay. Returns the noise gain.
-  double filter(std::span<std::complex<double>> spectrum, std::span<const std::complex<double>> gain) {
-    double gain_power = 0;
-    for (std::size_t k = 0; k < spectrum.size(); ++k) {
-      spectrum[k] *= gain[k] * response_.advance[k];
-      restored_[k] += gain[k].real() * response_.sinc_at[k];
-      gain_power += std::norm(gain[k]);
+  [[nodiscard]] Filter filter_of(std::vector<std::complex<double>> gain) const {
+    Filter filter{std::move(gain), {}, 0};
+    double power = 0;
+    for (std::size_t k = 0; k < filter.gain.size(); ++k) {
+      power += std::norm(filter.gain[k]);
+      filter.restored.push_back(filter.gain[k].real() * response_.sinc_at[k]);
+      filter.gain[k] *= response_.advance[k];
     }
-    return std::sqrt(gain_power / static_cast<double>(spectrum.size()));
+    filter.noise_gain = std::sqrt(power / static_cast<double>(filter.gain.size()));
+    return filter;
+  }
+
+  // Returns the noise gain.
+  double apply(const Filter& filter, std::span<std::complex<double>> spectrum) {
+    for (std::size_t k = 0; k < spectrum.size(); ++k) {
+      spectrum[k] *= filter.gain[k];
+      restored_[k] += filter.restored[k];
+    }
+    return filter.noise_gain;
   }
 
   std::size_t rows_;
@@ -208,6 +228,7 @@ class Equalizer {
   EqualizerSettings settings_;
   Matrix continuation_;
   Response response_;
+  Filter inverse_;
   std::optional<ColumnAnalysis> analysis_;  // for wiener
   std::vector<double> restored_;            // sum over columns of the restored fraction of the amplitude
 };
