@@ -557,6 +557,31 @@ std::vector<FittedLight> lights_of(const Context& context) {
   return lights;
 }
 
+// Linear light, (rows,).
+std::vector<double> mean_of_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
+                                    std::size_t first, std::size_t count) {
+  const std::size_t rows = context.shape.rows;
+  const ToneCurve& curve = context.camera->tone_curve;
+  const double share = 1 / static_cast<double>(count);
+  std::vector<double> mean(rows);
+  if (curve.kind == ToneCurve::Kind::linear) {  // in memory order, without the signals of each column
+    std::visit(
+        [&](const auto& view) {
+          for (std::size_t row = 0; row < rows; ++row) {
+            double sum = 0;
+            for (std::size_t i = 0; i < count; ++i) sum += static_cast<double>(view(frame, row, first + i));
+            mean[row] = share * sum - curve.dark_level;
+          }
+        },
+        frames);
+    return mean;
+  }
+  const auto signals = column_signals(frames, frame, first, count, curve);
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t row = 0; row < rows; ++row) mean[row] += share * signals[i * rows + row];
+  return mean;
+}
+
 // Mean of up to 16 neighbouring columns with the strongest tone, without saturated ones; empty if all are.
 std::vector<double> strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                       const ToneGainView& result) {
@@ -582,12 +607,7 @@ std::vector<double> strongest_columns(const AnyFramesView& frames, const Context
       first = i + 1 - count;
     }
   }
-  const auto signals = column_signals(frames, frame, first, count, context.camera->tone_curve);
-  std::vector<double> mean(context.shape.rows);
-  for (std::size_t i = 0; i < count; ++i)
-    for (std::size_t row = 0; row < mean.size(); ++row)
-      mean[row] += signals[i * mean.size() + row] / static_cast<double>(count);
-  return mean;
+  return mean_of_columns(frames, context, frame, first, count);
 }
 
 double square_sum(std::span<const double> values) {
@@ -690,13 +710,18 @@ bool may_reach_black(const Context& context, std::size_t frame, std::size_t colu
   const std::size_t i = index_of(context, 0, frame) + column;
   const double off = context.camera->tone_curve.dark_level + background_of(context, frame, column);
   const double level = result.gain[i] * result.mean[i];
-  const double reach = kNoise * level / std::sqrt(result.snr[i]) + kHalfStep;
+  // x < 4σ + 1/2, with σ² = level²/snr, without roots and divisions.
+  const auto within_noise = [&](double x) {
+    const double above = x - kHalfStep;
+    return above < 0 || above * above * result.snr[i] < kNoise * kNoise * level * level;
+  };
+  if (!within_noise(off)) return false;
   double depth = 0;
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
     const std::size_t own = index_of(context, tone, frame) + column;
     depth += kDepth * context.ratio * result.gain[own] * result.mean[own];
   }
-  return off < reach && result.mean[i] + off - depth < reach;
+  return within_noise(result.mean[i] + off - depth);
 }
 
 void flag_black(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
