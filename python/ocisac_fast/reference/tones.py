@@ -554,7 +554,7 @@ def _fit_spectrum(values: FloatArray, seen: FloatArray, noise: float) -> tuple[f
 def _without_course(
     x: FloatArray, exposure_rows: float, length: int, noise: float
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.complex128]]:
-    """What is left of a column without its smooth course or its tones, the light of these, the gain for the rest."""
+    """Residual of a column without its smooth trend or its tones, the light of these, and the gain for the residual."""
     rows, n, f = len(x), np.arange(len(x)), np.arange(length // 2 + 1) / length
     aliases = np.arange(-4, 5)[:, np.newaxis]
     h = np.sinc((f + aliases) * exposure_rows)

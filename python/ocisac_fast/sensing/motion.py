@@ -40,7 +40,7 @@ class Seen:
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownMotion:
-    """What is known of a texture's motion, for :func:`sense_region` and :func:`sense`; None where unknown.
+    """Known motion of a texture, for :func:`sense_region` and :func:`sense`; None where unknown.
 
     Args:
         axis: ``"across"`` the rows, or ``"along"`` them (or oblique).

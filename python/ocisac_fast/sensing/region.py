@@ -124,7 +124,7 @@ class SensedRegion:
 
     @property
     def region(self) -> Region:
-        """Where it lies in the picture."""
+        """Position in the picture."""
         return Region(self.x, self.y, self.width, self.height)
 
 
