@@ -99,7 +99,7 @@ def test_what_is_no_tone_beside_the_light_changes_nothing():
         np.exp(-0.5 * (row / 0.4) ** 2),
         1 + 0 * row,
     ):
-        for seed in range(4):
+        for seed in (*range(12), 834):
             random = np.random.default_rng(seed)
             found = square_gain(stored(lamp(random) * profile, random))
             assert not found.flags.any()

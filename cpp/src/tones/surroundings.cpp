@@ -218,13 +218,15 @@ std::optional<std::vector<double>> find_tones(const VectorXd& column, const Matr
   return {};
 }
 
-// True for the sidebands of a light that varies along the rows: f + d with d, or f + d with f − d.
+// True for the sidebands of a light that varies along the rows: f + d with d, or f + d with f − d; a gradient has them
+// at f itself.
 bool modulates(const std::vector<double>& tones, double cycles_per_row, double rows) {
-  constexpr double kSame = 0.6, kSlow = 3;  // cycles in the frame
+  constexpr double kSame = 0.6, kSlow = 3, kOnLight = 0.3;  // cycles in the frame
   for (std::size_t i = 0; i < tones.size(); ++i) {
     const double side = (tones[i] - cycles_per_row) * rows;
     for (const double slow : tones)
-      if (slow * rows < kSlow && std::abs(std::abs(side) - slow * rows) < kSame) return true;
+      if (slow * rows < kSlow && (std::abs(std::abs(side) - slow * rows) < kSame || std::abs(side) < kOnLight))
+        return true;
     for (std::size_t j = 0; j < i; ++j)
       if (std::abs(side + (tones[j] - cycles_per_row) * rows) < kSame) return true;
   }

@@ -162,7 +162,9 @@ def _refine(tones: list[float], basis: FloatArray, column: FloatArray) -> tuple[
 def _modulates(tones: list[float], cycles: float, rows: int) -> bool:
     """Whether tones are the sidebands of a light that varies along the rows: f + d and d, or f + d and f - d."""
     sides = [(tone - cycles) * rows for tone in tones]
-    slow = any(abs(abs(side) - tone * rows) < 0.6 for side in sides for tone in tones if tone * rows < 3)
+    slow = any(
+        abs(abs(side) - tone * rows) < 0.6 or abs(side) < 0.3 for side in sides for tone in tones if tone * rows < 3
+    )
     pairs = any(abs(a + b) < 0.6 for k, a in enumerate(sides) for b in sides[:k])
     return slow or pairs
 
