@@ -179,3 +179,5 @@ def test_other_bad_input_is_refused():
         detector_error_rates(4.0, 8.0, 0.0)
     with pytest.raises(ValueError, match="exposure_rows: got 200, allowed: 0 to 24 chips"):
         detector_error_rates(4.0, 200.0, 0.1)
+    with pytest.raises(ValueError, match=r"rows_per_chip: got 1e\+09, allowed: above 0, at most 1000"):
+        detector_error_rates(1e9, 5.0, 0.1)

@@ -17,9 +17,10 @@ namespace {
 constexpr std::size_t kMaxEnumerated = 8;  // number of other chips up to which all signs are enumerated
 constexpr double kNegligible = 1e-7;       // relative to the gain
 constexpr double kMinNoise = 1e-5;  // relative to the range of the values: smoothing of the steps of the distribution
-constexpr double kHopelessNoise = 1e6;  // swings: above, every rate is 1/2 within 1e-6
-constexpr int kPlaces = 4;              // positions of the chips relative to the rows
-constexpr std::size_t kChips = 6;       // evaluated for each
+constexpr double kHopelessNoise = 1e6;    // swings: above, every rate is 1/2 within 1e-6
+constexpr double kMaxRowsPerChip = 1000;  // the time grows with its square: 0.2 s
+constexpr int kPlaces = 4;                // positions of the chips relative to the rows
+constexpr std::size_t kChips = 6;         // evaluated for each
 
 double tail(double deviations) { return 0.5 * std::erfc(deviations / std::numbers::sqrt2); }
 
@@ -175,7 +176,8 @@ double sequence_error_rate(const ChipEquations& equations) {
 }
 
 DetectorErrorRates detector_error_rates(double rows_per_chip, double exposure_rows, double noise) {
-  require_positive("rows_per_chip", rows_per_chip);
+  require(rows_per_chip > 0 && rows_per_chip <= kMaxRowsPerChip, "rows_per_chip", rows_per_chip,
+          "above 0, at most 1000");
   require(exposure_rows >= 0 && exposure_rows <= kLongestReducedExposure * rows_per_chip, "exposure_rows",
           exposure_rows, "0 to 24 chips, in rows");
   require_positive("noise", noise);

@@ -104,7 +104,7 @@ def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: floa
     For mlse a union bound over the closest pairs of sequences.
 
     Args:
-        rows_per_chip: above 0.
+        rows_per_chip: above 0, at most 1000: the time that this takes grows with its square.
         exposure_rows: rows, 0 to 24 chips.
         noise: standard deviation of a row over the swing from steady dark to steady bright, above 0.
 
