@@ -411,9 +411,9 @@ ColumnFollower::ColumnFollower(ColumnFollower&&) noexcept = default;
 ColumnFollower& ColumnFollower::operator=(ColumnFollower&&) noexcept = default;
 ColumnFollower::~ColumnFollower() = default;
 
-CombinedColumn ColumnFollower::combine(const AnyFramesView& frame) {
+CombinedColumn ColumnFollower::combine(const AnyFramesView& frame, bool hold) {
   const bool may_follow = weights_.size() == shape_of(frame).columns;
-  if (may_follow && ++age_ % kWeightsInterval != 0 && !moved_) {
+  if (may_follow && !moved_ && (hold || ++age_ % kWeightsInterval != 0)) {
     CombinedColumn result = last_;
     result.signal = std::visit([&](const auto& view) { return weighted_rows(view, curve_, weights_); }, frame);
     result.weights = weights_;

@@ -39,12 +39,29 @@ constexpr std::array kGivenExposureFactors{0.9, 1.1, 0.8, 1.2};      // factors 
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 constexpr std::size_t kMaxWait = 7;                                  // frames
 constexpr double kMaxSearchRows = 4096;                              // rows that count for the bound of the search
-constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
+constexpr std::size_t kKeptFrames = 16, kMinProfileFrames = 8;
+constexpr std::size_t kProfilePause = 2, kQuickAttempts = 4;  // frames between the first attempts to learn a profile
+constexpr std::int64_t kProfileInterval = 4;                  // frames between fits of a profile in use
+constexpr std::size_t kMaxHeldAttempts = 8;  // in vain, until the columns' weights follow each frame again
+constexpr std::size_t kMaxProfileMisfits = 6;
+constexpr int kProfileRounds = 8;
+constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
+constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
+constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
+constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
+constexpr double kProfileFrameShare = 0.5;    // of the kept frames that a profile must explain
+constexpr double kProfileChips = 8;           // chips either side over which a profile's swing is smoothed, at least
+constexpr std::size_t kForgotten = 60;        // consecutive frames without chips, after which another light may appear
 
 double mean_error_rate(std::span<const double> llr) {
   double sum = 0;
   for (double value : llr) sum += 1 / (1 + std::exp(std::abs(value)));
   return llr.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(llr.size());
+}
+
+bool is_bright(const RowProfile& profile, RowRange rows) {
+  return std::ranges::all_of(std::span(profile.swing).subspan(rows.begin, rows.size()),
+                             [](double swing) { return swing > 0; });
 }
 
 }  // namespace
@@ -69,6 +86,9 @@ void ChipReceiver::forget() {
   model_ = {{}, {}, camera_.exposure.has_value()};
   vain_tries_ = until_try_ = 0;
   if (camera_.exposure) model_.exposure_rows = *camera_.exposure / camera_.row_time;
+  kept_.clear();
+  profile_.reset();
+  profile_attempts_ = until_attempt_ = profile_misfits_ = 0;
   relative_noise_ = 0;
   tracker_.reset();
   if (camera_.frame_time) {
@@ -274,18 +294,179 @@ ReceivedFrame nothing_received(std::int64_t frame) {
   return result;
 }
 
+SearchEffort ChipReceiver::search_effort(std::size_t rows) const {
+  const double passes =
+      options_.search_passes.value_or(camera_.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
+  return {.rows = passes * std::min(static_cast<double>(rows), kMaxSearchRows)};
+}
+
+void ChipReceiver::keep(const CombinedColumn& column, std::int64_t frame, std::size_t first_row) {
+  if (!kept_.empty() && (kept_first_row_ != first_row || kept_.front().signal.size() != column.signal.size())) {
+    kept_.clear();
+    profile_.reset();
+  }
+  kept_first_row_ = first_row;
+  KeptFrame now;
+  if (kept_.size() == kKeptFrames) {  // its memory is used again
+    now = std::move(kept_.front());
+    kept_.pop_front();
+  }
+  now.number = frame;
+  now.signal.assign(column.signal.begin(), column.signal.end());
+  now.exposed.clear();
+  now.seen = now.fits = false;
+  kept_.push_back(std::move(now));
+}
+
+bool ChipReceiver::compares_rows() const {
+  return profile_ || (profile_attempts_ < kMaxHeldAttempts && std::ranges::none_of(kept_, &KeptFrame::fits) &&
+                      std::ranges::any_of(kept_, &KeptFrame::seen));
+}
+
+// The state before the first frame, but for the packet, the rate and the kept frames.
+void ChipReceiver::restart_clock() {
+  channel_.reset();
+  if (tracker_) tracker_->reset();
+  model_ = {{}, {}, camera_.exposure.has_value()};
+  if (camera_.exposure) model_.exposure_rows = *camera_.exposure / camera_.row_time;
+  relative_noise_ = 0;
+}
+
+std::vector<ProfileFrame> ChipReceiver::profile_frames() const {
+  std::vector<ProfileFrame> frames;
+  for (const KeptFrame& kept : kept_) frames.push_back({kept.signal, kept.exposed});
+  return frames;
+}
+
+std::size_t ChipReceiver::profile_smoothing() const {
+  const double chips = kProfileChips * rows_per_chip_.value_or(1.0);
+  return static_cast<std::size_t>(std::max(chips, 2 * model_.exposure_rows.value_or(0.0)));
+}
+
+// Reads the kept frames again, less a profile, from a new clock on. Returns how many fit. `result`: the chips go to the
+// packet, and those of the current frame there; nullptr: only s of each row is kept.
+ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, const CombinedColumn& column,
+                                              std::size_t first_row, ReceivedFrame* result) {
+  restart_clock();
+  first_row_ = first_row + learned.rows.begin;
+  KeptFit fit;
+  std::optional<Payload> payload;
+  for (KeptFrame& kept : kept_) {
+    const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
+    const SearchEffort effort = search_effort(rest.size());
+    Frame now{column, kept.number, true, effort, effort};
+    const auto reading = read_with(rest, model_, now);
+    kept.exposed.clear();
+    kept.fits = reading && !is_misfit(*reading);
+    fit.frames += kept.fits;
+    fit.noise += reading ? reading->relative_noise : kMaxProfileNoise;
+    if (!reading) continue;
+    const auto exposed = exposed_rows(*reading, rest.size());
+    kept.exposed.assign(kept.signal.size(), 0.0);
+    std::ranges::copy(exposed, kept.exposed.begin() + static_cast<std::ptrdiff_t>(learned.rows.begin));
+    if (!result) {
+      if (tracker_) {
+        ChipClock clock = reading->channel.clock;
+        clock.phase += static_cast<double>(first_row_);
+        tracker_->update(kept.number, clock, reading->channel.errors);
+      }
+      channel_ = reading->channel;
+      relative_noise_ = reading->relative_noise;
+      continue;
+    }
+    ReceivedFrame earlier = nothing_received(kept.number);
+    ReceivedFrame& of_frame = kept.number == result->frame ? *result : earlier;
+    take(*reading, rest.size(), of_frame);
+    if (of_frame.stretch->payload && !payload) payload = of_frame.stretch->payload;
+  }
+  if (payload && result->stretch) result->stretch->payload = payload;
+  return fit;
+}
+
+// Alternates chips of all kept frames and the profile, from the frames' mean and standard deviation on. The first
+// rounds have wrong chips: they keep near the first shape.
+bool ChipReceiver::learn_profile(const CombinedColumn& column, std::size_t first_row) {
+  auto first = first_profile(profile_frames(), profile_smoothing());
+  if (!first) return false;
+  const auto before = std::tuple(channel_, tracker_, model_, relative_noise_, first_row_);
+  const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(kept_.size()));
+  const RowRange rows = profile_rows(*first, kMinProfileSwing);
+  std::fill_n(first->swing.begin(), rows.begin, 0.0);
+  std::fill(first->swing.begin() + static_cast<std::ptrdiff_t>(rows.end), first->swing.end(), 0.0);
+  LearnedProfile learned{*first, rows};
+  double noise = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < kProfileRounds; ++round) {
+    const KeptFit fit = read_kept(learned, column, first_row, nullptr);
+    if (fit.frames >= enough && round > 0) {
+      profile_ = std::move(learned);
+      return true;
+    }
+    const auto step = static_cast<std::size_t>(round);
+    if (step >= kShapeWeights.size() && fit.noise > kProfileGain * noise) break;
+    noise = fit.noise;
+    const double weight = kShapeWeights[std::min(step, kShapeWeights.size() - 1)];
+    auto profile = fit_profile(profile_frames(), first->swing, profile_smoothing(), weight);
+    if (!profile || !is_bright(*profile, rows)) break;
+    learned.profile = std::move(*profile);
+  }
+  std::tie(channel_, tracker_, model_, relative_noise_, first_row_) = before;
+  return false;
+}
+
+// Drops a profile that explains the frames no longer.
+void ChipReceiver::follow_profile(const std::optional<FrameReading>& reading) {
+  kept_.back().seen = reading.has_value();
+  kept_.back().fits = reading && !is_misfit(*reading);
+  if (!profile_) return;
+  if (kept_.back().fits) {
+    const std::size_t rows = profile_->rows.size();
+    const auto exposed = exposed_rows(*reading, rows);
+    kept_.back().exposed.assign(kept_.back().signal.size(), 0.0);
+    std::ranges::copy(exposed, kept_.back().exposed.begin() + static_cast<std::ptrdiff_t>(profile_->rows.begin));
+    if (kept_.back().number % kProfileInterval == 0) {
+      auto again = fit_profile(profile_frames(), profile_->profile.swing, profile_smoothing(), kShapeWeights.back());
+      if (again && is_bright(*again, profile_->rows)) profile_->profile = std::move(*again);
+    }
+  }
+  profile_misfits_ = kept_.back().fits ? 0 : profile_misfits_ + 1;
+  if (profile_misfits_ < kMaxProfileMisfits) return;
+  profile_.reset();
+  kept_.clear();
+  profile_misfits_ = 0;
+  restart_clock();
+  assembler_.lose_clock();
+}
+
 ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row,
                                  RowRange region) {
   ReceivedFrame result = nothing_received(frame);
-  const RowRange lit = lit_rows(column.signal, column.noise, region).rows;
-  const auto signal = std::span(column.signal).subspan(lit.begin, lit.size());
+  keep(column, frame, first_row);
+  const RowRange lit = profile_ ? profile_->rows : lit_rows(column.signal, column.noise, region).rows;
+  const auto rest = profile_ ? without_profile(column.signal, profile_->profile, lit) : std::vector<double>{};
+  const auto signal =
+      profile_ ? std::span<const double>(rest) : std::span(column.signal).subspan(lit.begin, lit.size());
   first_row_ = first_row + lit.begin;
   if (column.saturated) result.flags |= flag::saturated;
-  const double passes =
-      options_.search_passes.value_or(camera_.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
-  const SearchEffort effort{.rows = passes * std::min(static_cast<double>(signal.size()), kMaxSearchRows)};
+  const SearchEffort effort = search_effort(signal.size());
   Frame now{column, frame, wait_ == 0, effort, effort};
   const auto reading = read(signal, now);
+  follow_profile(reading);
+  const auto poor = static_cast<std::size_t>(std::ranges::count(kept_, false, &KeptFrame::fits));
+  if (until_attempt_ > 0) --until_attempt_;
+  if (!profile_ && until_attempt_ == 0 && kept_.size() >= kMinProfileFrames &&
+      static_cast<double>(poor) > kProfileFrameShare * static_cast<double>(kept_.size())) {
+    if (learn_profile(column, first_row)) {
+      if (poor == kept_.size()) assembler_ = PacketAssembler(options_.format);  // all its chips are in doubt
+      assembler_.lose_clock();
+      read_kept(*profile_, column, first_row, &result);
+      profile_attempts_ = 0;
+      if (result.stretch) return result;
+    } else {
+      ++profile_attempts_;
+      const std::size_t slower = profile_attempts_ - std::min(profile_attempts_, kQuickAttempts);
+      until_attempt_ = kProfilePause << std::min<std::size_t>(slower, 5);
+    }
+  }
   if (reading)
     take(*reading, signal.size(), result);
   else

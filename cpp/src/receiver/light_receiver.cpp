@@ -76,6 +76,7 @@ void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
 
 // Returns the received colour.
 std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, RowRange free, LightFrame& result) {
+  const bool hold = !can_move_ && chips_->compares_rows();
   Region read = region_;
   if (can_move_) {
     read.y = free.begin;
@@ -86,7 +87,7 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
   std::size_t colour = 0;
   for (std::size_t k = 0; k < colours.size(); ++k) {
     const auto part = part_of(colours[k], read);
-    auto column = followers_[k].combine(part);
+    auto column = followers_[k].combine(part, hold);
     if (column.slope != 0) column = combine_upright(part, camera_.tone_curve, column.slope);
     if (k > 0 && !(column.quality > best.quality)) continue;
     best = std::move(column);
@@ -94,7 +95,7 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
   }
   result.received = chips_->push(best, result.frame, read.y, {region_.y - read.y, region_.y - read.y + region_.height});
   result.received->colour = colour;
-  if (result.received->outcome != FrameOutcome::received)
+  if (result.received->outcome != FrameOutcome::received && !hold)
     for (auto& follower : followers_) follower.forget();
   else if (can_move_)
     follow(best, shape_of(colours[colour]).columns);

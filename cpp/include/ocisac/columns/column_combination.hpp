@@ -57,8 +57,9 @@ class ColumnFollower {
   ColumnFollower& operator=(ColumnFollower&&) noexcept;
   ~ColumnFollower();
 
-  // `frame`: one picture. A full estimate follows a change of width, or previous weights that give no signal.
-  CombinedColumn combine(const AnyFramesView& frame);
+  // `frame`: one picture. A full estimate follows a change of width, or previous weights that give no signal. `hold`:
+  // the weights stay those of the frame before, so that frames can be compared row by row.
+  CombinedColumn combine(const AnyFramesView& frame, bool hold = false);
 
   // Shifts the weights: the next frame begins so many columns further right.
   void move(std::ptrdiff_t columns);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +12,7 @@
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/chips/clock_tracker.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
+#include "ocisac/chips/row_profile.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/flags.hpp"
 #include "ocisac/packets/packets.hpp"
@@ -60,6 +62,9 @@ class ChipReceiver {
   // `region`: rows of the signal in which the light was found; it ends there where no dark rows show its end.
   ReceivedFrame push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row, RowRange region);
 
+  // True while the lamp's profile is learned or used: the next frame's columns should be weighted as the last one's.
+  [[nodiscard]] bool compares_rows() const;
+
   // Resets clock, channel and rate; the packet keeps its bytes.
   void forget();
 
@@ -85,6 +90,31 @@ class ChipReceiver {
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, const RowModel& model,
                                                    Frame& frame) const;
   std::optional<FrameReading> search(std::span<const double> signal, const RowModel& model, Frame& frame);
+  // A recent frame: its rows, and s of each where its chips are known.
+  struct KeptFrame {
+    std::int64_t number;
+    std::vector<double> signal, exposed;
+    bool seen = false;  // chips were detected
+    bool fits = false;  // no more than noise is left
+  };
+  // The lamp's profile, the rows in which it is bright enough, and its fit to recent frames.
+  struct LearnedProfile {
+    RowProfile profile;
+    RowRange rows;
+  };
+  void keep(const CombinedColumn& column, std::int64_t frame, std::size_t first_row);
+  void restart_clock();
+  [[nodiscard]] std::vector<ProfileFrame> profile_frames() const;
+  [[nodiscard]] std::size_t profile_smoothing() const;
+  bool learn_profile(const CombinedColumn& column, std::size_t first_row);
+  struct KeptFit {
+    std::size_t frames = 0;  // that fit
+    double noise = 0;        // sum over the frames, relative to the swing
+  };
+  KeptFit read_kept(const LearnedProfile& learned, const CombinedColumn& column, std::size_t first_row,
+                    ReceivedFrame* result);
+  void follow_profile(const std::optional<FrameReading>& reading);
+  [[nodiscard]] SearchEffort search_effort(std::size_t rows) const;
   std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
   void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);
   void lose(ReceivedFrame& result, bool searched);
@@ -93,15 +123,20 @@ class ChipReceiver {
   ChipOptions options_;
   PacketAssembler assembler_;
   std::vector<double> preamble_;
-  std::optional<ClockTracker> tracker_;         // with a known frame time; phases in rows of the picture
-  std::optional<double> rows_per_chip_;         // nominal, or estimated from earlier frames
-  std::optional<ChannelEstimate> channel_;      // of the last received frame
-  RowModel model_;                              // that explained the last frame
-  double relative_noise_ = 0;                   // max of the last frame's and of the decayed earlier values
-  std::size_t first_row_ = 0;                   // of the current frame
-  std::size_t lost_ = 0;                        // consecutive frames without chips
-  std::size_t vain_tries_ = 0, until_try_ = 0;  // of other models in a row; frames until the next
-  std::size_t fruitless_ = 0, wait_ = 0;        // consecutive failed searches; frames until the next search
+  std::optional<ClockTracker> tracker_;                   // with a known frame time; phases in rows of the picture
+  std::optional<double> rows_per_chip_;                   // nominal, or estimated from earlier frames
+  std::optional<ChannelEstimate> channel_;                // of the last received frame
+  RowModel model_;                                        // that explained the last frame
+  std::deque<KeptFrame> kept_;                            // the last frames, the current one included
+  std::size_t kept_first_row_ = 0;                        // of the picture, at index 0 of their signals
+  std::optional<LearnedProfile> profile_;                 // where single frames fit no model
+  std::size_t profile_attempts_ = 0, until_attempt_ = 0;  // in vain; frames until the next
+  std::size_t profile_misfits_ = 0;                       // consecutive frames that the profile does not explain
+  double relative_noise_ = 0;                             // max of the last frame's and of the decayed earlier values
+  std::size_t first_row_ = 0;                             // of the current frame
+  std::size_t lost_ = 0;                                  // consecutive frames without chips
+  std::size_t vain_tries_ = 0, until_try_ = 0;            // of other models in a row; frames until the next
+  std::size_t fruitless_ = 0, wait_ = 0;                  // consecutive failed searches; frames until the next search
 };
 
 }  // namespace ocisac
