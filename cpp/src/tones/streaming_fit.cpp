@@ -198,10 +198,10 @@ void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t firs
 
 StreamingFit::Residual StreamingFit::residual(std::span<const double> column) const {
   const auto size = static_cast<Eigen::Index>(estimates_), groups = static_cast<Eigen::Index>(weights_.groups());
-  const auto rows_in_one = static_cast<std::size_t>(weights_.row_group());
-  Eigen::VectorXd sums = Eigen::VectorXd::Zero(groups), weighted(size);
-  for (std::size_t row = 0; row < weights_.groups() * rows_in_one; ++row)
-    sums(static_cast<Eigen::Index>(row / rows_in_one)) += column[row];
+  const Eigen::Index rows_in_one = weights_.row_group();
+  Eigen::VectorXd weighted(size);
+  Eigen::VectorXd sums =
+      Eigen::Map<const Eigen::MatrixXd>(column.data(), rows_in_one, groups).colwise().sum().transpose();
   weighted(0) = sums.sum();
   weighted.tail(size - 1) = Eigen::Map<const RowMajor>(weights_.weights().data(), size - 1, groups) * sums;
   const Eigen::VectorXd parameters = Eigen::Map<const RowMajor>(of_samples_.data(), size, size) * weighted;

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <numeric>
 #include <string>
+#include <type_traits>
 
 #include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
@@ -557,6 +558,8 @@ std::vector<FittedLight> lights_of(const Context& context) {
   return lights;
 }
 
+constexpr std::size_t kMaxColumns = 16;  // that are averaged for the test of a frame
+
 // Linear light, (rows,).
 std::vector<double> mean_of_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                     std::size_t first, std::size_t count) {
@@ -566,11 +569,16 @@ std::vector<double> mean_of_columns(const AnyFramesView& frames, const Context& 
   std::vector<double> mean(rows);
   if (curve.kind == ToneCurve::Kind::linear) {  // in memory order, without the signals of each column
     std::visit(
-        [&](const auto& view) {
+        [&]<class T>(const FramesView<const T>& view) {
+          using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
           for (std::size_t row = 0; row < rows; ++row) {
-            double sum = 0;
-            for (std::size_t i = 0; i < count; ++i) sum += static_cast<double>(view(frame, row, first + i));
-            mean[row] = share * sum - curve.dark_level;
+            const T* samples = &view(frame, row, first);
+            Sum sum = 0;
+            if (view.column_stride == 1 && count == kMaxColumns)
+              for (std::size_t i = 0; i < kMaxColumns; ++i) sum += samples[i];
+            else
+              for (std::size_t i = 0; i < count; ++i) sum += view(frame, row, first + i);
+            mean[row] = share * static_cast<double>(sum) - curve.dark_level;
           }
         },
         frames);
@@ -585,12 +593,11 @@ std::vector<double> mean_of_columns(const AnyFramesView& frames, const Context& 
 // Mean of up to 16 neighbouring columns with the strongest tone, without saturated ones; empty if all are.
 std::vector<double> strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                       const ToneGainView& result) {
-  constexpr std::size_t kMaxColumns = 16;
   constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
   const auto level = [&](std::size_t column) { return result.gain[start + column] * result.mean[start + column]; };
   std::size_t longest = 0;
-  for (std::size_t i = 0, run = 0; i < columns; ++i) {
+  for (std::size_t i = 0, run = 0; i < columns && longest < kMaxColumns; ++i) {
     run = result.flags[start + i] & kUnusable ? 0 : run + 1;
     longest = std::max(longest, run);
   }
