@@ -124,7 +124,7 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
   freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
   covariance_ = dense(chosen.covariance);
-  design_ = dense(chosen.design);
+  design_.assign(chosen.design.data(), chosen.design.data() + chosen.design.size());
   gram_ = dense(transposed_product(chosen.design, chosen.design));
   // The mean's row is omitted: with those of the tones, the plain sum spans the same estimates.
   const auto tones = chosen.weights.rows() - 1;
@@ -205,7 +205,7 @@ StreamingFit::Residual StreamingFit::residual(std::span<const double> column) co
   weighted(0) = sums.sum();
   weighted.tail(size - 1) = Eigen::Map<const RowMajor>(weights_.weights().data(), size - 1, groups) * sums;
   const Eigen::VectorXd parameters = Eigen::Map<const RowMajor>(of_samples_.data(), size, size) * weighted;
-  sums -= Eigen::Map<const RowMajor>(design_.data(), groups, size) * parameters;
+  sums -= Eigen::Map<const Eigen::MatrixXd>(design_.data(), groups, size) * parameters;
   return {{parameters.begin(), parameters.end()}, {sums.begin(), sums.end()}};
 }
 

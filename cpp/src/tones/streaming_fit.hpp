@@ -67,7 +67,7 @@ class StreamingFit {
   double freedom_ = 0;              // degrees of freedom of the noise times D: squares of sums → variance of a row
   std::vector<Flags> flags_;        // of the tones
   std::vector<double> covariance_;  // (estimates × estimates)
-  std::vector<double> design_;      // (groups × estimates), of the sums
+  std::vector<double> design_;      // (groups × estimates) by column, of the sums
   std::vector<double> gram_;        // (estimates × estimates): AᵀA of the design A of the sums
   // Matrices from totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of
   // bytes.

@@ -266,14 +266,12 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const Spa
 }  // namespace
 
 bool is_white(std::span<const double> residual) {
-  double energy = 0, first = 0, second = 0;
-  for (std::size_t n = 0; n < residual.size(); ++n) {
-    energy += residual[n] * residual[n];
-    if (n > 0) first += residual[n] * residual[n - 1];
-    if (n > 1) second += residual[n] * residual[n - 2];
-  }
-  return std::max(std::abs(first), std::abs(second)) <=
-         kCorrelated / std::sqrt(static_cast<double>(residual.size())) * energy;
+  const Eigen::Map<const VectorXd> r(residual.data(), static_cast<Index>(residual.size()));
+  const auto correlation = [&](Index lag) {
+    return r.size() > lag ? r.head(r.size() - lag).dot(r.tail(r.size() - lag)) : 0;
+  };
+  return std::max(std::abs(correlation(1)), std::abs(correlation(2))) <=
+         kCorrelated / std::sqrt(static_cast<double>(residual.size())) * r.squaredNorm();
 }
 
 double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance) {

@@ -7,7 +7,6 @@
 #include <limits>
 #include <memory>
 #include <numbers>
-#include <numeric>
 #include <string>
 #include <type_traits>
 
@@ -618,7 +617,7 @@ std::vector<double> strongest_columns(const AnyFramesView& frames, const Context
 }
 
 double square_sum(std::span<const double> values) {
-  return std::inner_product(values.begin(), values.end(), values.begin(), 0.0);
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())).squaredNorm();
 }
 
 // False if the model leaves nothing but noise of a column: the test of every frame, a thousand times faster than
@@ -710,34 +709,51 @@ std::vector<std::uint32_t> count_black(const AnyFramesView& frames, std::size_t 
       frames);
 }
 
+constexpr double kBlackDepth = 1.5, kBlackNoise = 4, kHalfStep = 0.5;
+
 // Clipping at black loses the lower half of the noise. Columns whose light and noise cannot reach black are not
 // counted: light is at least mean − 1.5 Σ amplitudes, or that of the lamp when off.
 bool may_reach_black(const Context& context, std::size_t frame, std::size_t column, const ToneGainView& result) {
-  constexpr double kDepth = 1.5, kNoise = 4, kHalfStep = 0.5;
   const std::size_t i = index_of(context, 0, frame) + column;
   const double off = context.camera->tone_curve.dark_level + background_of(context, frame, column);
   const double level = result.gain[i] * result.mean[i];
   // x < 4σ + 1/2, with σ² = level²/snr, without roots and divisions.
   const auto within_noise = [&](double x) {
     const double above = x - kHalfStep;
-    return above < 0 || above * above * result.snr[i] < kNoise * kNoise * level * level;
+    return above < 0 || above * above * result.snr[i] < kBlackNoise * kBlackNoise * level * level;
   };
   if (!within_noise(off)) return false;
   double depth = 0;
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
     const std::size_t own = index_of(context, tone, frame) + column;
-    depth += kDepth * context.ratio * result.gain[own] * result.mean[own];
+    depth += kBlackDepth * context.ratio * result.gain[own] * result.mean[own];
   }
   return within_noise(result.mean[i] + off - depth);
+}
+
+// True if may_reach_black may hold for a column: the same without branches, for one tone over a constant background.
+bool any_may_reach_black(const Context& context, std::size_t frame, const ToneGainView& result) {
+  if (context.tones.size() != 1 || context.options->background.size() > 1) return true;
+  const std::size_t start = index_of(context, 0, frame);
+  const double off = context.camera->tone_curve.dark_level + background_of(context, frame, 0);
+  const double depth = kBlackDepth * context.ratio;
+  bool any = false;
+  for (std::size_t i = start; i < start + context.shape.columns; ++i) {
+    const double level = result.gain[i] * result.mean[i];
+    const double above = std::max(result.mean[i] + off - depth * level - kHalfStep, 0.0);
+    any |= (above == 0) | (above * above * result.snr[i] <= kBlackNoise * kBlackNoise * level * level);
+  }
+  return any;
 }
 
 void flag_black(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
   constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
+  const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
+  if (is_linear && !any_may_reach_black(context, frame, result)) return;
   std::vector<std::size_t> suspects;
   for (std::size_t i = 0; i < columns; ++i)
-    if (!(result.flags[start + i] & kSettled) &&
-        (context.camera->tone_curve.kind != ToneCurve::Kind::linear || may_reach_black(context, frame, i, result)))
+    if (!(result.flags[start + i] & kSettled) && (!is_linear || may_reach_black(context, frame, i, result)))
       suspects.push_back(i);
   if (suspects.empty()) return;
   const auto black = count_black(frames, frame);
