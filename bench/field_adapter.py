@@ -79,5 +79,7 @@ def _packets(frame) -> Reading:
 
 def square_gain(pixels: np.ndarray, of_camera, frequency: float, background: float):
     """Gain of a square wave in each column, its standard error, flags."""
-    gain = ocisac_fast.tone_gain(pixels, of_camera, frequency, waveform="square", background=background)
+    gain = ocisac_fast.tone_gain(
+        pixels, of_camera, frequency, method="robust", waveform="square", background=background
+    )
     return gain.gain, gain.gain_std, gain.flags

@@ -15,9 +15,9 @@ namespace ocisac::bindings {
 namespace {
 
 GainMethod gain_method(const std::string& name) {
-  if (name == "fit") return GainMethod::fit;
+  if (name == "fit" || name == "robust") return GainMethod::fit;
   if (name == "dft") return GainMethod::dft;
-  refuse("method", name, "fit or dft");
+  refuse("method", name, "fit, robust or dft");
 }
 
 WaveformShape waveform_shape(const std::string& name) {
@@ -40,8 +40,9 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
                            const Doubles& background, double efficiency, int threads, bool pooled) {
   const AnyFramesView view = any_view(columns);
   const auto tones = span_of(frequencies);
-  const ToneGainOptions options{
+  ToneGainOptions options{
       gain_method(method), waveform_shape(waveform), duty, span_of(background), efficiency, threads};
+  options.robust = method == "robust";
   const auto shape = result_shape(frequencies, columns, pooled);
   py::array_t<double> gain(shape), gain_std(shape), phase(shape), mean(shape), snr(shape);
   py::array_t<Flags> flags(shape);

@@ -204,10 +204,8 @@ void find_reflections(std::vector<Found>& found) {
 LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Found& found) {
   const RefinedLight& light = found.light;
   const double frequency = light.frequency / camera.row_time;
-  ToneGainOptions options;
-  options.check_surroundings = false;  // the light may send chips
   const ToneGain gain =
-      pooled_tone_gain(part_of(frame_of(frames, frame), light.box), camera, std::span(&frequency, 1), options);
+      pooled_tone_gain(part_of(frame_of(frames, frame), light.box), camera, std::span(&frequency, 1), {});
   const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.box.y), 1.0);
   LightSource source;
   source.frame = frame;

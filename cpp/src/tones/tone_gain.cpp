@@ -775,7 +775,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
   Context context = make_context(frames, camera, frequencies, options);
   check_room(result, frequencies.size() * context.shape.frames * context.shape.columns);
   gains_of_model(frames, context, result);
-  if (options.method != GainMethod::fit || !options.check_surroundings) return;
+  if (options.method != GainMethod::fit || !options.robust) return;
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     check_frame(frames, context, frame, result);
     if (holds_integers(frames)) flag_black(frames, context, frame, result);
@@ -808,7 +808,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       }
     };
     write(context, *estimator);
-    if (options.method != GainMethod::fit || !options.check_surroundings || pooled.saturated) return;
+    if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
     const Surroundings around = surroundings_of(context, false, pooled.signal);
     if (!around.tones.empty()) {
       Context with_others = make_context(frames, camera, frequencies, options);

@@ -24,7 +24,7 @@ from ocisac_fast.light.response import exposure_response
 @click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
 @click.argument("file")
 @click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Frequency of the light; auto: estimated.")
-@click.option("--method", type=click.Choice(["fit", "dft"]), default="fit", show_default=True)
+@click.option("--method", type=click.Choice(["fit", "robust", "dft"]), default="fit", show_default=True)
 @click.option("--background", type=float, help="Light of other origin, in stored values above dark.")
 @click.option("--threads", type=int, default=1, show_default=True)
 @picture_options
@@ -162,7 +162,7 @@ def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, opti
     values = {name: np.concatenate([getattr(part, name) for part in gains]) for name in _FRAME_VALUES}
     weights = _weights(values["gain_std"])
     mask = np.bitwise_or.reduce(values["flags"])
-    if options["method"] == "fit":
+    if options["method"] != "dft":
         mask |= _misfit(light.columns(first)[0], camera, light.frequency, options)
     flags = flag_names(mask)
     return _Measured(

@@ -23,7 +23,7 @@ def tone_gain(
     columns: npt.ArrayLike,
     camera: Camera,
     frequency: npt.ArrayLike,
-    method: Literal["fit", "dft"] = "fit",
+    method: Literal["fit", "robust", "dft"] = "fit",
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     background: npt.ArrayLike = 0.0,
@@ -37,7 +37,7 @@ def tone_gain(
     ``efficiency`` and ``threads`` have no effect. Flags, such as those of multiples of half the row rate and of few
     cycles, are equal.
     """
-    return _tone_gain(columns, camera, frequency, method, waveform, duty, background, pooled, method == "fit")
+    return _tone_gain(columns, camera, frequency, method, waveform, duty, background, pooled)
 
 
 def _tone_gain(
@@ -49,9 +49,7 @@ def _tone_gain(
     duty: float,
     background: npt.ArrayLike,
     pooled: bool,
-    checked: bool,
 ) -> ToneGain:
-    """``checked``: with other tones, distortion and clipping at black."""
     stored = np.asarray(columns)
     light = linear_light(stored, camera)
     shape = light.shape
@@ -63,7 +61,7 @@ def _tone_gain(
         light, ambient, saturated = _pool(light, ambient, saturated)
     whole_numbers = stored.dtype in (np.uint8, np.uint16) and camera.tone_curve == "linear" and not pooled
     tones = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
-    estimate = _fit if method == "fit" else _dft
+    estimate = _dft if method == "dft" else _fit
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
     harmonics_of = _only_fundamental if waveform == "tone" else _square_harmonics(duty)
     cycles = tones * camera.row_period
@@ -86,7 +84,7 @@ def _tone_gain(
     results = []
     for frame, b, s, black in zip(light, ambient, saturated, clipped, strict=True):
         found = gains(frame, b, s)
-        if checked:
+        if method == "robust":
             around = _surroundings(_strongest(frame, found), lights, harmonics_of)
             if around.tones:
                 found = gains(frame, b, s, around.tones)
@@ -309,7 +307,7 @@ def varying_tone_gain(
 ) -> VaryingToneGain:
     """As :func:`ocisac_fast.varying_tone_gain`: ``numpy.linalg.pinv`` of the design, column by column."""
     light = linear_light(np.asarray(columns), camera)
-    steady = _tone_gain(columns, camera, frequency, "fit", waveform, duty, background, False, False)
+    steady = _tone_gain(columns, camera, frequency, "fit", waveform, duty, background, False)
     cycles = frequency * camera.row_period
     rows = light.shape[0] if light.ndim == 1 else light.shape[-2]
     every = [1] if waveform == "tone" else _square_harmonics(duty)(cycles)

@@ -27,7 +27,7 @@ struct ToneGainOptions {
   int threads = 1;                               // upper bound: see for_each_block in parallel.hpp
   // fit: test the strongest columns of each frame for other tones, which are fitted too, and for distortion, and all
   // columns for samples clipped at black. See docs/tones.md.
-  bool check_surroundings = true;
+  bool robust = false;
 };
 
 // Arrays (tones × frames × columns), dense. Undetermined values are NaN and flagged.
