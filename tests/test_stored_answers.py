@@ -77,7 +77,7 @@ def chips(frame: Picture) -> list[dict[str, Any]]:
 
 
 def lights(frame: Picture) -> list[dict[str, Any]]:
-    """Of the green, read out along either axis."""
+    """Lights of the green, read out along either axis."""
     names = ("x", "y", "width", "height", "carries_data", "reflection_of", "merged")
     numbers = ("frequency", "frequency_std", "gain", "amplitude", "snr", "periodic")
     return [
@@ -90,14 +90,14 @@ def lights(frame: Picture) -> list[dict[str, Any]]:
 
 
 def region(frame: Picture) -> dict[str, Any]:
-    """Of the first 192 columns, which show the light."""
+    """The light in the first 192 columns."""
     found = ocisac.sense_region(np.ascontiguousarray(frame[:, :192, 0]), Camera(1.0))
     numbers = ("frequency", "frequency_std", "cycles_per_column_std", "gain", "gain_std", "contrast", "mean", "snr")
     return {"kind": found.kind, "flags": int(found.flags)} | {name: rounded(getattr(found, name)) for name in numbers}
 
 
 def clean(frame: Picture) -> dict[str, Any]:
-    """Of at most 600 by 400 pixels in the middle."""
+    """At most 600 by 400 pixels in the middle, without bands."""
     top, left = (max(0, (size - most) // 2) for size, most in zip(frame.shape, (600, 400), strict=False))
     part = np.ascontiguousarray(frame[top : top + 600, left : left + 400])
     done = ocisac.remove_bands(part[np.newaxis], Camera(1.0, tone_curve="srgb"))

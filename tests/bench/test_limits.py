@@ -91,7 +91,7 @@ def test_command_writes_picture_and_text(tmp_path, monkeypatch, capsys):
     assert "picture:" in capsys.readouterr().out
 
 
-# What a sweep does not show.
+# Limits that no sweep shows.
 
 
 @pytest.mark.parametrize("per_row", [0.5, 1.0, 1.5])

@@ -48,7 +48,7 @@ def boxes(seed: int, rows: int = ROWS, columns: int = COLUMNS) -> Array:
 
 
 def scene(light: Array, seed: int = 0, noise: float = 1.5) -> tuple[Array, Array, Array]:
-    """What is read, clean picture and share: texture under ambient light and a lamp that a shadow's edge cuts."""
+    """Picture with bands, clean picture and share: texture under ambient light and a lamp cut by a shadow's edge."""
     y, x = np.mgrid[:ROWS, :COLUMNS]
     lamp = 70.0 / (1 + np.exp((x + 0.3 * y - 150) / 1.5)) + 8.0
     albedo = boxes(seed)
@@ -165,7 +165,7 @@ def test_lines_of_text_do_not_pass_for_a_harmonic(seed: int) -> None:
 
 
 def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
-    """What a blur along the columns removes of the bands, it takes from the picture, and puts into lit rows."""
+    """A blur along the columns removes bands, but also removes texture and darkens fully lit rows."""
     light = row_light("chips")
     read, _, _ = scene(light)
     stored = np.clip(np.rint(read), 0, 255).astype(np.uint8)

@@ -271,7 +271,7 @@ def test_a_simulation_without_meaning_is_refused(run, tmp_path, arguments, messa
     assert os.listdir(tmp_path) == []
 
 
-# What the commands find
+# Results of the commands
 
 
 @pytest.fixture

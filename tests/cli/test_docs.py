@@ -1,4 +1,4 @@
-"""What README.md and docs/ show: commands of the README run, all commands parse, all Python blocks fit the library."""
+"""README.md and docs/: commands of the README run, all commands parse, all Python blocks fit the library."""
 
 from __future__ import annotations
 

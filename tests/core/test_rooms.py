@@ -29,7 +29,7 @@ def cpp_files() -> Iterator[Path]:
 
 
 def cpp_arrows() -> Arrows:
-    """Of files, named room/file: a header and its source may know others of their room in turn."""
+    """Arrows between files, named room/file: a header and its source may know others of their room in turn."""
     arrows: Arrows = {}
     for path in cpp_files():
         top = INCLUDE / "ocisac" if path.is_relative_to(INCLUDE) else ROOT / "cpp" / "src"

@@ -533,7 +533,7 @@ def test_64_bit_arm_gives_the_same_payload_and_numbers(receiver, packets):
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
 @pytest.mark.parametrize("form", [["-f", "yuv4mpegpipe"], ["-f", "rawvideo"], ["-f", "image2pipe", "-c:v", "pgm"]])
 def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, capsys):
-    """What the README shows: transmit, simulate, ffmpeg, ocisac-rx."""
+    """The README's chain: transmit, simulate, ffmpeg, ocisac-rx."""
     pytest.importorskip("av")
     from ocisac_fast.cli import main
 

@@ -1,4 +1,4 @@
-"""What goes with the program: the service example of docs/device.md, and the package's copyright file."""
+"""Files beside the program: the service example of docs/device.md, and the package's copyright file."""
 
 import configparser
 import re

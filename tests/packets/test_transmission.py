@@ -34,7 +34,7 @@ def longest_run(chips):
 
 
 class Camera:
-    """What a rolling shutter reads of a cycle of chips: 191.8 chips of every 266.7, as (first chip, chips)."""
+    """A rolling shutter reads 191.8 of every 266.7 chips of a cycle; frames are (first chip, chips)."""
 
     def __init__(self, chips, start=0.0, drift=0.0, period=8000 / 30, seen=1080 * 22.2e-6 * 8000, edge=0):
         self.chips, self.start, self.edge, self.seen, self.period = chips, start, edge, seen, period * (1 + drift)

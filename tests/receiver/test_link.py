@@ -46,7 +46,7 @@ PREAMBLE_CHIPS, HEADER_BYTES = 14, 2
 
 
 def shows_every_digit(channel, sent, frames):
-    """Whether the frames show headers of all four kinds, which hold a digit of the payload's length each.
+    """True if the frames show headers of all four kinds, which hold a digit of the payload's length each.
 
     Frames that stay in step with the blocks show the same kinds over and over.
     """

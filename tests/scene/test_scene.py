@@ -305,7 +305,7 @@ waveform = {{ kind = "chips", chip_rate = 2000.0, {} }}
 
 
 def refusal(tmp_path, text):
-    """What `load_scene` says of a scene with this instead of its sources and surfaces."""
+    """Message of `load_scene` for a scene with `text` instead of its sources and surfaces."""
     head = TESTBED[: TESTBED.index("[ambient]")]
     data = text if isinstance(text, bytes) else text.encode()
     (tmp_path / "bad.toml").write_bytes(head.encode() + data)

@@ -57,7 +57,7 @@ def test_fit_is_unbiased_and_efficient_and_knows_its_error(frequency, exposure):
     ("frequency", "bias"), [(200 * SPEED, -0.226), (200.0, -0.059), (500.0, 0.0), (500 * SPEED, 0.0)]
 )
 def test_the_rounded_bin_is_biased_off_the_bin(frequency, bias):
-    """What the paper's own estimator does at T_e = 622 us; m* is nearly whole at 500 and 876 Hz."""
+    """Bias of the paper's estimator at T_e = 622 us; m* is nearly whole at 500 and 876 Hz."""
     random = np.random.default_rng(3)
     columns = exposed_square_waves(frequency, 622e-6, np.linspace(-np.pi, np.pi, 2000, endpoint=False))
     columns += NOISE * random.standard_normal(columns.shape)

@@ -1,4 +1,4 @@
-// Other tones and distortion in a column of a periodic light: what tone_gain's model leaves out.
+// Other tones and distortion in a column of a periodic light, which tone_gain's model omits.
 #pragma once
 
 #include <complex>

@@ -26,7 +26,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a column shows besides its lights.
+    """Components of a column besides its lights.
 
     Attributes:
         tones: cycles per row of additive tones to be fitted with the lights.
@@ -41,7 +41,7 @@ class Surroundings:
 
 
 def is_white(residual: FloatArray) -> bool:
-    """Whether the correlations at lags 1 and 2 are those of noise."""
+    """True if the correlations at lags 1 and 2 are those of white noise."""
     energy = residual @ residual
     correlations = [abs(residual[lag:] @ residual[:-lag]) for lag in (1, 2)]
     return bool(max(correlations) <= CORRELATED / np.sqrt(residual.size) * energy)
@@ -160,7 +160,7 @@ def _refine(tones: list[float], basis: FloatArray, column: FloatArray) -> tuple[
 
 
 def _modulates(tones: list[float], cycles: float, rows: int) -> bool:
-    """Whether tones are the sidebands of a light that varies along the rows: f + d and d, or f + d and f - d."""
+    """True for sidebands of a light that varies along the rows: f + d and d, or f + d and f - d."""
     sides = [(tone - cycles) * rows for tone in tones]
     slow = any(
         abs(abs(side) - tone * rows) < 0.6 or abs(side) < 0.3 for side in sides for tone in tones if tone * rows < 3
