@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "chips/exposed_chips.hpp"
+#include "core/legendre.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
-#include "ocisac/tones/tone_design.hpp"
 
 namespace ocisac {
 

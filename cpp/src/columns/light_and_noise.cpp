@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/legendre.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -109,13 +110,9 @@ void ColumnAnalysis::make_trend(double exposure_rows) {
   const auto rows = static_cast<Index>(rows_), terms = std::min(kTrendTerms, rows / 8 + 1);
   const double scale = 0.5 * (static_cast<double>(rows_ - 1) + exposure_rows);
   const auto polynomials = [&](double row) {  // P_0 … P_terms
-    const double at = (row - 0.5 * (static_cast<double>(rows_ - 1) - exposure_rows)) / scale;
-    std::vector<double> p{1, at};
-    for (Index k = 1; k < terms; ++k)
-      p.push_back(((2 * static_cast<double>(k) + 1) * at * p[static_cast<std::size_t>(k)] -
-                   static_cast<double>(k) * p[static_cast<std::size_t>(k - 1)]) /
-                  static_cast<double>(k + 1));
-    return p;
+    std::vector<double> values(static_cast<std::size_t>(terms) + 1);
+    legendre((row - 0.5 * (static_cast<double>(rows_ - 1) - exposure_rows)) / scale, values);
+    return values;
   };
   Matrix light(rows, terms), seen(rows, terms);
   for (Index n = 0; n < rows; ++n) {

@@ -48,8 +48,15 @@ MatrixXd solve_upper_transposed(const ConstMatrix& triangle, const ConstMatrix& 
   return triangle.triangularView<Eigen::Upper>().transpose().solve(right);
 }
 
-MatrixXd least_squares(const ConstMatrix& matrix, const ConstMatrix& right) {
-  return matrix.colPivHouseholderQr().solve(right);
+MatrixXd least_squares(const ConstMatrix& matrix, const ConstMatrix& right, double min_pivot) {
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(matrix);
+  if (min_pivot > 0) qr.setThreshold(min_pivot);
+  const Index rank = qr.rank();
+  const MatrixXd turned = qr.householderQ().adjoint() * right;
+  MatrixXd solved = MatrixXd::Zero(matrix.cols(), right.cols());
+  solved.topRows(rank) =
+      qr.matrixR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(turned.topRows(rank));
+  return qr.colsPermutation() * solved;
 }
 
 MatrixXd solve_positive_definite(const ConstMatrix& matrix, const ConstMatrix& right) {

@@ -31,8 +31,9 @@ OrthogonalFactors pivoted_orthogonal_factors(const ConstMatrix& matrix);  // by 
 Eigen::MatrixXd solve_upper(const ConstMatrix& triangle, const ConstMatrix& right);
 Eigen::MatrixXd solve_upper_transposed(const ConstMatrix& triangle, const ConstMatrix& right);
 
-// x that minimises |matrix·x − right| for a matrix (rows × columns), by QR with column pivoting.
-Eigen::MatrixXd least_squares(const ConstMatrix& matrix, const ConstMatrix& right);
+// x that minimises |matrix·x − right| for a matrix (rows × columns), by QR with column pivoting. x is 0 for columns
+// whose pivot is at most min_pivot times the largest.
+Eigen::MatrixXd least_squares(const ConstMatrix& matrix, const ConstMatrix& right, double min_pivot = 0);
 
 // x with matrix·x = right for a positive definite matrix (n × n), by LLᵀ.
 Eigen::MatrixXd solve_positive_definite(const ConstMatrix& matrix, const ConstMatrix& right);

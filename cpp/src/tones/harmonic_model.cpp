@@ -8,6 +8,7 @@
 #include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
+#include "tones/design_matrix.hpp"
 
 namespace ocisac {
 
@@ -120,10 +121,8 @@ struct FoldedDesign {
 FoldedDesign folded_design(const std::vector<Oscillation>& oscillations, std::size_t rows, const Folding& folding) {
   ToneDesign design{rows, {}};
   for (const auto& oscillation : oscillations) design.cycles_per_row.push_back(oscillation.cycles_per_row);
-  const auto table = design.matrix(rows / 2);
-  const Eigen::Map<const MatrixXd> full(table.data(), folding.count, static_cast<Index>(design.columns()));
   const auto count = static_cast<Index>(oscillations.size());
-  MatrixXd folded = full;
+  MatrixXd folded = design_matrix(design, rows / 2);
   for (Index i = 0; i < folding.count; ++i) folded.row(i) *= folding.scale(i);
   FoldedDesign halves{MatrixXd(folding.count, count + 1), MatrixXd(folding.count, count)};
   halves.cosines.col(0) = folded.col(0);

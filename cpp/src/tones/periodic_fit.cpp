@@ -8,6 +8,7 @@
 
 #include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
+#include "tones/design_matrix.hpp"
 
 namespace ocisac {
 
@@ -27,8 +28,7 @@ Index trend_columns(const PeriodicModel& model) { return static_cast<Index>(mode
 
 // The model's columns: trend, then cosine and sine of each harmonic.
 MatrixXd model_matrix(const PeriodicModel& model, Index rows, double frequency) {
-  const auto table = model.design(static_cast<std::size_t>(rows), frequency).matrix();
-  return Eigen::Map<const MatrixXd>(table.data(), rows, static_cast<Index>(model.parameters()));
+  return design_matrix(model.design(static_cast<std::size_t>(rows), frequency));
 }
 
 // The tones times 2πhu: with the coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.

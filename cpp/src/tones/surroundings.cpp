@@ -14,7 +14,7 @@
 #include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/light/exposure_response.hpp"
-#include "ocisac/tones/tone_design.hpp"
+#include "tones/design_matrix.hpp"
 
 namespace ocisac {
 
@@ -32,12 +32,6 @@ constexpr double kNearNull = 0.05;
 constexpr std::size_t kPadding = 4;  // of the periodogram
 
 double middle_of(Index rows) { return (static_cast<double>(rows) - 1) / 2; }
-
-MatrixXd design_matrix(const ToneDesign& design) {
-  const std::vector<double> values = design.matrix();
-  return Eigen::Map<const MatrixXd>(values.data(), static_cast<Index>(design.rows),
-                                    static_cast<Index>(design.columns()));
-}
 
 // Cosine and sine of each tone, (rows × 2·tones).
 MatrixXd waves_of(std::vector<double> tones, Index rows) {
@@ -129,24 +123,16 @@ double noise_floor(const VectorXd& residual) {
 }
 
 // Parameters that are nearly collinear with others are 0.
-VectorXd least_squares(const MatrixXd& design, const MatrixXd& values) {
+VectorXd fitted_levels(const MatrixXd& design, const VectorXd& values) {
   constexpr double kCollinear = 1e-6;
-  const OrthogonalFactors factors = pivoted_orthogonal_factors(design);
-  Index rank = factors.rank();
-  while (rank > 0 && std::abs(factors.triangle(rank - 1, rank - 1)) < kCollinear * std::abs(factors.triangle(0, 0)))
-    --rank;
-  const MatrixXd solved =
-      solve_upper(factors.triangle.topLeftCorner(rank, rank), transposed_product(factors.basis.leftCols(rank), values));
-  VectorXd parameters = VectorXd::Zero(design.cols());
-  for (Index i = 0; i < rank; ++i) parameters(factors.order[static_cast<std::size_t>(i)]) = solved(i, 0);
-  return parameters;
+  return least_squares(design, values, kCollinear);
 }
 
 // Energy that a tone explains beside the basis.
 double explained_energy(double cycles_per_row, const MatrixXd& basis, const VectorXd& residual) {
   const MatrixXd own = beside(basis, waves_of({cycles_per_row}, residual.size()));
   if (own.squaredNorm() < 1e-3 * static_cast<double>(residual.size())) return 0;
-  const VectorXd fitted = own * least_squares(own, residual);
+  const VectorXd fitted = own * fitted_levels(own, residual);
   return fitted.dot(residual);
 }
 
@@ -165,18 +151,18 @@ TonesFound refine(std::vector<double> tones, const MatrixXd& basis, const Vector
     const MatrixXd waves = waves_of(tones, rows);
     MatrixXd slopes(rows, count), both(rows, 3 * count);
     both.leftCols(2 * count) = beside(basis, waves);
-    const VectorXd levels = least_squares(both.leftCols(2 * count), column);
+    const VectorXd levels = fitted_levels(both.leftCols(2 * count), column);
     for (Index k = 0; k < count; ++k)
       slopes.col(k) = u.cwiseProduct(levels(2 * k + 1) * waves.col(2 * k) - levels(2 * k) * waves.col(2 * k + 1));
     both.rightCols(count) = beside(basis, slopes);
-    const VectorXd moves = least_squares(both, column).tail(count);
+    const VectorXd moves = fitted_levels(both, column).tail(count);
     for (Index k = 0; k < count; ++k) {
       double& tone = tones[static_cast<std::size_t>(k)];
       tone = std::clamp(tone + std::clamp(moves(k), -bin / 4, bin / 4), bin, 0.5 - bin);
     }
   }
   const MatrixXd own = beside(basis, waves_of(tones, rows));
-  return {tones, column - own * least_squares(own, column)};
+  return {tones, column - own * fitted_levels(own, column)};
 }
 
 // The best of the frequencies around a peak of the periodogram.
@@ -253,7 +239,7 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const Spa
   MatrixXd design(column.size(), 1 + 2 * static_cast<Index>(lines.size()));
   design.col(0).setOnes();
   design.rightCols(design.cols() - 1) = waves_of(cycles, column.size());
-  const VectorXd levels = least_squares(design, column);
+  const VectorXd levels = fitted_levels(design, column);
   for (std::size_t k = 0; k < lines.size(); ++k) {
     const auto a = static_cast<Index>(1 + 2 * k);
     lines[k].level = {levels(a), -levels(a + 1)};

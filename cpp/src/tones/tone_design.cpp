@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
+
+#include "core/legendre.hpp"
 
 namespace ocisac {
 
@@ -11,16 +14,6 @@ Phasor phasor(double cycles_per_row, double u) {
   const double rest = std::fma(cycles_per_row, u, -product);
   const double cycles = (product - std::nearbyint(product)) + rest;
   return {std::cos(2 * std::numbers::pi * cycles), std::sin(2 * std::numbers::pi * cycles)};
-}
-
-// d·L_d = (2d − 1)·x·L_{d−1} − (d − 1)·L_{d−2}
-void legendre(double x, std::span<double> values) {
-  for (std::size_t d = 0; d < values.size(); ++d) {
-    const auto degree = static_cast<double>(d);
-    values[d] = d == 0   ? 1
-                : d == 1 ? x
-                         : ((2 * degree - 1) * x * values[d - 1] - (degree - 1) * values[d - 2]) / degree;
-  }
 }
 
 std::vector<double> ToneDesign::matrix(std::size_t first_row) const {

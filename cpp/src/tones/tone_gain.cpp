@@ -571,12 +571,8 @@ std::vector<double> mean_of_columns(const AnyFramesView& frames, const Context& 
         [&]<class T>(const FramesView<const T>& view) {
           using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
           for (std::size_t row = 0; row < rows; ++row) {
-            const T* samples = &view(frame, row, first);
             Sum sum = 0;
-            if (view.column_stride == 1 && count == kMaxColumns)
-              for (std::size_t i = 0; i < kMaxColumns; ++i) sum += samples[i];
-            else
-              for (std::size_t i = 0; i < count; ++i) sum += view(frame, row, first + i);
+            for (std::size_t i = 0; i < count; ++i) sum += view(frame, row, first + i);
             mean[row] = share * static_cast<double>(sum) - curve.dark_level;
           }
         },
@@ -731,26 +727,10 @@ bool may_reach_black(const Context& context, std::size_t frame, std::size_t colu
   return within_noise(result.mean[i] + off - depth);
 }
 
-// True if may_reach_black may hold for a column: the same without branches, for one tone over a constant background.
-bool any_may_reach_black(const Context& context, std::size_t frame, const ToneGainView& result) {
-  if (context.tones.size() != 1 || context.options->background.size() > 1) return true;
-  const std::size_t start = index_of(context, 0, frame);
-  const double off = context.camera->tone_curve.dark_level + background_of(context, frame, 0);
-  const double depth = kBlackDepth * context.ratio;
-  bool any = false;
-  for (std::size_t i = start; i < start + context.shape.columns; ++i) {
-    const double level = result.gain[i] * result.mean[i];
-    const double above = std::max(result.mean[i] + off - depth * level - kHalfStep, 0.0);
-    any |= (above == 0) | (above * above * result.snr[i] <= kBlackNoise * kBlackNoise * level * level);
-  }
-  return any;
-}
-
 void flag_black(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
   constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
-  if (is_linear && !any_may_reach_black(context, frame, result)) return;
   std::vector<std::size_t> suspects;
   for (std::size_t i = 0; i < columns; ++i)
     if (!(result.flags[start + i] & kSettled) && (!is_linear || may_reach_black(context, frame, i, result)))

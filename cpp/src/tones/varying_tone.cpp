@@ -6,10 +6,12 @@
 #include <cmath>
 #include <limits>
 
+#include "core/legendre.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
+#include "tones/design_matrix.hpp"
 #include "tones/harmonic_model.hpp"
 
 namespace ocisac {
@@ -49,12 +51,11 @@ MatrixXd legendre_at_places(int degree) {
 }
 
 // Polynomials alone, then times cosine and sine of each harmonic: (rows × terms·(1 + 2·harmonics)).
-MatrixXd design_matrix(std::size_t rows, double cycles_per_row, const std::vector<int>& harmonics, int degree) {
+MatrixXd varying_design(std::size_t rows, double cycles_per_row, const std::vector<int>& harmonics, int degree) {
   const auto polynomials = static_cast<std::size_t>(degree);
   ToneDesign design{rows, {}, polynomials, polynomials};
   for (const int h : harmonics) design.cycles_per_row.push_back(h * cycles_per_row);
-  const auto table = design.matrix();
-  return Eigen::Map<const MatrixXd>(table.data(), static_cast<Index>(rows), static_cast<Index>(design.columns()));
+  return design_matrix(design);
 }
 
 // Harmonics in ascending order until half of the degrees of freedom are used, without those so close to half the row
@@ -91,7 +92,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   plan.terms = options.degree + 1;
   if (harmonics.size() < shape_harmonics.size()) plan.flags |= flag::harmonics_dropped;
   if (cycles_per_row * static_cast<double>(rows) < 1 + options.degree / 2.0) plan.flags |= flag::few_cycles;
-  const MatrixXd design = design_matrix(rows, cycles_per_row, harmonics, options.degree);
+  const MatrixXd design = varying_design(rows, cycles_per_row, harmonics, options.degree);
   OrthogonalFactors factors = pivoted_orthogonal_factors(design);
   if (design.rows() <= design.cols() || factors.rank() < design.cols()) {
     plan.flags |= flag::unresolvable;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <span>
 #include <vector>
 
 namespace ocisac {
@@ -23,9 +22,6 @@ struct ToneDesign {
   // times its cosine and times its sine.
   [[nodiscard]] std::vector<double> matrix(std::size_t first_row = 0) const;
 };
-
-// Legendre polynomials of degree 0, 1, … at x.
-void legendre(double x, std::span<double> values);
 
 // cos and sin of 2π·ν·u with the whole cycles taken off exactly before rounding.
 struct Phasor {
