@@ -11,6 +11,7 @@ import numpy as np
 
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity, rate
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 
 _HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "data", "remark")
@@ -39,7 +40,7 @@ def detect(
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True
-    for found in _detected(file, picture, options, plot):
+    for found in detected_lights(file, picture, options, plot):
         if as_json:
             emit_json(found)
             continue
@@ -50,14 +51,16 @@ def detect(
         header = False
 
 
-def _detected(
-    file: str, picture: PictureOptions, options: dict[str, Any], plot: str | None
+def detected_lights(
+    file: str, picture: PictureOptions, options: dict[str, Any], plot: str | None = None, part: Part | None = None
 ) -> Iterator[dict[str, Any]]:
+    """The JSON object of each frame, of all frames or of a part."""
     from ocisac_fast.lights import detect_sources
 
-    with open_pictures(file, picture) as pictures:
+    first = 0 if part is None else part.first
+    with open_pictures(file, picture, part) as pictures:
         count = pictures.frame_count
-        for index, frame in enumerate(progress(pictures.frames, "detecting", count)):
+        for index, frame in enumerate(progress(pictures.frames, "detecting", count), first):
             grey = grey_of(frame)
             found = detect_sources(grey, pictures.camera, **options)
             sources = [_facts(source, picture) for source in found]

@@ -17,6 +17,7 @@ from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour,
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, rate, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
+from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
 
@@ -46,7 +47,8 @@ def gain(
     brightness. Each frame gives a gain; the result is the mean weighted by inverse variance.
     """
     options = {"method": method, "background": background or 0.0, "threads": threads}
-    measured = _measure(file, picture, frequency, options)
+    measured = frame_gains(file, picture, frequency, options)
+    light, mean = measured.light, measured.mean()
     if plot is not None:
         from ocisac_fast.plots import plot_gain
 
@@ -54,23 +56,23 @@ def gain(
             measured.columns,
             measured.camera,
             path=plot,
-            frequency=measured.frequency,
-            gain=measured.gain,
+            frequency=light.frequency,
+            gain=mean["gain"],
             waveform=picture.waveform,
         )
-    facts = picture.in_units(measured.facts(background is not None))
+    facts = picture.in_units({**measured.facts(mean, background is not None), "frames": measured.frame_count})
     if as_json:
         emit_json(facts)
         return
     emit_facts(
         "",
         {
-            "frequency": rate(measured.frequency, measured.frequency_std, picture.in_hertz),
-            "gain": with_spread(measured.gain, measured.gain_std, "", 5),
+            "frequency": rate(light.frequency, light.frequency_std, picture.in_hertz),
+            "gain": with_spread(mean["gain"], mean["gain_std"], "", 5),
             "theory |sinc(f T_e)|": quantity(facts["theory"], "", 5),
             "signal-to-noise ratio": number(facts["snr_db"], "dB", 4),
-            "mean": number(measured.mean, "DN"),
-            "frames": f"{measured.frames} of {facts['rows']} rows",
+            "mean": number(mean["mean"], "DN"),
+            "frames": f"{measured.frame_count} of {facts['rows']} rows",
             "columns": f"{facts['columns']}",
             "flags": ", ".join(facts["flags"]) or "none",
         },
@@ -78,50 +80,25 @@ def gain(
 
 
 @dataclasses.dataclass(frozen=True)
-class _Measured:
-    camera: Camera
-    frequency: float
-    frequency_std: float | None
-    gain: float
-    gain_std: float
-    phase: float
-    mean: float
-    snr: float
-    flags: list[str]
-    frames: int
-    columns: Frame  # (rows, columns) of the first frame, those used
-    colour: int | None
+class Light:
+    """Properties of the light from the first frames: frequency and columns.
 
-    def facts(self, background_given: bool) -> dict[str, Any]:
-        """The JSON object."""
-        exposure = None if math.isnan(self.frequency) else self.camera.exposure
-        return {
-            "frequency_hz": self.frequency,
-            "frequency_std_hz": self.frequency_std,
-            "gain": self.gain,
-            "gain_std": self.gain_std,
-            "theory": None if exposure is None else float(abs(exposure_response(self.frequency, exposure))),
-            "snr_db": 10.0 * math.log10(self.snr) if self.snr > 0.0 else math.nan,
-            "rows": self.columns.shape[0],
-            "columns": self.columns.shape[1],
-            "flags": self.flags,
-            "frames": self.frames,
-            "phase_rad": self.phase,
-            "mean": self.mean,
-            "background_given": background_given,
-            "colour": self.colour,
-        }
+    Attributes:
+        scan_axis: of the camera that the first frames were read with.
+        frequency: in the units of the camera; NaN: none was found.
+        flags: names of the flags of all frames.
+        colour: index of the colour; None: there is only one.
+        used: (columns,) the columns that show the light.
+        misfit: MODEL_MISFIT if the first frame's mean column varies, against the assumption of ``tone_gain``; else 0.
+    """
 
-
-@dataclasses.dataclass(frozen=True)
-class _Light:
-    """Properties of the light from the first frames: frequency and columns."""
-
+    scan_axis: str
     frequency: float
     frequency_std: float | None
     flags: list[str]
     colour: int | None
-    used: npt.NDArray[np.bool_]  # (columns,)
+    used: npt.NDArray[np.bool_]
+    misfit: int
 
     def columns(self, frames: Frame) -> Frame:
         """The selected columns of the selected colour; a view if all are selected."""
@@ -129,56 +106,129 @@ class _Light:
         return one if self.used.all() else one[..., self.used]
 
 
-def _find_light(frames: Frame, camera: Camera, picture: PictureOptions, frequency: float | None) -> _Light:
-    from ocisac_fast.tones import find_frequency
+@dataclasses.dataclass(frozen=True)
+class FrameGains:
+    """Gains of single frames.
 
-    waveform = frequency_waveform(picture)
-    columns, colour = one_colour(frames, camera, waveform)
-    if frequency is None:
-        found = find_frequency(columns, camera, waveform=waveform, select=picture.region is None)
-        flags = flag_names(found.flags)
-        return _Light(found.frequency, found.frequency_std, flags, colour, some_columns(found.columns.used))
-    everywhere = np.ones(columns.shape[-1], bool)
-    used = lit_columns(columns, camera, frequency) if picture.region is None else everywhere
-    return _Light(frequency, None, [], colour, used)
+    Attributes:
+        values: arrays (frames,) of gain, gain_std, phase, mean, snr and flags; empty where no tone was found.
+        columns: (rows, columns) of the first frame, those used.
+        frame_count: number of frames read.
+    """
+
+    camera: Camera
+    light: Light
+    values: dict[str, npt.NDArray[Any]]
+    columns: Frame
+    frame_count: int
+
+    def facts(self, frame: dict[str, Any], background_given: bool) -> dict[str, Any]:
+        """The JSON object of a frame, or of a mean of frames, with these values."""
+        light, exposure = self.light, None if math.isnan(self.light.frequency) else self.camera.exposure
+        flags = flag_names(frame["flags"] | light.misfit)
+        return {
+            "frequency_hz": light.frequency,
+            "frequency_std_hz": light.frequency_std,
+            "gain": frame["gain"],
+            "gain_std": frame["gain_std"],
+            "theory": None if exposure is None else float(abs(exposure_response(light.frequency, exposure))),
+            "snr_db": 10.0 * math.log10(frame["snr"]) if frame["snr"] > 0.0 else math.nan,
+            "rows": self.columns.shape[0],
+            "columns": self.columns.shape[1],
+            "flags": light.flags + [name for name in flags if name not in light.flags],
+            "phase_rad": frame["phase"],
+            "mean": frame["mean"],
+            "background_given": background_given,
+            "colour": light.colour,
+        }
+
+    def every_frame(self, first: int, background_given: bool) -> Iterator[dict[str, Any]]:
+        """The JSON object of each frame, counted from ``first``; without a tone one object, of no frame."""
+        if math.isnan(self.light.frequency):
+            yield {"frame": None, **self.facts(_NO_TONE, background_given)}
+        for index in range(len(self.values["gain"])):
+            frame = {name: values[index] for name, values in self.values.items()}
+            yield {"frame": first + index, **self.facts(frame, background_given)}
+
+    def mean(self) -> dict[str, Any]:
+        """Values of all frames together, weighted by inverse variance."""
+        if math.isnan(self.light.frequency):
+            return _NO_TONE
+        values, weights = self.values, _weights(self.values["gain_std"])
+        return {
+            "gain": _mean(values["gain"], weights),
+            "gain_std": math.sqrt(_mean(values["gain_std"] ** 2 * weights, weights)),
+            "phase": float(values["phase"][0]),
+            "mean": _mean(values["mean"], weights),
+            "snr": _mean(values["snr"], weights),
+            "flags": int(np.bitwise_or.reduce(values["flags"])),
+        }
 
 
-def _measure(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> _Measured:
-    """Estimate the light from the first batch of frames, and the gains from all frames."""
+_NO_TONE = {**dict.fromkeys(("gain", "gain_std", "phase", "mean", "snr"), math.nan), "flags": 0}
+_FRAME_VALUES = ("gain", "gain_std", "phase", "mean", "snr", "flags")
+
+
+def frame_gains(
+    file: str,
+    picture: PictureOptions,
+    frequency: Quantity | str,
+    options: dict[str, Any],
+    part: Part | None = None,
+    light: Light | None = None,
+) -> FrameGains:
+    """Gains of all frames of a recording, or of a part.
+
+    The light is estimated from the first batch of frames unless it is given; the gain of a frame depends on no other
+    frame.
+    """
     from ocisac_fast.tones import tone_gain
 
-    given = picture.check_frequency("--frequency", frequency)
     options = {**options, "waveform": picture.waveform, "duty": picture.duty, "pooled": True}
-    with open_pictures(file, picture) as pictures:
+    with open_pictures(file, picture, part) as pictures:
         camera, batches = pictures.camera.in_time_order, pictures.row_batches()
         first = next(batches)
-        light = _find_light(first, camera, picture, given)
+        if light is None:
+            light = _find_light(first, pictures.camera, picture, frequency, options)
+        columns = light.columns(first)[0]
         if math.isnan(light.frequency):
-            return _unanswered(light, camera, first)
+            return FrameGains(camera, light, {name: np.zeros(0) for name in _FRAME_VALUES}, columns, len(first))
         gains = [
             tone_gain(light.columns(batch), camera, light.frequency, **options)
             for batch in _shown(itertools.chain([first], batches), pictures.frame_count, len(first))
         ]
-    values = {name: np.concatenate([getattr(part, name) for part in gains]) for name in _FRAME_VALUES}
-    weights = _weights(values["gain_std"])
-    mask = np.bitwise_or.reduce(values["flags"])
-    if options["method"] != "dft":
-        mask |= _misfit(light.columns(first)[0], camera, light.frequency, options)
-    flags = flag_names(mask)
-    return _Measured(
-        camera=camera,
-        frequency=light.frequency,
-        frequency_std=light.frequency_std,
-        gain=_mean(values["gain"], weights),
-        gain_std=math.sqrt(_mean(values["gain_std"] ** 2 * weights, weights)),
-        phase=float(values["phase"][0]),
-        mean=_mean(values["mean"], weights),
-        snr=_mean(values["snr"], weights),
-        flags=light.flags + [name for name in flags if name not in light.flags],
-        frames=len(values["gain"]),
-        columns=light.columns(first)[0],
-        colour=light.colour,
-    )
+    values = {name: np.concatenate([getattr(each, name) for each in gains]) for name in _FRAME_VALUES}
+    return FrameGains(camera, light, values, columns, len(values["gain"]))
+
+
+def find_light(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> Light:
+    """Estimate the light from the first frames, as ``frame_gains`` does."""
+    options = {**options, "waveform": picture.waveform, "duty": picture.duty}
+    with open_pictures(file, picture) as pictures:
+        return _find_light(next(pictures.row_batches()), pictures.camera, picture, frequency, options)
+
+
+def _find_light(
+    frames: Frame, stored: Camera, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]
+) -> Light:
+    from ocisac_fast.tones import find_frequency
+
+    given = picture.check_frequency("--frequency", frequency)
+    camera, waveform = stored.in_time_order, frequency_waveform(picture)
+    columns, colour = one_colour(frames, camera, waveform)
+    flags: list[str] = []
+    spread = None
+    used = np.ones(columns.shape[-1], bool)
+    if given is None:
+        found = find_frequency(columns, camera, waveform=waveform, select=picture.region is None)
+        given, spread, used = found.frequency, found.frequency_std, some_columns(found.columns.used)
+        flags = flag_names(found.flags)
+    elif picture.region is None:
+        used = lit_columns(columns, camera, given)
+    light = Light(stored.scan_axis, given, spread, flags, colour, used, misfit=0)
+    if options["method"] == "dft" or math.isnan(given):
+        return light
+    return dataclasses.replace(light, misfit=_misfit(light.columns(frames)[0], camera, given, options))
 
 
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
@@ -191,16 +241,6 @@ def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str,
     names = ("waveform", "duty", "background")
     found = varying_tone_gain(column, Camera(camera.row_time), frequency, **{name: options[name] for name in names})
     return int(found.flags) & Flag.MODEL_MISFIT
-
-
-def _unanswered(light: _Light, camera: Camera, frames: Frame) -> _Measured:
-    """Result without a tone: no gain, only flags."""
-    columns = light.columns(frames)
-    unknown = dict.fromkeys(("frequency", "frequency_std", "gain", "gain_std", "phase", "mean", "snr"), math.nan)
-    return _Measured(camera, **unknown, flags=light.flags, frames=len(columns), columns=columns[0], colour=light.colour)
-
-
-_FRAME_VALUES = ("gain", "gain_std", "phase", "mean", "snr", "flags")
 
 
 def _shown(batches: Iterator[Frame], frame_count: int | None, batch_frames: int) -> Iterator[Frame]:

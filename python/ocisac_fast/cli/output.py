@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import json
 import math
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from typing import Any, TypeVar
 
 import click
@@ -18,6 +20,7 @@ from ocisac_fast.cli.text import is_utf8
 _SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file name bytes that are not UTF-8
 _UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
 _Item = TypeVar("_Item")
+_collected: ContextVar[list[Any] | None] = ContextVar("collected", default=None)
 
 
 def plain(value: Any) -> Any:
@@ -38,9 +41,30 @@ def plain(value: Any) -> Any:
     return value
 
 
+@contextlib.contextmanager
+def collected_objects() -> Iterator[list[dict[str, Any]]]:
+    """Collect the objects of ``emit_json`` in a list; commands run inside print nothing."""
+    records: list[dict[str, Any]] = []
+    token = _collected.set(records)
+    try:
+        yield records
+    finally:
+        _collected.reset(token)
+
+
 def emit_json(record: Mapping[str, Any]) -> None:
     """Print one JSON object on a line of standard output."""
+    records = _collected.get()
+    if records is not None:
+        records.append(plain(record))
+        return
     click.echo(json.dumps(plain(record), allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)))
+
+
+def emit_summary(text: str, as_json: bool) -> None:
+    """Print a line after the results; with JSON on standard error."""
+    if _collected.get() is None:
+        click.echo(text, err=as_json)
 
 
 def emit_facts(title: str, facts: Mapping[str, str]) -> None:
@@ -108,7 +132,7 @@ def rate(value: float | None, spread: float | None, in_hertz: bool, digits: int 
 
 def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
     """Iterate with a progress bar on standard error, if that is a terminal and several items are expected."""
-    if not sys.stderr.isatty() or (total is not None and total < 2):
+    if _collected.get() is not None or not sys.stderr.isatty() or (total is not None and total < 2):
         yield from items
         return
     from rich.console import Console

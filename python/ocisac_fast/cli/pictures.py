@@ -18,7 +18,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.units import TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.regions import Region
-from ocisac_fast.files import LightResponse, RecordingStream, open_recording
+from ocisac_fast.files import LightResponse, Part, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame
 
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
@@ -82,6 +82,11 @@ class PictureOptions:
     dark_level: float | None
     white_level: float | None
     raw: str | None = None
+
+    @classmethod
+    def taken_from(cls, arguments: dict[str, Any]) -> PictureOptions:
+        """Remove the common options from a command's arguments."""
+        return cls(**{field.name: arguments.pop(field.name) for field in dataclasses.fields(cls)})
 
     def camera(self, response: LightResponse, frame_rate: float | None = None) -> Camera:
         """The camera from the options, else from the file; without a row time if none is given."""
@@ -199,12 +204,13 @@ class _Reader:
 
     path: str
     options: PictureOptions
+    part: Part | None
 
     def __enter__(self) -> OpenPictures:
         options = self.options
         with _silent_libraries():
             self._stream: RecordingStream = open_recording(
-                self.path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw
+                self.path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=self.part
             )
         try:
             response = self._stream.response
@@ -230,9 +236,9 @@ def _chain(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
     yield from rest
 
 
-def open_pictures(path: str, options: PictureOptions) -> _Reader:
-    """Open a recording for a ``with`` statement; yields ``OpenPictures``."""
-    return _Reader(path, options)
+def open_pictures(path: str, options: PictureOptions, part: Part | None = None) -> _Reader:
+    """Open a recording, or a part of its frames, for a ``with`` statement; yields ``OpenPictures``."""
+    return _Reader(path, options, part)
 
 
 def select(frame: Frame, options: PictureOptions) -> Frame:
@@ -272,8 +278,7 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def wrapped(**arguments: Any) -> Any:
-        names = [field.name for field in dataclasses.fields(PictureOptions)]
-        return function(picture=PictureOptions(**{name: arguments.pop(name) for name in names}), **arguments)
+        return function(picture=PictureOptions.taken_from(arguments), **arguments)
 
     options = [
         click.option("--row-time", type=TIME, help="Time from one row to the next; without it, rates are per row."),

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity
+from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, flag_names, number, progress, quantity
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
@@ -100,7 +100,7 @@ def receive(
             elif "payload" in facts:
                 click.echo(f"frame {facts['frame']}, packet {facts['packet']}: {facts['payload']}")
     if stream is not None:
-        click.echo(stream.summary(), err=as_json)
+        emit_summary(stream.summary(), as_json)
     if stopped:
         raise KeyboardInterrupt
 

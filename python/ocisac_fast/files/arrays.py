@@ -13,14 +13,16 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from ocisac_fast.files.parts import counted, every_frame
 from ocisac_fast.files.raw import read_bytes
-from ocisac_fast.files.recording import FileError, Frame, LightResponse, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, LightResponse, Part, RecordingStream
+from ocisac_fast.files.remote import RemotePath
 from ocisac_fast.files.videos import Prefixed
 
 MAGIC = b"\x93NUMPY"
 
 
-def open_array(path: Path) -> RecordingStream:
+def open_array(path: Path | RemotePath, part: Part | None = None) -> RecordingStream:
     """Open a .npy file; frames are read on demand.
 
     (rows,) is one column, (rows, columns) one frame, (frames, rows, columns) several and
@@ -30,12 +32,22 @@ def open_array(path: Path) -> RecordingStream:
     with contextlib.ExitStack() as opened:
         file = opened.enter_context(path.open("rb"))
         header = _read_header(file)
-        size, need = os.fstat(file.fileno()).st_size, file.tell() + header.bytes
+        begin = file.tell()
+        size, need = file.seek(0, os.SEEK_END), begin + header.bytes
         if need > size:
             raise FileError(f"truncated: {size} bytes, its header announces {need}")
+        file.seek(begin + (0 if part is None else header.frame_bytes * part.first))
         opened.pop_all()
-    count = header.shape[0] if len(header.shape) > 2 else 1
-    return RecordingStream(_array_frames(file, header), "array", LightResponse(), frame_count=count, close=file.close)
+    count = header.frame_count
+    frames = _array_frames(file, header, count if part is None else part.stop - part.first)
+    return RecordingStream(
+        frames if part is None else counted(part, frames),
+        "array",
+        LightResponse(),
+        frame_count=count,
+        close=file.close,
+        key_frames=lambda max_frames: every_frame(count, max_frames) if header.several else None,
+    )
 
 
 def stream_arrays(file: BinaryIO) -> RecordingStream:
@@ -53,6 +65,19 @@ class _Header:
     @property
     def bytes(self) -> int:
         return math.prod(self.shape) * self.dtype.itemsize
+
+    @property
+    def several(self) -> bool:
+        """True if the frames follow each other in the file; else all of it is one piece."""
+        return len(self.shape) > 2 and not self.fortran_order
+
+    @property
+    def frame_count(self) -> int:
+        return self.shape[0] if len(self.shape) > 2 else 1
+
+    @property
+    def frame_bytes(self) -> int:
+        return self.bytes // self.frame_count
 
 
 def _read_header(stream: BinaryIO) -> _Header:
@@ -72,7 +97,7 @@ def _read_header(stream: BinaryIO) -> _Header:
 
 def _streamed(file: BinaryIO, header: _Header) -> Iterator[Frame]:
     while True:
-        yield from _array_frames(file, header)
+        yield from _array_frames(file, header, header.frame_count)
         head = read_bytes(file, len(MAGIC))
         if not head:
             return
@@ -81,12 +106,12 @@ def _streamed(file: BinaryIO, header: _Header) -> Iterator[Frame]:
         header = _read_header(Prefixed(bytes(head), file))  # type: ignore[arg-type]
 
 
-def _array_frames(file: BinaryIO, header: _Header) -> Iterator[Frame]:
-    """Frames in order; where the first axis is not the slowest, after all data has arrived."""
-    several = len(header.shape) > 2 and not header.fortran_order
-    count, shape = (header.shape[0], header.shape[1:]) if several else (1, header.shape)
+def _array_frames(file: BinaryIO, header: _Header, count: int) -> Iterator[Frame]:
+    """The next frames in order; where the first axis is not the slowest, all of them after all data has arrived."""
+    several = header.several
+    shape = header.shape[1:] if several else header.shape
     size = math.prod(shape) * header.dtype.itemsize
-    for index in range(count):
+    for index in range(count if several else 1):
         data = read_bytes(file, size)
         if len(data) < size:
             got = index * size + len(data)

@@ -8,11 +8,11 @@ from typing import Any
 from ocisac_fast.files.recording import FileError
 
 
-def _library(module: str, name: str) -> Any:
+def _library(module: str, name: str, extra: str = "files") -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        raise FileError(f"needs {name}: pip install 'ocisac-fast[files]'") from error
+        raise FileError(f"needs {name}: pip install 'ocisac-fast[{extra}]'") from error
 
 
 def pillow() -> Any:
@@ -23,3 +23,13 @@ def pillow() -> Any:
 def pyav() -> Any:
     """``av``."""
     return _library("av", "PyAV")
+
+
+def fsspec() -> Any:
+    """``fsspec``."""
+    return _library("fsspec", "fsspec", "cli")
+
+
+def pyarrow(module: str = "pyarrow") -> Any:
+    """``pyarrow`` or a module of it."""
+    return _library(module, "pyarrow", "cli")

@@ -18,6 +18,7 @@ import numpy as np
 from ocisac_fast.files.extras import pillow, pyav
 from ocisac_fast.files.profiles import response_of_picture
 from ocisac_fast.files.recording import FileError, Frame, LightResponse, RecordingStream
+from ocisac_fast.files.remote import RemotePath
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -51,9 +52,9 @@ def grey_levels(path: Path, max_pixels: int) -> Frame:
         return np.asarray(image.convert("L"), np.float64) / 255
 
 
-def open_picture(source: Path | bytes) -> RecordingStream:
+def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
     """Open a picture as one frame, or the pages of a TIFF file as frames."""
-    data = source.read_bytes() if isinstance(source, Path) else source
+    data = source if isinstance(source, bytes) else source.read_bytes()
     if data[:2] in (b"P5", b"P6"):
         frames, response = _binary_pnm(data)
         return RecordingStream.of_array(frames, "picture", response)

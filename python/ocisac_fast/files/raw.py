@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import re
 import warnings
 from collections.abc import Iterator
@@ -10,7 +12,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream
+from ocisac_fast.files.parts import counted, every_frame
+from ocisac_fast.files.recording import FileError, FileWarning, Frame, KeyFrames, LightResponse, Part, RecordingStream
 
 _FORMATS: dict[str, np.dtype[Any]] = {"gray8": np.dtype("u1"), "gray16le": np.dtype("<u2")}
 _FORMAT = re.compile(r"(\d{1,6})x(\d{1,6})(?::(\w+))?")
@@ -44,9 +47,18 @@ class RawFormat:
         return self.width * self.height * self.dtype.itemsize
 
 
-def open_raw(file: BinaryIO, form: RawFormat) -> RecordingStream:
+def open_raw(file: BinaryIO, form: RawFormat, part: Part | None = None) -> RecordingStream:
     """Stream frames to the end of the stream; a partial frame at the end is dropped with a warning."""
-    return RecordingStream(_frames(file, form), "video", LightResponse(), close=file.close)
+
+    def key_frames(max_frames: int) -> KeyFrames | None:
+        count, left = divmod(file.seek(0, os.SEEK_END), form.frame_bytes)
+        return None if left else every_frame(count, max_frames)
+
+    frames = _frames(file, form)
+    if part is not None:
+        file.seek(part.first * form.frame_bytes)
+        frames = counted(part, itertools.islice(frames, part.stop - part.first))
+    return RecordingStream(frames, "video", LightResponse(), close=file.close, key_frames=key_frames)
 
 
 def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:

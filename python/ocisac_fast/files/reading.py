@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
+from ocisac_fast.files.parts import parts_between
 from ocisac_fast.files.pictures import is_picture, open_picture
 from ocisac_fast.files.raw import RawFormat, open_raw
-from ocisac_fast.files.recording import FileError, Frame, Recording, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
+from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import Prefixed, open_video
 
 STANDARD_INPUT = "-"
@@ -45,38 +47,65 @@ def read_frames(
         return stream.read(max_bytes)
 
 
-def open_recording(path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None) -> RecordingStream:
+def open_recording(
+    path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, part: Part | None = None
+) -> RecordingStream:
     """Open a recording for reading frame by frame; memory holds a few frames, whatever the length.
 
     A pipe or standard input may carry raw frames or several .npy files in sequence; each frame is available once it is
     complete.
 
     Arguments and errors as in ``read_frames``. Use it in a ``with`` statement and iterate once.
+
+    Args:
+        part: a stretch from ``cut_recording``; default: all frames.
     """
     name = _name(path)
     form = None if raw is None else RawFormat.parse(raw)
     with _named(name):
         if form is not None:
-            file = sys.stdin.buffer if os.fspath(path) == STANDARD_INPUT else Path(path).open("rb")  # noqa: SIM115
-            stream = open_raw(file, form)
+            file = sys.stdin.buffer if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
+            stream = open_raw(file, form, part)
         elif os.fspath(path) == STANDARD_INPUT:
             stream = _of_stream(sys.stdin.buffer, name, colour)
         else:
-            stream = _of_file(Path(path), name, colour)
+            stream = _of_file(_place(path), name, colour, part)
     return stream.map_frames(lambda frames: _named_frames(name, frames))
 
 
-def _of_file(path: Path, name: str, colour: bool) -> RecordingStream:
-    mode = path.stat().st_mode
-    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe or a device cannot be rewound
-        return _of_stream(path.open("rb"), name, colour)
+def cut_recording(path: str | os.PathLike[str], max_frames: int, *, raw: str | None = None) -> list[Part] | None:
+    """Cut a recording into stretches of about ``max_frames`` frames that ``open_recording`` reads by themselves.
+
+    A video is cut at key frames, so stretches may be longer; its packets are read, not decoded. Arrays and raw frames
+    are cut anywhere.
+
+    Returns:
+        The stretches in order; None for one that is short or cannot be cut: a picture, a pipe, a damaged or truncated
+        video, one without key frames or time stamps.
+    """
+    if os.fspath(path) == STANDARD_INPUT:
+        return None
+    with open_recording(path, raw=raw) as stream:
+        key_frames = stream.key_frames(max_frames)
+    return None if key_frames is None else parts_between(key_frames, max_frames)
+
+
+def _place(path: str | os.PathLike[str]) -> Path | RemotePath:
+    return RemotePath(os.fspath(path)) if is_remote(os.fspath(path)) else Path(path)
+
+
+def _of_file(path: Path | RemotePath, name: str, colour: bool, part: Part | None) -> RecordingStream:
+    if isinstance(path, Path):
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe or a device cannot be rewound
+            return _of_stream(path.open("rb"), name, colour)
     with path.open("rb") as file:
         head = file.read(_HEAD)
     if not head:
         raise FileError("empty file")
     if head.startswith(MAGIC):
-        return open_array(path)
-    return open_picture(path) if is_picture(head) else open_video(path, name, colour)
+        return open_array(path, part)
+    return open_picture(path) if is_picture(head) else open_video(path, name, colour, part)
 
 
 def _of_stream(file: BinaryIO, name: str, colour: bool) -> RecordingStream:

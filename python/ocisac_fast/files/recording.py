@@ -59,6 +59,30 @@ class Recording:
     frame_rate: float | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A stretch of a recording.
+
+    Attributes:
+        first, stop: frames ``first`` to ``stop - 1``, counted from 0.
+        begin, end: time stamps of frames ``first`` and ``stop`` in a video; end None: the last stretch.
+    """
+
+    first: int
+    stop: int
+    begin: int | None = None
+    end: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFrames:
+    """Frames at which reading can begin: their indices, and in a video their time stamps."""
+
+    indices: list[int]
+    stamps: list[int] | None
+    frame_count: int
+
+
 class RecordingStream:
     """A file opened for reading one frame at a time; a context manager and an iterable of frames.
 
@@ -66,6 +90,7 @@ class RecordingStream:
         kind, response, frame_rate: as in ``Recording``.
         frame_count: number of frames that the file announces, or None; a damaged file may hold fewer.
         luma: True if the frames are the luma plane of a video.
+        key_frames: function of a number of frames: where a longer recording can be cut, else None; reads the stream.
     """
 
     def __init__(
@@ -77,6 +102,7 @@ class RecordingStream:
         frame_count: int | None = None,
         luma: bool = False,
         close: Callable[[], object] | None = None,
+        key_frames: Callable[[int], KeyFrames | None] = lambda _: None,
     ) -> None:
         self._frames = frames
         self.kind = kind
@@ -84,6 +110,7 @@ class RecordingStream:
         self.frame_rate = frame_rate
         self.frame_count = frame_count
         self.luma = luma
+        self.key_frames = key_frames
         self._cleanup = contextlib.ExitStack()
         if close is not None:
             self._cleanup.callback(close)

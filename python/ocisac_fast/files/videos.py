@@ -14,8 +14,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ocisac_fast.files.extras import pyav
+from ocisac_fast.files.parts import decoded_part, ends_early, video_key_frames
 from ocisac_fast.files.profiles import response_of_video, transfer_of
-from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream
+from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, Part, RecordingStream
+from ocisac_fast.files.remote import RemotePath
 
 _REFUSED_CONTAINERS = {"tty", "hls", "dash", "concat", "srt", "webvtt", "ass", "ansi", "bin", "xbin", "adf", "idf"}
 _LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp|gray|nv\d\d|[py][024]1[026](le|be)$")
@@ -30,21 +32,25 @@ _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
 
 
-def open_video(source: Path | BinaryIO, name: str, colour: bool = False) -> RecordingStream:
+def open_video(
+    source: Path | RemotePath | BinaryIO, name: str, colour: bool = False, part: Part | None = None
+) -> RecordingStream:
     """Open a video; frames are decoded on demand.
 
     Args:
         source: path, or a binary stream (spooled to a temporary file where its kind needs seeking).
         name: the file's name in warnings.
         colour: red, green and blue by a colour conversion instead of luma.
+        part: a stretch of the frames; default: all.
     """
     av = pyav()
-    file: Any = source.open("rb") if isinstance(source, Path) else source
+    is_path = isinstance(source, (Path, RemotePath))
+    file: Any = source.open("rb") if isinstance(source, (Path, RemotePath)) else source
     try:
-        if not isinstance(source, Path) and not file.seekable():
+        if not is_path and not file.seekable():
             file = _seekable_where_needed(file)
         container = av.open(file, options={"protocol_whitelist": ""})
-        return _stream(av, container, file, name, colour)
+        return _stream(av, container, file, name, colour, part)
     except FileError:
         file.close()
         raise
@@ -85,7 +91,7 @@ class Prefixed:
         self._rest.close()
 
 
-def _stream(av: Any, container: Any, file: Any, name: str, colour: bool) -> RecordingStream:
+def _stream(av: Any, container: Any, file: Any, name: str, colour: bool, part: Part | None) -> RecordingStream:
     def close() -> None:
         container.close()
         file.close()
@@ -107,13 +113,14 @@ def _stream(av: Any, container: Any, file: Any, name: str, colour: bool) -> Reco
     values, response = _layout(av, pixel_format, context, colour)
     rate = float(stream.average_rate) if stream.average_rate else None
     return RecordingStream(
-        _frames(av, container, stream, name, values),
+        _frames(av, container, stream, name, values, part),
         "video",
         response,
         rate,
         stream.frames or None,
         luma=_has_luma(pixel_format) and not colour,
         close=close,
+        key_frames=lambda max_frames: video_key_frames(container, stream, max_frames),
     )
 
 
@@ -149,7 +156,12 @@ def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
     return np.array(values, dtype=dtype.newbyteorder("="), order="C")
 
 
-def _frames(av: Any, container: Any, stream: Any, name: str, values: Callable[[Any], Frame]) -> Iterator[Frame]:
+def _frames(
+    av: Any, container: Any, stream: Any, name: str, values: Callable[[Any], Frame], part: Part | None
+) -> Iterator[Frame]:
+    if part is not None:
+        yield from _part_frames(av, container, stream, values, part)
+        return
     count = damaged = 0
     end = None
     try:
@@ -157,8 +169,7 @@ def _frames(av: Any, container: Any, stream: Any, name: str, values: Callable[[A
             if frame.is_corrupt:
                 damaged += 1
                 continue
-            if frame.interlaced_frame:
-                raise FileError(_INTERLACED)
+            _require_progressive(frame)
             count += 1
             if frame.pts is not None and frame.time_base:
                 end = float(frame.pts * frame.time_base)
@@ -169,17 +180,21 @@ def _frames(av: Any, container: Any, stream: Any, name: str, values: Callable[[A
         damaged += 1
     if count == 0:
         raise FileError("no frame that can be decoded")
-    if damaged or _ends_early(container, stream, count, end):
+    if damaged or ends_early(container, stream, count, end):
         announced = f" of {stream.frames}" if stream.frames else ""
         message = f"{name}: truncated or damaged video: {count}{announced} frames are whole"
         warnings.warn(message, FileWarning, stacklevel=2)
 
 
-def _ends_early(container: Any, stream: Any, count: int, end: float | None) -> bool:
-    """Return True if there were fewer frames than the file announces, by their number or else by its duration."""
-    if stream.frames:
-        return bool(count < stream.frames)
-    if container.duration is None or end is None or not stream.average_rate:
-        return False
-    begin = (container.start_time or 0) * 1e-6
-    return bool(end - begin < container.duration * 1e-6 - 2.5 / float(stream.average_rate))
+def _part_frames(av: Any, container: Any, stream: Any, values: Callable[[Any], Frame], part: Part) -> Iterator[Frame]:
+    try:
+        for frame in decoded_part(container, stream, part):
+            _require_progressive(frame)
+            yield values(frame)
+    except av.FFmpegError as error:
+        raise FileError("a stretch that cannot be decoded") from error
+
+
+def _require_progressive(frame: Any) -> None:
+    if frame.interlaced_frame:
+        raise FileError(_INTERLACED)
