@@ -50,6 +50,7 @@ const ocisac::SquareWave kSquare{500};
 BENCHMARK_CAPTURE(integrate, tone, kTone);
 BENCHMARK_CAPTURE(integrate, square_wave, kSquare);
 BENCHMARK_CAPTURE(integrate, chips, ocisac::Chips{levels(255), 8e3, 0, true, 1});
+BENCHMARK_CAPTURE(integrate, chips_of_an_led, ocisac::Chips{levels(255), 8e3, 0, true, 1, 0.5, 0.3});
 BENCHMARK_CAPTURE(integrate, samples, ocisac::Samples{levels(255), 8e3, 0, true});
 BENCHMARK_CAPTURE(integrate, product_of_tones, ocisac::Waveform(kTone) * ocisac::Tone{175});
 BENCHMARK_CAPTURE(integrate, product_of_square_and_tone, ocisac::Waveform(kSquare) * ocisac::Tone{175});

@@ -72,10 +72,11 @@ void register_light(py::module_& module) {
       arg("frequency"), arg("amplitude"), arg("phase"), arg("depth"));
   module.def(
       "chips",
-      [](const Doubles& levels, double chip_rate, double start, bool repeat, double amplitude) {
-        return Waveform(Chips{vector_of(levels), chip_rate, start, repeat, amplitude});
+      [](const Doubles& levels, double chip_rate, double start, bool repeat, double amplitude, double rise,
+         double fall) {
+        return Waveform(Chips{vector_of(levels), chip_rate, start, repeat, amplitude, rise, fall});
       },
-      arg("levels"), arg("chip_rate"), arg("start"), arg("repeat"), arg("amplitude"));
+      arg("levels"), arg("chip_rate"), arg("start"), arg("repeat"), arg("amplitude"), arg("rise"), arg("fall"));
   module.def(
       "samples",
       [](const Doubles& values, double sample_rate, double start, bool repeat) {

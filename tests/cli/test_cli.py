@@ -216,6 +216,31 @@ def test_a_triangle_is_simulated(facts, tmp_path):
     assert np.allclose(np.load(path), want[:, np.newaxis], atol=1e-4)
 
 
+def test_what_goes_wrong_outside_a_laboratory_is_simulated(facts, tmp_path):
+    from ocisac_fast import Camera, Chips, Tone
+    from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
+
+    path = tmp_path / "lamp.npy"
+    light = ("--waveform", "chips", "--bits", "0110", "--chip-rate", "8kHz", "--rise", "0.5", "--fall", "0.3")
+    size = ("--rows", 90, "--columns", 40, "--frames", 3, "--frame-rate", 30, "--bit-depth", "float")
+    wrong = ("--lamp-width", 9, "--tilt", 3, "--texture", "0.2", "--hum", "0.5", "--mains", 60, "--jitter", "50us")
+    facts("simulate", *light, *TESTBED, *DARK, *size, *wrong, "--swing", 80, "--seed", 7, "-o", path)
+    want = simulate_frames(
+        Chips("0110", 8e3, repeat=True, rise=0.5, fall=0.3),
+        Camera(22.2e-6, 622e-6, frame_time=1 / 30),
+        *(90, 40, 3),
+        swing=80.0,
+        dark_level=16.0,
+        lamp=lamp_bar(90, 40, 9.0, tilt=math.radians(3)),
+        reflectance=texture(90, 40, 0.2, seed=7),
+        ambient=Tone(120.0, amplitude=0.5),
+        jitter=50e-6,
+        dtype=np.float32,
+        seed=7,
+    )
+    np.testing.assert_array_equal(np.load(path), list(want))
+
+
 def test_frames_follow_each_other_in_time(facts, tmp_path):
     from ocisac_fast import Camera, Chips, integrate_exposure
 
@@ -257,8 +282,10 @@ def test_noise_that_is_clipped_is_told(run, tmp_path):
         (("--frequency", "-5", *TESTBED), "frequency: got -5"),
         (("--frequency", "nan", *TESTBED), "frequency: got nan"),
         (("--frequency", "5", "--row-time", "0", "--exposure", "1ms"), "row_time: got 0"),
-        (("--frequency", "5", *TESTBED, "--noise", "-1"), "noise: got -1.0, allowed: finite, 0 or above"),
-        (("--frequency", "5", *TESTBED, "--rows", "0"), "rows: got 0, allowed: from 1"),
+        (("--frequency", "5", *TESTBED, "--tilt", "3"), "--tilt: needs --lamp-width"),
+        (("--frequency", "5", *TESTBED, "--jitter", "-1us"), "jitter: got -1e-06"),
+        (("--frequency", "5", *TESTBED, "--noise", "-1"), "noise: got -1.0, allowed: a finite number, 0 or above"),
+        (("--frequency", "5", *TESTBED, "--rows", "0"), "rows: got 0, allowed: a whole number from 1"),
         (("--frequency", "5", *TESTBED, "--rows", "99999", "--columns", "99999"), "rows x columns: got 99999 x 99999"),
         (("--frequency", "5", *TESTBED, "--frame-rate", "0"), "--frame-rate: got 0.0, allowed: above 0"),
         (("--frequency", "5", *TESTBED, "--bit-depth", "12"), "Invalid value for '--bit-depth'"),

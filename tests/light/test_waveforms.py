@@ -39,6 +39,8 @@ TRIANGLES = st.builds(
 )
 LISTS = st.lists(LEVELS, min_size=1, max_size=30)
 CHIPS = st.builds(Chips, levels=LISTS, chip_rate=RATES, start=STARTS, repeat=st.booleans(), amplitude=LEVELS)
+TIMES = st.just(0.0) | st.floats(0.01, 20)
+SLOW_CHIPS = st.builds(Chips, levels=LISTS, chip_rate=RATES, start=STARTS, repeat=st.booleans(), rise=TIMES, fall=TIMES)
 SAMPLES = st.builds(Samples, values=LISTS, sample_rate=RATES, start=STARTS, repeat=st.booleans())
 CONSTANTS = st.builds(Constant, LEVELS)
 EXPOSURES = st.just(0.0) | st.floats(1e-6, 1e-2) | st.floats(0.01, 0.5)
@@ -54,7 +56,7 @@ def near_an_edge(waveform, camera, rows, start, frames):
 
 @settings(max_examples=50, deadline=None)
 @given(
-    parts=st.lists(TONES | SQUARES | TRIANGLES | CHIPS | SAMPLES | CONSTANTS, min_size=1, max_size=3),
+    parts=st.lists(TONES | SQUARES | TRIANGLES | CHIPS | SLOW_CHIPS | SAMPLES | CONSTANTS, min_size=1, max_size=3),
     exposure=EXPOSURES,
     start=st.floats(-1, 1),
     length=st.sampled_from([1, 2, 31, 720, 1080, 4352]),
@@ -114,6 +116,8 @@ def test_products_agree_with_quadrature(factors, sampled, exposure, start, lengt
         SquareWave(700.0, duty=0.3, phase=-0.4),
         TriangleWave(700.0, phase=-0.4, depth=0.8),
         Chips("01101", 3e3, repeat=True),
+        Chips("01101", 3e3, repeat=True, rise=0.5, fall=2.0),
+        Chips([0, 1, 0.3], 3e3, start=0.01, rise=0.2),
         Samples([0.0, 1.0, 0.3], 2e3, start=0.01),
         Tone(500.0) * SquareWave(175.0, duty=0.5, phase=1.0),
         Samples([0.0, 1.0, 0.3], 2e3, repeat=True) * Tone(876.0, depth=0.5) * SquareWave(175.0),
@@ -311,6 +315,21 @@ def test_a_square_wave_has_its_fundamental_in_phase_with_the_tone():
         assert abs(line) / square.mean() == pytest.approx(2 * np.sin(np.pi * duty) / (np.pi * duty), rel=2e-3)
 
 
+@pytest.mark.parametrize(("rise", "fall"), [(0.5, 0.5), (1.0, 0.1), (0.0, 3.0)])
+def test_an_led_rises_and_falls_as_an_rc_circuit(rise, fall):
+    """A single bright chip: 1 - exp(-u / rise) in it, exp(-u / fall) of what it reached after it; its integral is 1
+    plus what the fall leaves and the rise takes."""
+    chips = Chips("1", 1e3, rise=rise, fall=fall)
+    u = np.linspace(0, 1, 8)[1:-1]
+    reached = 1 - (np.exp(-1 / rise) if rise else 0)
+    times = np.concatenate([u, 1 + u, 4 + u]) * 1e-3
+    rising = 1 - np.exp(-u / rise) if rise else np.ones(u.size)
+    want = np.concatenate([rising, reached * np.exp(-u / fall), reached * np.exp(-(3 + u) / fall)])
+    np.testing.assert_allclose(sample_waveform(chips, times), want, rtol=1e-12)
+    whole = integrate_exposure(chips, Camera(1.0, 1.0), [1]).item()
+    assert whole == pytest.approx(1e-3 * (1 - rise * reached + fall * reached), rel=1e-12)
+
+
 def test_chips_of_text_and_where_they_end():
     chips = Chips("011", 1e3, start=1.0, amplitude=2.0)
     times = [0.9999, 1.0, 1.0005, 1.0011, 1.0015, 1.0025, 1.0031, 1.1]
@@ -399,6 +418,9 @@ def test_out_with_any_strides(step):
         (lambda: Chips([0, np.nan], 1e3), "levels: got nan"),
         (lambda: Chips([0, 1], 0.0), "chip_rate: got 0"),
         (lambda: Chips([0, 1], 1.0, start=np.inf), "start: got inf"),
+        (lambda: Chips([0, 1], 1.0, rise=-1.0), "rise: got -1"),
+        (lambda: Chips([0, 1], 1.0, fall=np.nan), "fall: got nan"),
+        (lambda: Chips([0, 1], 1.0, rise=1.0) * Tone(1.0), "product: got Chips with rise or fall"),
         (lambda: Samples([], 1e3), "values: got"),
         (lambda: Samples([np.inf], 1e3), "values: got inf"),
         (lambda: Samples([1.0], -1e3), "sample_rate: got -1000"),

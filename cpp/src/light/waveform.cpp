@@ -25,6 +25,8 @@ void check(const Waveform::Term& term) {
     peak *= factor->peak();
     tones += factor->cosines().empty() ? 0 : 1;
     samples += factor->has_slopes() ? 1 : 0;
+    require(!factor->has_decays() || term.factors.size() == 1, "product", "Chips with rise or fall",
+            "such chips times steady light");
   }
   require(samples <= 1, "product", std::to_string(samples) + " factors that are Samples or TriangleWave",
           "one such factor");

@@ -14,7 +14,9 @@ namespace ocisac {
 namespace {
 
 constexpr double kMaxCycles = 0x1p50;
-constexpr double kMinCycles = 1e-200;  // in a stretch; with less no edge has an instant
+constexpr double kMinCycles = 1e-200;      // in a stretch; with less no edge has an instant
+constexpr double kMaxTimeConstant = 1000;  // chips
+constexpr double kDecayed = 40;            // time constants after which a decay is below the resolution of a double
 
 TimeLine delayed(TimeLine line, double delay) {
   line.origin = line.origin - DoubleDouble{delay, 0};
@@ -191,13 +193,31 @@ class SquareElement final : public WaveformElement {
   SquareWave wave_;
 };
 
-// --- Chips and samples: cells of equal length, in each of which the light is a straight line ---
+// --- Chips and samples: cells of equal length, in each of which the light is a straight line or a decay ---
 
 double difference(DoubleDouble a, DoubleDouble b) { return (a.high - b.high) + (a.low - b.low); }
 
+// Light of a cell, u cells after its beginning: value + slope·u + decay·exp(−u/time).
+struct CellLight {
+  double value = 0;
+  double slope = 0;  // per cell
+  double decay = 0;
+  double time = 1;  // cells
+
+  double at(double u) const { return value + slope * u + (decay == 0 ? 0 : decay * std::exp(-u / time)); }
+
+  // Of `width` cells from u on.
+  double mean(double u, double width) const {
+    const double straight = value + slope * (u + width / 2);
+    return decay == 0 || width == 0 ? straight : straight + decay * std::exp(-u / time) * decayed(width) / width;
+  }
+
+  // Integral of exp(−u/time) over the first `width` cells.
+  double decayed(double width) const { return -time * std::expm1(-width / time); }
+};
+
 struct Cell {
-  double value;         // at its beginning
-  double slope;         // per cell
+  CellLight light;
   DoubleDouble before;  // light of all cells before it, in cells
 };
 
@@ -210,9 +230,10 @@ struct Cells {
 
   std::int64_t count() const { return static_cast<std::int64_t>(cells.size()); }
 
-  void append(double value, double slope) {
-    cells.push_back({value, slope, total});
-    total = total + exact_sum(value, slope / 2);
+  void append(const CellLight& light) {
+    cells.push_back({light, total});
+    total = total + exact_sum(light.value, light.slope / 2);
+    if (light.decay != 0) total = total + DoubleDouble{light.decay * light.decayed(1), 0};
   }
 
   DoubleDouble before(std::int64_t k) const { return k < count() ? cells[static_cast<std::size_t>(k)].before : total; }
@@ -226,13 +247,12 @@ struct Cells {
     return remainder < count() ? remainder : remainder - count();
   }
 
-  // The line of light in cell k; for repeating cells -count <= k < count.
-  std::pair<double, double> line(std::int64_t k) const {
+  // Of cell k; for repeating cells -count <= k < count.
+  CellLight light_of(std::int64_t k) const {
     if (repeat && k < 0) k += count();
-    if (k < 0) return {left, 0};
-    if (k >= count()) return {right, 0};
-    const Cell& cell = cells[static_cast<std::size_t>(k)];
-    return {cell.value, cell.slope};
+    if (k < 0) return {left};
+    if (k >= count()) return {right};
+    return cells[static_cast<std::size_t>(k)].light;
   }
 
   // Integral of the light over the cells first, …, last − 1.
@@ -285,18 +305,17 @@ class CellsLight final : public MeanLight {
 
   // Mean light of the exposure that ends `offset` cells after the start of `cell`.
   double mean_before(std::int64_t cell, double offset) const {
-    const auto [value, slope] = cells_.line(cell);
-    if (point_) return value + slope * offset;
+    const CellLight light = cells_.light_of(cell);
+    if (point_) return light.at(offset);
     if (offset >= part_) {
-      const double level = value + slope * (offset - part_ / 2);
+      const double level = light.mean(offset - part_, part_);
       return whole_ ? (whole_light_ + part_ * level) / length_ : level;
     }
     const double left_over = part_ - offset;
     const auto between = static_cast<std::int64_t>(left_over);    // whole cells
     const double cut = left_over - static_cast<double>(between);  // of the cell in which the exposure begins
     const std::int64_t first = cell - 1 - between;
-    const auto [first_value, first_slope] = cells_.line(first);
-    const double ends = offset * (value + slope * offset / 2) + cut * (first_value + first_slope * (1 - cut / 2));
+    const double ends = offset * light.mean(0, offset) + cut * cells_.light_of(first).mean(1 - cut, cut);
     return (whole_light_ + (ends + cells_.light(first + 1, cell))) / length_;
   }
 
@@ -316,9 +335,15 @@ class CellsElement final : public WaveformElement {
       : rate_(chips.chip_rate), start_(chips.start), amplitude_(chips.amplitude), rate_name_("chip_rate") {
     check("levels", chips.levels);
     require_level("amplitude", chips.amplitude);
+    require_time_constant("rise", chips.rise);
+    require_time_constant("fall", chips.fall);
     cells_.repeat = chips.repeat;
     cells_.cells.reserve(chips.levels.size());
-    for (double level : chips.levels) cells_.append(level, 0);
+    has_decays_ = chips.rise > 0 || chips.fall > 0;
+    if (has_decays_)
+      append_decays(chips);
+    else
+      for (double level : chips.levels) cells_.append({level});
   }
 
   explicit CellsElement(const Samples& samples, const char* rate_name = "sample_rate")
@@ -329,8 +354,8 @@ class CellsElement final : public WaveformElement {
     cells_.left = values.front();
     cells_.right = values.back();
     cells_.cells.reserve(values.size());
-    for (std::size_t k = 0; k + 1 < values.size(); ++k) cells_.append(values[k], values[k + 1] - values[k]);
-    if (samples.repeat) cells_.append(values.back(), values.front() - values.back());
+    for (std::size_t k = 0; k + 1 < values.size(); ++k) cells_.append({values[k], values[k + 1] - values[k]});
+    if (samples.repeat) cells_.append({values.back(), values.front() - values.back()});
   }
 
   std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
@@ -349,9 +374,10 @@ class CellsElement final : public WaveformElement {
     std::vector<Step> steps;
     steps.reserve(static_cast<std::size_t>(max_steps(stretch.length)));
     const auto append = [&](std::int64_t cell) {
-      const auto [value, slope] = cells_.line(cells_.inside_round(cell));
+      const CellLight light = cells_.light_of(cells_.inside_round(cell));
       const double past_origin = static_cast<double>(cell) - origin.whole;
-      steps.push_back({(DoubleDouble{past_origin, 0} - part) / rate_, amplitude_ * value, amplitude_ * slope * rate_});
+      steps.push_back(
+          {(DoubleDouble{past_origin, 0} - part) / rate_, amplitude_ * light.value, amplitude_ * light.slope * rate_});
     };
     append(first);
     const std::int64_t next = cells_.repeat ? first + 1 : std::max<std::int64_t>(first + 1, 0);
@@ -366,8 +392,31 @@ class CellsElement final : public WaveformElement {
   }
 
   bool has_slopes() const override { return has_slopes_; }
+  bool has_decays() const override { return has_decays_; }
 
  private:
+  static void require_time_constant(const char* name, double time) {
+    require(time >= 0 && time <= kMaxTimeConstant, name, time, "from 0 to 1000 chips");
+  }
+
+  // Repeated chips begin in the steady state, after as many rounds as a decay takes; others end when it is over.
+  void append_decays(const Chips& chips) {
+    double light = 0;
+    const auto decay_of = [&](double level) {
+      const double time = light < level ? chips.rise : chips.fall;
+      const CellLight cell{level, 0, time > 0 ? light - level : 0, time > 0 ? time : 1};
+      light = cell.at(1);
+      return cell;
+    };
+    const double lasts = kDecayed * std::max(chips.rise, chips.fall);
+    if (chips.repeat)
+      for (double passed = 0; passed <= lasts; passed += static_cast<double>(chips.levels.size()))
+        for (double level : chips.levels) decay_of(level);
+    for (double level : chips.levels) cells_.append(decay_of(level));
+    if (!chips.repeat)
+      for (double passed = 0; passed <= lasts; ++passed) cells_.append(decay_of(0));
+  }
+
   void check(const char* argument, const std::vector<double>& levels) {
     require(!levels.empty(), argument, "none", "at least one");
     for (double level : levels) {
@@ -384,6 +433,7 @@ class CellsElement final : public WaveformElement {
   double amplitude_ = 1;
   const char* rate_name_;
   bool has_slopes_ = false;
+  bool has_decays_ = false;
   double peak_ = 0;
 };
 

@@ -64,6 +64,7 @@ class WaveformElement {
   virtual std::vector<Step> steps(const Stretch&) const { return {}; }  // the first at or before the origin
   virtual double max_steps(double /*length*/) const { return 0; }
   virtual bool has_slopes() const { return false; }
+  virtual bool has_decays() const { return false; }  // neither cosines nor steps: no factor of a product
 };
 
 using WaveformFactors = std::vector<std::shared_ptr<const WaveformElement>>;

@@ -59,6 +59,8 @@ TEST_CASE("means agree with sums over many points") {
       ocisac::TriangleWave{0, 1.5, -1.0, 0.8},
       ocisac::Chips{{0, 1, 1, 0.5}, 3e3, 0.001, true, 2},
       ocisac::Chips{{0, 1, 1, 0.5}, 3e3, 0.001},
+      ocisac::Chips{{0, 1, 1, 0.5}, 3e3, 0.001, true, 2, 0.5, 2},
+      ocisac::Chips{{0, 1, 1, 0.5}, 3e3, 0.001, false, 1, 0, 2},
       ocisac::Samples{{0, 1, 1, 0.5}, 3e3, 0.001, true},
       ocisac::Samples{{0, 1, 1, 0.5}, 3e3, 0.001},
       2.0 * Waveform(ocisac::Tone{500}) + 0.5,
@@ -99,6 +101,10 @@ TEST_CASE("values without meaning are refused") {
   CHECK_THROWS_AS(Waveform(ocisac::Samples{{1, NAN}, 1}), std::invalid_argument);
   const Waveform sampled = ocisac::Samples{{1, 2}, 1};
   CHECK_THROWS_AS(sampled * sampled, std::invalid_argument);
+  const Waveform slow = ocisac::Chips{{0, 1}, 1, 0, true, 1, 0.5};
+  CHECK_NOTHROW(slow * 2.0);
+  CHECK_THROWS_AS(slow * ocisac::Tone{500}, std::invalid_argument);
+  CHECK_THROWS_AS(Waveform(ocisac::Chips{{0, 1}, 1, 0, true, 1, 0, 2000}), std::invalid_argument);
   CHECK_THROWS_AS(means(1.0, Camera{1e-5, {}, {}, {}}, {0}), std::invalid_argument);
   CHECK_THROWS_AS(means(1.0, Camera{1e-5, 1e-4, {}, {}}, {0}, 0, 1), std::invalid_argument);
   CHECK_THROWS_AS(means(1.0, camera_with(1e-4), {}), std::invalid_argument);

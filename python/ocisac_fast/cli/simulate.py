@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any
 
@@ -15,7 +16,7 @@ from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.units import FREQUENCY, TIME
 from ocisac_fast.files import write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
-from ocisac_fast.scene.simulation import simulate_frames
+from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
 
 _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
@@ -32,6 +33,8 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--bits", help="Chips of on-off keying, such as 0110.")
 @click.option("--chip-rate", type=FREQUENCY)
 @click.option("--repeat/--once", default=True, show_default=True, help="Repeat the bits.")
+@click.option("--rise", type=float, default=0.0, help="Time constant of a chip that turns bright, in chips.")
+@click.option("--fall", type=float, default=0.0, help="Time constant of a chip that turns dark, in chips.")
 @click.option("--rows", type=int, default=720, show_default=True)
 @click.option("--columns", type=int, default=1080, show_default=True)
 @click.option("--row-time", type=TIME)
@@ -40,10 +43,16 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--swing", type=float, default=200.0, show_default=True, help="Stored values from dark to full light.")
 @click.option("--dark-level", type=float, default=0.0, show_default=True, help="Stored value of no light.")
 @click.option("--noise", type=float, default=0.0, show_default=True, help="Standard deviation in stored values.")
+@click.option("--lamp-width", type=float, help="A bar along the rows, this standard deviation wide, px.")
+@click.option("--tilt", type=float, default=0.0, help="Of that bar from upright, degrees.")
+@click.option("--texture", type=float, default=0.0, help="Standard deviation of the log of the wall's reflectance.")
+@click.option("--hum", type=float, default=0.0, help="Mains light on the whole picture, peak to peak over --swing.")
+@click.option("--mains", type=FREQUENCY, default="50", show_default=True, help="Mains; its light has twice this.")
+@click.option("--jitter", type=TIME, default="0", help="Frames start up to this early or late.")
 @click.option("--bit-depth", type=click.Choice(list(_DTYPES)), default="8", show_default=True)
 @click.option("--frames", type=int, default=1, show_default=True)
 @click.option("--frame-rate", type=FREQUENCY, default="30", show_default=True)
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise: equal seeds give equal files.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal files.")
 @click.option("--tolerance", type=float, default=0.5, show_default=True, help="Scene: largest error in DN.")
 @click.option("--noise-off", is_flag=True, help="Scene: without the sensor's noise.")
 @click.option("-o", "--output", required=True, help="FILE.png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy.")
@@ -58,9 +67,9 @@ def simulate(
 ) -> None:
     """Simulate a recording of a light that fills the picture, or of a SCENE (a TOML file): a picture, video or array.
 
-    Stored values are dark level + swing × mean light over the exposure + noise, rounded and clipped to the bit depth
-    (float: neither). A SCENE file defines all this: it can be combined only with --frames, --start, --seed, --tolerance
-    and --noise-off.
+    Stored values are dark level + swing × reflectance × (lamp × mean light over the exposure + hum) + noise, rounded
+    and clipped to the bit depth (float: neither). A SCENE file defines all this: it can be combined only with --frames,
+    --start, --seed, --tolerance and --noise-off.
     """
     context = click.get_current_context()
     given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
@@ -81,7 +90,9 @@ def simulate(
         _waveform(options),
         Camera(row_time, exposure, frame_time=1.0 / frame_rate),
         start=float(options["start"]),
+        jitter=float(options["jitter"]),
         dtype=dtype,
+        **_surroundings(options),
         **{name: options[name] for name in ("rows", "columns", "frames", "swing", "dark_level", "noise", "seed")},
     )
     if dtype != "float32" and options["dark_level"] < 3.0 * options["noise"]:
@@ -126,13 +137,29 @@ def _emit(output: str, facts: dict[str, Any], dtype: str, row_time: float, expos
     emit_facts("", {"file": output, "frames × rows × columns": f"{size} {dtype}", **times})
 
 
+def _surroundings(options: dict[str, Any]) -> dict[str, Any]:
+    """The lamp's shape and the light and texture around it, for `simulate_frames`."""
+    rows, columns, width = options["rows"], options["columns"], options["lamp_width"]
+    if width is None and options["tilt"]:
+        raise click.UsageError("--tilt: needs --lamp-width")
+    parts: dict[str, Any] = {}
+    if width is not None:
+        parts["lamp"] = lamp_bar(rows, columns, width, tilt=math.radians(options["tilt"]))
+    if options["texture"]:
+        parts["reflectance"] = texture(rows, columns, options["texture"], seed=options["seed"])
+    if options["hum"]:
+        parts["ambient"] = Tone(2 * float(options["mains"]), amplitude=options["hum"])
+    return parts
+
+
 def _waveform(options: dict[str, Any]) -> Waveform:
     kind = options["waveform"]
     for name in ("bits", "chip_rate") if kind == "chips" else ("frequency",):
         if options[name] is None:
             raise click.UsageError(f"--waveform {kind}: needs --{name.replace('_', '-')}")
     if kind == "chips":
-        return Chips(options["bits"], float(options["chip_rate"]), repeat=options["repeat"])
+        times = {name: options[name] for name in ("rise", "fall")}
+        return Chips(options["bits"], float(options["chip_rate"]), repeat=options["repeat"], **times)
     if kind == "square":
         return SquareWave(float(options["frequency"]), duty=options["duty"], phase=options["phase"])
     return (TriangleWave if kind == "triangle" else Tone)(float(options["frequency"]), phase=options["phase"])

@@ -190,6 +190,8 @@ class Chips(Waveform):
         start: time at which the first chip begins, s, finite.
         repeat: the chips repeat for all time; otherwise the light is 0 before the first and after the last.
         amplitude: finite, within 1e100 of 0.
+        rise, fall: time constants of an LED that approaches a brighter or a darker level exponentially, in chips, 0
+            (instantly) to 1000. Such chips may be multiplied by steady light only.
 
     Raises:
         ValueError: a value that is not finite or outside its range, no levels, or a wrong shape; the message names it.
@@ -200,6 +202,8 @@ class Chips(Waveform):
     start: float = 0.0
     repeat: bool = False
     amplitude: float = 1.0
+    rise: float = 0.0
+    fall: float = 0.0
     _handle: _core.Waveform = field(init=False, repr=False)
 
     def __init__(
@@ -210,13 +214,16 @@ class Chips(Waveform):
         start: float = 0.0,
         repeat: bool = False,
         amplitude: float = 1.0,
+        rise: float = 0.0,
+        fall: float = 0.0,
     ) -> None:
         if isinstance(levels, str):
             if set(levels) - {"0", "1"}:
                 raise ValueError(f"levels: got {levels!r}, allowed: a string of 0 and 1")
             levels = [int(level) for level in levels]
-        values = (_as_levels(levels, "levels"), chip_rate, start, bool(repeat), amplitude)
-        for name, value in zip(("levels", "chip_rate", "start", "repeat", "amplitude"), values, strict=True):
+        values = (_as_levels(levels, "levels"), chip_rate, start, bool(repeat), amplitude, rise, fall)
+        names = ("levels", "chip_rate", "start", "repeat", "amplitude", "rise", "fall")
+        for name, value in zip(names, values, strict=True):
             object.__setattr__(self, name, value)
         self._hold(_core.chips(*values))
 

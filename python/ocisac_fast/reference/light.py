@@ -113,6 +113,8 @@ def _values(waveform: Waveform, times: Long) -> Long:
         bright = np.abs(cycles - np.floor(cycles + 0.5)) < np.longdouble(waveform.duty) / 2
         return np.where(bright, np.longdouble(waveform.amplitude), np.longdouble(0))
     assert isinstance(waveform, Chips | Samples)
+    if isinstance(waveform, Chips) and (waveform.rise or waveform.fall):
+        return _decays(waveform, cycles)[0]
     whole = np.floor(cycles).astype(np.int64)
     first = int(whole.min())
     at_begin, at_end = _corners(waveform, first, int(whole.max()) + 1)
@@ -151,6 +153,9 @@ def _means(waveform: Waveform, ends: Long, exposure: np.longdouble) -> Long:
     assert isinstance(waveform, Chips | Samples)
     rate = waveform.chip_rate if isinstance(waveform, Chips) else waveform.sample_rate
     length = np.longdouble(rate) * exposure
+    if isinstance(waveform, Chips) and (waveform.rise or waveform.fall):
+        sums = _decays(waveform, np.stack([begins, begins + length]))[1]
+        return np.asarray((sums[1] - sums[0]) / length)
     first = int(np.floor(begins.min()))
     at_begin, at_end = _corners(waveform, first, int(np.floor((begins + length).max())) + 1)
     light = np.concatenate([[np.longdouble(0)], np.cumsum((at_begin + at_end) / 2)])
@@ -162,6 +167,29 @@ def _means(waveform: Waveform, ends: Long, exposure: np.longdouble) -> Long:
         return np.asarray(light[cell] + part * at_begin[cell] + part**2 / 2 * (at_end - at_begin)[cell])
 
     return np.asarray((antiderivative(begins + length) - antiderivative(begins)) / length)
+
+
+def _decays(chips: Chips, times: Long) -> tuple[Long, Long]:
+    """Light of chips with time constants, and its integral from a common instant, at times in chips.
+
+    y' = (level - y) / T, hence the integral of y over a part of a chip is that of the level minus T times the change of
+    y. From 45 time constants before the first time on, whose light at that instant does not matter.
+    """
+    rise, fall = np.longdouble(chips.rise), np.longdouble(chips.fall)
+    cell = np.floor(times).astype(np.int64)
+    first = int(cell.min()) - int(np.ceil(45 * max(chips.rise, chips.fall))) - 1
+    levels = np.asarray(_corners(chips, first, int(cell.max()) + 1)[0])
+    lights, sums = np.zeros((2, levels.size + 1), np.longdouble)
+    constants = np.zeros(levels.size, np.longdouble)
+    for k, level in enumerate(levels):
+        constants[k] = rise if lights[k] < level else fall
+        lights[k + 1] = level + (lights[k] - level) * (np.exp(-1 / constants[k]) if constants[k] > 0 else 0)
+        sums[k + 1] = sums[k] + level - constants[k] * (lights[k + 1] - lights[k])
+    part, cell = times - cell, cell - first
+    constant, level, begin = constants[cell], levels[cell], lights[cell]
+    left = np.where(constant > 0, np.exp(-part / np.maximum(constant, np.longdouble(1e-30))), 0)
+    light = level + (begin - level) * left
+    return light, sums[cell] + part * level - constant * (light - begin)
 
 
 def _square_antiderivative(cycles: Long, wave: SquareWave) -> Long:

@@ -144,7 +144,7 @@ def _one_period(waveform: Waveform, exposure: float) -> tuple[float, float] | No
             return float(sample_waveform(waveform, 0.0)), 0.0
         swing = abs(waveform.amplitude) / 2 * waveform.depth
         return waveform.amplitude / 2, swing / (4 * waveform.frequency * exposure)  # half a period of one sign
-    if isinstance(waveform, Chips) and waveform.repeat:
+    if isinstance(waveform, Chips) and waveform.repeat and not waveform.rise and not waveform.fall:
         levels = waveform.amplitude * waveform.levels
         sums = np.concatenate([[0.0], np.cumsum(levels - levels.mean())])
         return float(levels.mean()), float(np.ptp(sums)) / (waveform.chip_rate * exposure)

@@ -30,6 +30,7 @@ class Sensor:
             there is no shot noise.
         read_noise: electrons, standard deviation; 0 or above. Needs ``full_well``.
         shot_noise: simulate the Poisson statistics of electrons. Needs ``full_well``.
+        frame_jitter: frames start up to so many seconds early or late, uniformly distributed; 0 or above.
     """
 
     gain: float
@@ -38,11 +39,12 @@ class Sensor:
     full_well: float | None = None
     read_noise: float = 0.0
     shot_noise: bool = False
+    frame_jitter: float = 0.0
 
     def __post_init__(self) -> None:
-        hold(
-            self, gain=number("gain", self.gain, 0, open_low=True), read_noise=number("read_noise", self.read_noise, 0)
-        )
+        hold(self, gain=number("gain", self.gain, 0, open_low=True))
+        hold(self, read_noise=number("read_noise", self.read_noise, 0))
+        hold(self, frame_jitter=number("frame_jitter", self.frame_jitter, 0))
         if self.bit_depth is not None:
             hold(self, bit_depth=whole("bit_depth", self.bit_depth, 1, 16))
         if self.full_well is not None:

@@ -138,8 +138,8 @@ def plan_at(scene: SceneDescription, tolerance: float, frames: int, start: float
     moving_lens = any(scene.lens.velocity)
     lens = lens_at(scene, start + frame * frame_time)
     first, last = (frame, frame) if moving_lens else (0, frames - 1)
-    begin = start + first * frame_time - scene.exposure
-    end = start + last * frame_time + (scene.lens.rows - 1) * scene.camera.row_period
+    begin = start + first * frame_time - scene.exposure - scene.sensor.frame_jitter
+    end = start + last * frame_time + (scene.lens.rows - 1) * scene.camera.row_period + scene.sensor.frame_jitter
     drawing = _Drawing(scene, start, (begin + end) / 2, (end - begin) / 2)
     parts: list[Part] = []
     bound, changing = 0.0, 0

@@ -27,13 +27,14 @@ def render(
 ) -> Iterator[Frame]:
     """Render frames of a scene: dark level + v, v = A * T_e * p (eq. 4) within the plan's tolerance.
 
-    Sensor effects follow in this order: noise (if requested), saturation, tone curve, rounding.
+    Frames start late or early by the sensor's jitter. Its other effects follow in this order: noise (if requested),
+    saturation, tone curve, rounding.
 
     Args:
         plan: from `Scene.plan`.
         frames: number of frames, up to that of the plan; None: all.
         noise: simulate the sensor's shot and read noise.
-        seed: of the noise, 0 or above; the same seed gives the same frames.
+        seed: of noise and jitter, 0 or above; the same seed gives the same frames.
         threads: 1 or more; the frames do not depend on it.
 
     Yields:
@@ -60,26 +61,32 @@ def _frame(plan: Plan, number: int, noise: bool, seed: int, threads: int) -> Fra
     scene, sensor = plan.scene, plan.scene.sensor
     random = np.random.default_rng([seed, number]) if noise else None
     shape = (scene.lens.rows, scene.lens.columns)
-    dark = scene.camera.dark_level
+    dark, late = scene.camera.dark_level, frame_delay(scene, number, seed)
     direct = random is None and scene.camera.tone_curve == "linear"
     if direct and sensor.bit_depth is not None:
         frame = np.empty(shape, np.uint8 if sensor.bit_depth <= 8 else np.uint16)
-        _fill(plan, number, dark, min(scene.white_level, 2**sensor.bit_depth - 1), threads, frame)
+        _fill(plan, number, late, dark, min(scene.white_level, 2**sensor.bit_depth - 1), threads, frame)
         return frame
     light = np.empty(shape, np.float32)
-    _fill(plan, number, 0.0, scene.white_level, threads, light)
+    _fill(plan, number, late, 0.0, scene.white_level, threads, light)
     return respond(scene, light, random)
 
 
-def _fill(plan: Plan, number: int, dark: float, white: float, threads: int, out: Frame) -> None:
-    camera = plan.scene.camera
+def frame_delay(scene: SceneDescription, number: int, seed: int) -> float:
+    """Seconds by which a frame starts late."""
+    jitter = scene.sensor.frame_jitter
+    return float(np.random.default_rng([seed, number, 1]).uniform(-jitter, jitter)) if jitter else 0.0
+
+
+def _fill(plan: Plan, number: int, late: float, dark: float, white: float, threads: int, out: Frame) -> None:
+    camera, start = plan.scene.camera, plan.start + late
     image = plan._base if plan._base is None or not dark else plan._base + np.float32(dark)
     if plan._by_pixel:
         image = np.full(out.shape, dark, np.float32) if image is None else image.copy()
         for pixels in plan._by_pixel:
-            image[pixels.rows, pixels.columns] += pixels.light(camera, plan.start, number)
+            image[pixels.rows, pixels.columns] += pixels.light(camera, start, number)
     parts = [part for part, _ in plan._kept]
-    tables = [signal.table(camera, plan.start, number) for _, signal in plan._kept]
+    tables = [signal.table(camera, start, number) for _, signal in plan._kept]
     _core.render_parts(parts, tables, dark, image, white, threads, out)
 
 

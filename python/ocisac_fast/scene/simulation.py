@@ -11,8 +11,12 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
+from ocisac_fast.scene.checks import number, whole
 
 _MAX_PIXELS = 1 << 28
+_TEXTURE_SCALES = ((8.0, 0.2), (40.0, 0.8))  # standard deviation of a Gaussian in px, its share of the variance
+
+FloatArray = npt.NDArray[np.float64]
 
 
 def simulate_frames(
@@ -26,10 +30,17 @@ def simulate_frames(
     swing: float = 200.0,
     dark_level: float = 0.0,
     noise: float = 0.0,
+    lamp: npt.ArrayLike = 1.0,
+    ambient: Waveform | None = None,
+    reflectance: npt.ArrayLike = 1.0,
+    jitter: float = 0.0,
     dtype: npt.DTypeLike = np.uint8,
     seed: int = 0,
 ) -> Iterator[npt.NDArray[Any]]:
-    """Simulate frames filled by a light: dark_level + swing * p_n + noise, with p_n from ``integrate_exposure``.
+    """Simulate frames: dark_level + swing * reflectance * (lamp * p_n + ambient_n) + noise.
+
+    p_n and ambient_n are the means of ``waveform`` and of ``ambient`` over the exposure of row n, from
+    ``integrate_exposure``.
 
     Args:
         waveform: the light.
@@ -39,8 +50,12 @@ def simulate_frames(
         swing: stored values (DN) from no light to light 1; finite.
         dark_level: stored value (DN) of no light; finite.
         noise: standard deviation of the noise, DN, normal, independent in every pixel; 0 or above.
+        lamp: share of the light that a pixel sees, broadcast to (rows, columns), such as `lamp_bar`; finite.
+        ambient: light on the whole picture, such as mains hum, in units of the light; None: none.
+        reflectance: factor on all light in a pixel, broadcast to (rows, columns), such as `texture`; finite.
+        jitter: frames start up to so many seconds early or late, uniformly distributed; 0 or above.
         dtype: uint8 and uint16 are rounded to nearest and clipped; float32 and float64 are neither.
-        seed: of the noise; the same seed gives the same frames.
+        seed: of noise and jitter; the same seed gives the same frames.
 
     Yields:
         (rows, columns) arrays of ``dtype``; one frame at a time is in memory.
@@ -48,33 +63,94 @@ def simulate_frames(
     Raises:
         ValueError: a value outside its range, at the call.
     """
-    for name, count in (("rows", rows), ("columns", columns), ("frames", frames)):
-        if not 1 <= count <= _MAX_PIXELS:
-            raise ValueError(f"{name}: got {count}, allowed: from 1 to {_MAX_PIXELS}")
+    for name, size in (("rows", rows), ("columns", columns), ("frames", frames)):
+        whole(name, size, 1, _MAX_PIXELS)
     if rows * columns > _MAX_PIXELS:
         raise ValueError(f"rows x columns: got {rows} x {columns}, allowed: up to {_MAX_PIXELS} pixels")
-    for name, value in (("swing", swing), ("dark_level", dark_level), ("noise", noise)):
-        if not math.isfinite(value) or (name == "noise" and value < 0):
-            raise ValueError(f"{name}: got {value}, allowed: finite{', 0 or above' if name == 'noise' else ''}")
+    swing, dark_level = number("swing", swing), number("dark_level", dark_level)
+    noise, jitter = number("noise", noise, 0), number("jitter", jitter, 0)
     if seed < 0:
         raise ValueError(f"seed: got {seed}, allowed: 0 or above")
     kind = np.dtype(dtype)
     if kind not in (np.uint8, np.uint16, np.float32, np.float64):
         raise ValueError(f"dtype: got {kind}, allowed: uint8, uint16, float32, float64")
-    if frames == 1:
-        first = integrate_exposure(waveform, camera, rows, start=start)[np.newaxis]
-    else:
-        first = integrate_exposure(waveform, camera, rows, start=start, frames=[0])
-    random = np.random.default_rng(seed)
+    shares = _as_map("lamp", lamp, rows, columns)
+    factors = swing * _as_map("reflectance", reflectance, rows, columns)
+    random, clock = np.random.default_rng(seed), np.random.default_rng([seed, 1])
 
-    def frame(number: int) -> npt.NDArray[Any]:
-        light = first if number == 0 else integrate_exposure(waveform, camera, rows, start=start, frames=[number])
-        values = np.repeat(dark_level + swing * light[0], columns).reshape(rows, columns)
+    def exposed(light: Waveform, frame: int, begin: float) -> FloatArray:
+        numbers = None if frames == 1 else [frame]
+        return integrate_exposure(light, camera, rows, start=begin, frames=numbers).reshape(rows, 1)
+
+    def light_of(frame: int) -> FloatArray:
+        begin = start + (clock.uniform(-jitter, jitter) if jitter else 0.0)
+        light = shares * exposed(waveform, frame, begin)
+        if ambient is not None:
+            light = light + exposed(ambient, frame, begin)
+        return dark_level + factors * light
+
+    def stored(light: FloatArray) -> npt.NDArray[Any]:
+        values = np.broadcast_to(light, (rows, columns))
         if noise:
-            values += noise * random.standard_normal(values.shape)
+            values = values + noise * random.standard_normal((rows, columns))
         if kind.kind == "f":
             return values.astype(kind)
-        stored: npt.NDArray[Any] = np.clip(np.rint(values), 0, np.iinfo(kind).max).astype(kind)
-        return stored
+        limited: npt.NDArray[Any] = np.clip(np.rint(values), 0, np.iinfo(kind).max).astype(kind)
+        return limited
 
-    return (frame(number) for number in range(frames))
+    first = light_of(0)  # checks waveforms and camera
+    return (stored(first if frame == 0 else light_of(frame)) for frame in range(frames))
+
+
+def lamp_bar(rows: int, columns: int, width: float, *, tilt: float = 0.0) -> FloatArray:
+    """Share of its light that each pixel sees of a bar along the rows through the middle of the picture.
+
+    Args:
+        rows, columns: of the picture.
+        width: standard deviation of its Gaussian profile along the columns, px, above 0.
+        tilt: rad from upright, inside (-pi/2, pi/2); positive: to the right towards the last row.
+
+    Returns:
+        (rows, columns), 1 on the middle line.
+    """
+    width = number("width", width, 0, open_low=True)
+    tilt = number("tilt", tilt)
+    if not abs(tilt) < math.pi / 2:
+        raise ValueError(f"tilt: got {tilt}, allowed: inside (-pi/2, pi/2) rad")
+    down, across = np.ogrid[:rows, :columns]
+    middle = (columns - 1) / 2 + math.tan(tilt) * (down - (rows - 1) / 2)
+    return np.asarray(np.exp(-0.5 * ((across - middle) / width) ** 2))
+
+
+def texture(rows: int, columns: int, contrast: float, *, seed: int = 0) -> FloatArray:
+    """Reflectance of a rough wall: exp(contrast * z), z a Gaussian random field of variance 1.
+
+    z is the sum of two fields of white noise, smoothed by Gaussians of 8 and 40 px, with 0.2 and 0.8 of the variance;
+    it continues periodically at the edges of the picture.
+
+    Args:
+        rows, columns: of the picture.
+        contrast: standard deviation of the logarithm, 0 or above.
+        seed: of the field.
+    """
+    contrast = number("contrast", contrast, 0)
+    random = np.random.default_rng(seed)
+    frequencies = np.fft.fftfreq(rows)[:, np.newaxis] ** 2 + np.fft.rfftfreq(columns) ** 2
+    log = np.zeros((rows, columns))
+    for scale, share in _TEXTURE_SCALES:
+        response = np.exp(-2 * (math.pi * scale) ** 2 * frequencies)
+        power = np.mean(np.fft.irfft2(response, s=log.shape) ** 2) * log.size
+        spectrum = np.fft.rfft2(random.standard_normal(log.shape)) * response
+        log += math.sqrt(share / power) * np.fft.irfft2(spectrum, s=log.shape)
+    return np.asarray(np.exp(contrast * log))
+
+
+def _as_map(name: str, values: npt.ArrayLike, rows: int, columns: int) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    try:
+        np.broadcast_to(array, (rows, columns))
+    except ValueError:
+        raise ValueError(f"{name}: got shape {array.shape}, allowed: one that fits ({rows}, {columns})") from None
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: got values that are not finite, allowed: finite values")
+    return array

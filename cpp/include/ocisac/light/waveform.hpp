@@ -33,13 +33,16 @@ struct TriangleWave {
 };
 
 // amplitude·levels[k] during [start + k/chip_rate, start + (k + 1)/chip_rate); dark before and after, or repeated
-// without end.
+// without end. With time constants the light approaches each level as an RC circuit: dy/du = (level − y)/rise, u in
+// chips, or over `fall` where y is above the level.
 struct Chips {
   std::vector<double> levels;  // at least one
   double chip_rate;            // Hz, > 0
   double start = 0;            // s
   bool repeat = false;
   double amplitude = 1;
+  double rise = 0;  // time constants, chips, 0 (instantly) to 1000
+  double fall = 0;
 };
 
 // values[k] at start + k/sample_rate, linear in between; the end values hold before and after, or the samples repeat
@@ -74,7 +77,7 @@ class Waveform {
   friend Waveform operator+(const Waveform& a, const Waveform& b);
 
   // Light transmitted or reflected by a moving object. At most one factor of a product may be Samples or a
-  // TriangleWave.
+  // TriangleWave; Chips with time constants may be multiplied by steady light only.
   friend Waveform operator*(const Waveform& a, const Waveform& b);
 
  private:
