@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <numbers>
+#include <numeric>
 
 #include "chips/channel_equations.hpp"
+#include "core/spectrum.hpp"
 
 namespace ocisac {
 
@@ -16,7 +17,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kStepsPerLine = 4;  // frequency steps per width of a frame's spectral line
+constexpr std::size_t kPadding = 4;  // frequency steps per width of a frame's spectral line
+constexpr std::size_t kNearBins = 2 * kPadding, kFarBins = 8 * kPadding;  // from a tone to its neighbourhood
 constexpr Index kSwingTerms = 3;
 constexpr int kSquareSteps = 12;
 constexpr double kSquareReach = 0.6;  // spectral lines of a frame
@@ -65,26 +67,35 @@ std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const
   return NuisanceFit{{rest.begin(), rest.end()}, (values - model * solved->values).squaredNorm()};
 }
 
-StrongestTone strongest_tone(std::span<const double> signal, double lowest, double highest) {
-  const double step = 1 / (kStepsPerLine * static_cast<double>(signal.size()));
-  double mean = 0;
-  for (double value : signal) mean += value / static_cast<double>(signal.size());
-  std::vector<double> powers;
-  StrongestTone strongest;
-  for (double frequency = lowest; frequency < highest; frequency += step) {
-    const auto turn = std::polar(1.0, -kTurn * frequency);
-    std::complex<double> phase = 1, sum = 0;
-    for (std::size_t n = 0; n < signal.size(); ++n, phase *= turn) {
-      const double window = std::sin(0.5 * kTurn * (static_cast<double>(n) + 0.5) / static_cast<double>(signal.size()));
-      sum += window * window * (signal[n] - mean) * phase;
+StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest) {
+  const std::size_t length = optimal_dft_length(kPadding * rows), bins = length / 2 + 1;
+  std::vector<double> powers(bins);
+  for (std::size_t begin = 0; begin + rows <= signals.size(); begin += rows) {
+    const auto signal = signals.subspan(begin, rows);
+    const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(rows);
+    std::vector<double> windowed(length);
+    for (std::size_t n = 0; n < rows; ++n) {
+      const double sine = std::sin(0.5 * kTurn * (static_cast<double>(n) + 0.5) / static_cast<double>(rows));
+      windowed[n] = sine * sine * (signal[n] - mean);
     }
-    powers.push_back(std::norm(sum));
-    if (powers.back() > strongest.prominence) strongest = {frequency, powers.back()};
+    const auto spectrum = half_spectra(windowed, length);
+    for (std::size_t k = 0; k < bins; ++k) powers[k] += std::norm(spectrum[k]);
   }
-  if (powers.empty()) return {};
-  std::ranges::nth_element(powers, powers.begin() + static_cast<std::ptrdiff_t>(powers.size() / 2));
-  strongest.prominence /= std::max(powers[powers.size() / 2], 1e-300);
-  return strongest;
+  const auto bin_of = [&](double frequency) {
+    return std::min(static_cast<std::size_t>(std::ceil(frequency * static_cast<double>(length))), bins);
+  };
+  const std::size_t first = bin_of(lowest), last = bin_of(highest);
+  if (first >= last) return {};
+  const auto strongest = static_cast<std::size_t>(std::max_element(powers.begin() + static_cast<std::ptrdiff_t>(first),
+                                                                   powers.begin() + static_cast<std::ptrdiff_t>(last)) -
+                                                  powers.begin());
+  std::vector<double> nearby;
+  for (std::size_t k = strongest - std::min(strongest, kFarBins); k < std::min(strongest + kFarBins + 1, bins); ++k)
+    if (std::max(k, strongest) - std::min(k, strongest) > kNearBins) nearby.push_back(powers[k]);
+  if (nearby.empty()) return {};
+  const auto middle = nearby.begin() + std::ssize(nearby) / 2;
+  std::ranges::nth_element(nearby, middle);
+  return {static_cast<double>(strongest) / static_cast<double>(length), powers[strongest] / std::max(*middle, 1e-300)};
 }
 
 std::vector<double> without_square_wave(std::span<const double> signal, double frequency) {

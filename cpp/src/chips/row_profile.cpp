@@ -3,22 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "columns/moving_mean.hpp"
+
 namespace ocisac {
 
 namespace {
 
 constexpr std::size_t kMinKnownFrames = 3;
-
-// Means over up to `smooth` rows either side.
-std::vector<double> smoothed(std::span<const double> values, std::size_t smooth) {
-  std::vector<double> sums(values.size() + 1), means(values.size());
-  for (std::size_t n = 0; n < values.size(); ++n) sums[n + 1] = sums[n] + values[n];
-  for (std::size_t n = 0; n < values.size(); ++n) {
-    const std::size_t begin = n - std::min(n, smooth), end = std::min(n + smooth + 1, values.size());
-    means[n] = (sums[end] - sums[begin]) / static_cast<double>(end - begin);
-  }
-  return means;
-}
 
 // Sums of a row over the frames, as deviations from their means.
 struct RowSums {
@@ -54,7 +45,7 @@ std::optional<RowProfile> first_profile(std::span<const ProfileFrame> frames, st
   }
   if (rows == 0 || !(*std::ranges::min_element(profile.dark) > 0)) return std::nullopt;
   for (std::size_t n = 0; n < rows; ++n) profile.swing[n] /= profile.dark[n] * profile.dark[n];
-  profile.swing = smoothed(profile.swing, smooth);
+  profile.swing = moving_mean(profile.swing, smooth);
   for (std::size_t n = 0; n < rows; ++n) profile.swing[n] = profile.dark[n] * std::sqrt(profile.swing[n]);
   if (rows == 0 || !(*std::ranges::max_element(profile.swing) > 0)) return std::nullopt;
   return profile;
@@ -76,7 +67,7 @@ std::optional<RowProfile> fit_profile(std::span<const ProfileFrame> frames, std:
     mean_squares += sums[n].squares / static_cast<double>(rows);
   }
   if (!(mean_squares > 0)) return std::nullopt;
-  const auto near_squares = smoothed(squares, smooth), near_products = smoothed(products, smooth);
+  const auto near_squares = moving_mean(squares, smooth), near_products = moving_mean(products, smooth);
   const double prior = weight * mean_squares;
   RowProfile profile{std::vector<double>(rows), std::vector<double>(rows)};
   for (std::size_t n = 0; n < rows; ++n) {

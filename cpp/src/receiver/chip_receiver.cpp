@@ -29,10 +29,10 @@ constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
 constexpr std::size_t kPhases = 6;  // tried per chip without a prediction
 constexpr double kMinChips = 12;    // in a frame
 constexpr double kWeakSnr = 9;
-constexpr std::array kMains{100.0, 120.0};                  // Hz
-constexpr double kSlowLight = 260;                          // Hz; hum of mains of 50 and 60 Hz and its first harmonic
-constexpr double kMinSlow = 2e-3;                           // min fraction of a signal's variance for slow light
-constexpr double kHighestTone = 0.25, kMinProminence = 20;  // cycles per chip; ratio to the median of all tones
+constexpr std::array kMains{100.0, 120.0};                 // Hz
+constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
+constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
+constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
 constexpr std::size_t kMaxVainTries = 4;  // doublings of the frames from one try of other models to the next
 constexpr double kBetter = 0.8;           // ratio of the residual noise required of another model
 constexpr std::array kGivenExposureFactors{0.9, 1.1, 0.8, 1.2};      // factors for a given exposure that seems wrong
@@ -168,7 +168,7 @@ std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const d
     add({slow, {}});
   }
   if (fit && slow < highest) {
-    const auto tone = strongest_tone(fit->rest, slow, highest);
+    const auto tone = strongest_tone(fit->rest, fit->rest.size(), slow, highest);
     if (tone.prominence > kMinProminence) add({0, {tone.frequency}});
   }
   if (!model_.slow_light) {

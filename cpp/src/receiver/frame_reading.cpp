@@ -63,6 +63,12 @@ std::string_view method_for(const ChipClock& clock, double longest_trellis) {
   return clock.exposure_rows <= longest * clock.rows_per_chip ? "mlse" : "reduced";
 }
 
+std::vector<double> hard_chips(const FrameReading& reading) {
+  std::vector<double> chips(reading.llr.size());
+  std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+  return chips;
+}
+
 // Fails, so that the channel is rejected, where the estimated exposure is too long.
 std::vector<double> detect_levels(const ChipQuestion& question) {
   return level_detector(method_for(question.clock, kLongestSearchedTrellis))(question);
@@ -126,8 +132,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     const ChipQuestion question = rows.question();
     reading.llr = detect_chips(question, method_for(question.clock, kLongestTrellis)).llr;
     reading.first = question.first;
-    std::vector<double> chips(reading.llr.size());
-    std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+    const auto chips = hard_chips(reading);
     auto fitted = fit_channel(signal, {chips, reading.first}, channel.clock, model, effort);
     if (!fitted) return std::nullopt;
     const bool stays = is_same(channel, *fitted, signal.size());
@@ -145,8 +150,8 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
 }
 
 std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows) {
-  std::vector<double> chips(reading.llr.size()), exposed(rows);
-  std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+  const auto chips = hard_chips(reading);
+  std::vector<double> exposed(rows);
   expose_chips({chips, reading.first}, reading.channel.clock, exposed);
   return exposed;
 }
@@ -215,8 +220,7 @@ std::optional<FrameReading> refine_nuisance(std::span<const double> signal, Fram
 
 // Minimises the residual over rise and fall, with the chips of a reading, by steps that are halved.
 static void move_shape(std::span<const double> signal, FrameReading& reading, bool exposure_known) {
-  std::vector<double> chips(reading.llr.size());
-  std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+  const auto chips = hard_chips(reading);
   ChannelEstimate& best = reading.channel;
   const ChannelModel model{best.dark.size() - 1, best.swing.size() - 1, exposure_known};
   for (double step = kFirstShapeStep; step > kLastShapeStep; step *= 0.5)

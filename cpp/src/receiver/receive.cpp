@@ -33,7 +33,7 @@ constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and
 constexpr int kMaxShears = 3;
 constexpr double kInterpolated = 0.1;       // of the second differences of the other rows
 constexpr std::array kMains{100.0, 120.0};  // Hz
-constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 50;  // Hz; over the median of all tones
+constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 15;  // Hz; over its neighbourhood
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;                        // in the frame
 constexpr double kBetter = 1.5;                                                // times the signal-to-noise ratio
 constexpr double kWeakSnr = 9;                                                 // swing of ±3 standard deviations
@@ -253,7 +253,8 @@ std::vector<std::vector<double>> without_other_light(std::span<const double> sig
   const auto rows = static_cast<double>(signal.size());
   for (const double mains : kMains)
     if (mains * row_time * rows >= kMinHumCycles) add({0, {mains * row_time}});
-  const auto tone = strongest_tone(signal, kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
+  const auto tone =
+      strongest_tone(signal, signal.size(), kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
   if (tone.prominence > kMinProminence && tone.frequency * rows >= kMinToneCycles)
     rests.push_back(without_square_wave(signal, tone.frequency));
   return rests;

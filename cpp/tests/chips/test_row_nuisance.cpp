@@ -47,9 +47,18 @@ TEST_CASE("the strongest tone stands out at its frequency") {
   std::vector<double> signal(1080);
   for (std::size_t row = 0; row < signal.size(); ++row)
     signal[row] = 50 + noise(random) + 2 * std::cos(kTurn * 0.0222 * static_cast<double>(row));
-  const auto found = ocisac::strongest_tone(signal, 0.006, 0.1);
+  const auto found = ocisac::strongest_tone(signal, signal.size(), 0.006, 0.1);
   CHECK(found.frequency == doctest::Approx(0.0222).epsilon(0.01));
   CHECK(found.prominence > 50);
   for (double& value : signal) value = noise(random);
-  CHECK(ocisac::strongest_tone(signal, 0.006, 0.1).prominence < 20);
+  CHECK(ocisac::strongest_tone(signal, signal.size(), 0.006, 0.1).prominence < 20);
+  // Light with a spectrum of its own: prominence is relative to the tone's neighbourhood, in the mean of several
+  // frames.
+  std::vector<double> frames(6 * 1080);
+  for (std::size_t row = 1; row < frames.size(); ++row) frames[row] = 0.95 * frames[row - 1] + noise(random);
+  CHECK(ocisac::strongest_tone(frames, 1080, 0.006, 0.1).prominence < 6);
+  for (std::size_t row = 0; row < frames.size(); ++row)
+    frames[row] += 2 * std::cos(kTurn * 0.03 * static_cast<double>(row));
+  CHECK(ocisac::strongest_tone(frames, 1080, 0.006, 0.1).prominence > 12);
+  CHECK(ocisac::strongest_tone(frames, 1080, 0.006, 0.1).frequency == doctest::Approx(0.03).epsilon(0.01));
 }

@@ -33,12 +33,12 @@ struct NuisanceFit {
 std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const RowNuisance& nuisance,
                                            std::span<const double> exposed = {});
 
-// The strongest tone between two frequencies (cycles per row): its frequency, and the ratio of its power (Hann window)
-// to the median power.
+// The strongest tone between two frequencies (cycles per row) in the mean spectrum (Hann window) of `signals`, each of
+// `rows` rows: its frequency, and the ratio of its power to the median of its neighbourhood.
 struct StrongestTone {
   double frequency = 0, prominence = 0;
 };
-StrongestTone strongest_tone(std::span<const double> signal, double lowest, double highest);
+StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest);
 
 // The signal minus a square wave of duty ½ near this frequency (cycles per row, accurate to half a spectral line of the
 // frame), with the frequency and phase of the smallest residual.
