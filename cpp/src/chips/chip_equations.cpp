@@ -24,6 +24,9 @@ void check(const ChipQuestion& question, double longest) {
           "exposure_rows", question.clock.exposure_rows, "0 to " + shortest_text(longest) + " chips, in rows");
   require_positive("noise", question.noise);
   for (const double row : question.rows) require_finite("rows", row);
+  require(question.row_noise.empty() || question.row_noise.size() == question.rows.size(), "row_noise",
+          question.row_noise.size(), "as many as rows");
+  for (const double noise : question.row_noise) require_positive("row_noise", noise);
 }
 
 std::optional<double> known_level(const ChipQuestion& question, std::size_t k) {
@@ -49,10 +52,10 @@ ChipEquations::ChipEquations(const ChipQuestion& question, double longest)
 
 void ChipEquations::add_rows(const ChipQuestion& question) {
   const ChipClock& clock = question.clock;
-  const double length = length_of(clock), scale = 1 / (question.noise * question.noise);
-  const double last = static_cast<double>(count_ - 1);
+  const double length = length_of(clock), last = static_cast<double>(count_ - 1);
   std::vector<double> seen(band_ + 1);  // [j]: weight of the chip j before the newest
   for (std::size_t row = 0; row < question.rows.size(); ++row) {
+    const double scale = 1 / (question.noise_of(row) * question.noise_of(row));
     const double end = (static_cast<double>(row) + 0.5 * clock.exposure_rows - clock.phase) / clock.rows_per_chip -
                        static_cast<double>(question.first);
     // The first and the last chip extend: a row beyond them by rounding belongs to them.

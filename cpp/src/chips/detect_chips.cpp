@@ -146,12 +146,15 @@ DetectChips level_detector(std::string_view method) {
 
 ChipRows::ChipRows(std::span<const double> signal, const ChannelEstimate& channel)
     : rows_(signal.size()), clock_(with_min_exposure(channel.clock)) {
+  const bool even = channel.swing.size() < 2;
+  if (!even) row_noise_.resize(rows_.size());
   for (std::size_t n = 0; n < rows_.size(); ++n) {
     const auto row = static_cast<double>(n);
     const double swing = channel.swing_at(row, rows_.size());
     if (!(swing > 0))
       refuse("channel", "a swing of " + shortest_text(swing) + " in row " + std::to_string(n), "above 0");
     rows_[n] = (signal[n] - channel.dark_at(row, rows_.size())) / swing;
+    if (!even) row_noise_[n] = std::max(channel.noise / swing, kMinDetectorNoise);
   }
   const double middle = 0.5 * (static_cast<double>(rows_.size()) - 1);
   noise_ = std::max(channel.noise / channel.swing_at(middle, rows_.size()), kMinDetectorNoise);
@@ -159,7 +162,7 @@ ChipRows::ChipRows(std::span<const double> signal, const ChannelEstimate& channe
 
 ChipQuestion ChipRows::question() const {
   const ChipGrid chips = affecting_chips(clock_, rows_.size());
-  return {rows_, clock_, noise_, chips.first, chips.count};
+  return {rows_, clock_, noise_, chips.first, chips.count, {}, row_noise_};
 }
 
 ColumnChips detect_chips(const AnyFramesView& frames, const Camera& camera, const ChannelEstimate& channel,

@@ -23,7 +23,7 @@ constexpr float kNever = std::numeric_limits<float>::infinity();
 // A row's exposure in chips, counted from the newest one: `end` of the newest, `begin` of the oldest, which is `back`
 // chips older, and all chips between.
 struct RowView {
-  double value;
+  double value, scale;  // scale: 1/(2σ²)
   double end, begin;
   std::size_t back;
 };
@@ -45,7 +45,6 @@ class Trellis {
         reach_(static_cast<std::size_t>(std::ceil(length_))),
         memory_(memory_of(question.clock, reach_)),
         states_(std::size_t{1} << memory_),
-        scale_(0.5 / (question.noise * question.noise)),
         classes_(memory_ + 1) {}
 
   std::vector<double> detect() {
@@ -104,7 +103,7 @@ class Trellis {
     const auto at_end = settled(row.end), at_begin = settled(before);
     const auto end = static_cast<float>(row.end), begin = static_cast<float>(before);
     const auto value = static_cast<float>(row.value), per_chip = static_cast<float>(1 / length_);
-    const auto scale = static_cast<float>(scale_);
+    const auto scale = static_cast<float>(row.scale);
     for (std::size_t history = 0; history < costs.size(); ++history) {
       const ChipLight& last = newest[history];
       const ChipLight& first = oldest[history];
@@ -131,8 +130,9 @@ class Trellis {
       for (; chip < static_cast<std::size_t>(newest); ++chip) begin_of_chip_[chip + 1] = rows_.size();
       const double begin = end - newest - length_;
       const double whole = std::min(std::floor(begin), 0.0);
-      rows_.push_back(
-          {question_.rows[row], end - newest, 1 - (begin - whole), std::min(static_cast<std::size_t>(-whole), reach_)});
+      const double noise = question_.noise_of(row);
+      rows_.push_back({question_.rows[row], 0.5 / (noise * noise), end - newest, 1 - (begin - whole),
+                       std::min(static_cast<std::size_t>(-whole), reach_)});
     }
     for (; chip < question_.count; ++chip) begin_of_chip_[chip + 1] = rows_.size();
   }
@@ -147,18 +147,19 @@ class Trellis {
   // Adds a row's squared residual over 2σ² to the classes of its `back`.
   void add_row(const RowView& row, std::span<float> table) const {
     if (row.back == 0) {
-      for (std::size_t bright = 0; bright < 2; ++bright)
-        table[bright] += squares(row.value - static_cast<double>(bright));
+      for (std::size_t bright = 0; bright < 2; ++bright) table[bright] += squares(row, static_cast<double>(bright));
       return;
     }
     for (std::size_t between = 0; between < row.back; ++between)
       for (std::size_t ends = 0; ends < 4; ++ends) {
         const double area = static_cast<double>(between) + static_cast<double>(ends >> 1U) * row.end +
                             static_cast<double>(ends & 1U) * row.begin;
-        table[4 * between + ends] += squares(row.value - area / length_);
+        table[4 * between + ends] += squares(row, area / length_);
       }
   }
-  [[nodiscard]] float squares(double off) const { return static_cast<float>(scale_ * off * off); }
+  static float squares(const RowView& row, double expected) {
+    return static_cast<float>(row.scale * (row.value - expected) * (row.value - expected));
+  }
 
   // Costs of all histories at a chip.
   void weigh(std::size_t chip, std::vector<float>& costs) {
@@ -227,9 +228,8 @@ class Trellis {
   }
 
   const ChipQuestion& question_;
-  double length_;                        // of the exposure, chips
-  std::size_t reach_, memory_, states_;  // earlier chips in a row's exposure; chips in memory
-  double scale_;
+  double length_;                                   // of the exposure, chips
+  std::size_t reach_, memory_, states_;             // earlier chips in a row's exposure; chips in memory
   std::vector<std::vector<std::uint8_t>> classes_;  // (back) class of each history, computed on demand
   std::vector<RowView> rows_;
   std::vector<std::size_t> begin_of_chip_;

@@ -44,6 +44,12 @@ struct Weights {
     for (std::size_t n = 0; n < of_row.size(); ++n) sum += of_row[n] * rows[row + n];
     return sum;
   }
+  // Variance of their sum for independent rows of these standard deviations.
+  [[nodiscard]] double variance(const ChipQuestion& question) const {
+    double sum = 0;
+    for (std::size_t n = 0; n < of_row.size(); ++n) sum += std::pow(of_row[n] * question.noise_of(begin + n), 2);
+    return sum;
+  }
   [[nodiscard]] double squares() const {
     double sum = 0;
     for (const double weight : of_row) sum += weight * weight;
@@ -157,7 +163,7 @@ std::vector<double> slice_chips(const ChipQuestion& question) {
     const auto chip = static_cast<double>(question.first + static_cast<std::ptrdiff_t>(k));
     weights.set_around(middle_of(clock, chip), slicer_reach(clock), question.rows.size());
     if (weights.of_row.empty()) continue;
-    double gain = 0, variance = question.noise * question.noise * weights.squares();
+    double gain = 0, variance = weights.variance(question);
     for_each_chip_seen(weights, chip, clock, [&](double other, double part) {
       if (other == chip)
         gain = part;

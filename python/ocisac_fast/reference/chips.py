@@ -25,13 +25,19 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def detect_sequence(
-    rows: FloatArray, rows_per_chip: float, phase: float, exposure_rows: float, noise: float, first: int, count: int
+    rows: FloatArray,
+    rows_per_chip: float,
+    phase: float,
+    exposure_rows: float,
+    noise: float | FloatArray,
+    first: int,
+    count: int,
 ) -> FloatArray:
     """Detect chips first ... first + count - 1 as the sequence with the least squared error (Viterbi).
 
     A :data:`ocisac_fast.chips.channel.Detect`: rows are 0 for steady dark and 1 for steady bright, chip 0 begins at row
     ``phase``. A state consists of the chips before the newest that its rows still see: 2^ceil(exposure / rows_per_chip)
-    states. For white noise the result is independent of its size.
+    states. For white noise the result is independent of its size; ``noise`` may be that of each row.
     """
     length = max(exposure_rows, 1e-3) / rows_per_chip
     memory = max(int(np.ceil(length)), 1)
@@ -39,6 +45,7 @@ def detect_sequence(
     bits = (history[:, None] >> np.arange(memory + 1)) & 1
     ends = (np.arange(len(rows)) + exposure_rows / 2 - phase) / rows_per_chip - first
     newest = np.floor(ends).astype(int)
+    weights = np.broadcast_to(np.asarray(noise, dtype=float), len(rows)) ** -2.0
     cost = np.zeros(1 << memory)
     origin = np.zeros((count, 1 << memory), dtype=np.int64)
     for chip in range(count):
@@ -47,7 +54,7 @@ def detect_sequence(
         back = np.arange(memory + 1)
         overlap = np.minimum(end[:, None], 1 - back) - np.maximum(end[:, None] - length, -back)
         expected = bits @ np.maximum(overlap, 0).T / length
-        paths = cost[history >> 1] + np.sum((rows[seen] - expected) ** 2, axis=1)
+        paths = cost[history >> 1] + (rows[seen] - expected) ** 2 @ weights[seen]
         low, high = paths[: 1 << memory], paths[1 << memory :]  # oldest chip: 0, 1
         origin[chip] = np.where(high < low, history[1 << memory :], history[: 1 << memory]) >> 1
         cost = np.minimum(low, high)
@@ -363,8 +370,7 @@ def detect_chips(
     rows = light.shape[1]
     dark, bright = channel.levels(rows)
     signals = (light - dark[:, None]) / (bright - dark)[:, None]
-    middle = float(np.polynomial.legendre.legval(0.0, channel.swing))
-    noise = max(channel.noise / middle, 1e-4)
+    noise = np.maximum(channel.noise / (bright - dark), 1e-4)
     channel = replace(channel, exposure_rows=max(channel.exposure_rows, 1e-3))
     half = channel.exposure_rows / 2
     first, last = (int(np.floor((row - channel.phase) / channel.rows_per_chip)) for row in (-half, rows - 1 + half))
@@ -377,7 +383,7 @@ def detect_chips(
 
 
 def _detect(
-    rows: FloatArray, channel: ChannelEstimate, noise: float, chips: npt.NDArray[Any], method: str
+    rows: FloatArray, channel: ChannelEstimate, noise: FloatArray, chips: npt.NDArray[Any], method: str
 ) -> FloatArray:
     box = _shares(np.arange(rows.size), chips, channel.rows_per_chip, channel.phase, channel.exposure_rows)
     if method in ("mlse", "reduced"):
@@ -385,8 +391,8 @@ def _detect(
         return 2 * detect_sequence(rows, **clock, noise=noise, first=int(chips[0]), count=chips.size) - 1
     if method in ("slicer", "inverse"):
         return _by_threshold(rows, channel, noise, chips, box, method)
-    normal = box.T @ box / noise**2 + 4 * np.eye(chips.size)
-    right = box.T @ (rows - 0.5) / noise**2
+    normal = box.T / noise**2 @ box + 4 * np.eye(chips.size)
+    right = box.T / noise**2 @ (rows - 0.5)
     if method == "wiener":
         inverse = np.linalg.inv(normal)
         return np.asarray(inverse @ right / np.diag(inverse))
@@ -401,19 +407,20 @@ def _detect(
 
 
 def _by_threshold(
-    rows: FloatArray, channel: ChannelEstimate, noise: float, chips: npt.NDArray[Any], box: FloatArray, method: str
+    rows: FloatArray, channel: ChannelEstimate, noise: FloatArray, chips: npt.NDArray[Any], box: FloatArray, method: str
 ) -> FloatArray:
     period, middles = channel.rows_per_chip, channel.phase + (chips + 0.5) * channel.rows_per_chip
     if method == "slicer":
         weights = _windows(middles, max(0.4 * (period - channel.exposure_rows), 0.5), rows.size)
         gains = weights @ box
         own = np.diag(gains)
-        variance = (np.sum(gains**2, axis=1) - own**2) / 4 + noise**2 * np.sum(weights**2, axis=1)
+        variance = (np.sum(gains**2, axis=1) - own**2) / 4 + weights**2 @ noise**2
         seen = weights.sum(axis=1) > 0
         return np.where(seen, (weights @ rows - 0.5) * own / np.where(variance > 0, variance, 1), 0.0)
     light = _equalized(rows, channel.exposure_rows)
     weights = _windows(middles - channel.exposure_rows / 2, max(0.4 * period, 0.5), rows.size)
-    own_gain, others, variance = _inverse_response(channel, noise)
+    middle = float(np.polynomial.legendre.legval(0.0, channel.swing))
+    own_gain, others, variance = _inverse_response(channel, max(channel.noise / middle, 1e-4))
     seen = weights.sum(axis=1) > 0
     return np.where(seen, (weights @ light - 0.5) * own_gain / (variance + np.sum(others**2) / 4), 0.0)
 

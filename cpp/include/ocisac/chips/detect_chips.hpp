@@ -38,6 +38,7 @@ class ChipRows {
 
  private:
   std::vector<double> rows_;
+  std::vector<double> row_noise_;  // empty where the swing is the same in all rows
   ChipClock clock_;
   double noise_;
 };

@@ -19,10 +19,14 @@ inline constexpr double kMinDetectorNoise = 1e-4;
 struct ChipQuestion {
   std::span<const double> rows;  // 0: steady dark, 1: steady bright
   ChipClock clock;               // phase relative to the first of `rows`
-  double noise;                  // standard deviation of `rows`
+  double noise;                  // standard deviation of `rows`, at the middle row
   std::ptrdiff_t first;
   std::size_t count;
   KnownChips known{};  // of these chips or others; used by `reduced` and `mlse`, optional for others
+  // (rows) standard deviation of each; empty: `noise`. `inverse` uses `noise` alone.
+  std::span<const double> row_noise{};
+
+  [[nodiscard]] double noise_of(std::size_t row) const { return row_noise.empty() ? noise : row_noise[row]; }
 };
 
 // One level (0 or 1) per chip.
