@@ -556,6 +556,45 @@ def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, capsys):
     assert done.stdout.startswith(b"hello from a lamp")
 
 
+def test_a_lamp_out_of_the_laboratory_through_a_codec(receiver, tmp_path, capsys):
+    """transmit, simulate with mains hum, jitter, a slow LED, tilt and texture, H.264 at crf 23; then both receivers."""
+    av = pytest.importorskip("av")
+    from ocisac_fast.cli import main
+    from ocisac_fast.files import read_frames
+
+    def command(*arguments):
+        assert main([str(argument) for argument in arguments]) == 0
+        return capsys.readouterr().out
+
+    payload, columns, rows = "hello out of the laboratory", 256, 1080
+    timing = ("--row-time", "22.2us", "--exposure", "622us")
+    light = ("--waveform", "chips", "--chip-rate", "8kHz", "--bits", command("transmit", "--text", payload).strip())
+    size = ("--rows", rows, "--columns", columns, "--frames", 8, "--swing", 80, "--dark-level", 25, "--noise", 2)
+    wrong = ("--rise", 0.3, "--fall", 0.3, "--lamp-width", 80, "--tilt", 3, "--texture", 0.03, "--hum", 0.25)
+    recording, video = tmp_path / "lamp.mkv", tmp_path / "lamp.mp4"
+    command("simulate", *light, *timing, *size, *wrong, "--jitter", "50us", "--seed", 3, "-o", recording)
+    with av.open(str(video), "w") as out:
+        stream = out.add_stream("libx264", rate=30)
+        stream.width, stream.height, stream.pix_fmt = columns, rows, "yuvj420p"
+        stream.options = {"crf": "23", "preset": "medium", "threads": "1"}
+        for frame in read_frames(recording).frames:
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="gray")))
+        out.mux(stream.encode(None))
+    lossy = np.asarray(read_frames(video).frames)
+    assert not np.array_equal(lossy, read_frames(recording).frames)
+    packets = ("--chip-rate", "8kHz", *timing)
+    answers = [json.loads(line) for line in command("receive", video, "--packets", "--json", *packets).splitlines()]
+    assert payload in [answer.get("payload") for answer in answers]
+    piped = subprocess.run(
+        [receiver, "--size", f"{columns}x{rows}", *packets, "--frame-rate", "30", "--payload"],
+        input=lossy.tobytes(),
+        capture_output=True,
+        timeout=120,
+    )
+    assert piped.returncode == 0, piped.stderr
+    assert piped.stdout.decode().startswith(payload)
+
+
 @pytest.mark.skipif(shutil.which("gst-launch-1.0") is None, reason="GStreamer is not installed")
 @pytest.mark.parametrize(
     ("form", "name"), [("GRAY8", "gray8"), ("YUY2", "yuyv"), ("NV12", "nv12"), ("I420", "yuv420p")]
