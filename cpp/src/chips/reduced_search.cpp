@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -118,6 +119,7 @@ class Search {
     const std::vector<Kept> start{{0, 0.0F, {kNone, kNone}, {}}};
     begins_.push_back(0);
     for (std::size_t chip = 0; chip < equations_.count(); ++chip) {
+      check_interrupt();
       extend(chip, chip == 0 ? std::span(start) : std::span(kept_).subspan(begins_[chip - 1]));
       begins_.push_back(kept_.size());
     }
@@ -188,6 +190,7 @@ class Search {
     std::vector<double> ratios(equations_.count());
     std::vector<float> after(kept_at(equations_.count() - 1).size(), 0.0F), before;
     for (std::size_t chip = equations_.count(); chip-- > 0;) {
+      check_interrupt();
       const auto kept = kept_at(chip), earlier = chip > 0 ? kept_at(chip - 1) : std::span<const Kept>{};
       std::array<float, 2> best{kNever, kNever};
       before.assign(earlier.size(), kNever);

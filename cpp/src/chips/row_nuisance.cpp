@@ -19,6 +19,8 @@ using Eigen::VectorXd;
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr std::size_t kPadding = 4;  // frequency steps per width of a frame's spectral line
 constexpr std::size_t kNearBins = 2 * kPadding, kFarBins = 8 * kPadding;  // from a tone to its neighbourhood
+constexpr double kMaxSlowTerms = 160;  // a frame of 0.3 s at 260 Hz; the time grows with the square
+constexpr double kRounding = 1e-12;    // relative to the mean: a signal that deviates by no more is constant
 constexpr Index kSwingTerms = 3;
 constexpr int kSquareSteps = 12;
 constexpr double kSquareReach = 0.6;  // spectral lines of a frame
@@ -26,7 +28,7 @@ constexpr double kSquareReach = 0.6;  // spectral lines of a frame
 // Columns of slow light and tones; the constant comes first.
 MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::size_t harmonics) {
   const auto count = static_cast<double>(rows);
-  const auto slow = static_cast<Index>(std::ceil(2 * count * nuisance.slow));
+  const auto slow = static_cast<Index>(std::min(std::ceil(2 * count * nuisance.slow), kMaxSlowTerms));
   std::vector<double> frequencies;
   for (const double tone : nuisance.tones)
     for (std::size_t harmonic = 1; harmonic <= harmonics; ++harmonic)
@@ -73,6 +75,8 @@ StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, 
   for (std::size_t begin = 0; begin + rows <= signals.size(); begin += rows) {
     const auto signal = signals.subspan(begin, rows);
     const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(rows);
+    const auto varies = [&](double value) { return std::abs(value - mean) > kRounding * std::abs(mean); };
+    if (std::ranges::none_of(signal, varies)) continue;
     std::vector<double> windowed(length);
     for (std::size_t n = 0; n < rows; ++n) {
       const double sine = std::sin(0.5 * kTurn * (static_cast<double>(n) + 0.5) / static_cast<double>(rows));

@@ -8,6 +8,7 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/edge_aware_filter.hpp"
 #include "cleaning/smooth_shares.hpp"
+#include "core/check_interrupt.hpp"
 
 namespace ocisac {
 
@@ -182,6 +183,7 @@ class ShareEstimator {
     };
     for (std::size_t frame = 0; frame < picture_.frames; ++frame) {
       for (std::size_t row = 0; row < picture_.rows; ++row) {
+        check_interrupt();
         const std::size_t first = row * columns;
         if (frame == 0)
           for (auto* values : {&evidence_.pull, &evidence_.weight}) clear(*values, first);
@@ -296,6 +298,7 @@ class ShareEstimator {
     const std::vector<double>& from = now_.slope;
     const std::size_t rows = picture_.rows, columns = picture_.columns;
     for (std::size_t row = 0; row < rows; ++row) {
+      check_interrupt();
       const std::size_t above = of_rows ? row - std::min(step, row) : row;
       const std::size_t below = of_rows ? std::min(row + step, rows - 1) : row;
       for (std::size_t column = 0; column < columns; ++column) {
@@ -310,7 +313,8 @@ class ShareEstimator {
   // Adds the log-likelihood ratio of the other shares over the current ones, from pairs of rows.
   void add_gains(const std::vector<double>& other) {
     const std::size_t columns = picture_.columns;
-    for (std::size_t row = 0; row + lag_ < picture_.rows; ++row)
+    for (std::size_t row = 0; row + lag_ < picture_.rows; ++row) {
+      check_interrupt();
       for (std::size_t a = row * columns; a < (row + 1) * columns; ++a) {
         const std::size_t b = a + lag_ * columns;
         const double with = misfit(a, light_left(other[a], change_[row]), b, light_left(other[b], change_[row + lag_]));
@@ -321,6 +325,7 @@ class ShareEstimator {
         evidence_.pull[a] += gain;
         evidence_.pull[b] += gain;
       }
+    }
   }
 
   // Squared relative difference of two pixels of equal texture, divided by the light left in them; infinite: no

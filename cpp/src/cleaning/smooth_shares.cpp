@@ -6,6 +6,8 @@
 #include <numeric>
 #include <utility>
 
+#include "core/check_interrupt.hpp"
+
 namespace ocisac {
 
 namespace {
@@ -122,6 +124,7 @@ void ShareSmoother::Level::solve(int count) {
   double residual = advance(0), keep = 0;
   const double negligible = 1e-24 * residual;
   for (int k = 0; k < count && residual > negligible; ++k) {
+    check_interrupt();
     const double before = std::exchange(residual, advance(residual / multiply(keep)));
     keep = residual / before;
   }

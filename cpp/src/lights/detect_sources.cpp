@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/check_interrupt.hpp"
 #include "lights/data_light.hpp"
 #include "lights/merging.hpp"
 #include "lights/refinement.hpp"
@@ -279,6 +280,7 @@ class Look {
   void find_tones(const std::vector<Suspect>& suspects, std::span<const double> frequencies) {
     const double min_evidence = evidence_for(suspects.size(), options_.false_alarms);
     for (const Suspect& suspect : suspects) {
+      check_interrupt();
       if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
         continue;
       if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
@@ -306,6 +308,7 @@ class Look {
     const double min_evidence = data_evidence_for(suspects.size(), options_.false_alarms);
     std::vector<RefinedLight> tones;  // tones that were joined into lights
     for (const Suspect& suspect : suspects) {
+      check_interrupt();
       const auto explains = [&](const RefinedLight& light) {
         return explained(suspect, light) || holds(suspect, light);
       };

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <span>
 
+#include "core/check_interrupt.hpp"
 #include "lights/screening_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
@@ -212,6 +213,7 @@ class Scale {
   }
 
   void end_chunk() {
+    check_interrupt();
     const std::size_t chunks = seen_ / kernels::chunk_rows, later = (chunks - 1) % 2;
     const kernels::Chunk newest = chunk(later);
     kernels::chunk_moments(newest.first, stride_, groups_, tile_width(), newest.moments,

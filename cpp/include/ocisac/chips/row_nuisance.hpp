@@ -12,8 +12,8 @@ namespace ocisac {
 //
 //   y_n = constant + Σ_k a_k·cos(πk(n + ½)/rows) + Σ_tone Σ_h (b·cos 2πhfn + c·sin 2πhfn) + (u + v·x + w·x²)·s_n
 //
-// k up to 2·rows·slow: light that varies more slowly than `slow`; h = 1 … kToneHarmonics below half a cycle per row;
-// s_n: the exposed chips, where known, with a swing that varies along the frame, x = −1 … 1.
+// k up to 2·rows·slow, at most 160: light that varies more slowly than `slow`; h = 1 … kToneHarmonics below half a
+// cycle per row; s_n: the exposed chips, where known, with a swing that varies along the frame, x = −1 … 1.
 struct RowNuisance {
   double slow = 0;            // cycles per row; 0: none
   std::vector<double> tones;  // cycles per row
