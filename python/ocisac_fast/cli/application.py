@@ -26,10 +26,13 @@ _COMMANDS = {
     "detect": "Modulated lights in a recording.",
     "sense": "Moving textures and lights in a recording: gain, motion, speed.",
     "clean": "The picture without the light's bands, or the bands alone.",
+    "batch": "One command for many recordings, on all processors or a cluster.",
     "simulate": "Simulate a recording of a modulated light.",
     "info": "Versions, build and processor features.",
     "demo": "The paper's testbed from recording to result, with a picture.",
 }
+# Commands that run other commands live in a room after this one.
+_ROOM_OF = {"batch": "ocisac_fast.batch.command"}
 
 
 class _LazyGroup(click.Group):
@@ -39,7 +42,8 @@ class _LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
             return None
-        command = getattr(importlib.import_module(f"ocisac_fast.cli.{cmd_name}"), cmd_name)
+        module = _ROOM_OF.get(cmd_name, f"ocisac_fast.cli.{cmd_name}")
+        command = getattr(importlib.import_module(module), cmd_name)
         assert isinstance(command, click.Command)
         return command
 

@@ -154,13 +154,13 @@ class FrameGains:
         """Values of all frames together, weighted by inverse variance."""
         if math.isnan(self.light.frequency):
             return _NO_TONE
-        values, weights = self.values, _weights(self.values["gain_std"])
+        values, weights = self.values, inverse_variance_weights(self.values["gain_std"])
         return {
-            "gain": _mean(values["gain"], weights),
-            "gain_std": math.sqrt(_mean(values["gain_std"] ** 2 * weights, weights)),
+            "gain": weighted_mean(values["gain"], weights),
+            "gain_std": math.sqrt(weighted_mean(values["gain_std"] ** 2 * weights, weights)),
             "phase": float(values["phase"][0]),
-            "mean": _mean(values["mean"], weights),
-            "snr": _mean(values["snr"], weights),
+            "mean": weighted_mean(values["mean"], weights),
+            "snr": weighted_mean(values["snr"], weights),
             "flags": int(np.bitwise_or.reduce(values["flags"])),
         }
 
@@ -248,7 +248,7 @@ def _shown(batches: Iterator[Frame], frame_count: int | None, batch_frames: int)
     return progress(batches, "measuring", total)
 
 
-def _weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def inverse_variance_weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Normalised inverse variances of the frames with a result; equal weights if any variance is 0."""
     known = np.isfinite(spreads)
     inverse = np.zeros_like(spreads)
@@ -256,7 +256,7 @@ def _weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return inverse / inverse.sum() if known.any() else inverse
 
 
-def _mean(values: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:
+def weighted_mean(values: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:
     """Weighted mean over the frames with a result; NaN if there are none."""
     answered = weights > 0.0
     return float(values[answered] @ weights[answered]) if answered.any() else math.nan

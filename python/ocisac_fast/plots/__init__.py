@@ -19,5 +19,6 @@ from ocisac_fast.plots.picture import (
 )
 from ocisac_fast.plots.pulses import plot_pulses as plot_pulses
 from ocisac_fast.plots.receiver import draw_chips as draw_chips, plot_received as plot_received
+from ocisac_fast.plots.recordings import plot_recordings as plot_recordings
 from ocisac_fast.plots.regions import plot_regions as plot_regions, plot_sources as plot_sources
 from ocisac_fast.plots.tones import plot_gain as plot_gain

@@ -1,0 +1,17 @@
+"""Many recordings: one table of all, on one machine or on a Dask cluster."""
+
+from ocisac_fast.batch.campaign import (
+    Outcome as Outcome,
+    Progress as Progress,
+    measure_recordings as measure_recordings,
+)
+from ocisac_fast.batch.engines import ClusterError as ClusterError, cluster as cluster
+from ocisac_fast.batch.jobs import VersionError as VersionError
+from ocisac_fast.batch.measuring import measure_recording as measure_recording
+from ocisac_fast.batch.results import Results as Results, ResultsError as ResultsError
+from ocisac_fast.batch.summary import (
+    RecordingSummary as RecordingSummary,
+    Summary as Summary,
+    summarize as summarize,
+)
+from ocisac_fast.batch.task import Task as Task

@@ -1,0 +1,220 @@
+"""``ocisac batch``."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import shlex
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import click
+
+from ocisac_fast.batch.campaign import MAX_FRAMES, Outcome, Progress, measure_recordings
+from ocisac_fast.batch.engines import ClusterError, cluster
+from ocisac_fast.batch.fields import FIELDS
+from ocisac_fast.batch.jobs import VersionError
+from ocisac_fast.batch.results import Results
+from ocisac_fast.batch.summary import Summary, summarize
+from ocisac_fast.batch.task import Task
+from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, with_spread
+from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.text import one_line
+from ocisac_fast.cli.units import ParameterType
+
+_MAX_LINES = 40  # of recordings and of failures in a summary
+_SOME_FAILED = 3
+
+
+class _TaskWords(ParameterType):
+    name = "COMMAND"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return value if isinstance(value, Task) else Task.from_words(shlex.split(value))
+
+
+class _BatchCommand(click.Command):
+    """A command whose words from the first name of a task on are the task's."""
+
+    def make_parser(self, ctx: click.Context) -> Any:
+        parser = super().make_parser(ctx)
+        with_values = {
+            word
+            for param in self.params
+            if isinstance(param, click.Option) and not param.is_flag
+            for word in param.opts
+        }
+        parse = parser.parse_args
+
+        def parse_args(args: list[str]) -> Any:
+            own, task = _split(args, with_values)
+            return parse([*own, *(["--task", shlex.join(task)] if task else [])])
+
+        parser.parse_args = parse_args  # type: ignore[method-assign]
+        return parser
+
+    def collect_usage_pieces(self, ctx: click.Context) -> list[str]:
+        return [*super().collect_usage_pieces(ctx), "COMMAND [OPTIONS]"]
+
+
+def _split(words: Sequence[str], with_values: set[str]) -> tuple[list[str], list[str]]:
+    """Words of ``batch``, and from the first name of a command on those of the task."""
+    for place, word in enumerate(words):
+        if word in FIELDS and (place == 0 or words[place - 1] not in with_values):
+            return list(words[:place]), list(words[place:])
+    return list(words), []
+
+
+@click.command(cls=_BatchCommand, short_help="One command for many recordings, on all processors or a cluster.")
+@click.argument("recordings", nargs=-1, metavar="RECORDINGS...")
+@click.option("-o", "--output", metavar="FOLDER", help="Results; what is finished there is skipped.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler (tcp://host:8786) or its file (.json).")
+@click.option("--workers", type=click.IntRange(0), help="Processes on this machine  [default: its processors]")
+@click.option(
+    "--max-frames",
+    type=click.IntRange(0),
+    default=MAX_FRAMES,
+    show_default=True,
+    help="Longer recordings are cut into stretches for gain and detect; 0: never.",
+)
+@click.option("--again", is_flag=True, help="Discard the results in FOLDER.")
+@click.option("--summary", metavar="FOLDER", help="Print and draw what came out, and measure nothing.")
+@click.option("--plot", type=click.Path(dir_okay=False), help="Picture of the summary  [default: FOLDER/summary.png]")
+@click.option("--task", type=_TaskWords(), hidden=True)
+@json_option
+def batch(
+    recordings: tuple[str, ...],
+    output: str | None,
+    scheduler: str | None,
+    workers: int | None,
+    max_frames: int,
+    again: bool,
+    summary: str | None,
+    plot: str | None,
+    task: Task | None,
+    as_json: bool,
+) -> None:
+    """Run COMMAND on many RECORDINGS: files, folders, patterns in quotes ('campaign/**/*.mkv'), URLs of fsspec.
+
+    COMMAND is gain, receive, detect, sense, calibrate or clean with its options. FOLDER gets a Parquet dataset whose
+    columns are those of --json, for gain with a row for each frame. Recordings that cannot be read are listed in
+    FOLDER/failures; the exit code is then 3. After an interrupt the same command goes on.
+    """
+    if summary is not None:
+        _summarize(summary, plot, as_json)
+        return
+    if task is None:
+        raise click.UsageError(f"COMMAND: got none, allowed: {', '.join(FIELDS)}")
+    if not recordings:
+        raise click.UsageError("RECORDINGS: got none, allowed: files, folders or patterns before the command")
+    if output is None:
+        raise click.UsageError("--output: needed")
+    try:
+        with cluster(scheduler, workers) as client, _shown() as report:
+            done = measure_recordings(
+                recordings, task, client=client, output=output, max_frames=max_frames, again=again, report=report
+            )
+    except (ClusterError, VersionError) as error:
+        raise click.ClickException(str(error)) from error
+    except KeyboardInterrupt:
+        click.echo(f"ocisac: interrupted; {output} keeps what is finished, the same command goes on", err=True)
+        raise
+    _emit(done, output, as_json)
+    if done.progress.failed:
+        raise click.exceptions.Exit(_SOME_FAILED)
+
+
+@contextlib.contextmanager
+def _shown() -> Iterator[Any]:
+    """A function that shows progress on standard error: a bar on a terminal, and a line for each failure."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bars, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    columns = (TextColumn("recordings"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[speed]}"))
+    began = time.monotonic()
+    with Bars(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal
+    ) as bars:
+        bar = bars.add_task("", total=None, speed="")
+
+        def report(progress: Progress) -> None:
+            rate = progress.frames / max(time.monotonic() - began, 1e-3)
+            ended = progress.finished + progress.failed
+            bars.update(bar, total=progress.recordings, completed=ended, speed=f"{rate:.0f} frames/s")
+            for path, message in progress.new_failures:
+                console.print(one_line(f"ocisac: failed: {path}: {message}"), markup=False)
+
+        yield report
+
+
+def _emit(done: Outcome, output: str, as_json: bool) -> None:
+    progress = done.progress
+    facts = {
+        "recordings": progress.recordings,
+        "finished": progress.finished,
+        "skipped": progress.skipped,
+        "failed": progress.failed,
+        "frames": progress.frames,
+    }
+    if as_json:
+        emit_json({"output": output, **facts})
+        return
+    emit_facts("", {"results": output, **{name: str(value) for name, value in facts.items()}})
+
+
+def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
+    results = Results(folder)
+    found = summarize(results)
+    path = plot or (f"{folder.rstrip('/')}/summary.png" if results.is_local else None)
+    if path is not None:
+        _draw(found, path)
+    if as_json:
+        for one in found.recordings:
+            value = {"value": one.value, "value_std": one.spread}
+            emit_json(
+                {
+                    "path": one.path,
+                    "frames": one.frames,
+                    "of": found.label,
+                    **value,
+                    "flags": dict(one.flags),
+                    "warnings": list(one.warnings),
+                }
+            )
+        for failed, message in found.failures:
+            emit_json({"path": failed, "failure": message})
+        return
+    shown = found.recordings[:_MAX_LINES]
+    rows = [[one.path, str(one.frames), _value(one.value, one.spread), ", ".join(sorted(one.flags))] for one in shown]
+    emit_table("", ("recording", "frames", found.label, "flags"), rows, left=("flags",))
+    _more(len(found.recordings))
+    facts = {
+        "recordings": f"{len(found.recordings)} with results, {len(found.failures)} failed",
+        "flags": ", ".join(f"{name} in {count}" for name, count in found.flags.most_common()) or "none",
+        "incomplete": str(sum(bool(one.warnings) for one in found.recordings)),
+        **({} if path is None else {"picture": path}),
+    }
+    emit_facts("", facts)
+    if found.failures:
+        emit_table("", ("failed", "message"), found.failures[:_MAX_LINES], left=("message",))
+        _more(len(found.failures))
+
+
+def _draw(found: Summary, path: str) -> None:
+    import numpy as np
+
+    from ocisac_fast.plots import plot_recordings
+
+    values, spreads = (np.array([getattr(one, name) for one in found.recordings]) for name in ("value", "spread"))
+    plot_recordings(values, spreads, path=path, label=found.label, flags=found.flags)
+
+
+def _value(value: float, spread: float) -> str:
+    return with_spread(value, None if math.isnan(spread) else spread, "", 5)
+
+
+def _more(count: int) -> None:
+    if count > _MAX_LINES:
+        click.echo(f"and {count - _MAX_LINES} more; --json lists all")

@@ -1,0 +1,144 @@
+"""Jobs that workers run: from a recording, or a stretch of it, to a file of rows and a short report."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, replace
+from typing import Any
+
+import click
+
+from ocisac_fast.batch.measuring import Measurement, Start, build, start_of
+from ocisac_fast.batch.recordings import Entry
+from ocisac_fast.batch.results import Results, ResultsError, rows_name
+from ocisac_fast.batch.task import Task
+from ocisac_fast.cli.text import one_line
+from ocisac_fast.files import Part
+
+# Pictures are opened with standard error turned away, which is the process's: threads of a worker take turns.
+_one_at_a_time = threading.Lock()
+
+
+class VersionError(RuntimeError):
+    """A worker with another ocisac_fast than the client's."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A recording, or with ``part`` a stretch of it.
+
+    Attributes:
+        is_cut: False: the recording is measured as a whole, however long it is.
+    """
+
+    entry: Entry
+    is_cut: bool = True
+    part: Part | None = None
+    frame_count: int | None = None
+    start: Start | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the file of rows."""
+        return rows_name(self.entry, self.part, self.frame_count)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What came of a job.
+
+    Attributes:
+        frames: measured.
+        failure: why the recording could not be read.
+        stretches: jobs in place of this one, whose recording is long.
+        table: rows, where there is no results folder.
+    """
+
+    job: Job
+    frames: int = 0
+    failure: str | None = None
+    stretches: tuple[Job, ...] = ()
+    table: Any = None
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is the same for all jobs.
+
+    Attributes:
+        folder: of the results; None: tables are in the reports.
+        max_frames: longer recordings are cut into stretches of about this length.
+        client_build: version and commit that workers must have.
+    """
+
+    task: Task
+    folder: str | None
+    max_frames: int
+    client_build: dict[str, str]
+
+    def __call__(self, jobs: tuple[Job, ...]) -> list[Report]:
+        """Do the jobs one after the other.
+
+        Raises:
+            ResultsError: the results cannot be written.
+            ValueError: options that fit no recording.
+            VersionError: this process has another version of the package than the client.
+        """
+        if build() != self.client_build:
+            here, there = (" ".join(each.values()) for each in (build(), self.client_build))
+            raise VersionError(f"ocisac_fast: a worker has {here}, this process {there}; allowed: the same")
+        results = None if self.folder is None else Results(self.folder)
+        with _one_at_a_time:
+            return [self._report(job, results) for job in jobs]
+
+    def _report(self, job: Job, results: Results | None) -> Report:
+        facts = None if results is None else results.holds(job.name)
+        if facts is not None:  # by a worker that was lost before its report arrived
+            return Report(job, frames=facts["frames"] or 0)
+        try:
+            return self._measured(job, results)
+        except (ResultsError, VersionError):
+            raise
+        except click.UsageError as error:
+            raise ValueError(error.format_message()) from error
+        except Exception as error:  # whatever a recording provokes, the others are measured
+            return Report(job, failure=_message(error, job.entry.path))
+
+    def _measured(self, job: Job, results: Results | None) -> Report:
+        path = job.entry.path
+        if job.part is None and job.is_cut:
+            cut = start_of(path, self.task, self.max_frames)
+            if cut is not None:
+                parts, start = cut
+                common = replace(job, frame_count=parts[-1].stop, start=start)
+                return Report(job, stretches=tuple(replace(common, part=part) for part in parts))
+        if self.task.command == "clean" and results is not None:
+            with results.cleaned(job.entry) as (local, final):
+                found = Measurement.of(path, self.task, cleaned=local)
+            if final != local:
+                found = replace(found, table=_with_cleaned(found.table, final))
+        else:
+            found = Measurement.of(path, self.task, part=job.part, start=job.start)
+        frames = found.facts["frames"] or 0
+        if results is None:
+            return Report(job, frames=frames, table=found.table)
+        results.write_rows(job.name, found.table, {**found.facts, "size": job.entry.size, "state": job.entry.state})
+        return Report(job, frames=frames)
+
+
+def _with_cleaned(table: Any, path: str) -> Any:
+    from ocisac_fast.files.extras import pyarrow
+
+    place = table.schema.get_field_index("cleaned")
+    values = pyarrow().array([path] * len(table), table.schema.field(place).type)
+    return table.set_column(place, table.schema.field(place), values)
+
+
+def _message(error: Exception, path: str) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        text = error.strerror
+    elif isinstance(error, (OSError, ValueError, ArithmeticError, click.ClickException)):
+        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+    else:
+        text = f"{type(error).__name__}: {error}"
+    return one_line(text.removeprefix(f"{path}: "))

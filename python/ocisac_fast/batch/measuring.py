@@ -1,0 +1,177 @@
+"""From one recording, or a stretch of it, to rows: pure functions, which no other recording changes."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import Any
+
+from ocisac_fast import __version__, _core
+from ocisac_fast.batch.fields import columns, table
+from ocisac_fast.batch.task import IN_STRETCHES, Task
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.output import collected_objects, plain
+from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.files import FileWarning, Part, cut_recording, open_recording
+from ocisac_fast.files.remote import RemotePath, is_remote
+
+_PIECE = 1 << 20
+
+
+def measure_recording(path: str, task: Task, *, cleaned: str | None = None) -> Any:
+    """Measure one recording.
+
+    Args:
+        path: of a recording; fsspec's paths, such as ``s3://bucket/lamp.mkv``, too.
+        task: what is measured.
+        cleaned: file that ``clean`` writes.
+
+    Returns:
+        ``pyarrow.Table``: the objects of the command's ``--json``, for ``gain`` one a frame, with the path before them.
+
+    Raises:
+        FileError, OSError: it cannot be read; other ValueErrors as from the command.
+    """
+    return Measurement.of(path, task, cleaned=cleaned).table
+
+
+@dataclass(frozen=True)
+class Start:
+    """What all stretches of a recording share: estimates from its first frames, its hash.
+
+    Attributes:
+        light: of ``gain``; None for other commands.
+        scan_axis: read-out axis.
+    """
+
+    light: Any
+    scan_axis: str
+    digest: str
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Rows of a recording or a stretch.
+
+    Attributes:
+        table: ``pyarrow.Table``.
+        facts: the recording and how it was measured, as JSON.
+    """
+
+    table: Any
+    facts: dict[str, Any]
+
+    @classmethod
+    def of(
+        cls, path: str, task: Task, *, part: Part | None = None, start: Start | None = None, cleaned: str | None = None
+    ) -> Measurement:
+        """Measure; ``start`` is needed for a part."""
+        digest = content_hash(path) if start is None else start.digest
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            rows = _rows(path, task, part, start, cleaned)
+        picture = task.picture
+        named = [{"path": path, **row, **({} if cleaned is None else {"cleaned": cleaned})} for row in rows]
+        facts = {
+            "path": path,
+            "sha256": digest,
+            "frames": _frame_count(task.command, rows),
+            "part": None if part is None else [part.first, part.stop],
+            "warnings": [str(each.message) for each in caught if issubclass(each.category, FileWarning)],
+            "camera": _camera_facts(path, picture),
+            "task": task.facts(),
+            "build": build(),
+        }
+        return cls(table(named, columns(task.command, picture)), facts)
+
+
+def start_of(path: str, task: Task, max_frames: int) -> tuple[list[Part], Start] | None:
+    """Stretches of a long recording and what they share; None for one that is measured as a whole."""
+    if task.command not in IN_STRETCHES:
+        return None
+    arguments, picture = task.arguments(path)
+    parts = cut_recording(path, max_frames, raw=picture.raw)
+    if parts is None:
+        return None
+    if task.command == "detect":
+        return parts, Start(None, _scan_axis(path, picture), content_hash(path))
+    from ocisac_fast.cli.gain import find_light
+
+    light = find_light(path, picture, arguments["frequency"], _gain_options(arguments))
+    return None if light.frequency != light.frequency else (parts, Start(light, light.scan_axis, content_hash(path)))
+
+
+@cache
+def build() -> dict[str, str]:
+    """Version and commit of the package."""
+    return {"version": __version__, "commit": _core.commit()}
+
+
+def content_hash(path: str) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    sha = hashlib.sha256()
+    with RemotePath(path).open() if is_remote(path) else open(path, "rb") as file:
+        while piece := file.read(_PIECE):
+            sha.update(piece)
+    return sha.hexdigest()
+
+
+def _rows(
+    path: str, task: Task, part: Part | None, start: Start | None, cleaned: str | None
+) -> list[Mapping[str, Any]]:
+    if task.command not in IN_STRETCHES:
+        with collected_objects() as rows:
+            task.run(path, cleaned)
+            return list(rows)
+    arguments, picture = task.arguments(path)
+    if start is not None:
+        picture = replace(picture, scan_axis=start.scan_axis)
+    with collected_objects():  # without progress
+        if task.command == "gain":
+            found = _gains(path, arguments, picture, part, None if start is None else start.light)
+        else:
+            found = _detected(path, arguments, picture, part)
+        return [plain(row) for row in found]
+
+
+def _detected(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None) -> Any:
+    from ocisac_fast.cli.detect import detected_lights
+
+    options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
+    return detected_lights(path, picture, options, part=part)
+
+
+def _gains(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None, light: Any) -> Any:
+    from ocisac_fast.cli.gain import frame_gains
+
+    gains = frame_gains(path, picture, arguments["frequency"], _gain_options(arguments), part, light)
+    first = 0 if part is None else part.first
+    return (picture.in_units(row) for row in gains.every_frame(first, arguments["background"] is not None))
+
+
+def _gain_options(arguments: dict[str, Any]) -> dict[str, Any]:
+    background = arguments["background"] or 0.0
+    return {"method": arguments["method"], "background": background, "threads": arguments["threads"]}
+
+
+def _frame_count(command: str, rows: list[Mapping[str, Any]]) -> int | None:
+    """Frames with an answer; None: the command does not say."""
+    if command in ("sense", "calibrate"):
+        return sum(int(row["frames"]) for row in rows)
+    return len({row["frame"] for row in rows if row["frame"] is not None})
+
+
+def _scan_axis(path: str, picture: PictureOptions) -> str:
+    from ocisac_fast.cli.pictures import open_pictures
+
+    with open_pictures(path, picture) as pictures:
+        return pictures.camera.scan_axis
+
+
+def _camera_facts(path: str, picture: PictureOptions) -> dict[str, Any]:
+    with open_recording(path, raw=picture.raw) as stream:
+        camera = picture.camera(stream.response, stream.frame_rate)
+    return {one.name: getattr(camera, one.name) for one in fields(Camera) if one.init}

@@ -1,0 +1,123 @@
+"""What is measured in every recording: a command of ``ocisac`` with its options."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import click
+
+from ocisac_fast.batch.fields import FIELDS
+from ocisac_fast.cli.output import plain
+from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.files import LightResponse
+
+IN_STRETCHES = ("gain", "detect")  # each frame has an answer of its own
+_NOT_FOR_MANY = ("plot", "as_json", "marks", "pulses")  # output and input of a single call
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is measured in every recording.
+
+    Args:
+        command: ``"gain"``, ``"receive"``, ``"detect"``, ``"sense"``, ``"calibrate"`` or ``"clean"``.
+        options: those of the command line with ``_`` for ``-``: ``{"frequency": "500Hz", "row_time": 22.2e-6}``; True
+            for a flag, a list for an option that is repeated.
+
+    Raises:
+        ValueError: no such command, or an option or a value that it does not have.
+    """
+
+    command: str
+    options: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        if self.command not in FIELDS:
+            raise ValueError(f"command: got {self.command!r}, allowed: {', '.join(FIELDS)}")
+        try:
+            picture = self.arguments("recording")[1]
+            picture.camera(LightResponse())
+            for name in ("frequency", "chip_rate"):
+                picture.check_frequency(f"--{name.replace('_', '-')}", self._context("recording").params.get(name))
+        except click.ClickException as error:
+            raise ValueError(error.format_message()) from error
+
+    @classmethod
+    def from_words(cls, words: Sequence[str]) -> Task:
+        """The task of a command line: ``["gain", "--frequency", "500Hz"]``."""
+        if not words or words[0] not in FIELDS:
+            raise ValueError(f"COMMAND: got {words[0] if words else 'none'}, allowed: {', '.join(FIELDS)}")
+        command = _command(words[0])
+        values, left, _ = command.make_parser(click.Context(command, info_name=words[0])).parse_args(list(words[1:]))
+        if values.pop("help", False):
+            context = click.Context(command, info_name=words[0])
+            click.echo(command.get_help(context))
+            context.exit()
+        names = {argument.name for argument in command.params if isinstance(argument, click.Argument)}
+        given = [value for name in names for value in _several(values.pop(name, None))]
+        if given or left:
+            raise ValueError(f"{words[0]}: got {[*given, *left][0]}, allowed: options (recordings stand before it)")
+        return cls(words[0], values)
+
+    def arguments(self, path: str, cleaned: str | None = None) -> tuple[dict[str, Any], PictureOptions]:
+        """The arguments of the command for a recording, converted, and apart from them the common options."""
+        arguments = dict(self._context(path, cleaned).params)
+        return arguments, PictureOptions.taken_from(arguments)
+
+    @property
+    def picture(self) -> PictureOptions:
+        """The common options."""
+        return self.arguments("recording")[1]
+
+    def run(self, path: str, cleaned: str | None = None) -> None:
+        """Run the command with ``--json``."""
+        with self._context(path, cleaned) as context:
+            context.command.invoke(context)
+
+    def facts(self) -> dict[str, Any]:
+        """The command and all its options, also those not given, as JSON."""
+        params = self._context("recording").params
+        taken = ("file", "files", "source", "target", *_NOT_FOR_MANY)
+        options = {name: plain(value) for name, value in sorted(params.items()) if name not in taken}
+        return {"command": self.command, "options": options}
+
+    def _context(self, path: str, cleaned: str | None = None) -> click.Context:
+        command = _command(self.command)
+        words = list(self._words(command))
+        targets = [str(cleaned or "cleaned.mkv")] if self.command == "clean" else []
+        return command.make_context(self.command, [*words, "--json", "--", path, *targets])
+
+    def _words(self, command: click.Command) -> Iterator[str]:
+        known = {str(param.name): param for param in command.params if isinstance(param, click.Option)}
+        allowed = [name for name in known if name not in _NOT_FOR_MANY]
+        for name, value in self.options.items():
+            if name not in allowed:
+                raise ValueError(f"{self.command}: got option {name!r}, allowed: {', '.join(allowed)}")
+            option = known[name]
+            if option.is_flag:
+                yield from [option.opts[0]] if value else []
+                continue
+            for each in _several(value) if option.multiple else [value]:
+                yield from (option.opts[0], _text(each))
+
+
+def _command(name: str) -> click.Command:
+    command = getattr(importlib.import_module(f"ocisac_fast.cli.{name}"), name)
+    assert isinstance(command, click.Command)
+    return command
+
+
+def _several(value: Any) -> Sequence[Any]:
+    """A list of a word, of a list, or of what click's parser puts in place of a missing argument."""
+    if isinstance(value, str):
+        return (value,)
+    return value if isinstance(value, (list, tuple)) else ()
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return ",".join(_text(each) for each in value)
+    return str(value)
