@@ -8,7 +8,11 @@ from ocisac_fast.batch.campaign import (
 from ocisac_fast.batch.engines import ClusterError as ClusterError, cluster as cluster
 from ocisac_fast.batch.jobs import VersionError as VersionError
 from ocisac_fast.batch.measuring import measure_recording as measure_recording
-from ocisac_fast.batch.results import Results as Results, ResultsError as ResultsError
+from ocisac_fast.batch.results import (
+    ResultsError as ResultsError,
+    read_failures as read_failures,
+    read_results as read_results,
+)
 from ocisac_fast.batch.summary import (
     RecordingSummary as RecordingSummary,
     Summary as Summary,

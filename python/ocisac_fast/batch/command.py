@@ -111,7 +111,7 @@ def batch(
     if output is None:
         raise click.UsageError("--output: needed")
     try:
-        with cluster(scheduler, workers) as client, _shown() as report:
+        with cluster(scheduler=scheduler, workers=workers) as client, _shown() as report:
             done = measure_recordings(
                 recordings, task, client=client, output=output, max_frames=max_frames, again=again, report=report
             )
@@ -165,9 +165,8 @@ def _emit(done: Outcome, output: str, as_json: bool) -> None:
 
 
 def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
-    results = Results(folder)
-    found = summarize(results)
-    path = plot or (f"{folder.rstrip('/')}/summary.png" if results.is_local else None)
+    found = summarize(folder)
+    path = plot or (f"{folder.rstrip('/')}/summary.png" if Results(folder).is_local else None)
     if path is not None:
         _draw(found, path)
     if as_json:

@@ -140,7 +140,7 @@ def _require_same_version(client: Any) -> None:
 
 
 @contextlib.contextmanager
-def cluster(scheduler: str | None = None, workers: int | None = None) -> Iterator[Any | None]:
+def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iterator[Any | None]:
     """A Dask client: of a running scheduler, or of workers started on this machine, a process for each processor.
 
     Args:

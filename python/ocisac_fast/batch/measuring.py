@@ -124,7 +124,7 @@ def _rows(
 ) -> list[Mapping[str, Any]]:
     if task.command not in IN_STRETCHES:
         with collected_objects() as rows:
-            task.run(path, cleaned)
+            task.run(path, cleaned=cleaned)
             return list(rows)
     arguments, picture = task.arguments(path)
     if start is not None:

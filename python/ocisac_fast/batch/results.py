@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ocisac_fast.batch.fields import FAILURE, PATH, table
+from ocisac_fast.batch.fields import FAILURE, PATH, schema, table
 from ocisac_fast.batch.measuring import build
 from ocisac_fast.batch.recordings import Entry
 from ocisac_fast.batch.task import Task
@@ -133,20 +133,16 @@ class Results:
             with self._errors():
                 self._write(name, Path(local).read_bytes())
 
-    def read(self, kind: str = "rows") -> Any:
-        """All rows, or all failures, as a ``pyarrow.Table``; None if there are none."""
-        names = self.names(kind)
-        tables = [self._read_table(_place(name) if kind == "rows" else f"{kind}/{name}") for name in names]
-        if not tables:
-            return None
-        arrow = pyarrow()
-        return arrow.concat_tables([each.replace_schema_metadata(None) for each in tables])
-
     def every_part(self) -> Iterator[tuple[dict[str, Any], Any]]:
         """Facts and rows of each file of rows, in the order of names."""
         for name in self.names():
             rows = self._read_table(_place(name))
             yield json.loads(rows.schema.metadata[_METADATA]), rows
+
+    def failures(self) -> Iterator[Any]:
+        """The table of each file of failures."""
+        for name in self.names("failures"):
+            yield self._read_table(f"failures/{name}")
 
     def _facts(self, name: str) -> dict[str, Any]:
         with self._system.open(self._path(_place(name)), "rb") as file:
@@ -194,6 +190,33 @@ class Results:
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) else None
             raise ResultsError(f"{self.folder}: {one_line(str(reason or error))}") from error
+
+
+def read_results(folder: str | os.PathLike[str]) -> Any:
+    """All rows of a results folder, in the order of paths and frames.
+
+    Returns:
+        ``pyarrow.Table``, None without a row; ``pyarrow.dataset.dataset(folder + "/rows")`` reads it in pieces.
+
+    Raises:
+        ResultsError: no results folder.
+    """
+    results = Results(folder)
+    results.task_facts()
+    parts = sorted(results.every_part(), key=lambda part: (part[0]["path"], part[0]["part"] or [0]))
+    return _joined([rows for _, rows in parts])
+
+
+def read_failures(folder: str | os.PathLike[str]) -> Any:
+    """The recordings that could not be read, in the order of paths: ``pyarrow.Table`` of path and message."""
+    results = Results(folder)
+    results.task_facts()
+    empty = schema(FAILURE).empty_table()
+    return _joined([empty, *results.failures()]).sort_by(PATH.name)
+
+
+def _joined(tables: list[Any]) -> Any:
+    return pyarrow().concat_tables([each.replace_schema_metadata(None) for each in tables]) if tables else None
 
 
 def failure_row(path: str, message: str) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,12 +12,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ocisac_fast.batch.results import Results
+from ocisac_fast.batch.results import Results, read_failures
 from ocisac_fast.cli.gain import inverse_variance_weights, weighted_mean
 
 
 class RecordingSummary(NamedTuple):
-    """One recording: frames with an answer, its value and standard error (NaN: unknown), number of rows by flag."""
+    """One recording.
+
+    Attributes:
+        path: of the recording.
+        frames: with an answer.
+        value, spread: its value and standard error; NaN: unknown.
+        flags: number of rows by flag.
+        warnings: of the reading, such as of a truncated video.
+    """
 
     path: str
     frames: int
@@ -48,14 +57,18 @@ class Summary:
         return Counter(flag for one in self.recordings for flag in one.flags)
 
 
-def summarize(results: Results) -> Summary:
-    """Summarize a results folder, one recording in memory at a time."""
+def summarize(folder: str | os.PathLike[str]) -> Summary:
+    """Summarize a results folder, one recording in memory at a time.
+
+    Raises:
+        ResultsError: no results folder.
+    """
+    results = Results(folder)
     command = results.task_facts()["command"]
     label, value_of = _VALUES[command]
     recordings = [_summary(path, list(parts), value_of) for path, parts in _by_path(results)]
-    failed = results.read("failures")
-    failures = [] if failed is None else [(row["path"], row["message"]) for row in failed.to_pylist()]
-    return Summary(command, label, sorted(recordings), sorted(failures))
+    failures = [(row["path"], row["message"]) for row in read_failures(folder).to_pylist()]
+    return Summary(command, label, sorted(recordings, key=lambda one: one.path), failures)
 
 
 def _by_path(results: Results) -> Iterator[tuple[str, Iterator[Any]]]:

@@ -62,7 +62,7 @@ class Task:
             raise ValueError(f"{words[0]}: got {[*given, *left][0]}, allowed: options (recordings stand before it)")
         return cls(words[0], values)
 
-    def arguments(self, path: str, cleaned: str | None = None) -> tuple[dict[str, Any], PictureOptions]:
+    def arguments(self, path: str, *, cleaned: str | None = None) -> tuple[dict[str, Any], PictureOptions]:
         """The arguments of the command for a recording, converted, and apart from them the common options."""
         arguments = dict(self._context(path, cleaned).params)
         return arguments, PictureOptions.taken_from(arguments)
@@ -72,7 +72,7 @@ class Task:
         """The common options."""
         return self.arguments("recording")[1]
 
-    def run(self, path: str, cleaned: str | None = None) -> None:
+    def run(self, path: str, *, cleaned: str | None = None) -> None:
         """Run the command with ``--json``."""
         with self._context(path, cleaned) as context:
             context.command.invoke(context)
