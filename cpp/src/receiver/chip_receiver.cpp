@@ -26,10 +26,8 @@ constexpr double kLittleNoise = 0.06;                 // relative to the swing: 
 constexpr double kNoNoise = 0.005;
 constexpr double kNoiseKept = 0.9;  // decay per frame: noise varies where the light fills only some of the rows
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
-constexpr std::size_t kPhases = 6;  // tried per chip without a prediction
-constexpr double kMinChips = 12;    // in a frame
-constexpr double kWeakSnr = 9;
-constexpr std::array kMains{100.0, 120.0};                 // Hz
+constexpr std::size_t kPhases = 6;                         // tried per chip without a prediction
+constexpr double kMinChips = 12;                           // in a frame
 constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
 constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
 constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
@@ -76,25 +74,21 @@ ChipReceiver::ChipReceiver(const Camera& camera, ChipOptions options)
   if (options_.search_passes) require(*options_.search_passes > 0, "search_passes", *options_.search_passes, "above 0");
   const auto chips = preamble_chips(options_.format.preamble);
   preamble_.assign(chips.begin(), chips.end());
+  if (camera_.frame_time) {
+    const double rows = *camera_.frame_time / camera_.row_time;
+    tracker_.emplace(TrackerOptions{.frame_rows = rows, .frame_rows_std = kFrameTimeError * rows});
+  }
   forget();
 }
 
 void ChipReceiver::forget() {
   rows_per_chip_.reset();
   if (options_.chip_rate) rows_per_chip_ = 1 / (*options_.chip_rate * camera_.row_time);
-  channel_.reset();
-  model_ = {{}, {}, camera_.exposure.has_value()};
   vain_tries_ = until_try_ = 0;
-  if (camera_.exposure) model_.exposure_rows = *camera_.exposure / camera_.row_time;
   kept_.clear();
   profile_.reset();
   profile_attempts_ = until_attempt_ = profile_misfits_ = 0;
-  relative_noise_ = 0;
-  tracker_.reset();
-  if (camera_.frame_time) {
-    const double rows = *camera_.frame_time / camera_.row_time;
-    tracker_.emplace(TrackerOptions{.frame_rows = rows, .frame_rows_std = kFrameTimeError * rows});
-  }
+  restart_clock();
   lost_ = fruitless_ = wait_ = 0;
   assembler_.lose_clock();
 }
@@ -221,17 +215,20 @@ std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, F
   return best;
 }
 
-// Index, on the light's clock, of the chip that begins at the estimated phase.
-std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::int64_t frame) {
-  if (!tracker_) {
-    assembler_.lose_clock();
-    return 0;
-  }
+// False where the tracker's count of chips restarts.
+bool ChipReceiver::track(const ChannelEstimate& channel, std::int64_t frame) {
   ChipClock clock = channel.clock;
   clock.phase += static_cast<double>(first_row_);
-  if (!tracker_->update(frame, clock, channel.errors)) assembler_.lose_clock();
+  return tracker_ && tracker_->update(frame, clock, channel.errors);
+}
+
+// Index, on the light's clock, of the chip that begins at the estimated phase.
+std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::int64_t frame) {
+  if (!track(channel, frame)) assembler_.lose_clock();
+  if (!tracker_) return 0;
   const auto tracked = tracker_->predict(frame);
-  const double chips = (clock.phase - tracked->clock.phase) / clock.rows_per_chip;
+  const double phase = channel.clock.phase + static_cast<double>(first_row_);
+  const double chips = (phase - tracked->clock.phase) / channel.clock.rows_per_chip;
   return static_cast<std::ptrdiff_t>(tracked->chip) + static_cast<std::ptrdiff_t>(std::llround(chips));
 }
 
@@ -300,6 +297,12 @@ SearchEffort ChipReceiver::search_effort(std::size_t rows) const {
   return {.rows = passes * std::min(static_cast<double>(rows), kMaxSearchRows)};
 }
 
+// `rows`: those that were read.
+void ChipReceiver::KeptFrame::expose(const FrameReading& reading, RowRange rows) {
+  exposed.assign(signal.size(), 0.0);
+  std::ranges::copy(exposed_rows(reading, rows.size()), exposed.begin() + static_cast<std::ptrdiff_t>(rows.begin));
+}
+
 void ChipReceiver::keep(const CombinedColumn& column, std::int64_t frame, std::size_t first_row) {
   if (!kept_.empty() && (kept_first_row_ != first_row || kept_.front().signal.size() != column.signal.size())) {
     kept_.clear();
@@ -361,15 +364,9 @@ ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, con
     fit.frames += kept.fits;
     fit.noise += reading ? reading->relative_noise : kMaxProfileNoise;
     if (!reading) continue;
-    const auto exposed = exposed_rows(*reading, rest.size());
-    kept.exposed.assign(kept.signal.size(), 0.0);
-    std::ranges::copy(exposed, kept.exposed.begin() + static_cast<std::ptrdiff_t>(learned.rows.begin));
+    kept.expose(*reading, learned.rows);
     if (!result) {
-      if (tracker_) {
-        ChipClock clock = reading->channel.clock;
-        clock.phase += static_cast<double>(first_row_);
-        tracker_->update(kept.number, clock, reading->channel.errors);
-      }
+      track(reading->channel, kept.number);
       channel_ = reading->channel;
       relative_noise_ = reading->relative_noise;
       continue;
@@ -419,10 +416,7 @@ void ChipReceiver::follow_profile(const std::optional<FrameReading>& reading) {
   kept_.back().fits = reading && !is_misfit(*reading);
   if (!profile_) return;
   if (kept_.back().fits) {
-    const std::size_t rows = profile_->rows.size();
-    const auto exposed = exposed_rows(*reading, rows);
-    kept_.back().exposed.assign(kept_.back().signal.size(), 0.0);
-    std::ranges::copy(exposed, kept_.back().exposed.begin() + static_cast<std::ptrdiff_t>(profile_->rows.begin));
+    kept_.back().expose(*reading, profile_->rows);
     if (kept_.back().number % kProfileInterval == 0) {
       auto again = fit_profile(profile_frames(), profile_->profile.swing, profile_smoothing(), kShapeWeights.back());
       if (again && is_bright(*again, profile_->rows)) profile_->profile = std::move(*again);

@@ -7,13 +7,13 @@
 
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
+#include "ocisac/receiver/frame_reading.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kChance = 0.1;  // probability that a frame of noise passes as a symbol
-constexpr double kWeakSnr = 9;
+constexpr double kChance = 0.1;       // probability that a frame of noise passes as a symbol
 constexpr std::int64_t kBridged = 8;  // longest gap in frames across which a preamble is searched
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/receiver/frame_reading.hpp"
 
 namespace ocisac {
 
@@ -31,12 +32,10 @@ constexpr double kMinSnr = 2;                              // noise divided at i
 constexpr double kMaxSnr = 1e12;
 constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
-constexpr double kInterpolated = 0.1;       // of the second differences of the other rows
-constexpr std::array kMains{100.0, 120.0};  // Hz
+constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
 constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 15;  // Hz; over its neighbourhood
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;                        // in the frame
 constexpr double kBetter = 1.5;                                                // times the signal-to-noise ratio
-constexpr double kWeakSnr = 9;                                                 // swing of ±3 standard deviations
 
 // A decoded signal: timing and decisions.
 struct Decoded {

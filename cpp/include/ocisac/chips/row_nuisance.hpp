@@ -1,6 +1,7 @@
 // Variation along the rows other than a light's chips: slow light such as mains hum, and tones of other lamps.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -22,6 +23,7 @@ struct RowNuisance {
 };
 
 inline constexpr std::size_t kToneHarmonics = 3;
+inline constexpr std::array kMains{100.0, 120.0};  // Hz; hum of mains of 50 and 60 Hz
 
 struct NuisanceFit {
   std::vector<double> rest;  // (rows) the signal minus slow light and tones

@@ -96,6 +96,7 @@ class ChipReceiver {
     std::vector<double> signal, exposed;
     bool seen = false;  // chips were detected
     bool fits = false;  // no more than noise is left
+    void expose(const FrameReading& reading, RowRange rows);
   };
   // The lamp's profile, the rows in which it is bright enough, and its fit to recent frames.
   struct LearnedProfile {
@@ -115,6 +116,7 @@ class ChipReceiver {
                     ReceivedFrame* result);
   void follow_profile(const std::optional<FrameReading>& reading);
   [[nodiscard]] SearchEffort search_effort(std::size_t rows) const;
+  bool track(const ChannelEstimate& channel, std::int64_t frame);
   std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
   void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);
   void lose(ReceivedFrame& result, bool searched);

@@ -13,6 +13,9 @@
 
 namespace ocisac {
 
+// Signal-to-noise ratio below which a light is flagged as weak: that of a swing of ±3 standard deviations.
+inline constexpr double kWeakSnr = 9;
+
 struct FrameReading {
   ChannelEstimate channel;   // fitted to the chips
   std::vector<double> llr;   // (chips) ln P(bright)/P(dark), nats, for all chips that affect the rows
