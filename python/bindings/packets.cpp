@@ -87,11 +87,12 @@ void register_packets(py::module_& module) {
            arg("line_code"), arg("block_bytes"), arg("preamble"))
       .def(
           "push",
-          [](Shared<PacketAssembler>& assembler, std::ptrdiff_t first, const Doubles& llr) {
+          [](Shared<PacketAssembler>& assembler, std::ptrdiff_t first, const Doubles& llr, double scatter) {
             const auto values = span_of(llr);
-            return stretch_tuple(assembler.call([&](PacketAssembler& alone) { return alone.push(first, values); }));
+            return stretch_tuple(assembler.call(
+                [&](PacketAssembler& alone) { return alone.push(first, values, {.scatter = scatter}); }));
           },
-          arg("first"), arg("llr"))
+          arg("first"), arg("llr"), arg("scatter"))
       .def("lose_clock", [](Shared<PacketAssembler>& assembler) {
         assembler.call([](PacketAssembler& alone) { alone.lose_clock(); });
       });

@@ -64,9 +64,11 @@ Shared<Receiver> make_receiver(const Camera& camera, bool data, bool gain, std::
   return Shared(Receiver(camera, std::move(options)));
 }
 
-py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
+py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> number,
+              std::optional<double> time, std::optional<double> exposure, std::optional<double> gain) {
   const auto views = views_of(colours);
-  const auto results = receiver.call([&](Receiver& alone) { return alone.push(views, frame); });
+  const FrameStamp stamp{number, time, exposure, gain};
+  const auto results = receiver.call([&](Receiver& alone) { return alone.push(views, stamp); });
   py::list list;
   for (const auto& light : results)
     list.append(py::make_tuple(light.frame, light.source, light.region, light.searched, as_tuple(light.received),
@@ -94,7 +96,7 @@ void register_receiver(py::module_& module) {
            arg("line_code"), arg("block_bytes"), arg("preamble"), arg("search_passes"), arg("frequency"),
            arg("waveform"), arg("duty"), arg("background"), arg("sense_frequency"), arg("whole_picture"),
            arg("regions"), arg("max_sources"))
-      .def("push", &push, arg("colours"), arg("frame"));
+      .def("push", &push, arg("colours"), arg("number"), arg("time"), arg("exposure"), arg("gain"));
   py::class_<FskReceiver>(module, "FskReceiver")
       .def(py::init([](const Camera& camera, std::vector<double> tones, std::size_t block_bytes,
                        const std::string& preamble) {

@@ -242,7 +242,7 @@ def longest_payload(line_code: str | Sequence[str], block_bytes: int, preamble: 
 
 class PacketAssembler:
     def __init__(self, line_code: str | Sequence[str], block_bytes: int, preamble: str) -> None: ...
-    def push(self, first: int, llr: npt.NDArray[np.float64]) -> tuple[Any, ...]: ...
+    def push(self, first: int, llr: npt.NDArray[np.float64], scatter: float) -> tuple[Any, ...]: ...
     def lose_clock(self) -> None: ...
 
 class Receiver:
@@ -266,7 +266,14 @@ class Receiver:
         regions: Sequence[tuple[int, int, int, int]],
         max_sources: int,
     ) -> None: ...
-    def push(self, colours: Sequence[npt.NDArray[Any]], frame: int | None) -> list[tuple[Any, ...]]: ...
+    def push(
+        self,
+        colours: Sequence[npt.NDArray[Any]],
+        number: int | None,
+        time: float | None,
+        exposure: float | None,
+        gain: float | None,
+    ) -> list[tuple[Any, ...]]: ...
 
 class ScenePart:
     def __init__(

@@ -23,9 +23,8 @@ struct State {
   std::int64_t chip;
 };
 
-// Predicts `count` frames ahead, for the chip that begins nearest row 0 there.
-State forwarded(const State& from, std::int64_t count, const TrackerOptions& options) {
-  const auto frames = static_cast<double>(count);
+// Predicts some frames ahead, for the chip that begins nearest row 0 there.
+State forwarded(const State& from, double frames, const TrackerOptions& options) {
   const double rows = frames * from.mean[2] - from.mean[0];  // from the chip's beginning to the new frame's
   const double chips = std::nearbyint(rows / from.mean[1]);
   Matrix3 step = Matrix3::Identity();
@@ -53,9 +52,12 @@ Matrix2 measured_covariance(const ClockErrors& errors) {
   return moved;
 }
 
-constexpr double kMaxJitteredCount = 0.35;  // chips, standard error of the count where starts jitter
-constexpr double kSmallJump = 0.25;         // chips; the count of chips stays sure
-constexpr double kJitterKept = 0.9;         // of the variance learned, from update to update
+constexpr double kMaxJitteredCount = 1;  // chips, standard error of the count where starts jitter
+constexpr double kSmallJump = 0.25;      // chips; the count of chips stays sure
+constexpr double kJitterKept = 0.9;      // of the variance learned, from update to update
+constexpr double kSteadyKept = 0.3;      // where the clock is as steady as it is measured
+constexpr double kSteadyErrors = 3;
+constexpr int kSteady = 2;  // updates; jumps that follow each other closer are jitter
 
 }  // namespace
 
@@ -70,12 +72,13 @@ ClockTracker::ClockTracker(const TrackerOptions& options) : options_(options) {
 void ClockTracker::reset() {
   started_ = false;
   jitter_variance_ = 0;
+  steady_ = 0;
   state_ = {0, 0, options_.frame_rows};
   covariance_ = {};
   covariance_[8] = options_.frame_rows_std * options_.frame_rows_std;
 }
 
-void ClockTracker::begin(std::int64_t frame, const ChipClock& clock, const ClockErrors& errors) {
+void ClockTracker::begin(double frame, const ChipClock& clock, const ClockErrors& errors) {
   const Matrix2 measured = measured_covariance(errors);
   started_ = true;
   frame_ = frame;
@@ -91,8 +94,9 @@ void ClockTracker::begin(std::int64_t frame, const ChipClock& clock, const Clock
   exposure_variance_ = errors.covariance[8];
 }
 
-bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const ClockErrors& errors) {
+bool ClockTracker::update(double frame, const ChipClock& clock, const ClockErrors& errors) {
   require_positive("rows_per_chip", clock.rows_per_chip);
+  require_finite("frame", frame);
   require_finite("phase", clock.phase);
   require_not_negative("exposure_rows", clock.exposure_rows);
   for (std::size_t k : {0U, 1U, 3U, 4U}) require_finite("covariance", errors.covariance[k]);
@@ -101,7 +105,7 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
     return true;
   }
   require(frame > frame_, "frame", frame, "a frame after the last one");
-  const State here =
+  State here =
       forwarded({Eigen::Map<const Vector3d>(state_.data()), Eigen::Map<const Matrix3>(covariance_.data()), chip_},
                 frame - frame_, options_);
   // Selects the measured chip that begins nearest to the predicted one.
@@ -114,14 +118,21 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
   const Vector2d innovation = seen - here.mean.head<2>();
   Matrix2 expected = here.covariance.topLeftCorner<2, 2>() + noise;
   const auto is_lost = [&] { return innovation.dot(expected.inverse() * innovation) > kLostErrors * kLostErrors; };
-  const bool small_jump = std::abs(innovation[0]) < kSmallJump * clock.rows_per_chip &&
-                          innovation[1] * innovation[1] < kLostErrors * kLostErrors * expected(1, 1);
-  if (is_lost() && small_jump) {
-    const double more = std::max(innovation[0] * innovation[0] - jitter_variance_, 0.0);
+  const double squared = innovation[0] * innovation[0];
+  const bool steady = squared < kSteadyErrors * kSteadyErrors * (expected(0, 0) - jitter_variance_);
+  const bool same_rate = innovation[1] * innovation[1] < kLostErrors * kLostErrors * expected(1, 1);
+  const bool jitters = std::sqrt(squared) < kSmallJump * clock.rows_per_chip || steady_ < kSteady;
+  if (is_lost() && same_rate && jitters) {
+    const double more = std::max(squared - jitter_variance_, 0.0);
+    if (jitter_variance_ == 0) {  // the start that the clock was begun with jittered, too
+      here.covariance(0, 0) += more;
+      expected(0, 0) += more;
+    }
     jitter_variance_ += more;
     noise(0, 0) += more;
     expected(0, 0) += more;
   }
+  steady_ = steady ? steady_ + 1 : 0;
   const double max_lost = jitter_variance_ > 0 ? kMaxJitteredCount : kCountLost;
   const bool count_lost = std::sqrt(here.covariance(0, 0)) > max_lost * here.mean[1];
   if (count_lost || is_lost()) {
@@ -129,8 +140,9 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
     return false;
   }
   if (jitter_variance_ > 0) {
-    const double unexpected = innovation[0] * innovation[0] - (expected(0, 0) - jitter_variance_);
-    jitter_variance_ = std::max(kJitterKept * jitter_variance_ + (1 - kJitterKept) * unexpected, 0.0);
+    const double unexpected = squared - (expected(0, 0) - jitter_variance_);
+    jitter_variance_ = steady ? kSteadyKept * jitter_variance_
+                              : std::max(kJitterKept * jitter_variance_ + (1 - kJitterKept) * unexpected, 0.0);
   }
   const Eigen::Matrix<double, 3, 2> gain = here.covariance.leftCols<2>() * expected.inverse();
   Eigen::Map<Vector3d>(state_.data()) = here.mean + gain * innovation;
@@ -138,7 +150,7 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
   kept.leftCols<2>() -= gain;
   Eigen::Map<Matrix3>(covariance_.data()) =
       kept * here.covariance * kept.transpose() + gain * noise * gain.transpose();  // stays symmetric
-  const double wander = std::pow(options_.exposure_wander * exposure_, 2) * static_cast<double>(frame - frame_);
+  const double wander = std::pow(options_.exposure_wander * exposure_, 2) * (frame - frame_);
   const double before = exposure_variance_ + wander, now = errors.covariance[8];
   if (!std::isfinite(before)) {
     exposure_ = clock.exposure_rows;
@@ -152,13 +164,13 @@ bool ClockTracker::update(std::int64_t frame, const ChipClock& clock, const Cloc
   return true;
 }
 
-std::optional<TrackedClock> ClockTracker::predict(std::int64_t frame) const {
+std::optional<TrackedClock> ClockTracker::predict(double frame) const {
   if (!started_) return std::nullopt;
   require(frame >= frame_, "frame", frame, "not before the last update");
   const State there =
       forwarded({Eigen::Map<const Vector3d>(state_.data()), Eigen::Map<const Matrix3>(covariance_.data()), chip_},
                 frame - frame_, options_);
-  const double wander = std::pow(options_.exposure_wander * exposure_, 2) * static_cast<double>(frame - frame_);
+  const double wander = std::pow(options_.exposure_wander * exposure_, 2) * (frame - frame_);
   const auto& c = there.covariance;
   return TrackedClock{
       {there.mean[1], there.mean[0], exposure_},

@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 #include "ocisac/core/require.hpp"
@@ -56,8 +57,7 @@ std::uint32_t parse_word(const std::string& word, std::size_t chips) {
   return value;
 }
 
-// Σ llr over the bright chips of a word: its log-likelihood up to a constant of the stretch.
-// Σ llr over the bright chips of each word, from tables of its two halves.
+// Σ llr over the bright chips of each word, its log-likelihood up to a constant, from tables of its two halves.
 class WordScores {
  public:
   explicit WordScores(std::size_t chips)
@@ -159,6 +159,24 @@ LineDecoding LineCode::decode(std::span<const double> llr) const {
     decoded.violations.push_back(whole && !is_word(hard) ? 1 : 0);
   }
   return decoded;
+}
+
+double LineCode::evidence(std::span<const double> llr) const {
+  const double chances = std::log(static_cast<double>(at_minus_.size())) -
+                         static_cast<double>(chips_per_word_) * std::numbers::ln2;  // ln P(word)/P(its chips)
+  WordScores scores(chips_per_word_);
+  double sum = 0;
+  for (; llr.size() >= chips_per_word_; llr = llr.subspan(chips_per_word_)) {
+    const auto chips = llr.first(chips_per_word_);
+    if (std::ranges::find(chips, 0.0) != chips.end()) continue;
+    scores.read(chips);
+    double best = -std::numeric_limits<double>::infinity();
+    for (std::size_t value = 0; value < at_minus_.size(); ++value)
+      best = std::max({best, scores.of(at_minus_[value]), scores.of(at_plus_[value])});
+    for (const double chip : chips) best -= std::max(chip, 0.0) + std::log1p(std::exp(-std::abs(chip)));
+    sum += best - chances;
+  }
+  return sum;
 }
 
 }  // namespace ocisac

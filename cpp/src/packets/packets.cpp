@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -16,12 +18,18 @@ constexpr std::size_t kNumberBytes = 1, kChecksumBytes = 4;
 constexpr std::size_t kUsualData = 85, kMaxData = 170;  // bytes of a codeword of 255
 constexpr std::size_t kMaxBlocks = 256;
 constexpr unsigned kHeaderMask = 0x5AA5;
-constexpr double kSureBit = 2;               // nats: a byte with a smaller |llr| is an erasure
-constexpr double kMaxSoftBit = 60;           // nats
-constexpr double kPreambleDoubt = 0.1;       // share of the certainty that may speak against a preamble
-constexpr std::ptrdiff_t kMaxSlip = 2;       // chips
-constexpr std::size_t kMaxDoubtful = 8;      // stretches
-constexpr std::size_t kMaxWaiting = 131072;  // chips
+constexpr double kSureBit = 2;                           // nats: a byte with a smaller |llr| is an erasure
+constexpr double kMaxSoftBit = 60;                       // nats
+constexpr double kPreambleDoubt = 0.1;                   // share of the certainty that may speak against a preamble
+constexpr std::ptrdiff_t kMaxSlip = 2;                   // chips
+constexpr std::size_t kMaxDoubtful = 8;                  // stretches
+constexpr std::size_t kMaxWaiting = 131072;              // chips
+constexpr double kSureChip = 6;                          // nats; bounds what one chip says of a stretch's place
+constexpr double kMinPlaceVariance = 0.01;               // chips²
+constexpr double kPlaceErrors = 4, kMaxPlaces = 24;      // standard errors, chips: places compared, on either side
+constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
+constexpr double kSurePlace = 0.99;                      // probability
+constexpr double kScatterKept = 0.8;                     // of the variance about the origin, from header to header
 
 constexpr std::array<std::uint8_t, 14> kStandard = {0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 1};
 constexpr std::array<std::uint8_t, 42> kLengthened = [] {
@@ -94,6 +102,15 @@ unsigned header_of(std::size_t block, unsigned number, const PacketLayout& layou
   return (fields | crc4(fields)) ^ kHeaderMask;
 }
 
+// Chips of a block: the preamble, then the bits of its header and its bytes, or of the header alone.
+std::vector<std::uint8_t> chips_of_block(std::span<const std::uint8_t> bits, const PacketFormat& format) {
+  const auto preamble = preamble_chips(format.preamble);
+  std::vector<std::uint8_t> chips(preamble.begin(), preamble.end());
+  const auto coded = format.line_code.encode(bits);
+  chips.insert(chips.end(), coded.begin(), coded.end());
+  return chips;
+}
+
 bool is_preamble(std::span<const double> llr, std::span<const std::uint8_t> preamble) {
   double all = 0, against = 0;
   std::size_t seen = 0;
@@ -125,10 +142,9 @@ std::optional<BlockSighting> read_block(std::size_t chip, std::span<const double
 
 std::ptrdiff_t modulo(std::ptrdiff_t value, std::ptrdiff_t period) { return (value % period + period) % period; }
 
-// Shortest distance around a cycle.
-std::ptrdiff_t distance(std::ptrdiff_t a, std::ptrdiff_t b, std::ptrdiff_t period) {
-  const std::ptrdiff_t ahead = modulo(a - b, period);
-  return std::min(ahead, period - ahead);
+// Difference around a cycle, at most half of it.
+double difference(double a, double b, std::ptrdiff_t period) {
+  return std::remainder(a - b, static_cast<double>(period));
 }
 
 // Decodes one codeword from its most reliable symbols; absent where decoding fails.
@@ -191,7 +207,6 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
   const PacketLayout layout = packet_layout(payload.size(), format);
   const auto words = codewords_of(payload, number, layout);
   const auto white = whitening(layout.blocks * format.block_bytes);
-  const auto preamble = preamble_chips(format.preamble);
   std::vector<std::uint8_t> chips, bits;
   chips.reserve(layout.cycle_chips());
   for (std::size_t block = 0; block < layout.blocks; ++block) {
@@ -201,9 +216,8 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
       const Place place = place_of(position, layout);
       append_bits(bits, words[place.codeword][place.symbol] ^ white[position], 8);
     }
-    const auto coded = format.line_code.encode(bits);
-    chips.insert(chips.end(), preamble.begin(), preamble.end());
-    chips.insert(chips.end(), coded.begin(), coded.end());
+    const auto of_block = chips_of_block(bits, format);
+    chips.insert(chips.end(), of_block.begin(), of_block.end());
   }
   return chips;
 }
@@ -274,12 +288,15 @@ void PacketAssembler::find_layout() {
 }
 
 // The blocks whose headers end in a stretch.
-PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr) {
+PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr,
+                                                 const PlaceErrors& errors) {
   if (end_ != first) tail_.clear();
   end_ = first + static_cast<std::ptrdiff_t>(llr.size());
   const std::ptrdiff_t blocks_first = first - static_cast<std::ptrdiff_t>(tail_.size());
   tail_.insert(tail_.end(), llr.begin(), llr.end());
-  Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, blocks_first, find_blocks(tail_, format_)};
+  slips_ += errors.slip * errors.slip;
+  Stretch stretch{first,  epoch_, {llr.begin(), llr.end()}, blocks_first, find_blocks(tail_, format_), errors,
+                  slips_, {}};
   const std::size_t kept = preamble_chips(format_.preamble).size() + header_chips(format_) - 1;
   if (tail_.size() > kept) tail_.erase(tail_.begin(), tail_.end() - static_cast<std::ptrdiff_t>(kept));
   return stretch;
@@ -299,21 +316,96 @@ std::ptrdiff_t PacketAssembler::origin_by(const Stretch& stretch, const BlockSig
          static_cast<std::ptrdiff_t>(sighting.block * block_chips_);
 }
 
+// Variance of a stretch's place about the one by the origin.
+double PacketAssembler::place_variance(const Stretch& stretch, const Origin& origin) const {
+  return origin.variance + std::abs(stretch.slips - origin.slips) +
+         std::max(stretch.errors.scatter * stretch.errors.scatter, scatter_);
+}
+
 // Updates the origin from the headers of a stretch; false at their first disagreement with it.
-bool PacketAssembler::follow(const Stretch& stretch) {
+bool PacketAssembler::follow(Stretch& stretch) {
   const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
   for (const auto& sighting : stretch.blocks) {
     if (sighting.parity != parity_.value || sighting.block >= layout_->blocks) return false;
-    const std::ptrdiff_t seen = origin_by(stretch, sighting);
-    const bool agrees = !origin_ || distance(seen, *origin_, cycle) <= kMaxSlip;
-    if (!agrees && !(doubtful_ && distance(seen, *doubtful_, cycle) <= kMaxSlip)) {
-      doubtful_ = seen;
+    stretch.origin = origin_by(stretch, sighting);
+    const double seen = static_cast<double>(*stretch.origin) + stretch.errors.offset;
+    const double own = stretch.errors.scatter * stretch.errors.scatter;
+    const double variance = origin_ ? place_variance(stretch, *origin_) : 0;
+    const double off = origin_ ? difference(seen, origin_->chip, cycle) : 0;
+    const double allowed = static_cast<double>(kMaxSlip) + 0.5 + kPlaceErrors * std::sqrt(variance);
+    if (!origin_ || (std::abs(off) > allowed && doubtful_ &&
+                     std::abs(difference(seen, static_cast<double>(*doubtful_), cycle)) <= allowed)) {
+      origin_ = {seen, std::max(own, scatter_), stretch.slips};
+    } else if (std::abs(off) > allowed) {
+      doubtful_ = *stretch.origin;
       return false;
+    } else {
+      const double walk = origin_->variance + std::abs(stretch.slips - origin_->slips);
+      const double gain = std::max(walk, kMinPlaceVariance) / std::max(variance, kMinPlaceVariance);
+      scatter_ = kScatterKept * scatter_ + (1 - kScatterKept) * std::max(off * off - walk, 0.0);
+      origin_ = {origin_->chip + gain * off, std::max(1 - gain, 0.0) * walk, stretch.slips};
     }
-    origin_ = seen;
     doubtful_.reset();
   }
   return true;
+}
+
+// Uses the chips of each block that a stretch at a place of the cycle has a part of; 0: not seen.
+template <class UseBlock>
+void PacketAssembler::for_blocks(std::span<const double> llr, std::ptrdiff_t place, UseBlock&& use) const {
+  const auto length = static_cast<std::ptrdiff_t>(block_chips_), end = std::ssize(llr);
+  std::vector<double> chips(block_chips_);
+  auto block = static_cast<std::size_t>(place / length);
+  for (std::ptrdiff_t start = -(place % length); start < end; start += length) {
+    std::ranges::fill(chips, 0.0);
+    for (std::ptrdiff_t chip = std::max(start, std::ptrdiff_t{0}); chip < std::min(start + length, end); ++chip)
+      chips[static_cast<std::size_t>(chip - start)] = llr[static_cast<std::size_t>(chip)];
+    use(chips, block);
+    block = (block + 1) % layout_->blocks;
+  }
+}
+
+// ln of the likelihood of chips at a place of the cycle over that of chips at random: preambles, headers, line code.
+double PacketAssembler::evidence(std::span<const double> llr, std::ptrdiff_t place) const {
+  double sum = 0;
+  std::vector<std::uint8_t> bits;
+  for_blocks(llr, place, [&](std::span<const double> chips, std::size_t block) {
+    bits.clear();
+    append_bits(bits, header_of(block, parity_.value, *layout_), 16);
+    const auto known = chips_of_block(bits, format_);
+    for (std::size_t chip = 0; chip < known.size(); ++chip)
+      if (chips[chip] != 0) sum += std::numbers::ln2 - std::log1p(std::exp(known[chip] ? -chips[chip] : chips[chip]));
+    sum += format_.line_code.evidence(chips.subspan(known.size()));
+  });
+  return sum;
+}
+
+// The place in the cycle of a stretch without headers; absent where several places, or none, may be right.
+std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stretch, const Origin& origin) const {
+  const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
+  const double deviation = std::sqrt(std::max(place_variance(stretch, origin), kMinPlaceVariance));
+  const double expected = static_cast<double>(stretch.first) + stretch.errors.offset - origin.chip;
+  const double nearest = std::nearbyint(expected);
+  const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), kMaxPlaces);
+  std::vector<double> llr = stretch.llr;
+  for (double& value : llr) value = std::clamp(value, -kSureChip, kSureChip);
+  std::vector<std::pair<double, double>> places;  // ln of the probability, chip
+  for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
+    const double errors = (chip - expected) / deviation;
+    const double slip = std::abs(chip - nearest) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
+    const double prior = std::exp(-0.5 * errors * errors) / (deviation * std::sqrt(2 * std::numbers::pi)) + slip;
+    const auto place = modulo(static_cast<std::ptrdiff_t>(chip), cycle);
+    places.emplace_back(std::log(std::max(prior, 1e-300)) + evidence(llr, place), chip);
+  }
+  double elsewhere = -std::numeric_limits<double>::infinity();
+  for (std::size_t skipped = 0; skipped < std::min(format_.line_code.chips_per_word(), llr.size()); ++skipped)
+    elsewhere = std::max(elsewhere, format_.line_code.evidence(std::span(llr).subspan(skipped)));
+  elsewhere += std::log(kElsewhere);
+  const auto most = std::ranges::max_element(places);
+  double all = std::exp(std::min(elsewhere - most->first, 700.0));
+  for (const auto& [logarithm, chip] : places) all += std::exp(logarithm - most->first);
+  if (1 < kSurePlace * all) return std::nullopt;
+  return modulo(static_cast<std::ptrdiff_t>(most->second), cycle);
 }
 
 void PacketAssembler::place_block(std::span<const double> chips, std::size_t block, StretchReport& report) {
@@ -337,35 +429,32 @@ void PacketAssembler::place_block(std::span<const double> chips, std::size_t blo
   }
 }
 
-void PacketAssembler::place(const Stretch& stretch, StretchReport& report) {
-  const auto length = static_cast<std::ptrdiff_t>(block_chips_), end = static_cast<std::ptrdiff_t>(stretch.llr.size());
-  const std::ptrdiff_t into = modulo(stretch.first - *origin_, static_cast<std::ptrdiff_t>(layout_->cycle_chips()));
-  std::vector<double> chips(block_chips_);
-  auto block = static_cast<std::size_t>(into / length);
-  for (std::ptrdiff_t start = -(into % length); start < end; start += length) {
-    std::ranges::fill(chips, 0.0);
-    for (std::ptrdiff_t chip = std::max(start, std::ptrdiff_t{0}); chip < std::min(start + length, end); ++chip)
-      chips[static_cast<std::size_t>(chip - start)] = stretch.llr[static_cast<std::size_t>(chip)];
-    place_block(chips, block, report);
-    block = (block + 1) % layout_->blocks;
-  }
-}
-
 void PacketAssembler::place_waiting(StretchReport& report) {
-  std::deque<Stretch> still;
+  std::erase_if(waiting_, [&](const Stretch& stretch) { return stretch.epoch != epoch_; });  // its clock is gone
   doubtful_.reset();  // only another stretch may confirm a doubtful header
-  for (auto stretch = waiting_.begin(); stretch != waiting_.end(); ++stretch) {
-    if (stretch->epoch != epoch_) continue;  // its clock is gone
-    if (!origin_)
-      for (auto later = stretch; later != waiting_.end() && !origin_; ++later)
-        if (later->epoch == epoch_)
-          for (const auto& sighting : later->blocks)
-            if (sighting.parity == parity_.value) origin_ = origin_by(*later, sighting);
-    if (!origin_ || !follow(*stretch)) {
-      still.push_back(std::move(*stretch));
-      continue;
-    }
-    place(*stretch, report);
+  std::vector<bool> agrees;
+  std::vector<std::optional<Origin>> origins;  // for each stretch, by the headers up to it
+  for (Stretch& stretch : waiting_) {
+    agrees.push_back(follow(stretch));
+    origins.push_back(origin_);
+  }
+  if (!origin_) return;
+  for (std::size_t k = waiting_.size(); k-- > 1;) {  // or by the next ones, where the clock jumped in between
+    const auto slips = [&](const Origin& origin) { return std::abs(waiting_[k - 1].slips - origin.slips); };
+    if (!origins[k - 1] || slips(*origins[k]) < slips(*origins[k - 1])) origins[k - 1] = origins[k];
+  }
+  const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
+  std::deque<Stretch> still;
+  for (std::size_t k = 0; k < waiting_.size(); ++k) {
+    Stretch& stretch = waiting_[k];
+    std::optional<std::ptrdiff_t> place;
+    if (agrees[k])
+      place = stretch.origin ? modulo(stretch.first - *stretch.origin, cycle) : likely_place(stretch, *origins[k]);
+    if (place)
+      for_blocks(stretch.llr, *place,
+                 [&](std::span<const double> chips, std::size_t block) { place_block(chips, block, report); });
+    else
+      still.push_back(std::move(stretch));
   }
   while (still.size() > kMaxDoubtful) still.pop_front();
   waiting_ = std::move(still);
@@ -411,15 +500,17 @@ std::optional<Payload> PacketAssembler::decode(std::span<const double> reliabili
   return payload;
 }
 
-StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double> llr) {
+StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double> llr, const PlaceErrors& errors) {
   for (double value : llr) require(!std::isnan(value), "llr", value, "numbers");
+  require_not_negative("scatter", errors.scatter);
   StretchReport report;
-  if (end_ && first < *end_) {
+  const double doubt = kPlaceErrors * std::hypot(errors.scatter, errors.slip);
+  if (end_ && static_cast<double>(first) + doubt < static_cast<double>(*end_)) {
     report.outcome = StretchOutcome::repeated;
   } else if (std::ranges::all_of(llr, [](double value) { return value == 0; })) {
     report.outcome = StretchOutcome::unreadable;
   } else {
-    Stretch stretch = search(first, llr);
+    Stretch stretch = search(first, llr, errors);
     report.blocks = stretch.blocks.size();
     for (const auto& sighting : stretch.blocks) read_header(sighting);
     keep(std::move(stretch));

@@ -19,6 +19,9 @@ namespace {
 
 constexpr double kFrameTimeError = 1e-4;   // relative standard error of a nominal frame time
 constexpr double kSurePrediction = 0.15;   // chips; max standard error at which a predicted phase is used alone
+constexpr double kUnknownJump = 2;         // chips; standard error of the count where the clock jumped
+constexpr double kAnyJump = 1e6;           // the same where frames may be missing
+constexpr double kSamePhase = 0.1;         // chips
 constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
 constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
@@ -74,11 +77,17 @@ ChipReceiver::ChipReceiver(const Camera& camera, ChipOptions options)
   if (options_.search_passes) require(*options_.search_passes > 0, "search_passes", *options_.search_passes, "above 0");
   const auto chips = preamble_chips(options_.format.preamble);
   preamble_.assign(chips.begin(), chips.end());
-  if (camera_.frame_time) {
-    const double rows = *camera_.frame_time / camera_.row_time;
-    tracker_.emplace(TrackerOptions{.frame_rows = rows, .frame_rows_std = kFrameTimeError * rows});
-  }
+  restart_tracker(false);
   forget();
+}
+
+// `stamped`: frames have times, so that the frame time need not be known.
+void ChipReceiver::restart_tracker(bool stamped) {
+  tracker_.reset();
+  assembler_.lose_clock();
+  if (!stamped && !camera_.frame_time) return;
+  const double rows = camera_.frame_time.value_or(1.0) / camera_.row_time;
+  tracker_.emplace(TrackerOptions{.frame_rows = rows, .frame_rows_std = kFrameTimeError * rows});
 }
 
 void ChipReceiver::forget() {
@@ -105,7 +114,7 @@ std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal,
                                                  Frame& frame) const {
   if (!channel_) return std::nullopt;
   ChannelEstimate start = *channel_;
-  const auto predicted = tracker_ ? tracker_->predict(frame.number) : std::nullopt;
+  const auto predicted = tracker_ ? tracker_->predict(frame.time) : std::nullopt;
   if (predicted) {
     start.clock = predicted->clock;
     start.clock.rise = channel_->clock.rise;
@@ -116,17 +125,17 @@ std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal,
   if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
   const double chip = start.clock.rows_per_chip;
   const bool sure = predicted && predicted->errors.phase_std(0) < kSurePrediction * chip;
+  const double as_before =
+      std::max({kAsNoisy * relative_noise_, std::min(kMaxNoiseRatio * relative_noise_, kLittleNoise), kNoNoise});
   std::optional<FrameReading> best;
   for (std::size_t phase = 0; phase < (sure ? 1 : kPhases); ++phase) {
     ChannelEstimate tried = start;
-    tried.clock.phase += static_cast<double>(phase) / kPhases * chip;
+    tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
     auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
+    if (best && best->relative_noise < as_before && is_sound(*best)) return best;
   }
   if (!best) return std::nullopt;
-  const double as_before =
-      std::max({kAsNoisy * relative_noise_, std::min(kMaxNoiseRatio * relative_noise_, kLittleNoise), kNoNoise});
-  if (best->relative_noise < as_before && is_sound(*best)) return best;
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort);
   if (extended && extended->relative_noise < kMaxNoiseRatio * relative_noise_ && is_sound(*extended)) return extended;
   return std::nullopt;
@@ -216,31 +225,68 @@ std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, F
 }
 
 // False where the tracker's count of chips restarts.
-bool ChipReceiver::track(const ChannelEstimate& channel, std::int64_t frame) {
+bool ChipReceiver::track(const ChannelEstimate& channel, double time) {
   ChipClock clock = channel.clock;
   clock.phase += static_cast<double>(first_row_);
-  return tracker_ && tracker_->update(frame, clock, channel.errors);
+  return tracker_ && tracker_->update(time, clock, channel.errors);
 }
 
-// Index, on the light's clock, of the chip that begins at the estimated phase.
-std::ptrdiff_t ChipReceiver::chip_number(const ChannelEstimate& channel, std::int64_t frame) {
-  if (!track(channel, frame)) assembler_.lose_clock();
-  if (!tracker_) return 0;
-  const auto tracked = tracker_->predict(frame);
-  const double phase = channel.clock.phase + static_cast<double>(first_row_);
-  const double chips = (phase - tracked->clock.phase) / channel.clock.rows_per_chip;
-  return static_cast<std::ptrdiff_t>(tracked->chip) + static_cast<std::ptrdiff_t>(std::llround(chips));
+// On the tracker's clock, in frames: by its stamp, else by its number less the frames that were given twice.
+double ChipReceiver::time_of(std::int64_t frame, const FrameStamp& stamp) {
+  const bool goes_on = stamp.time.has_value() == last_stamp_.has_value() && (!stamp.time || *stamp.time > *last_stamp_);
+  if (!goes_on) restart_tracker(stamp.time.has_value());
+  last_stamp_ = stamp.time;
+  counted_ = stamp.time || stamp.number;
+  return stamp.time ? *stamp.time / camera_.frame_time.value_or(1.0) : static_cast<double>(frame - repeats_);
+}
+
+// An uncounted frame with the last one's chips at their place is the same.
+bool ChipReceiver::repeats_last(const ReceivedFrame& result) {
+  const bool same = !counted_ && result.bits == last_bits_ && !(result.flags & flag::periodic) &&
+                    std::abs(result.phase - last_phase_) < kSamePhase * result.rows_per_chip;
+  repeats_ += same;
+  last_bits_ = result.bits;
+  last_phase_ = result.phase;
+  return same;
+}
+
+// A frame that repeats the last one has its time, too.
+void ChipReceiver::forget_repeated(const ReceivedFrame& result) {
+  if (result.stretch && result.stretch->outcome == StretchOutcome::repeated) kept_.pop_back();
+}
+
+// Index, on the light's clock, of the chip that begins at the estimated phase, and the doubt about it.
+std::pair<std::ptrdiff_t, PlaceErrors> ChipReceiver::chip_number(const ChannelEstimate& channel, double time) {
+  const auto predicted = tracker_ ? tracker_->predict(time) : std::nullopt;
+  const bool sure = track(channel, time);
+  if (!predicted) {
+    assembler_.lose_clock();
+    count_base_ = 0;
+    if (!tracker_) return {};
+  }
+  const double phase = channel.clock.phase + static_cast<double>(first_row_), chip = channel.clock.rows_per_chip;
+  const auto number = [&](const TrackedClock& clock) {
+    const double chips = (phase - clock.clock.phase) / chip, whole = std::nearbyint(chips);
+    return std::pair{static_cast<std::ptrdiff_t>(clock.chip) + static_cast<std::ptrdiff_t>(whole), chips - whole};
+  };
+  const auto after = number(*tracker_->predict(time)).first;
+  if (!predicted) return {after, {}};
+  const auto [expected, offset] = number(*predicted);
+  if (!sure) count_base_ += expected - after;
+  return {count_base_ + after,
+          {offset, predicted->errors.phase_std(0) / chip,
+           sure       ? 0.0
+           : counted_ ? kUnknownJump
+                      : kAnyJump}};
 }
 
 // Chips of the whole frame and their use by the packet.
-void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result) {
+void ChipReceiver::take(const FrameReading& reading, double time, std::size_t rows, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
   // Correlated residuals reduce the effective number of rows.
   const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
   std::vector<double> llr = reading.llr;
   for (double& value : llr) value *= independent;
-  result.stretch = assembler_.push(chip_number(channel, result.frame) + reading.first, llr);
-
   const ChipGrid whole = whole_chips(channel.clock, rows);
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
@@ -258,6 +304,12 @@ void ChipReceiver::take(const FrameReading& reading, std::size_t rows, ReceivedF
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
   if (is_misfit(reading)) result.flags |= flag::model_misfit;
   if (chip_period(whole_bits(reading, rows))) result.flags |= flag::periodic;
+  if (repeats_last(result)) {
+    result.stretch.emplace().outcome = StretchOutcome::repeated;
+  } else {
+    const auto [number, errors] = chip_number(channel, time);
+    result.stretch = assembler_.push(number + reading.first, llr, errors);
+  }
   channel_ = channel;
   if (model_.exposure_rows) model_.exposure_rows = channel.clock.exposure_rows;
   relative_noise_ = std::max(reading.relative_noise, kNoiseKept * relative_noise_);
@@ -303,7 +355,7 @@ void ChipReceiver::KeptFrame::expose(const FrameReading& reading, RowRange rows)
   std::ranges::copy(exposed_rows(reading, rows.size()), exposed.begin() + static_cast<std::ptrdiff_t>(rows.begin));
 }
 
-void ChipReceiver::keep(const CombinedColumn& column, std::int64_t frame, std::size_t first_row) {
+void ChipReceiver::keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row) {
   if (!kept_.empty() && (kept_first_row_ != first_row || kept_.front().signal.size() != column.signal.size())) {
     kept_.clear();
     profile_.reset();
@@ -315,6 +367,7 @@ void ChipReceiver::keep(const CombinedColumn& column, std::int64_t frame, std::s
     kept_.pop_front();
   }
   now.number = frame;
+  now.time = time;
   now.signal.assign(column.signal.begin(), column.signal.end());
   now.exposed.clear();
   now.seen = now.fits = false;
@@ -357,7 +410,7 @@ ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, con
   for (KeptFrame& kept : kept_) {
     const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
     const SearchEffort effort = search_effort(rest.size());
-    Frame now{column, kept.number, true, effort, effort};
+    Frame now{column, kept.time, true, effort, effort};
     const auto reading = read_with(rest, model_, now);
     kept.exposed.clear();
     kept.fits = reading && !is_misfit(*reading);
@@ -366,14 +419,14 @@ ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, con
     if (!reading) continue;
     kept.expose(*reading, learned.rows);
     if (!result) {
-      track(reading->channel, kept.number);
+      track(reading->channel, kept.time);
       channel_ = reading->channel;
       relative_noise_ = reading->relative_noise;
       continue;
     }
     ReceivedFrame earlier = nothing_received(kept.number);
     ReceivedFrame& of_frame = kept.number == result->frame ? *result : earlier;
-    take(*reading, rest.size(), of_frame);
+    take(*reading, kept.time, rest.size(), of_frame);
     if (of_frame.stretch->payload && !payload) payload = of_frame.stretch->payload;
   }
   if (payload && result->stretch) result->stretch->payload = payload;
@@ -432,9 +485,10 @@ void ChipReceiver::follow_profile(const std::optional<FrameReading>& reading) {
 }
 
 ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row,
-                                 RowRange region) {
+                                 RowRange region, const FrameStamp& stamp) {
   ReceivedFrame result = nothing_received(frame);
-  keep(column, frame, first_row);
+  const double time = time_of(frame, stamp);
+  keep(column, frame, time, first_row);
   const RowRange lit = profile_ ? profile_->rows : lit_rows(column.signal, column.noise, region).rows;
   const auto rest = profile_ ? without_profile(column.signal, profile_->profile, lit) : std::vector<double>{};
   const auto signal =
@@ -442,7 +496,7 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
   first_row_ = first_row + lit.begin;
   if (column.saturated) result.flags |= flag::saturated;
   const SearchEffort effort = search_effort(signal.size());
-  Frame now{column, frame, wait_ == 0, effort, effort};
+  Frame now{column, time, wait_ == 0, effort, effort};
   const auto reading = read(signal, now);
   follow_profile(reading);
   const auto poor = static_cast<std::size_t>(std::ranges::count(kept_, false, &KeptFrame::fits));
@@ -454,7 +508,10 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
       assembler_.lose_clock();
       read_kept(*profile_, column, first_row, &result);
       profile_attempts_ = 0;
-      if (result.stretch) return result;
+      if (result.stretch) {
+        forget_repeated(result);
+        return result;
+      }
     } else {
       ++profile_attempts_;
       const std::size_t slower = profile_attempts_ - std::min(profile_attempts_, kQuickAttempts);
@@ -462,9 +519,10 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
     }
   }
   if (reading)
-    take(*reading, signal.size(), result);
+    take(*reading, time, signal.size(), result);
   else
     lose(result, now.may_search);
+  forget_repeated(result);
   return result;
 }
 

@@ -21,6 +21,12 @@ std::string_view outcome_name(FrameOutcome outcome) {
   return "no_signal";
 }
 
+void check(const FrameStamp& stamp) {
+  if (stamp.time) require_finite("time", *stamp.time);
+  if (stamp.exposure) require_positive("exposure", *stamp.exposure);
+  if (stamp.gain) require_positive("gain", *stamp.gain);
+}
+
 FrameOrder::Verdict FrameOrder::admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths) {
   Verdict verdict;
   if (last_ && frame <= *last_) {

@@ -75,7 +75,8 @@ void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
 }
 
 // Returns the received colour.
-std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, RowRange free, LightFrame& result) {
+std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, RowRange free, const FrameStamp& stamp,
+                                        LightFrame& result) {
   const bool hold = !can_move_ && chips_->compares_rows();
   Region read = region_;
   if (can_move_) {
@@ -93,7 +94,8 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
     best = std::move(column);
     colour = k;
   }
-  result.received = chips_->push(best, result.frame, read.y, {region_.y - read.y, region_.y - read.y + region_.height});
+  result.received =
+      chips_->push(best, result.frame, read.y, {region_.y - read.y, region_.y - read.y + region_.height}, stamp);
   result.received->colour = colour;
   if (result.received->outcome != FrameOutcome::received && !hold)
     for (auto& follower : followers_) follower.forget();
@@ -143,12 +145,13 @@ void LightReceiver::suggest_exposure(const LightFrame& result) {
                                          : best_exposure_exact(comm, comm, 1, 0);
 }
 
-LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free) {
+LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free,
+                               const FrameStamp& stamp) {
   LightFrame result;
   result.frame = frame;
   result.source = source_;
   const Region before = region_;
-  const std::size_t colour = chips_ ? receive_data(colours, free, result) : 0;
+  const std::size_t colour = chips_ ? receive_data(colours, free, stamp, result) : 0;
   result.region = region_;
   if (options_.gain) {
     if (!tone_known_) find_tone(part_of(colours[colour], before));

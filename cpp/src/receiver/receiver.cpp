@@ -194,8 +194,9 @@ RowRange Receiver::free_rows(const Region& region, std::size_t rows) const {
   return free;
 }
 
-std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame) {
-  const std::int64_t number = frame.value_or(order_.next());
+std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, const FrameStamp& stamp) {
+  check(stamp);
+  const std::int64_t number = stamp.number.value_or(order_.next());
   const auto lengths = lengths_of(colours);
   const Region whole{0, 0, lengths[2], lengths[1]};
   const auto outside = std::ranges::find_if_not(
@@ -224,7 +225,7 @@ std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, s
 
   std::vector<LightFrame> results;
   for (LightReceiver& light : lights_) {
-    results.push_back(light.push(colours, number, free_rows(light.region(), whole.height)));
+    results.push_back(light.push(colours, number, free_rows(light.region(), whole.height), stamp));
     results.back().searched = searched;
     if (results.back().received) results.back().received->missing = verdict.missing;
   }

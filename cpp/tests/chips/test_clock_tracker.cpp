@@ -112,3 +112,40 @@ TEST_CASE("starts that jitter by a tenth of a chip lose no count, and the predic
   CHECK(chips > 0.03);
   CHECK(chips < 0.15);
 }
+
+TEST_CASE("starts that jitter by half a chip are learned after one jump, and fade where they are steady again") {
+  Light light;
+  ocisac::ClockTracker tracker({.frame_rows = 1501.3});
+  ocisac::ClockErrors errors;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> jitter(-0.4, 0.4);  // chips
+  const auto scatter = [&](std::int64_t frame) {
+    const auto predicted = tracker.predict(static_cast<double>(frame));
+    return predicted->errors.phase_std(0) / predicted->clock.rows_per_chip;
+  };
+  int jumps = 0;
+  for (std::int64_t frame = 0; frame < 40; ++frame) {
+    auto clock = light.measure(frame, 0.002, 1e-5, errors);
+    clock.phase += jitter(random) * clock.rows_per_chip;
+    jumps += !tracker.update(static_cast<double>(frame), clock, errors);
+  }
+  CHECK(jumps <= 1);
+  CHECK(scatter(40) > 0.15);
+  CHECK(scatter(40) < 0.6);
+  for (std::int64_t frame = 40; frame < 100; ++frame)
+    tracker.update(static_cast<double>(frame), light.measure(frame, 0.002, 1e-5, errors), errors);
+  CHECK(scatter(100) < 0.1);
+}
+
+TEST_CASE("frames by time stamps are fractional") {
+  Light light;
+  ocisac::ClockTracker tracker({.frame_rows = 1501.3});
+  ocisac::ClockErrors errors;
+  for (const double frame : {0.0, 1.25, 2.1, 3.7, 4.0, 5.9}) {
+    auto clock = light.measure(0, 0.002, 1e-5, errors);
+    clock.phase -= 1501.3 * frame;
+    const double chips = std::ceil(-clock.phase / 3.7);
+    clock.phase += 3.7 * chips;
+    CHECK(tracker.update(frame, clock, errors));
+  }
+}

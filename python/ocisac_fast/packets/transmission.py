@@ -210,18 +210,20 @@ class PacketAssembler:
         self._handle = _core.PacketAssembler(**(format or PacketFormat())._for_core())
 
     @checked
-    def push(self, first: int, llr: npt.ArrayLike) -> Stretch:
+    def push(self, first: int, llr: npt.ArrayLike, *, scatter: float = 0.0) -> Stretch:
         """Process the next stretch, in time order.
 
         Args:
             first: index of its first chip on a clock that counts the chips sent, from any origin. The next header
                 corrects a slip by one or two chips.
             llr: (chips,) ln P(bright)/P(dark), nats; 0: unknown.
+            scatter: standard error of ``first``, chips, of this stretch alone: frames whose starts jitter. Its place is
+                then the most likely one by the expected preamble, header and line code; in doubt it waits.
 
         Raises:
-            ValueError: a wrong shape, or NaN.
+            ValueError: a wrong shape, or NaN; a negative scatter.
         """
-        return Stretch._of(self._handle.push(int(first), _as_ratios(llr)))
+        return Stretch._of(self._handle.push(int(first), _as_ratios(llr), float(scatter)))
 
     def lose_clock(self) -> None:
         """Reset the position after a jump of the clock: received bytes are kept, the next header gives the position."""

@@ -118,18 +118,32 @@ class Receiver:
         )
 
     @checked
-    def push(self, frame: npt.ArrayLike, *, number: int | None = None) -> ReceivedFrame:
+    def push(
+        self,
+        frame: npt.ArrayLike,
+        *,
+        number: int | None = None,
+        time: float | None = None,
+        exposure: float | None = None,
+        gain: float | None = None,
+    ) -> ReceivedFrame:
         """Process the next frame.
 
         Args:
             frame: (rows,), (rows, columns) or (rows, columns, colours), rows in time order; any strides, no copy for
                 uint8, uint16, float32 and float64.
-            number: of the frame, counting missing ones; ascending. None: one after the last.
+            number: of the frame, counting missing ones; ascending. None: one after the last; frames that are missing
+                all the same are found by their clock, and one that is given twice is left out.
+            time: s, time stamp of the frame's first row from any origin, ascending; for all frames or none. It joins
+                frames instead of their numbers and needs no frame time of the camera.
+            exposure: s, of this frame, where it is another than the camera's; it is checked by the rows.
+            gain: factor of the pixel values, above 0, where automatic gain changes it from frame to frame.
 
         Raises:
-            ValueError: a wrong shape or type; a number that is not whole.
+            ValueError: a wrong shape or type; a number that is not whole; a value outside its range.
         """
-        (light,) = self._handle.push(frame_colours(frame, self._camera, self._colour), frame_number(number))
+        colours = frame_colours(frame, self._camera, self._colour)
+        (light,) = self._handle.push(colours, frame_number(number), time, exposure, gain)
         return _received_frame(light[4], self._camera.row_period, self._colour)
 
 
@@ -264,22 +278,30 @@ class MultiReceiver:
         self._handle = self._make(regions=self._regions)
 
     @checked
-    def push(self, frame: npt.ArrayLike, *, number: int | None = None) -> list[SourceFrame]:
+    def push(
+        self,
+        frame: npt.ArrayLike,
+        *,
+        number: int | None = None,
+        time: float | None = None,
+        exposure: float | None = None,
+        gain: float | None = None,
+    ) -> list[SourceFrame]:
         """Process the next frame; returns the result of each light, the strongest first; at least one result.
 
         Args:
-            frame: (rows, columns) or (rows, columns, colours), as in :meth:`Receiver.push`.
-            number: of the frame, counting missing ones; ascending. None: one after the last.
+            frame: (rows, columns) or (rows, columns, colours).
+            number, time, exposure, gain: as in :meth:`Receiver.push`.
 
         Raises:
-            ValueError: a wrong shape or type; a number that is not whole; a region outside the first frame.
+            ValueError: as :meth:`Receiver.push`; a region outside the first frame.
         """
         axis, colours = self._camera.scan_axis, frame_colours(frame, self._camera, self._colour)
         shape = colours[0].shape[1:]
         if self._regions and axis != "y":
             self._handle = self._make(regions=[_turned(region, shape, axis) for region in self._regions])
             self._regions = []
-        lights = self._handle.push(colours, frame_number(number))
+        lights = self._handle.push(colours, frame_number(number), time, exposure, gain)
         return [self._source_frame(stored_box(light[2], shape, axis), light) for light in lights]
 
     def _source_frame(self, region: Region, values: tuple[Any, ...]) -> SourceFrame:

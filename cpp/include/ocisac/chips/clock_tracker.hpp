@@ -29,32 +29,35 @@ struct TrackedClock {
 // Kalman filter of phase, rows per chip and rows per frame, and of the exposure separately. Bounded memory, no
 // allocation.
 //
-// Frames whose starts jitter jump about a steady clock. The variance of the starts is estimated from jumps below a
-// quarter of a chip at an unchanged rate, and added to the noise of each phase.
+// Frames whose starts jitter jump about a steady clock. The variance of the starts is estimated from jumps at an
+// unchanged rate that follow each other, or are below a quarter of a chip, and added to the noise of each phase.
 class ClockTracker {
  public:
   explicit ClockTracker(const TrackerOptions& options);
 
-  // Updates with the measurement of frame `frame`; ascending order, any frame may be missing. The count of chips
+  // Updates with the measurement of frame `frame`; ascending order, any frame may be missing. Frames by time stamps are
+  // fractional. The count of chips
   // restarts, and false is returned, if the predicted phase has a standard error above kCountLost chips, or if the
   // clock deviates by more than kLostErrors standard errors (another light, a jump). The estimate of the rows per frame
   // is kept.
-  bool update(std::int64_t frame, const ChipClock& clock, const ClockErrors& errors);
+  bool update(double frame, const ChipClock& clock, const ClockErrors& errors);
 
   // Predicts the clock of a frame at or after the last update; absent before the first.
-  [[nodiscard]] std::optional<TrackedClock> predict(std::int64_t frame) const;
+  [[nodiscard]] std::optional<TrackedClock> predict(double frame) const;
 
   void reset();
 
  private:
-  void begin(std::int64_t frame, const ChipClock& clock, const ClockErrors& errors);
+  void begin(double frame, const ChipClock& clock, const ClockErrors& errors);
 
   TrackerOptions options_;
   bool started_ = false;
-  std::int64_t frame_ = 0, chip_ = 0;  // of the last update; the chip of `phase`
-  std::array<double, 3> state_{};      // phase in frame_, rows per chip, rows per frame
+  double frame_ = 0;               // of the last update
+  std::int64_t chip_ = 0;          // of `phase`
+  std::array<double, 3> state_{};  // phase in frame_, rows per chip, rows per frame
   std::array<double, 9> covariance_{};
   double jitter_variance_ = 0;  // of frame starts, rows²
+  int steady_ = 0;              // updates without a jump
   double exposure_ = 0, exposure_variance_ = 0;
 };
 

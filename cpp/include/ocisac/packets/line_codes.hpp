@@ -37,6 +37,10 @@ class LineCode {
   // `llr`: (chips) whole words, ln P(bright)/P(dark); 0: not seen.
   [[nodiscard]] LineDecoding decode(std::span<const double> llr) const;
 
+  // ln of the likelihood of the chips as words of the code over that as chips at random (max-log), nats. `llr` as in
+  // decode; words with a chip that is not seen do not count.
+  [[nodiscard]] double evidence(std::span<const double> llr) const;
+
  private:
   LineCode(std::size_t bits_per_word, std::size_t chips_per_word, std::vector<std::uint32_t> at_minus,
            std::vector<std::uint32_t> at_plus);

@@ -93,8 +93,17 @@ struct StretchReport {
   std::optional<Payload> payload;  // whole, its CRC-32 right
 };
 
-// Assembles payloads from stretches of soft chips, each placed on a chip clock. Memory is bounded: the soft bits of one
-// cycle and 2^17 chips whose place is not yet known.
+// Doubt about a stretch's place on the chip clock, in chips.
+struct PlaceErrors {
+  double offset = 0;   // of the expected place from the given one
+  double scatter = 0;  // standard error of the expected place, of this stretch alone: frame starts jitter
+  double slip = 0;     // standard error of a jump of the clock since the last stretch
+};
+
+// Assembles payloads from stretches of soft chips, each placed on a chip clock. Stretches with a header have their
+// place from it; others from the last headers and, where some places are possible, from the preamble, the header and
+// the line code that are expected there. Memory is bounded: the soft bits of one cycle and 2^17 chips whose place is
+// not yet known.
 class PacketAssembler {
  public:
   explicit PacketAssembler(PacketFormat format);
@@ -102,7 +111,7 @@ class PacketAssembler {
   // `first`: index of the stretch's first chip on a clock that counts the chips sent, from any origin; stretches in
   // time order. The next header corrects a clock slip of one or two chips. `llr`: (chips) ln P(bright)/P(dark)
   // in nats, 0: not seen. Headers are found across the border of contiguous stretches.
-  StretchReport push(std::ptrdiff_t first, std::span<const double> llr);
+  StretchReport push(std::ptrdiff_t first, std::span<const double> llr, const PlaceErrors& errors = {});
 
   // The clock has jumped: the packet's symbols stay; the next header restores the place.
   void lose_clock();
@@ -114,6 +123,13 @@ class PacketAssembler {
     std::vector<double> llr;
     std::ptrdiff_t blocks_first;  // chip from which `blocks` count: `first`, or of the stretch before
     std::vector<BlockSighting> blocks;
+    PlaceErrors errors;
+    double slips;                          // variance of the clock's jumps up to here, chips²
+    std::optional<std::ptrdiff_t> origin;  // by its headers
+  };
+  // Chip at which a block 0 began, by the last headers: its estimate and variance, chips².
+  struct Origin {
+    double chip, variance, slips;  // slips: of the last stretch that changed it
   };
   struct Vote {
     unsigned value = 0;
@@ -121,15 +137,19 @@ class PacketAssembler {
     bool change(unsigned seen);  // true where the value is another now
   };
 
-  Stretch search(std::ptrdiff_t first, std::span<const double> llr);
+  Stretch search(std::ptrdiff_t first, std::span<const double> llr, const PlaceErrors& errors);
   void keep(Stretch stretch);
   void read_header(const BlockSighting& sighting);
   void start_packet();
   void place_waiting(StretchReport& report);
   void find_layout();
   [[nodiscard]] std::ptrdiff_t origin_by(const Stretch& stretch, const BlockSighting& sighting) const;
-  bool follow(const Stretch& stretch);
-  void place(const Stretch& stretch, StretchReport& report);
+  [[nodiscard]] double place_variance(const Stretch& stretch, const Origin& origin) const;
+  bool follow(Stretch& stretch);
+  [[nodiscard]] std::optional<std::ptrdiff_t> likely_place(const Stretch& stretch, const Origin& origin) const;
+  [[nodiscard]] double evidence(std::span<const double> llr, std::ptrdiff_t place) const;
+  template <class UseBlock>
+  void for_blocks(std::span<const double> llr, std::ptrdiff_t place, UseBlock&& use) const;
   void place_block(std::span<const double> chips, std::size_t block, StretchReport& report);
   [[nodiscard]] std::vector<double> reliabilities() const;
   std::optional<Payload> decode(std::span<const double> reliability);
@@ -140,10 +160,12 @@ class PacketAssembler {
   Vote parity_;
   std::array<Vote, 4> digits_;
   std::optional<PacketLayout> layout_;
-  std::size_t epoch_ = 0;                            // one more for every jump of the clock
-  std::optional<std::ptrdiff_t> origin_, doubtful_;  // chip at which a block 0 began; a header's that disagrees
-  std::optional<std::ptrdiff_t> end_;                // chip after the last stretch
-  std::vector<double> tail_;                         // its last chips, in which a block may have begun
+  std::size_t epoch_ = 0;  // one more for every jump of the clock
+  std::optional<Origin> origin_;
+  std::optional<std::ptrdiff_t> doubtful_;  // origin by a header that disagrees
+  double scatter_ = 0, slips_ = 0;          // variances about the origin by headers; of jumps so far, chips²
+  std::optional<std::ptrdiff_t> end_;       // chip after the last stretch
+  std::vector<double> tail_;                // its last chips, in which a block may have begun
   std::deque<Stretch> waiting_;
   std::size_t waiting_chips_ = 0;
   std::vector<float> soft_bits_;  // (coded bytes, 8) sums of log-likelihood ratios

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
@@ -60,7 +61,9 @@ class ChipReceiver {
 
   // `column`: the light's signal. `frame`: number, ascending. `first_row`: row of the picture at index 0 of the signal.
   // `region`: rows of the signal in which the light was found; it ends there where no dark rows show its end.
-  ReceivedFrame push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row, RowRange region);
+  // `stamp`: its time joins frames instead of their numbers; its exposure and gain begin the estimates.
+  ReceivedFrame push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row, RowRange region,
+                     const FrameStamp& stamp = {});
 
   // True while the lamp's profile is learned or used: the next frame's columns should be weighted as the last one's.
   [[nodiscard]] bool compares_rows() const;
@@ -80,7 +83,7 @@ class ChipReceiver {
   // State of one frame during reception.
   struct Frame {
     const CombinedColumn& column;
-    std::int64_t number;
+    double time;                            // on the tracker's clock, in frames
     bool may_search;                        // a search for the clock is allowed if tracking fails
     SearchEffort effort, effort_of_others;  // of models other than the last frame's
   };
@@ -93,6 +96,7 @@ class ChipReceiver {
   // A recent frame: its rows, and s of each where its chips are known.
   struct KeptFrame {
     std::int64_t number;
+    double time;  // on the tracker's clock, in frames
     std::vector<double> signal, exposed;
     bool seen = false;  // chips were detected
     bool fits = false;  // no more than noise is left
@@ -103,8 +107,9 @@ class ChipReceiver {
     RowProfile profile;
     RowRange rows;
   };
-  void keep(const CombinedColumn& column, std::int64_t frame, std::size_t first_row);
+  void keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row);
   void restart_clock();
+  void restart_tracker(bool stamped);
   [[nodiscard]] std::vector<ProfileFrame> profile_frames() const;
   [[nodiscard]] std::size_t profile_smoothing() const;
   bool learn_profile(const CombinedColumn& column, std::size_t first_row);
@@ -116,16 +121,25 @@ class ChipReceiver {
                     ReceivedFrame* result);
   void follow_profile(const std::optional<FrameReading>& reading);
   [[nodiscard]] SearchEffort search_effort(std::size_t rows) const;
-  bool track(const ChannelEstimate& channel, std::int64_t frame);
-  std::ptrdiff_t chip_number(const ChannelEstimate& channel, std::int64_t frame);
-  void take(const FrameReading& reading, std::size_t rows, ReceivedFrame& result);
+  bool track(const ChannelEstimate& channel, double time);
+  std::pair<std::ptrdiff_t, PlaceErrors> chip_number(const ChannelEstimate& channel, double time);
+  [[nodiscard]] double time_of(std::int64_t frame, const FrameStamp& stamp);
+  bool repeats_last(const ReceivedFrame& result);
+  void forget_repeated(const ReceivedFrame& result);
+  void take(const FrameReading& reading, double time, std::size_t rows, ReceivedFrame& result);
   void lose(ReceivedFrame& result, bool searched);
 
   Camera camera_;
   ChipOptions options_;
   PacketAssembler assembler_;
   std::vector<double> preamble_;
-  std::optional<ClockTracker> tracker_;                   // with a known frame time; phases in rows of the picture
+  std::optional<ClockTracker> tracker_;  // with a known frame time; phases in rows of the picture
+  std::optional<double> last_stamp_;     // s
+  bool counted_ = false;                 // this frame's place in the stream is stated
+  std::int64_t repeats_ = 0;             // frames that were given twice, not counted
+  std::string last_bits_;
+  double last_phase_ = 0;
+  std::ptrdiff_t count_base_ = 0;                         // chips that the tracker counted before it restarted
   std::optional<double> rows_per_chip_;                   // nominal, or estimated from earlier frames
   std::optional<ChannelEstimate> channel_;                // of the last received frame
   RowModel model_;                                        // that explained the last frame

@@ -27,6 +27,17 @@ enum class FrameOutcome {
 // received, no_signal, …
 std::string_view outcome_name(FrameOutcome outcome);
 
+// What the camera states of a frame; all may be absent.
+struct FrameStamp {
+  std::optional<std::int64_t> number{};  // ascending, missing frames count; absent: one after the last
+  std::optional<double> time{};          // s, of the frame's first row, from any origin; of all frames or of none
+  std::optional<double> exposure{};      // s, instead of the camera's
+  std::optional<double> gain{};          // factor of the pixels' values, as automatic gain changes it
+};
+
+// Throws std::invalid_argument.
+void check(const FrameStamp& stamp);
+
 // Admits the frames that follow the last one and have its shape. A deviation counts as a fault until kBelieved frames
 // in a row agree on it: a restarted count, or another picture size.
 class FrameOrder {

@@ -64,13 +64,14 @@ class LightReceiver {
   // `colours`: a frame, one view per colour; the colour of best quality is received. `free`: rows about the region
   // without another light in its columns. A light that can move is received in all of them: dark rows at either end
   // show where it ends, better than the region.
-  LightFrame push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free);
+  LightFrame push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free, const FrameStamp& stamp);
 
   [[nodiscard]] const Region& region() const { return region_; }
   [[nodiscard]] std::size_t unseen() const { return unseen_; }  // frames since the last data or tone
 
  private:
-  std::size_t receive_data(std::span<const AnyFramesView> colours, RowRange free, LightFrame& result);
+  std::size_t receive_data(std::span<const AnyFramesView> colours, RowRange free, const FrameStamp& stamp,
+                           LightFrame& result);
   void follow(const CombinedColumn& column, std::size_t columns);
   void find_tone(const AnyFramesView& part);
   [[nodiscard]] LightGain measure_gain(const AnyFramesView& part) const;

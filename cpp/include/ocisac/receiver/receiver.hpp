@@ -29,10 +29,12 @@ class Receiver {
   // Throws std::invalid_argument.
   explicit Receiver(const Camera& camera, ReceiverOptions options = {});
 
-  // `colours`: one frame, one view per colour, rows in time order. `frame`: its number, ascending; absent: the next
-  // one. At least one result, the strongest light first; for a skipped frame one result with the whole picture as
-  // region.
-  std::vector<LightFrame> push(std::span<const AnyFramesView> colours, std::optional<std::int64_t> frame = {});
+  // `colours`: one frame, one view per colour, rows in time order. At least one result, the strongest light first; for
+  // a skipped frame one result with the whole picture as region.
+  std::vector<LightFrame> push(std::span<const AnyFramesView> colours, const FrameStamp& stamp = {});
+  std::vector<LightFrame> push(std::span<const AnyFramesView> colours, std::int64_t number) {
+    return push(colours, FrameStamp{.number = number});
+  }
 
  private:
   void place_given(const Region& whole);
