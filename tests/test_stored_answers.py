@@ -101,11 +101,12 @@ def clean(frame: Picture) -> dict[str, Any]:
     top, left = (max(0, (size - most) // 2) for size, most in zip(frame.shape, (600, 400), strict=False))
     part = np.ascontiguousarray(frame[top : top + 600, left : left + 400])
     done = ocisac.remove_bands(part[np.newaxis], Camera(1.0, tone_curve="srgb"))
-    every = max(1, done.light.shape[-1] // 12)
+    light = done.light.mean(axis=-1) if done.light.ndim == 3 else done.light
+    every = max(1, light.shape[-1] // 12)
     return {
         "model": done.model[0],
         "frequency": rounded(float(done.frequency[0])),
-        "light": [rounded(float(value)) for value in done.light.reshape(-1)[::every]],
+        "light": [rounded(float(value)) for value in light.reshape(-1)[::every]],
         "share": [rounded(float(value)) for value in np.quantile(done.share, (0.1, 0.5, 0.9))],
         "marks": [int(count) for count in np.bincount(done.marks.ravel(), minlength=3)],
         "mean": [rounded(float(value)) for value in done.frames.mean(axis=(0, 1, 2))],

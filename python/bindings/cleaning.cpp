@@ -35,6 +35,13 @@ py::tuple run_refine_row_light(const Doubles& light, const Doubles& variance, co
 void register_cleaning(py::module_& module) {
   using py::arg;
   module.def("light_share", &run_light_share, arg("light"), arg("variance"), arg("row_light"), arg("smooth") = true);
+  module.def(
+      "comparison_lag",
+      [](const Doubles& row_light) {
+        require(row_light.ndim() == 2, "row_light", row_light.ndim(), "2 dimensions (frames, rows)");
+        return comparison_lag(span_of(row_light), static_cast<std::size_t>(row_light.shape(1)));
+      },
+      arg("row_light"));
   module.def("refine_row_light", &run_refine_row_light, arg("light"), arg("variance"), arg("share"), arg("row_light"),
              arg("steps"), arg("basis") = py::none(), arg("deviation") = std::numeric_limits<double>::infinity());
 }

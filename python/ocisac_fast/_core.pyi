@@ -307,6 +307,7 @@ def light_share(
     row_light: npt.NDArray[np.float64],
     smooth: bool = True,
 ) -> npt.NDArray[np.float64]: ...
+def comparison_lag(row_light: npt.NDArray[np.float64]) -> int: ...
 def refine_row_light(
     light: npt.NDArray[np.float64],
     variance: npt.NDArray[np.float64],

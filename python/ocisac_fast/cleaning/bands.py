@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import (
     light_per_step,
@@ -18,8 +17,8 @@ from ocisac_fast.camera.linear_light import (
     stored_values,
     white_level,
 )
-from ocisac_fast.cleaning.columns import lit_colours
-from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_row_light
+from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
+from ocisac_fast.cleaning.shares import colour_shares
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class
@@ -48,8 +47,9 @@ class CleanedFrames:
     Attributes:
         frames: shape and type of the argument.
         marks: :class:`Mark` of each pixel, uint8, of the shape of ``frames``.
-        light: (frames, rows) or (rows,): the estimated or given light of each row, mean 1.
-        share: share of the modulated light in a pixel's mean light, float32, of the shape of ``frames``.
+        light: (rows,), (frames, rows) or (frames, rows, colours): the estimated or given light of each row, mean 1.
+        share: share of the modulated light in a pixel's mean light, float32, of the shape of ``frames``; one for all
+            pixels of a colour where shares by pixel explain no more than they do by chance.
         model: for each frame ``"tone"``, ``"chips"``, ``"rows"``, or ``"given"``.
         frequency: (frames,) of the tone, or the chip rate, Hz; NaN for rows and given light.
         toe: (frames,) toe of the tone curve, as share of white; mostly 0.
@@ -158,7 +158,7 @@ def remove_bands(
     """
     task = _Task(model, keep, level, options or CleaningOptions())
     stack = _stacked(frames, "frames", camera.scan_axis)
-    given = None if light is None else _given_light(light, camera, start, stack.shape[:2])
+    given = None if light is None else _given_light(light, camera, start, stack.shape[:2], stack.shape[3])
     parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
     lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
     done = [_clean(part, camera, None if lights is None else lights[k], task) for k, part in enumerate(parts)]
@@ -166,15 +166,15 @@ def remove_bands(
     pictures = np.concatenate([one[0] for one in done])
     marks = np.concatenate([one[1] for one in done])
     shares = np.concatenate([one[2] for one in done])
-    found = [row_light for one in done for row_light in one[3]]
-    rows = np.stack([row_light.light for row_light in found])
+    found = [of_frame for one in done for of_frame in one[3]]
+    rows = np.stack([np.stack([own.light for own in of_frame], axis=-1) for of_frame in found])
     return CleanedFrames(
         frames=_as_given(pictures, camera.scan_axis, dimensions),
         marks=_as_given(marks, camera.scan_axis, dimensions),
-        light=rows[0] if dimensions == 2 else rows,
+        light=rows if dimensions == 4 else rows[..., 0] if dimensions == 3 else rows[0, :, 0],
         share=_as_given(shares, camera.scan_axis, dimensions),
-        model=tuple(row_light.model for row_light in found),
-        frequency=np.array([row_light.frequency for row_light in found]),
+        model=tuple(of_frame[0].model for of_frame in found),
+        frequency=np.array([of_frame[0].frequency for of_frame in found]),
         toe=np.concatenate([np.full(len(one[0]), one[4]) for one in done]),
     )
 
@@ -245,8 +245,8 @@ def _as_given(stack: npt.NDArray[Any], scan_axis: str, dimensions: int) -> npt.N
 
 
 def _given_light(
-    light: npt.ArrayLike | Waveform, camera: Camera, start: float, shape: tuple[int, ...]
-) -> list[RowLight]:
+    light: npt.ArrayLike | Waveform, camera: Camera, start: float, shape: tuple[int, ...], colours: int
+) -> list[list[RowLight]]:
     count, rows = shape
     if isinstance(light, Waveform):
         every = integrate_exposure(light, camera, rows, start=start, frames=count if count > 1 else None)
@@ -260,13 +260,14 @@ def _given_light(
     if not (mean > 0).any():
         raise ValueError("light: got no light at all, allowed: rows of which some are lit")
     common = mean[mean > 0].mean()  # one scale for all frames, since a frame may be without the light
-    return [RowLight(row / common, float((values / common).max()), "given", float("nan")) for row in values]
+    full = float((values / common).max())
+    return [[RowLight(row / common, full, "given", float("nan"))] * colours for row in values]
 
 
-_Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], list[RowLight], float]
+_Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], list[list[RowLight]], float]
 
 
-def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None, task: _Task) -> _Done:
+def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] | None, task: _Task) -> _Done:
     """Clean frames (frames, rows, columns, colours) of one scene."""
     stored_light = linear_light(stack, camera)
     saturated = stack >= saturation_level(camera, stack.dtype)
@@ -275,25 +276,24 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[RowLight] | None
     white = white_level(camera, stack.dtype) - camera.dark_level
     toe = task.options.toe or 0.0
     light, variance = with_toe(stored_light, noise, toe, white)
-    found = given or [_found(light[k], variance[k], camera, task) for k in range(len(stack))]
-    if task.options.toe is None and camera.tone_curve != "linear" and found[0].model == "chips":
+    found = given or [find_colour_lights(light[k], variance[k], camera, task.model) for k in range(len(stack))]
+    if task.options.toe is None and camera.tone_curve != "linear" and found[0][0].model == "chips":
         toe = find_toe(stored_light[0], noise[0], white)
         if toe > 0.0:
             light, variance = with_toe(stored_light, noise, toe, white)
-            always = replace(task, model="chips")
-            found = [_found(light[k], variance[k], camera, always) for k in range(len(stack))]
-    rows = np.stack([row_light.light for row_light in found])
-    pictures, marks, shares = [np.empty(stack.shape, kind) for kind in (stack.dtype, np.uint8, np.float32)]
+            found = [find_colour_lights(light[k], variance[k], camera, "chips") for k in range(len(stack))]
+    rows = np.stack([[own.light for own in of_frame] for of_frame in found])  # (frames, colours, rows)
+    share = colour_shares(light, variance, rows)
+    pictures, marks = np.empty_like(stack), np.empty(stack.shape, np.uint8)
     for colour in range(stack.shape[3]):
-        one, spread = (np.ascontiguousarray(values[..., colour]) for values in (light, variance))
-        share = _core.light_share(one, spread, rows, True)
-        for k, row_light in enumerate(found):
-            values, mark = _restored(one[k], saturated[k, ..., colour], share, row_light, task)
+        for k, of_frame in enumerate(found):
+            one = saturated[k, ..., colour]
+            values, mark = _restored(light[k, ..., colour], one, share[..., colour], of_frame[colour], task)
             stored = stored_values(lowered(values, toe, white), camera, stack.dtype)
             untouched = (mark == Mark.SATURATED) & (task.keep == "picture")
             pictures[k, ..., colour] = np.where(untouched, stack[k, ..., colour], stored)
             marks[k, ..., colour] = mark
-            shares[k, ..., colour] = share
+    shares = np.broadcast_to(share.astype(np.float32), stack.shape)
     return pictures, marks, shares, found, toe
 
 
@@ -307,12 +307,6 @@ def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None
             bend = np.abs(values[:, :, 2:] - 2 * values[:, :, 1:-1] + values[:, :, :-2])
             noise = max(step, float(np.median(bend)) / (0.6745 * np.sqrt(6.0)))
     return np.asarray((noise * light_per_step(stack, camera)) ** 2)
-
-
-def _found(light: FloatArray, variance: FloatArray, camera: Camera, task: _Task) -> RowLight:
-    """Estimate the row light of one frame (rows, columns, colours) from the colours that show it."""
-    lit = lit_colours(light, variance)
-    return find_row_light(light[..., lit].sum(axis=2), variance[..., lit].sum(axis=2), camera, task.model)
 
 
 def _restored(

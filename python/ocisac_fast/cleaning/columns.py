@@ -34,16 +34,14 @@ class Columns:
         share = np.broadcast_to(np.clip(of_columns / most, 0.02, 1.0), self.light.shape)
         return self._refined(share, np.maximum(1 + most * (rows - 1), 0.0), basis, deviation, steps)
 
-    def misfit(self, rows: FloatArray, lag: int) -> float:
-        """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart after division by a light of mean 1.
+    def depth(self, rows: FloatArray) -> float:
+        """Mean share of a row light of mean 1."""
+        return float(self._share_of_columns(rows).mean())
 
-        A lower value is more likely. The logarithm limits the influence of edges."""
+    def misfit(self, rows: FloatArray, lag: int) -> float:
+        """:func:`misfit` after division by a light of mean 1."""
         left = np.maximum(1 + self._share_of_columns(rows) * (rows[:, None] - 1), _MIN_LEFT)
-        light, variance = self.light / left, self.variance / left**2
-        difference, mean = light[lag:] - light[:-lag], 0.5 * (light[lag:] + light[:-lag])
-        spread = difference**2 + variance[lag:] + variance[:-lag]
-        known = (mean > 0.0) & np.isfinite(spread)
-        return float(np.mean(np.log(_TEXTURE**2 + spread[known] / mean[known] ** 2))) if known.any() else 0.0
+        return misfit(self.light / left, self.variance / left**2, lag)
 
     def _share_of_columns(self, rows: FloatArray) -> FloatArray:
         lit = np.maximum(rows, 0.0)[None]
@@ -72,16 +70,32 @@ class Columns:
         return rows, certainty / max(float(certainty.max()), 1e-300)
 
 
-def lit_colours(light: FloatArray, variance: FloatArray) -> list[int]:
-    """Colours of (rows, columns, colours) to add: the one of the largest swing, and those of nearly the same swing."""
+def misfit(light: FloatArray, variance: FloatArray, lag: int) -> float:
+    """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart of (..., rows, columns).
+
+    A lower value is more likely. The logarithm limits the influence of edges."""
+    after, before = light[..., lag:, :], light[..., :-lag, :]
+    mean = 0.5 * (after + before)
+    spread = (after - before) ** 2 + variance[..., lag:, :] + variance[..., :-lag, :]
+    known = (mean > 0.0) & np.isfinite(spread)
+    return float(np.mean(np.log(_TEXTURE**2 + spread[known] / mean[known] ** 2))) if known.any() else 0.0
+
+
+def alike_colours(light: FloatArray, variance: FloatArray) -> list[list[int]]:
+    """Groups of colours of (rows, columns, colours) with nearly the same course and depth, largest swing first."""
     rows = np.stack([_row_means(light[..., k], variance[..., k]) for k in range(light.shape[2])])
     basis = slow_terms(rows.shape[1])
     swings = rows - (basis @ np.linalg.lstsq(basis, rows.T, rcond=None)[0]).T
     deviation = np.sqrt(np.mean(swings**2, axis=1)) + 1e-100
     depth = deviation / np.maximum(rows.mean(axis=1), 1e-300)
-    best = int(np.argmax(deviation))
-    alike = swings @ swings[best] / len(basis) / (deviation * deviation[best])
-    return [k for k in range(len(rows)) if k == best or (alike[k] > 0.9 and depth[k] > 0.7 * depth[best])]
+    alike = swings @ swings.T / len(basis) / np.outer(deviation, deviation)
+    groups: list[list[int]] = []
+    left = sorted(range(len(rows)), key=lambda k: -deviation[k])
+    while left:
+        best = left[0]
+        groups.append([k for k in left if k == best or (alike[k, best] > 0.9 and depth[k] > 0.7 * depth[best])])
+        left = [k for k in left if k not in groups[-1]]
+    return groups
 
 
 def scaled(rows: FloatArray) -> FloatArray:

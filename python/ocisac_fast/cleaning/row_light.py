@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.chip_light import chip_light
-from ocisac_fast.cleaning.columns import Columns, FloatArray
-from ocisac_fast.cleaning.tone_light import tone_light
+from ocisac_fast.cleaning.columns import Columns, FloatArray, alike_colours
+from ocisac_fast.cleaning.tone_light import ToneLight, tone_light, with_frequency
 
 MODELS = ("auto", "tone", "chips", "rows")
 _ENOUGH_OF_TONE = 0.5  # min. share of the rows' swing that a tone explains
 _SURELY_TONE = 0.9  # the same where chips are not tried
+_AGREEMENT = 0.995  # min. correlation of a colour's tone with that of its group: 6 degrees of phase
+_SAME_CYCLES = 0.5  # max. difference of the cycles in a frame of two colours of one light
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,11 +26,49 @@ class RowLight:
     full: float
     model: str
     frequency: float
+    tone: ToneLight | None = field(default=None, repr=False)
 
 
-def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, model: str) -> RowLight:
-    """Estimate the row light from one colour of linear light (rows, columns) and its noise variance (inf: no data)."""
-    picture = Columns(light, variance)
+def find_colour_lights(light: FloatArray, variance: FloatArray, camera: Camera, model: str) -> list[RowLight]:
+    """Estimate the row light of each colour of (rows, columns, colours) and its noise variance (inf: no data).
+
+    The light of discharge lamps and of phosphors changes colour over a cycle. Colours of similar course are added.
+    Other groups have tone or chips of their own if their frequency is that of the strongest group, else its light.
+    Tones are then fitted to every colour at their mean frequency.
+    """
+    groups = alike_colours(light, variance)
+    pictures = [Columns(light[..., group].sum(axis=2), variance[..., group].sum(axis=2)) for group in groups]
+    main = find_row_light(pictures[0], camera, model)
+    found = [main]
+    for picture in pictures[1:]:
+        own = main if main.model == "rows" else find_row_light(picture, camera, model)
+        away = abs(own.frequency - main.frequency) * len(main.light) * camera.row_period
+        found.append(own if own.model == main.model and away < _SAME_CYCLES else main)
+    by_colour = [found[next(k for k, group in enumerate(groups) if c in group)] for c in range(light.shape[2])]
+    if main.tone is None or len(by_colour) == 1:
+        return by_colour
+    weights = [picture.depth(one.light) ** 2 for picture, one in zip(pictures, found, strict=True)]
+    frequency = float(np.average([one.frequency for one in found], weights=weights))
+    return [
+        _tone_of_colour(Columns(light[..., c], variance[..., c]), one, frequency, camera.row_period)
+        for c, one in enumerate(by_colour)
+    ]
+
+
+def _tone_of_colour(picture: Columns, of_group: RowLight, frequency: float, row_time: float) -> RowLight:
+    """The tone of a colour at a given frequency; that of its group where they agree."""
+    assert of_group.tone is not None
+    own = with_frequency(picture, of_group.tone, frequency, row_time)
+    agrees = np.corrcoef(own.light, of_group.light)[0, 1] > _AGREEMENT
+    return of_group if agrees else _row_light_of(own)
+
+
+def _row_light_of(tone: ToneLight) -> RowLight:
+    return RowLight(tone.light, float(tone.light.max()), "tone", tone.frequency, tone)
+
+
+def find_row_light(picture: Columns, camera: Camera, model: str) -> RowLight:
+    """Estimate the row light of a picture."""
     rows, weight = picture.free()
     tries = {
         "tone": (("tone", None),),
@@ -39,7 +79,7 @@ def find_row_light(light: FloatArray, variance: FloatArray, camera: Camera, mode
         if kind == "tone":
             tone = tone_light(picture, rows, weight, camera.row_period, enough)
             if tone is not None:
-                return RowLight(tone.light, float(tone.light.max()), "tone", tone.frequency)
+                return _row_light_of(tone)
         else:
             chips = chip_light(picture, rows, weight, camera.row_period, always=model == "chips")
             if chips is not None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ocisac_fast.cleaning.chip_light import unexplained
-from ocisac_fast.cleaning.columns import Columns, FloatArray, lit_colours
+from ocisac_fast.cleaning.columns import Columns, FloatArray, alike_colours
 
 _LADDER = (1 / 32, 1 / 8)  # candidates in order; values in between give nearly the same picture
 _LESS_LEFT = 0.6  # max. ratio of the unexplained shares with and without toe; noise of the rows alone may give 0.64
@@ -46,7 +46,7 @@ def with_toe(light: FloatArray, variance: FloatArray, toe: float, white: float) 
 def find_toe(light: FloatArray, variance: FloatArray, white: float) -> float:
     """Estimate the toe of one frame (rows, columns, colours) under chips: the candidate with the best fit, or 0."""
 
-    colours = lit_colours(light, variance)
+    colours = alike_colours(light, variance)[0]
     light, variance = light[..., colours], variance[..., colours]
 
     def left(toe: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,10 +15,11 @@ _MUCH_LIKELIER = 0.01  # min. decrease of the misfit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToneLight:
-    """Light of each row, mean 1, and frequency, Hz."""
+    """Light of each row, mean 1; frequency, Hz; number of harmonics."""
 
     light: FloatArray
     frequency: float
+    harmonics: int
 
 
 def tone_light(
@@ -44,13 +45,20 @@ def tone_light(
         return None
     tones = periodic * fitted[-periodic.shape[1] :]
     fundamental = tones[:, [0, periodic.shape[1] // 2]]
-    light, frequency = _likeliest(picture, tones.sum(axis=1), fundamental.sum(axis=1), found.harmonics, frequency)
-    return ToneLight(light, frequency / row_time)
+    best = _likeliest(picture, tones.sum(axis=1), fundamental.sum(axis=1), found.harmonics, frequency)
+    return replace(best, frequency=best.frequency / row_time)
+
+
+def with_frequency(picture: Columns, tone: ToneLight, frequency: float, row_time: float) -> ToneLight:
+    """The tone, fitted to the picture again at a given frequency, Hz."""
+    basis = _periodic_basis(len(tone.light), tone.harmonics, frequency * row_time)
+    fitted = np.linalg.lstsq(basis, picture.refined(tone.light, basis, steps=24)[0], rcond=None)[0]
+    return ToneLight(_fully_modulated(basis[:, 1:] @ fitted[1:]), frequency, tone.harmonics)
 
 
 def _likeliest(
     picture: Columns, all_of_rows: FloatArray, fundamental: FloatArray, harmonics: int, frequency: float
-) -> tuple[FloatArray, float]:
+) -> ToneLight:
     """The fundamental alone, or with harmonics if these decrease the misfit clearly.
 
     Periodic texture resembles harmonics if the fit starts with those of the rows, so both starts are tried."""
@@ -58,20 +66,25 @@ def _likeliest(
     if harmonics == 1:
         return best
     lag = max(round(0.25 / frequency), 1)
-    least = picture.misfit(best[0], lag)
+    least = picture.misfit(best.light, lag)
     for start in (fundamental, all_of_rows):
         tried = _fitted_to(picture, start, harmonics, frequency)
-        misfit = picture.misfit(tried[0], lag)
+        misfit = picture.misfit(tried.light, lag)
         if misfit < least - _MUCH_LIKELIER:
             best, least = tried, misfit
     return best
 
 
-def _fitted_to(picture: Columns, start: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
+def _fitted_to(picture: Columns, start: FloatArray, harmonics: int, frequency: float) -> ToneLight:
     light = _fully_modulated(start)
     for _ in range(2):
         light, frequency = _tone_of_picture(picture, light, harmonics, frequency)
-    return light, frequency
+    return ToneLight(light, frequency, harmonics)
+
+
+def _periodic_basis(rows: int, harmonics: int, frequency: float) -> FloatArray:
+    """(rows, terms): a constant, then `_harmonics`."""
+    return np.concatenate([np.ones((rows, 1)), _harmonics(rows, harmonics, frequency)], axis=1)
 
 
 def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
@@ -85,17 +98,17 @@ def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
 def _tone_of_picture(picture: Columns, light: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
     """Fit the tone to the picture, and its frequency f by one Gauss-Newton step; d/df is proportional to t."""
     rows = len(light)
-    periodic = _harmonics(rows, harmonics, frequency)
+    periodic = _periodic_basis(rows, harmonics, frequency)
     half, time = periodic.shape[1] // 2, np.arange(rows) - 0.5 * (rows - 1)
-    drift = time[:, None] * periodic[:, [0, half]] / rows
-    basis = np.concatenate([np.ones((rows, 1)), periodic, drift], axis=1)
+    drift = time[:, None] * periodic[:, [1, 1 + half]] / rows
+    basis = np.concatenate([periodic, drift], axis=1)
     fitted = np.linalg.lstsq(basis, picture.refined(light, basis, steps=24)[0], rcond=None)[0]
     cosine, sine = fitted[1], fitted[1 + half]
     change = (fitted[-2] * sine - fitted[-1] * cosine) / (2 * np.pi * rows * max(cosine**2 + sine**2, 1e-300))
     if abs(change) * rows > 0.25:  # cycles: outside the range of a linear step
         change = 0.0
-    basis[:, 1:-2] = _harmonics(rows, harmonics, frequency + change)
-    return _fully_modulated(basis[:, 1:-2] @ fitted[1:-2]), frequency + change
+    moved = _harmonics(rows, harmonics, frequency + change)
+    return _fully_modulated(moved @ fitted[1:-2]), frequency + change
 
 
 def _fully_modulated(tone: FloatArray) -> FloatArray:

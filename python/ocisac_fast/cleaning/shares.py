@@ -1,0 +1,77 @@
+"""Share of the light in every pixel of every colour: one for each pixel, or one for the whole picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ocisac_fast import _core
+from ocisac_fast.cleaning.columns import FloatArray, misfit
+
+_MAX_TRIED_COLUMNS = 256  # of a picture, in its middle, for the gain by chance
+_CLEAR_GAIN = 0.1  # of the log-likelihood of a pair of pixels; by chance at most 0.03
+_GAIN_OVER_CHANCE = 2.0  # pictures under an even light have 0.8 to 1.6, lights that cost 1 dB with one share 2 and more
+_MIN_LEFT = 0.02  # lower bound of a light that is a divisor
+_STEPS = 40
+
+
+def colour_shares(light: FloatArray, variance: FloatArray, rows: FloatArray) -> FloatArray:
+    """Shares (rows, columns, colours) of the row lights (frames, colours, rows) in frames of one scene.
+
+    ``light``, ``variance``: (frames, rows, columns, colours), linear.
+
+    A light that is the only one, or that lights all alike, has one share. Shares by pixel then follow texture. They
+    replace one share for each colour only where they increase the likelihood more than they do by chance: twice as much
+    as for an even light that is put onto the cleaned picture, with the course of this one, moved along the rows.
+    """
+    pictures = [
+        (np.ascontiguousarray(light[..., k]), np.ascontiguousarray(variance[..., k]), np.ascontiguousarray(rows[:, k]))
+        for k in range(light.shape[3])
+    ]
+    maps = [_core.light_share(*picture, True) for picture in pictures]
+    single = [_one_share(*picture, share) for picture, share in zip(pictures, maps, strict=True)]
+    gain = sum(_gain(*picture, share, one) for picture, share, one in zip(pictures, maps, single, strict=True))
+    if gain < _CLEAR_GAIN * len(maps) and gain < _GAIN_OVER_CHANCE * sum(
+        _gain_by_chance(*picture, share, one) for picture, share, one in zip(pictures, maps, single, strict=True)
+    ):
+        maps = [np.full_like(share, one) for share, one in zip(maps, single, strict=True)]
+    return np.stack(maps, axis=-1)
+
+
+def _left(rows: FloatArray, share: FloatArray | float) -> FloatArray:
+    return np.maximum(1 + share * (rows[:, :, None] - 1), _MIN_LEFT)
+
+
+def _misfit(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray | float) -> float:
+    left = _left(rows, share)
+    return misfit(light / left, variance / left**2, _core.comparison_lag(rows))
+
+
+def _one_share(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray) -> float:
+    """The likeliest share of all pixels, within 0.1 of the median of their own ones."""
+    middle = float(np.median(share))
+    tried = np.linspace(max(middle - 0.1, 0.0), min(middle + 0.1, 1.0), _STEPS + 1)
+    every = max(1, light.shape[2] // _MAX_TRIED_COLUMNS)
+    light, variance = light[..., ::every], variance[..., ::every]
+    return float(tried[np.argmin([_misfit(light, variance, rows, one) for one in tried])])
+
+
+def _gain(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray, one: float) -> float:
+    return _misfit(light, variance, rows, one) - _misfit(light, variance, rows, share)
+
+
+def _gain_by_chance(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray, one: float) -> float:
+    start = max(0, light.shape[2] - _MAX_TRIED_COLUMNS) // 2
+    middle = slice(start, start + _MAX_TRIED_COLUMNS)
+    moved = np.stack([_unlike(of_frame) for of_frame in rows])
+    change = _left(moved, one) / _left(rows, share[:, middle])
+    even = np.ascontiguousarray(light[..., middle] * change)
+    spread = np.ascontiguousarray(variance[..., middle] * change**2)
+    found = _core.light_share(even, spread, moved, True)
+    return _gain(even, spread, moved, found, _one_share(even, spread, moved, found))
+
+
+def _unlike(rows: FloatArray) -> FloatArray:
+    """The row light, moved by a quarter to three quarters of the frame to where it correlates least with itself."""
+    swing = rows - rows.mean()
+    moves = range(len(rows) // 4, 3 * len(rows) // 4 + 1)
+    return np.roll(rows, min(moves, key=lambda move: abs(float(swing @ np.roll(swing, move)))))
