@@ -23,12 +23,15 @@ tidy = cmake -S . -B build/tidy -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
   xargs -r -P $(JOBS) -n 1 clang-tidy -p build/tidy --quiet --warnings-as-errors='*' \
   --extra-arg=-DHWY_COMPILE_ONLY_STATIC 2>/dev/null
 
+# of fuzzing, for each target
+SECONDS ?= 60
+
 export PYTHON
 export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test chart limits reproduce nightly lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
+.PHONY: help demo test chart limits reproduce nightly fuzz lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
@@ -37,6 +40,7 @@ help:
 	@echo 'make limits    where methods fail, and what the library does there: docs/limits.png, docs/limits.md'
 	@echo 'make reproduce the paper'\''s figures and table: docs/paper/*.png, docs/paper.md'
 	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
+	@echo 'make fuzz      the fuzz targets (fuzz/), each for SECONDS=$(SECONDS), two at a time'
 	@echo 'make wheel     dist/: a wheel that stands alone, tried in a fresh environment'
 	@echo 'make deb       build/deb: a Debian package that stands alone, tried in a clean root'
 	@echo 'make arm64     cross-built for 64-bit Arm, tests under qemu-user'
@@ -67,12 +71,21 @@ nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
 	@echo '==> a million damaged packets'
 	@$(build)/cpp/tests/ocisac_tests --no-skip -tc='a million*'
+	@$(MAKE) --no-print-directory fuzz SECONDS=170
 	@echo '==> static analyzer'
 	@scripts/system-packages lint
 	@$(tidy)
 	@$(tidy) --checks='-*,clang-analyzer-*,-clang-analyzer-security.FloatLoopCounter'
 	@echo '==> Python tests, those of minutes included, with ten times the random cases'
 	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest -m '' --hypothesis-profile nightly $(PYTEST_ARGS)
+
+# libFuzzer targets. Nightly: 170 s each are ten minutes in all.
+fuzz: packages
+	@scripts/system-packages fuzz
+	@echo '==> fuzz targets: build'
+	@cmake --preset fuzz >/dev/null && scripts/with-progress build/fuzz/build.log cmake --build --preset fuzz
+	@echo '==> fuzz targets: $(SECONDS) s each'
+	@fuzz/run build/fuzz $(SECONDS)
 
 build: packages $(VENV)/.requirements-cli $(VENV)/.extension
 

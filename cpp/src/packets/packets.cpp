@@ -47,13 +47,17 @@ unsigned crc4(unsigned header) {
   return rest;
 }
 
-// Bytes of the sequence s_n = s_(n−5) ⊕ s_(n−9), nine ones first: PN9; it prevents long runs in line code "none".
-std::vector<std::uint8_t> whitening(std::size_t bytes) {
-  std::vector<std::uint8_t> s(std::max<std::size_t>(8 * bytes, 9), 1), result(bytes);
+// Bytes of the sequence s_n = s_(n−5) ⊕ s_(n−9), nine ones first: PN9; it prevents long runs in line code "none". The
+// period is 511 bits, thus 511 bytes as well.
+constexpr auto kWhitening = [] {
+  std::array<std::uint8_t, 511> bytes{};
+  std::array<std::uint8_t, 8 * 511> s{1, 1, 1, 1, 1, 1, 1, 1, 1};
   for (std::size_t n = 9; n < s.size(); ++n) s[n] = s[n - 5] ^ s[n - 9];
-  for (std::size_t n = 0; n < 8 * bytes; ++n) result[n / 8] = static_cast<std::uint8_t>(result[n / 8] << 1 | s[n]);
-  return result;
-}
+  for (std::size_t n = 0; n < s.size(); ++n) bytes[n / 8] = static_cast<std::uint8_t>(bytes[n / 8] << 1 | s[n]);
+  return bytes;
+}();
+
+std::uint8_t whitening(std::size_t position) { return kWhitening[position % kWhitening.size()]; }
 
 struct Place {
   std::size_t codeword, symbol;
@@ -206,7 +210,6 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
   require(number <= 255, "number", number, "0 to 255");
   const PacketLayout layout = packet_layout(payload.size(), format);
   const auto words = codewords_of(payload, number, layout);
-  const auto white = whitening(layout.blocks * format.block_bytes);
   std::vector<std::uint8_t> chips, bits;
   chips.reserve(layout.cycle_chips());
   for (std::size_t block = 0; block < layout.blocks; ++block) {
@@ -214,7 +217,7 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
     append_bits(bits, header_of(block, number, layout), 16);
     for (std::size_t position = block * format.block_bytes; position < (block + 1) * format.block_bytes; ++position) {
       const Place place = place_of(position, layout);
-      append_bits(bits, words[place.codeword][place.symbol] ^ white[position], 8);
+      append_bits(bits, words[place.codeword][place.symbol] ^ whitening(position), 8);
     }
     const auto of_block = chips_of_block(bits, format);
     chips.insert(chips.end(), of_block.begin(), of_block.end());
@@ -249,9 +252,7 @@ bool PacketAssembler::Vote::change(unsigned seen) {
 }
 
 PacketAssembler::PacketAssembler(PacketFormat format)
-    : format_(std::move(format)),
-      block_chips_(block_chips(format_)),
-      whitening_(whitening(kMaxBlocks * format_.block_bytes)) {}
+    : format_(std::move(format)), block_chips_(block_chips(format_)) {}
 
 void PacketAssembler::lose_clock() {
   ++epoch_;
@@ -422,7 +423,7 @@ void PacketAssembler::place_block(std::span<const double> chips, std::size_t blo
     const Place place = place_of(position, *layout_);
     float* const soft = &soft_bits_[8 * (place.codeword * ReedSolomon::kLength + place.symbol)];
     for (std::size_t bit = 0; bit < 8; ++bit) {
-      const bool inverted = (whitening_[position] >> (7 - bit) & 1U) != 0;
+      const bool inverted = (whitening(position) >> (7 - bit) & 1U) != 0;
       const double llr = std::clamp(decoded.llr[bit], -kMaxSoftBit, kMaxSoftBit);
       soft[bit] += static_cast<float>(inverted ? -llr : llr);
     }

@@ -277,7 +277,9 @@ double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLin
   std::vector<Deviation> deviations;
   double product = 0, square = 0;
   for (const auto& [order, level] : lines.subspan(1)) {
-    const auto ratio = [&](double factor) { return harmonic_ratio(order, factor * light.exposure_cycles, light.duty); };
+    const auto ratio = [&, harmonic = order](double factor) {
+      return harmonic_ratio(harmonic, factor * light.exposure_cycles, light.duty);
+    };
     const double expected = ratio(1);
     const double slope = size * (ratio(1.001) - ratio(0.999)) / 0.002;
     const auto turned = level * std::polar(1.0, -order * start);

@@ -156,7 +156,6 @@ class PacketAssembler {
 
   PacketFormat format_;
   std::size_t block_chips_;
-  std::vector<std::uint8_t> whitening_;  // (bytes of the longest cycle)
   Vote parity_;
   std::array<Vote, 4> digits_;
   std::optional<PacketLayout> layout_;

@@ -1,0 +1,138 @@
+// ocisac.h: receivers are created with any options, get frames of any size, stride and type, are polled and destroyed.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "fuzz.hpp"
+#include "ocisac/ocisac.h"
+
+using namespace ocisac;
+
+namespace {
+
+struct Destroy {
+  void operator()(ocisac_receiver* receiver) const { ocisac_destroy(receiver); }
+};
+using Receiver = std::unique_ptr<ocisac_receiver, Destroy>;
+
+double any_double(FuzzedDataProvider& bytes) {
+  const auto bits = bytes.ConsumeIntegral<std::uint64_t>();
+  double value = 0;
+  std::memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+// One of `usual`, mostly.
+double number(FuzzedDataProvider& bytes, std::array<double, 4> usual) {
+  return bytes.ConsumeIntegral<std::uint8_t>() < 240 ? bytes.PickValueInArray(usual) : any_double(bytes);
+}
+
+ocisac_options options_of(FuzzedDataProvider& bytes) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  ocisac_options options;
+  ocisac_options_init(&options);
+  options.row_time = number(bytes, {20e-6, 20e-6, 10e-6, 1});
+  options.exposure = number(bytes, {nan, 40e-6, 200e-6, 0});
+  options.frame_time = number(bytes, {nan, 1.0 / 30, 300 * 20e-6, 0});
+  options.frequency = number(bytes, {nan, 900, 25e3, 1e9});
+  options.chip_rate = number(bytes, {nan, 5000, 12.5e3, 1});
+  options.sense_frequency = number(bytes, {nan, nan, 300, 0});
+  options.dark_level = number(bytes, {0, 0, 16, 255});
+  options.white_level = number(bytes, {0, 255, 235, 16});
+  options.background = number(bytes, {0, 0, 5, 1e6});
+  options.duty = number(bytes, {0.5, 0.5, 0.1, 1});
+  options.waveform = bytes.ConsumeIntegralInRange<std::int32_t>(0, 2);
+  options.line_code = bytes.ConsumeIntegralInRange<std::int32_t>(-1, 4);
+  options.block_bytes = bytes.ConsumeBool() ? 16 : bytes.ConsumeIntegral<std::uint32_t>() % 300;
+  options.lengthened = bytes.ConsumeBool();
+  options.want_gain = bytes.ConsumeBool();
+  options.want_data = bytes.ConsumeBool();
+  if (bytes.ConsumeBool())
+    for (auto* value : {&options.region.x, &options.region.y, &options.region.width, &options.region.height})
+      *value = bytes.ConsumeBool() ? bytes.ConsumeIntegral<std::uint8_t>() : bytes.ConsumeIntegral<std::uint32_t>();
+  if (bytes.ConsumeIntegral<std::uint8_t>() == 0) options.size = bytes.ConsumeIntegral<std::uint16_t>();
+  return options;
+}
+
+// A picture in memory of its own that ends where its last pixel ends.
+struct Picture {
+  std::vector<std::uint8_t> memory;
+  ocisac_frame frame{};
+};
+
+Picture picture_of(FuzzedDataProvider& bytes) {
+  Picture picture;
+  ocisac_frame& frame = picture.frame;
+  frame.format = bytes.ConsumeIntegral<std::uint8_t>() % 16 == 0 ? 2 : bytes.ConsumeBool();
+  frame.width = bytes.PickValueInArray({8U, 1U, 3U, 17U});
+  frame.height = bytes.PickValueInArray({120U, 1U, 60U, 0U});
+  const std::size_t pixel = frame.format == OCISAC_GRAY16 ? 2 : 1, row = pixel * frame.width;
+  const auto added = bytes.ConsumeIntegralInRange<std::ptrdiff_t>(-2, 9);
+  frame.stride = static_cast<std::ptrdiff_t>(row) + added;
+  const auto distance = std::max(row, static_cast<std::size_t>(std::abs(frame.stride)));
+  picture.memory.resize(frame.height > 0 ? (frame.height - 1) * distance + row : 0);
+  // Chips, a square wave, noise, or constant light.
+  const auto kind = bytes.ConsumeIntegral<std::uint8_t>() % 4;
+  const std::uint8_t seed = bytes.ConsumeIntegral<std::uint8_t>();
+  for (std::size_t k = 0; k < picture.memory.size(); ++k) {
+    const std::size_t y = k / distance, noise = (k + seed) * 2654435761U >> 8 & 15U;
+    const bool bright = kind == 0 ? (0x9A6C35E1U >> (y / 4 + seed) % 32 & 1U) != 0 : kind == 1 && y / 10 % 2 != 0;
+    picture.memory[k] = static_cast<std::uint8_t>(kind == 2 ? noise * seed : noise / 4 + (bright ? 180U : 30U));
+  }
+  for (unsigned drawn = bytes.ConsumeIntegral<std::uint8_t>() % 8; drawn > 0 && !picture.memory.empty(); --drawn) {
+    const auto at = bytes.ConsumeIntegralInRange<std::size_t>(0, picture.memory.size() - 1);
+    picture.memory[at] = bytes.ConsumeIntegral<std::uint8_t>();
+  }
+  if (bytes.ConsumeBool()) frame.stride = -frame.stride;
+  const bool upwards = frame.stride < 0;
+  frame.pixels = picture.memory.data() + (upwards ? picture.memory.size() - std::min(row, picture.memory.size()) : 0);
+  return picture;
+}
+
+void poll(ocisac_receiver* receiver) {
+  ocisac_result result;
+  ocisac_result_init(&result);
+  const int code = ocisac_poll(receiver, &result);
+  fuzz::claim(code == OCISAC_OK || code == OCISAC_NOTHING || (receiver == nullptr && code == OCISAC_BAD_ARGUMENT));
+  if (code != OCISAC_OK) return;
+  fuzz::claim(std::strlen(result.bits) == result.bit_count);
+  fuzz::claim(std::string_view(result.bits).find_first_not_of("01") == std::string_view::npos);
+  fuzz::claim(result.payload == nullptr && result.payload_bytes == 0);  // none was sent
+  fuzz::claim(std::isnan(result.gain_std) || result.gain_std >= 0);
+}
+
+// A code of the header, and a message with each that is bad.
+void check_code(int code) {
+  fuzz::claim(code == OCISAC_OK || code == OCISAC_BAD_ARGUMENT);
+  if (code == OCISAC_BAD_ARGUMENT)
+    fuzz::claim(std::string_view(ocisac_last_error()).find(": got ") != std::string_view::npos);
+}
+
+}  // namespace
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  FuzzedDataProvider bytes(data, size);
+  std::array<Receiver, 2> receivers;
+  for (int calls = 0; calls < 6 && bytes.remaining_bytes() > 0; ++calls) {
+    auto& receiver = receivers[bytes.ConsumeBool() ? 1 : 0];
+    if (!receiver || bytes.ConsumeIntegral<std::uint8_t>() < 16) {
+      const ocisac_options options = options_of(bytes);
+      ocisac_receiver* made = nullptr;
+      const int code = ocisac_create(&options, &made);
+      check_code(code);
+      fuzz::claim((made != nullptr) == (code == OCISAC_OK));
+      receiver.reset(made);
+      continue;
+    }
+    Picture picture = picture_of(bytes);
+    picture.frame.number = bytes.ConsumeBool() ? calls : bytes.ConsumeIntegral<std::int64_t>();
+    check_code(ocisac_push(receiver.get(), &picture.frame));
+    picture = {};  // freed before the result is read
+    if (bytes.ConsumeBool()) poll(receiver.get());
+  }
+  return 0;
+}
