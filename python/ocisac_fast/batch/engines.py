@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import importlib
 import importlib.metadata
+import json
 import logging
 import os
 import queue
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from ocisac_fast.batch.jobs import Job, Report, VersionError, Work
@@ -171,14 +173,20 @@ def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iter
         if scheduler is None:
             local = opened.enter_context(
                 distributed.LocalCluster(
-                    n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+                    n_workers=count,
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                    preload=["ocisac_fast.batch.worker"],
                 )
             )
             yield opened.enter_context(distributed.Client(local))
             return
-        where = {"scheduler_file": scheduler} if scheduler.endswith(".json") else {"address": scheduler}
         try:
-            client = distributed.Client(**where, timeout=_CONNECT_SECONDS)
-        except (OSError, ValueError, TimeoutError, ImportError) as error:
+            address = scheduler
+            if scheduler.endswith(".json"):
+                address = json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"]
+            client = distributed.Client(address, timeout=_CONNECT_SECONDS)
+        except (OSError, ValueError, KeyError, TimeoutError, ImportError) as error:
             raise ClusterError(f"scheduler {scheduler}: not there ({type(error).__name__})") from error
         yield opened.enter_context(client)

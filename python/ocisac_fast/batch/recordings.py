@@ -56,8 +56,14 @@ def _matching(path: str) -> Iterator[Entry]:
     if not files:
         raise ValueError(f"recordings: got {path}, allowed: a file, or a folder or pattern with files")
     for name, entry in files.items():
-        full = system.unstrip_protocol(name) if is_remote(path) else name
+        full = _url(system, path, inner, name) if is_remote(path) else name
         yield Entry(full, entry.get("size"), digest(f"{entry.get('size')} {modified(entry)}"))
+
+
+def _url(system: Any, pattern: str, inner: str, name: str) -> str:
+    """The URL of a listed file: with the host and user of the pattern, which a name lacks on some file systems."""
+    is_prefixed = pattern.endswith(inner)
+    return pattern.removesuffix(inner) + name if is_prefixed else str(system.unstrip_protocol(name))
 
 
 def _info(system: Any, path: str) -> dict[str, Any]:

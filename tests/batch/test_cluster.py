@@ -1,0 +1,232 @@
+"""Many recordings on real schedulers and workers: equal tables, whatever is killed; one line for what is wrong."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("click")
+pytest.importorskip("rich")
+pytest.importorskip("PIL.Image")
+pytest.importorskip("av")
+pytest.importorskip("fsspec")
+pytest.importorskip("pyarrow")
+pytest.importorskip("distributed")
+
+import distributed
+from conftest import MAX_FRAMES
+
+from ocisac_fast.batch import ClusterError, VersionError, cluster, measure_recordings, read_results
+from ocisac_fast.batch.results import Results
+from ocisac_fast.cli import main
+
+# Connections that die with killed processes are reported by the collector of garbage.
+pytestmark = pytest.mark.filterwarnings("ignore")
+GAIN = ["gain", "--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1202us"]
+OPTIONS = ["--max-frames", str(MAX_FRAMES)]
+
+
+class Processes:
+    """A scheduler and its workers, each a process of its own."""
+
+    def __init__(self, folder):
+        self.file = folder / "scheduler.json"
+        self.started = []
+        self.scheduler = self.start("dask_scheduler", "--port", "0", "--no-show", "--no-dashboard")
+        self.workers = []
+
+    def start(self, module, *words):
+        command = [
+            sys.executable,
+            "-W",
+            "ignore",
+            "-m",
+            f"distributed.cli.{module}",
+            "--scheduler-file",
+            str(self.file),
+        ]
+        process = subprocess.Popen([*command, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.started.append(process)
+        return process
+
+    def add_worker(self, *words):
+        self.workers.append(self.start("dask_worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", *words))
+
+    def kill(self):
+        for process in self.started:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def processes(tmp_path):
+    started = Processes(tmp_path)
+    yield started
+    started.kill()
+
+
+@contextlib.contextmanager
+def connected(processes, workers):
+    for _ in range(workers):
+        processes.add_worker()
+    deadline = time.monotonic() + 30
+    while not processes.file.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    with cluster(scheduler=str(processes.file)) as client:
+        if workers:
+            client.wait_for_workers(workers, timeout=30)
+        yield client
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_local_cluster_gives_the_same_table(workers, campaign, task, truth, tmp_path):
+    with cluster(workers=workers) as client:
+        done = measure_recordings(
+            campaign.folder, task, client=client, output=tmp_path / "results", max_frames=MAX_FRAMES
+        )
+        assert done.progress.finished == campaign.count
+        assert read_results(tmp_path / "results").equals(truth)
+        if workers == 2:
+            assert measure_recordings(campaign.folder, task, client=client, max_frames=MAX_FRAMES).table.equals(truth)
+
+
+def test_workers_and_a_scheduler_are_killed_and_each_row_is_there_once(campaign, task, truth, processes, tmp_path):
+    """A scheduler and workers of their own. Three workers die, then the scheduler; the run is started again."""
+    results = tmp_path / "results"
+    killed = []
+
+    def kill(progress):
+        if progress.finished >= 4 * (len(killed) + 1) and len(killed) < 3:
+            killed.append(processes.workers[len(killed)])
+            killed[-1].kill()
+            processes.add_worker()
+        elif progress.finished >= 20 and len(killed) == 3:
+            killed.append(processes.scheduler)
+            processes.scheduler.kill()
+
+    with connected(processes, 2) as client, pytest.raises(ClusterError, match=r"^scheduler tcp://.*: lost; what is"):
+        measure_recordings(campaign.folder, task, client=client, output=results, max_frames=MAX_FRAMES, report=kill)
+    assert len(killed) == 4
+    processes.kill()
+    finished = len(Results(results).names())
+    assert 20 <= finished < campaign.count
+    folder = tmp_path / "second"
+    folder.mkdir()
+    second = Processes(folder)
+    try:
+        with connected(second, 2) as client:
+            done = measure_recordings(campaign.folder, task, client=client, output=results, max_frames=MAX_FRAMES)
+        assert done.progress.skipped >= 18
+        assert done.progress.finished == campaign.count
+    finally:
+        second.kill()
+    assert read_results(results).equals(truth)
+
+
+def test_the_whole_run_is_killed_and_started_again(campaign, truth, tmp_path):
+    results = tmp_path / "results"
+    command = [sys.executable, "-m", "ocisac_fast.cli", "batch", str(campaign.folder), "-o", str(results)]
+    words = ["--workers", "2", *OPTIONS, *GAIN]
+    run = subprocess.Popen([*command, *words], start_new_session=True, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not results.exists() or len(Results(results).names()) < 8:
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    assert 8 <= len(Results(results).names()) < 45
+    assert main([*command[3:], "--workers", "0", *OPTIONS, *GAIN]) == 0
+    assert read_results(results).equals(truth)
+
+
+def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, task, truth, tmp_path):
+    """As a terminal sends it: to the process and its workers."""
+    results = tmp_path / "results"
+    words = ["batch", str(campaign.folder), "-o", str(results), "--workers", "2", *OPTIONS, *GAIN]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "ocisac_fast.cli", *words], start_new_session=True, stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60
+    while not results.exists() or len(Results(results).names()) < 5:
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.killpg(run.pid, signal.SIGINT)
+    _, err = run.communicate(timeout=30)
+    assert run.returncode == 130
+    assert err.splitlines() == [f"ocisac: interrupted; {results} keeps what is finished, the same command goes on"]
+    done = measure_recordings(campaign.folder, task, output=results, max_frames=MAX_FRAMES)
+    assert done.progress.skipped + done.progress.finished > done.progress.skipped > 0
+    assert read_results(results).equals(truth)
+
+
+@pytest.mark.nightly
+def test_a_recording_that_kills_every_worker_is_a_failure_and_no_more(campaign, task, processes, tmp_path):
+    (tmp_path / "crash.py").write_text(
+        "import os\nfrom ocisac_fast.batch import jobs\n"
+        "def measured(self, job, results):\n"
+        "    if job.entry.path.endswith('short-05.mkv'):\n        os.kill(os.getpid(), 9)\n"
+        "    return jobs.real(self, job, results)\n"
+        "if not hasattr(jobs, 'real'):\n    jobs.real, jobs.Work._measured = jobs.Work._measured, measured\n"
+    )
+    crash = ["--preload", str(tmp_path / "crash.py")]
+    with connected(processes, 0) as client:
+        for _ in range(2):
+            processes.start("dask_worker", "--nthreads", "1", "--nworkers", "1", "--no-dashboard", *crash)
+        client.wait_for_workers(2, timeout=30)
+        done = measure_recordings(campaign.folder / "night", task, client=client, output=tmp_path / "results")
+    assert done.progress.finished == 35
+    assert done.failures["message"].to_pylist() == ["its worker died 4 times"]
+    for process in processes.started[1:]:
+        process.terminate()  # nannies, which end their workers
+        process.wait()
+
+
+@pytest.mark.parametrize("what", ["version", "commit"])
+def test_another_version_on_a_worker_is_one_line(what, campaign, processes, tmp_path, capsys):
+    preload = {
+        "version": "import importlib.metadata\nimportlib.metadata.version = lambda _: '0.0.1'\n",
+        "commit": "from ocisac_fast.batch import jobs\njobs.build = lambda: {'version': '0.0.1', 'commit': 'abc'}\n",
+    }
+    (tmp_path / "old.py").write_text(preload[what])
+    with connected(processes, 0) as client:
+        processes.add_worker("--preload", str(tmp_path / "old.py"))
+        client.wait_for_workers(1, timeout=30)
+        words = ["batch", str(campaign.folder), "-o", str(tmp_path / "results"), "--scheduler", str(processes.file)]
+        assert main([*words, *GAIN]) == 2
+        err = capsys.readouterr().err.splitlines()
+        assert len(err) == 1
+        assert err[0].startswith("ocisac: ocisac_fast: ")
+        assert "0.0.1" in err[0]
+        assert err[0].endswith("allowed: the same")
+
+
+def test_a_scheduler_that_is_not_there_is_one_line(campaign, tmp_path, capsys):
+    words = ["batch", str(campaign.folder), "-o", str(tmp_path / "results"), *GAIN]
+    for scheduler in ("tcp://127.0.0.1:9", str(tmp_path / "none.json")):
+        began = time.monotonic()
+        assert main([*words[:4], "--scheduler", scheduler, *words[4:]]) == 2
+        assert time.monotonic() - began < 20
+        err = capsys.readouterr().err.splitlines()
+        assert len(err) == 1
+        assert err[0].startswith(f"ocisac: scheduler {scheduler}: not there")
+
+
+def test_the_package_does_without_dask(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with cluster() as client:
+        assert client is None
+    with pytest.raises(ClusterError, match="Dask: not installed: pip install"), cluster(workers=2):
+        pass
+
+
+def test_version_error_and_cluster_error_survive_the_way_to_the_client():
+    for kind in (VersionError, ClusterError):
+        error = distributed.protocol.deserialize(*distributed.protocol.serialize(kind("one line")))
+        assert (type(error), str(error)) == (kind, "one line")
