@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ pytest.importorskip("pyarrow.dataset")
 import fsspec
 import pyarrow as pa
 import pyarrow.dataset
-from conftest import EXPOSURE, LONG, MAX_FRAMES, ROW_TIME, SHORT, lamp
+from lamp_recordings import EXPOSURE, LONG, MAX_FRAMES, ROW_TIME, SHORT, lamp
 
 from ocisac_fast.batch import (
     ResultsError,
@@ -32,7 +33,7 @@ from ocisac_fast.batch import (
     read_results,
     summarize,
 )
-from ocisac_fast.batch.fields import FIELDS, columns, schema
+from ocisac_fast.batch.fields import FIELDS, columns, documentation, schema
 from ocisac_fast.batch.results import Results
 from ocisac_fast.cli import main
 from ocisac_fast.files import write_frames
@@ -137,6 +138,11 @@ def test_columns_are_the_keys_of_the_command_s_json(name, campaign, tmp_path, ca
 def words_of(name, value):
     option = f"--{name.replace('_', '-')}"
     return [option] if value is True else [option, ",".join(value) if isinstance(value, list) else str(value)]
+
+
+def test_the_page_has_the_table_of_columns():
+    page = Path(__file__).parents[2] / "docs" / "scale.md"
+    assert documentation().rstrip() in page.read_text(encoding="utf-8")
 
 
 def test_every_command_of_the_table_has_a_case():

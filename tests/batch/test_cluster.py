@@ -18,7 +18,7 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
 
 import distributed
-from conftest import MAX_FRAMES
+from lamp_recordings import MAX_FRAMES
 
 from ocisac_fast.batch import ClusterError, VersionError, cluster, measure_recordings, read_results
 from ocisac_fast.batch.results import Results

@@ -1,0 +1,259 @@
+"""Many recordings: two workers beside two processes of plain decoding, cost of a task, memory, model of the whole.
+
+    python bench/batch.py [--recordings N] [--long N] [--json] [--check]
+
+A scheduler and two workers, each a process of its own, measure gains of recordings of 1 s, 480 rows by 320 columns,
+H.264, and of long ones of 100 s, which are cut. Recordings are links to a few files, which are in the page cache: what
+is measured is processors, not disks. --check: exit code 1 where an aim is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ocisac_fast.batch import Task, cluster, measure_recordings
+from ocisac_fast.cli.gain import frame_gains
+from ocisac_fast.files import open_recording
+
+ROWS, COLUMNS, RATE = 480, 320, 30
+ROW_TIME, EXPOSURE, FREQUENCY = 22.2e-6, 1202e-6, 500.0
+TASK = Task("gain", {"frequency": FREQUENCY, "row_time": ROW_TIME, "exposure": EXPOSURE, "waveform": "square"})
+KINDS = 8  # different short recordings
+LONG_SECONDS = 100
+SHARE = 5  # gains by the second process are measured on every fifth recording
+TINY = 300
+GAIN_AIM, OVERHEAD_AIM, GROWTH_AIM = 0.9, 10e-3, 0.05
+
+
+def write_video(path: Path, seconds: int, seed: int) -> None:
+    """A lamp of 500 Hz with noise, H.264 as a camera stores it."""
+    import av
+
+    rng = np.random.default_rng(seed)
+    rows = np.arange(ROWS)[:, np.newaxis]
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=RATE, options={"preset": "veryfast", "crf": "23"})
+        stream.height, stream.width, stream.pix_fmt = ROWS, COLUMNS, "yuv420p"
+        stream.codec_context.gop_size = RATE
+        noise = rng.normal(0.0, 2.0, (4, ROWS, COLUMNS))
+        for index in range(seconds * RATE):
+            light = 120.0 + 60.0 * np.cos(2.0 * np.pi * FREQUENCY * (ROW_TIME * rows + index / (RATE + 0.1)))
+            pixels = np.clip(light + noise[index % 4], 0, 255).astype(np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="gray").reformat(format="yuv420p")))
+        container.mux(stream.encode(None))
+
+
+def make_campaign(folder: Path, recordings: int, long: int) -> None:
+    kinds = [folder / f"kind-{k}.mkv" for k in range(KINDS)]
+    for k, path in enumerate(kinds):
+        write_video(path, 1, k)
+    write_video(folder / "kind-long.mkv", LONG_SECONDS, KINDS)
+    (folder / "all").mkdir()
+    (folder / "share").mkdir()
+    (folder / "tiny").mkdir()
+    for k in range(recordings):
+        (folder / "all" / f"{k:06d}.mkv").hardlink_to(kinds[k % KINDS])
+        if k % SHARE == 0:
+            (folder / "share" / f"{k:06d}.mkv").hardlink_to(kinds[k % KINDS])
+    for k in range(long):
+        (folder / "all" / f"long-{k}.mkv").hardlink_to(folder / "kind-long.mkv")
+    for k in range(TINY):
+        pixels = np.random.default_rng(k).integers(0, 255, (1, 96, 8)).astype(np.uint8)
+        np.save(folder / "tiny" / f"{k}.npy", pixels)
+
+
+def decode(path: str) -> int:
+    """Plain decoding: the number of frames."""
+    with open_recording(path) as stream:
+        return sum(1 for _ in stream)
+
+
+def decoding_time(paths: list[str], processes: int) -> float:
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        pool.map(decode, paths[: 2 * processes], chunksize=1)
+        begin = time.perf_counter()
+        pool.map(decode, paths, chunksize=max(len(paths) // (8 * processes), 1))
+        return time.perf_counter() - begin
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[tuple[Any, list[Any]]]:
+    """A client of a scheduler and workers of their own; psutil's processes: scheduler, then workers."""
+    import psutil
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scheduler.json"
+        words = [sys.executable, "-W", "ignore", "-m"]
+        common = ["--scheduler-file", str(file), "--no-dashboard"]
+        commands = [[*words, "distributed.cli.dask_scheduler", *common, "--port", "0", "--no-show"]]
+        commands += [[*words, "distributed.cli.dask_worker", *common, "--nthreads", "1", "--no-nanny"]] * workers
+        started = [subprocess.Popen(each, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) for each in commands]
+        try:
+            while not file.exists():
+                time.sleep(0.1)
+            with cluster(scheduler=str(file)) as client:
+                client.wait_for_workers(workers, timeout=60)
+                yield client, [psutil.Process(each.pid) for each in started]
+        finally:
+            for each in started:
+                each.kill()
+                each.wait()
+
+
+class Memory(threading.Thread):
+    """Resident bytes of processes, twice a second."""
+
+    def __init__(self, watched: list[Any]) -> None:
+        super().__init__(daemon=True)
+        self._watched, self._ended = watched, threading.Event()
+        self.samples: list[list[int]] = []
+
+    def run(self) -> None:
+        while not self._ended.wait(0.5):
+            self.samples.append([each.memory_info().rss for each in self._watched])
+
+    def growth(self) -> list[float]:
+        """Of the second half: the mean of its last quarter over that of its first, less 1."""
+        self._ended.set()
+        half = np.array(self.samples)[len(self.samples) // 2 :]
+        quarter = max(len(half) // 4, 1)
+        return list(half[-quarter:].mean(axis=0) / half[:quarter].mean(axis=0) - 1.0)
+
+    @property
+    def peak(self) -> list[float]:
+        return list(np.array(self.samples).max(axis=0) / 2**20)
+
+
+def timed(call: Callable[[], Any]) -> tuple[float, Any]:
+    begin = time.perf_counter()
+    value = call()
+    return time.perf_counter() - begin, value
+
+
+def measured(client: Any, paths: Path, results: Path) -> tuple[float, Any]:
+    return timed(lambda: measure_recordings(paths, TASK, client=client, output=results).progress)
+
+
+def gains_of_the_second(folder: Path, rounds: int = 2) -> dict[str, float]:
+    """Times of one and of two, alternating, the fastest of each."""
+    share = sorted(str(path) for path in (folder / "share").iterdir())
+    best: dict[str, float] = {}
+    for number in range(rounds):
+        for count in (1, 2):
+            name = f"decoding_{count}"
+            best[name] = min(best.get(name, np.inf), decoding_time(share, count))
+            with processes(count) as (client, _):
+                measure_recordings(share[:8], TASK, client=client)  # imports
+                name = f"batch_{count}"
+                seconds, _ = measured(client, folder / "share", folder / f"results-{number}-{count}")
+                best[name] = min(best.get(name, np.inf), seconds)
+    decoding, batch = (best[f"{name}_1"] / best[f"{name}_2"] for name in ("decoding", "batch"))
+    return {**best, "decoding_gain": decoding, "batch_gain": batch, "ratio": batch / decoding}
+
+
+def overhead(folder: Path) -> dict[str, float]:
+    """Seconds that a task takes beyond the measurement itself: tiny recordings, one worker, against a plain loop."""
+    arguments, picture = TASK.arguments("recording")
+    options = {"method": arguments["method"], "background": 0.0, "threads": 1}
+    paths = sorted(str(path) for path in (folder / "tiny").iterdir())
+    with processes(1) as (client, _):
+        measure_recordings(paths[:8], TASK, client=client)
+        bare = min(
+            timed(lambda: [frame_gains(path, picture, FREQUENCY, options) for path in paths])[0] for _ in range(3)
+        )
+        alone = min(measured(None, folder / "tiny", folder / f"alone-{k}")[0] for k in range(3))
+        whole = min(measured(client, folder / "tiny", folder / f"tiny-{k}")[0] for k in range(3))
+    return {
+        "bare": bare / TINY,
+        "without_cluster": alone / TINY,
+        "task": whole / TINY,
+        "overhead": (whole - bare) / TINY,
+    }
+
+
+def whole_run(folder: Path) -> dict[str, Any]:
+    """All recordings with two workers: time, processors' time of each part, memory."""
+    import psutil
+
+    with processes(2) as (client, watched):
+        measure_recordings(str(folder / "kind-0.mkv"), TASK, client=client)
+        before = [sum(each.cpu_times()[:2]) for each in (*watched, psutil.Process())]
+        memory = Memory(watched)
+        memory.start()
+        seconds, progress = measured(client, folder / "all", folder / "results")
+        growth = memory.growth()
+        spent = np.array([sum(each.cpu_times()[:2]) for each in (*watched, psutil.Process())]) - before
+        size = sum(path.stat().st_size for path in (folder / "all").iterdir())
+    return {
+        "seconds": seconds,
+        "recordings": progress.recordings,
+        "frames": progress.frames,
+        "bytes": size,
+        "scheduler_cpu": spent[0],
+        "worker_cpu": float(spent[1:3].sum()),
+        "client_cpu": spent[3],
+        "growth": growth,
+        "peak_mib": memory.peak,
+    }
+
+
+def model(run: dict[str, Any], workers: int, recordings: int) -> dict[str, float]:
+    """Seconds of each resource if it were the only limit; the run takes the largest."""
+    scale = recordings / run["recordings"]
+    return {
+        "workers": scale * run["worker_cpu"] / workers,
+        "scheduler": scale * run["scheduler_cpu"],
+        "client": scale * run["client_cpu"],
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--recordings", type=int, default=2000)
+    parser.add_argument("--long", type=int, default=4)
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--check", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        make_campaign(folder, options.recordings, options.long)
+        costs = overhead(folder)
+        gains = gains_of_the_second(folder)
+        run = whole_run(folder)
+    predicted = model(run, 2, options.recordings + options.long)
+    large = model(run, 100 * 32, 1_000_000)
+    found = {"gains": gains, "costs": costs, "run": run, "model": predicted, "million": large}
+    aims = {
+        f"gain by the second over that of decoding: {gains['ratio']:.3f}, aim {GAIN_AIM}": gains["ratio"] >= GAIN_AIM,
+        f"overhead of a task: {1e3 * costs['overhead']:.2f} ms, aim {1e3 * OVERHEAD_AIM:.0f}": costs["overhead"]
+        <= OVERHEAD_AIM,
+        f"growth of memory in the second half: {100 * max(run['growth']):.1f} %, aim {100 * GROWTH_AIM:.0f}": max(
+            run["growth"]
+        )
+        <= GROWTH_AIM,
+    }
+    if options.json:
+        print(json.dumps(found, default=float))
+    else:
+        for part, values in found.items():
+            print(part, {key: np.round(value, 5).tolist() for key, value in values.items()})
+        for text, is_met in aims.items():
+            print("reached" if is_met else "missed ", text)
+    return int(options.check and not all(aims.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,16 @@
+"""Recordings of a lamp for the tests of many."""
+
+import numpy as np
+
+ROW_TIME, EXPOSURE, FREQUENCY = 22.2e-6, 1202e-6, 500.0
+SHORT, LONG = 6, 90  # frames
+MAX_FRAMES = 20
+
+
+def lamp(frames: int, seed: int, shape: tuple[int, int] = (240, 48)) -> np.ndarray:
+    """(frames, rows, columns) of a lamp of 500 Hz with noise."""
+    rng = np.random.default_rng(seed)
+    rows = np.arange(shape[0])
+    phases = rng.uniform(0.0, 2.0 * np.pi, (frames, 1, 1))
+    light = 120.0 + 60.0 * np.cos(2.0 * np.pi * FREQUENCY * ROW_TIME * rows[:, np.newaxis] + phases)
+    return np.clip(light + rng.normal(0.0, 3.0, (frames, *shape)), 0, 255).astype(np.uint8)
