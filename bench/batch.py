@@ -27,6 +27,7 @@ import numpy as np
 from ocisac_fast.batch import Task, cluster, measure_recordings
 from ocisac_fast.cli.gain import frame_gains
 from ocisac_fast.files import open_recording
+from ocisac_fast.files.videos import decoder_threads
 
 ROWS, COLUMNS, RATE = 480, 320, 30
 ROW_TIME, EXPOSURE, FREQUENCY = 22.2e-6, 1202e-6, 500.0
@@ -69,15 +70,15 @@ def make_campaign(folder: Path, recordings: int, long: int) -> None:
         if k % SHARE == 0:
             (folder / "share" / f"{k:06d}.mkv").hardlink_to(kinds[k % KINDS])
     for k in range(long):
-        (folder / "all" / f"long-{k}.mkv").hardlink_to(folder / "kind-long.mkv")
+        (folder / "all" / f"0-long-{k}.mkv").hardlink_to(folder / "kind-long.mkv")
     for k in range(TINY):
         pixels = np.random.default_rng(k).integers(0, 255, (1, 96, 8)).astype(np.uint8)
         np.save(folder / "tiny" / f"{k}.npy", pixels)
 
 
 def decode(path: str) -> int:
-    """Plain decoding: the number of frames."""
-    with open_recording(path) as stream:
+    """Plain decoding by one thread, as a worker's: the number of frames."""
+    with decoder_threads(1), open_recording(path) as stream:
         return sum(1 for _ in stream)
 
 
@@ -166,7 +167,7 @@ def gains_of_the_second(folder: Path, rounds: int = 2) -> dict[str, float]:
 
 def overhead(folder: Path) -> dict[str, float]:
     """Seconds that a task takes beyond the measurement itself: tiny recordings, one worker, against a plain loop."""
-    arguments, picture = TASK.arguments("recording")
+    arguments, picture = TASK.arguments()
     options = {"method": arguments["method"], "background": 0.0, "threads": 1}
     paths = sorted(str(path) for path in (folder / "tiny").iterdir())
     with processes(1) as (client, _):
@@ -210,6 +211,16 @@ def whole_run(folder: Path) -> dict[str, Any]:
     }
 
 
+def processor_times(folder: Path) -> dict[str, float]:
+    """Processor seconds of a short recording and of a frame of a long one, in one process and with results."""
+    times = []
+    for name, paths in (("short", folder / "share" / "*0.mkv"), ("long", folder / "kind-long.mkv")):
+        begin = time.process_time()
+        progress = measure_recordings(paths, TASK, output=folder / f"processor-{name}").progress
+        times.append((time.process_time() - begin) / (progress.recordings if name == "short" else progress.frames))
+    return {"recording": times[0], "frame_of_long": times[1]}
+
+
 def model(run: dict[str, Any], workers: int, recordings: int) -> dict[str, float]:
     """Seconds of each resource if it were the only limit; the run takes the largest."""
     scale = recordings / run["recordings"]
@@ -232,10 +243,15 @@ def main() -> int:
         make_campaign(folder, options.recordings, options.long)
         costs = overhead(folder)
         gains = gains_of_the_second(folder)
+        times = processor_times(folder)
         run = whole_run(folder)
-    predicted = model(run, 2, options.recordings + options.long)
+    frames = options.long * LONG_SECONDS * RATE
+    predicted = {
+        "worker_cpu": options.recordings * times["recording"] + frames * times["frame_of_long"],
+        **model(run, 2, run["recordings"]),
+    }
     large = model(run, 100 * 32, 1_000_000)
-    found = {"gains": gains, "costs": costs, "run": run, "model": predicted, "million": large}
+    found = {"gains": gains, "costs": costs, "times": times, "run": run, "model": predicted, "million": large}
     aims = {
         f"gain by the second over that of decoding: {gains['ratio']:.3f}, aim {GAIN_AIM}": gains["ratio"] >= GAIN_AIM,
         f"overhead of a task: {1e3 * costs['overhead']:.2f} ms, aim {1e3 * OVERHEAD_AIM:.0f}": costs["overhead"]

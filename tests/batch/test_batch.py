@@ -304,6 +304,13 @@ def test_a_changed_file_is_measured_anew_and_changed_options_are_refused(tmp_pat
     assert read_results(results)["frequency_hz"].unique().to_pylist() == [700.0]
 
 
+def test_a_results_folder_in_the_campaign_s_is_no_recording(tmp_path, task):
+    np.save(tmp_path / "a.npy", lamp(SHORT, 1))
+    for _ in range(2):
+        done = measure_recordings(tmp_path, task, output=tmp_path / "results")
+        assert (done.progress.recordings, done.progress.failed) == (1, 0)
+
+
 def test_another_version_of_the_package_is_noticed(tmp_path, task):
     np.save(tmp_path / "a.npy", lamp(SHORT, 1))
     measure_recordings(tmp_path / "a.npy", task, output=tmp_path / "results")

@@ -89,6 +89,7 @@ def measure_recordings(
     entries = find_recordings(paths)
     results = None if output is None else Results(output)
     if results is not None:
+        entries = [entry for entry in entries if not results.contains(entry.path)]
         results.prepare(task, again)
     return _Campaign(entries, task, results, max_frames, report).run(client)
 
@@ -129,7 +130,7 @@ class _Campaign:
     def run(self, client: Any) -> Outcome:
         """Measure what is not finished."""
         folder = None if self._results is None else self._results.folder
-        work = Work(self._task, folder, self._max_frames, build())
+        work = Work(self._task, folder, self._max_frames, build(), client is not None)
         self._tell()
         if self._waiting:
             threads = thread_count(client)

@@ -14,6 +14,7 @@ from ocisac_fast.batch.results import Results, ResultsError, rows_name
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import Part
+from ocisac_fast.files.videos import decoder_threads
 
 # Pictures are opened with standard error turned away, which is the process's: threads of a worker take turns.
 _one_at_a_time = threading.Lock()
@@ -69,12 +70,14 @@ class Work:
         folder: of the results; None: tables are in the reports.
         max_frames: longer recordings are cut into stretches of about this length.
         client_build: version and commit that workers must have.
+        is_on_cluster: False: the process has the machine for itself.
     """
 
     task: Task
     folder: str | None
     max_frames: int
     client_build: dict[str, str]
+    is_on_cluster: bool
 
     def __call__(self, jobs: tuple[Job, ...]) -> list[Report]:
         """Do the jobs one after the other.
@@ -88,7 +91,8 @@ class Work:
             here, there = (" ".join(each.values()) for each in (build(), self.client_build))
             raise VersionError(f"ocisac_fast: a worker has {here}, this process {there}; allowed: the same")
         results = None if self.folder is None else Results(self.folder)
-        with _one_at_a_time:
+        # Workers of a cluster share a machine, a process for each processor: one thread decodes.
+        with _one_at_a_time, decoder_threads(1 if self.is_on_cluster else 0):
             return [self._report(job, results) for job in jobs]
 
     def _report(self, job: Job, results: Results | None) -> Report:

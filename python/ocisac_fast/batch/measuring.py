@@ -92,7 +92,7 @@ def start_of(path: str, task: Task, max_frames: int) -> tuple[list[Part], Start]
     """Stretches of a long recording and what they share; None for one that is measured as a whole."""
     if task.command not in IN_STRETCHES:
         return None
-    arguments, picture = task.arguments(path)
+    arguments, picture = task.arguments()
     parts = cut_recording(path, max_frames, raw=picture.raw)
     if parts is None:
         return None
@@ -126,7 +126,7 @@ def _rows(
         with collected_objects() as rows:
             task.run(path, cleaned=cleaned)
             return list(rows)
-    arguments, picture = task.arguments(path)
+    arguments, picture = task.arguments()
     if start is not None:
         picture = replace(picture, scan_axis=start.scan_axis)
     with collected_objects():  # without progress

@@ -73,6 +73,11 @@ class Results:
                 )
             self._write("task.json", json.dumps(facts, indent=1).encode())
 
+    def contains(self, path: str) -> bool:
+        """True for a path in this folder, which may be in the campaign's."""
+        root = self._root if self.is_local else self.folder
+        return path.startswith(root.rstrip("/") + "/")
+
     def task_facts(self) -> dict[str, Any]:
         """The task's facts.
 

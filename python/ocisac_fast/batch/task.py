@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import click
@@ -38,10 +39,10 @@ class Task:
         if self.command not in FIELDS:
             raise ValueError(f"command: got {self.command!r}, allowed: {', '.join(FIELDS)}")
         try:
-            picture = self.arguments("recording")[1]
+            arguments, picture = self.arguments()
             picture.camera(LightResponse())
             for name in () if self.command == "calibrate" else ("frequency", "chip_rate"):
-                picture.check_frequency(f"--{name.replace('_', '-')}", self._context("recording").params.get(name))
+                picture.check_frequency(f"--{name.replace('_', '-')}", arguments.get(name))
         except click.ClickException as error:
             raise ValueError(error.format_message()) from error
 
@@ -62,35 +63,29 @@ class Task:
             raise ValueError(f"{words[0]}: got {[*given, *left][0]}, allowed: options (recordings stand before it)")
         return cls(words[0], values)
 
-    def arguments(self, path: str, *, cleaned: str | None = None) -> tuple[dict[str, Any], PictureOptions]:
-        """The arguments of the command for a recording, converted, and apart from them the common options."""
-        arguments = dict(self._context(path, cleaned).params)
+    def arguments(self) -> tuple[dict[str, Any], PictureOptions]:
+        """The command's arguments, converted, and apart from them the common options."""
+        arguments = dict(_arguments(self.command, tuple(self._words())))
         return arguments, PictureOptions.taken_from(arguments)
 
     @property
     def picture(self) -> PictureOptions:
         """The common options."""
-        return self.arguments("recording")[1]
+        return self.arguments()[1]
 
     def run(self, path: str, *, cleaned: str | None = None) -> None:
         """Run the command with ``--json``."""
-        with self._context(path, cleaned) as context:
+        with _context(self.command, tuple(self._words()), path, cleaned) as context:
             context.command.invoke(context)
 
     def facts(self) -> dict[str, Any]:
         """The command and all its options, also those not given, as JSON."""
-        params = self._context("recording").params
-        taken = ("file", "files", "source", "target", *_NOT_FOR_MANY)
-        options = {name: plain(value) for name, value in sorted(params.items()) if name not in taken}
+        arguments = _arguments(self.command, tuple(self._words()))
+        options = {name: plain(value) for name, value in sorted(arguments.items()) if name not in _NOT_FOR_MANY}
         return {"command": self.command, "options": options}
 
-    def _context(self, path: str, cleaned: str | None = None) -> click.Context:
+    def _words(self) -> Iterator[str]:
         command = _command(self.command)
-        words = list(self._words(command))
-        targets = [str(cleaned or "cleaned.mkv")] if self.command == "clean" else []
-        return command.make_context(self.command, [*words, "--json", "--", path, *targets])
-
-    def _words(self, command: click.Command) -> Iterator[str]:
         known = {str(param.name): param for param in command.params if isinstance(param, click.Option)}
         allowed = [name for name in known if name not in _NOT_FOR_MANY]
         for name, value in self.options.items():
@@ -102,6 +97,17 @@ class Task:
                 continue
             for each in _several(value) if option.multiple else [value]:
                 yield from (option.opts[0], _text(each))
+
+
+@lru_cache(maxsize=8)  # of one task, which a worker parses once
+def _arguments(command: str, words: tuple[str, ...]) -> Mapping[str, Any]:
+    params = _context(command, words, "recording", None).params
+    return {name: value for name, value in params.items() if name not in ("file", "files", "source", "target")}
+
+
+def _context(command: str, words: Sequence[str], path: str, cleaned: str | None) -> click.Context:
+    targets = [cleaned or "cleaned.mkv"] if command == "clean" else []
+    return _command(command).make_context(command, [*words, "--json", "--", path, *targets])
 
 
 def _command(name: str) -> click.Command:

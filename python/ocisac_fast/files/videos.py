@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 import shutil
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,6 +32,17 @@ _INTERLACED = (
 )
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
+_decoder_threads: ContextVar[int] = ContextVar("decoder_threads", default=0)  # 0: one for each processor
+
+
+@contextlib.contextmanager
+def decoder_threads(count: int) -> Iterator[None]:
+    """Open videos with this number of threads for decoding; frames are the same with any."""
+    token = _decoder_threads.set(count)
+    try:
+        yield
+    finally:
+        _decoder_threads.reset(token)
 
 
 def open_video(
@@ -109,6 +122,7 @@ def _stream(av: Any, container: Any, file: Any, name: str, colour: bool, part: P
         close()
         raise FileError(f"absurd size: frames of {context.width} x {context.height}" if pixels else _UNKNOWN)
     stream.thread_type = "AUTO"
+    stream.codec_context.thread_count = _decoder_threads.get()
     pixel_format = context.pix_fmt or ""
     values, response = _layout(av, pixel_format, context, colour)
     rate = float(stream.average_rate) if stream.average_rate else None
