@@ -72,6 +72,8 @@ nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> a million damaged packets'
 	@$(build)/cpp/tests/ocisac_tests --no-skip -tc='a million*'
 	@$(MAKE) --no-print-directory fuzz SECONDS=170
+	@echo '==> told error rates of 100,000 chips, all impairments at once'
+	@PYTHONPATH=bench $(bin)/python bench/calibration.py --chips 100000 --check payloads
 	@echo '==> static analyzer'
 	@scripts/system-packages lint
 	@$(tidy)

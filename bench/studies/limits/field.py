@@ -52,11 +52,14 @@ def _hum() -> list[Point]:
             signal = exposed + share / 2 * np.sin(angles) + _NOISE * random.standard_normal(_ROWS)
             found = _core.remove_nuisance(signal, _SLOW, [], exposed)
             assert found is not None
-            off = (signal - exposed, np.asarray(found[0]) - exposed)
-            for errors, rest in zip((plain, library), off, strict=True):
-                errors.append(np.std(rest))
-        points.append(Point(share, *(math.sqrt(max(rms(e) ** 2 - _NOISE**2, 0)) for e in (plain, library)), 0.0))
+            plain.append(np.std(signal - exposed))
+            library.append(np.std(np.asarray(found[0]) - exposed))
+        points.append(Point(share, _without_noise(plain), _without_noise(library), 0.0))
     return points
+
+
+def _without_noise(deviations: list[np.floating]) -> float:
+    return math.sqrt(max(rms(np.array(deviations)) ** 2 - _NOISE**2, 0.0))
 
 
 @limit(

@@ -1,0 +1,285 @@
+#!/usr/bin/env python3
+"""Told error rates against wrong chips, over random draws of all that goes wrong outside a laboratory at once.
+
+A draw is a lamp that repeats a packet, filmed in FRAMES frames by `simulate_frames`: mains hum and a PWM lamp, texture,
+tilt, a round spot, rise and fall, jitter of the frames' starts, clock error, noise, an exposure of 0.5 to 6 chips that
+is told, told wrong, or not told. Every chip has its log-likelihood ratio L and with it the error rate
+1 / (1 + exp(|L|)); by decades of it, the share of wrong chips is compared with the mean rate told. Chips are numbered
+by the frame's own clock; a frame may be a chip early or late as a whole, the choice that the phase leaves.
+
+usage: bench/calibration.py [--chips N] [--first SEED] [--processes N] [--picture FILE] [--text FILE] [--json]
+    [--check payloads|rates]
+
+--check: exit status 1 for a wrong payload; with rates, also for a decade whose share is not within a factor of two of
+the rate told.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import json
+import math
+import multiprocessing
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import Camera, Chips, SquareWave, Tone, transmit
+from ocisac_fast.packets import PacketFormat
+from ocisac_fast.plots import BLACK, BLUE, picture
+from ocisac_fast.receiver.stream import ReceivedFrame, Receiver
+from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
+from studies.reporting import fill_markers
+
+FRAMES, ROWS, COLUMNS, ROW_TIME, FRAME_TIME = 20, 1080, 64, 22.2e-6, 1 / 30
+PAYLOAD = np.random.default_rng(77).bytes(100)
+DECADES = 8  # of the rate told, from 1 down; all below is the last
+FACTOR = 2.0
+_AT_ONCE = 4  # draws
+MIN_WRONG = 10  # wrong chips in a decade, seen or told: fewer prove nothing
+
+
+@dataclasses.dataclass(frozen=True)
+class Draw:
+    """What goes wrong in one recording; units as in `simulate_frames`."""
+
+    chip_rate: float  # Hz, true
+    exposure: float  # s, true
+    told_exposure: float | None  # s
+    swing: float
+    noise: float
+    rise: float  # chips
+    fall: float
+    hum: float  # peak to peak over the swing
+    mains: float  # Hz
+    pwm: float  # height of a second lamp over the swing
+    pwm_frequency: float  # Hz
+    texture: float
+    lamp_width: float
+    tilt: float  # rad
+    spot: float  # standard deviation along the rows; infinite: a bar
+    jitter: float
+    start: float
+    seed: int
+
+    @staticmethod
+    def of(seed: int) -> Draw:
+        """The draw of a seed; each impairment is absent in some."""
+        random = np.random.default_rng([seed, 5])
+
+        def sometimes(share: float, low: float, high: float) -> float:
+            value = random.uniform(low, high)
+            return float(value) if random.uniform() < share else 0.0
+
+        chip_rate = 8e3 * (1 + random.uniform(-1e-4, 1e-4))
+        exposure = float(np.exp(random.uniform(np.log(0.5), np.log(6.0)))) / 8e3
+        error = (1.0, 1.0, 1 + random.uniform(-0.1, 0.1), None)[random.integers(4)]
+        return Draw(
+            chip_rate=float(chip_rate),
+            exposure=exposure,
+            told_exposure=None if error is None else exposure * float(error),
+            swing=float(random.uniform(50, 110)),
+            noise=float(random.uniform(1, 4)),
+            rise=sometimes(0.6, 0.05, 0.8),
+            fall=sometimes(0.6, 0.05, 0.8),
+            hum=sometimes(0.5, 0.05, 0.6),
+            mains=float(random.choice([50.0, 60.0])),
+            pwm=sometimes(0.2, 0.05, 0.3),
+            pwm_frequency=float(random.uniform(800, 3000)),
+            texture=sometimes(0.5, 0.02, 0.2),
+            lamp_width=float(random.uniform(16, 60)),
+            tilt=math.radians(sometimes(0.4, -6, 6)),
+            spot=sometimes(0.3, 180, 400) or math.inf,
+            jitter=sometimes(0.5, 2e-6, 50e-6),
+            start=float(random.uniform(0, 5)),
+            seed=seed,
+        )
+
+    def frames(self, chips: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
+        """The recording of a lamp that repeats these chips."""
+        along = (np.arange(ROWS)[:, None] - (ROWS - 1) / 2) / self.spot
+        hum = Tone(2 * self.mains, amplitude=self.hum, phase=self.start)
+        return simulate_frames(
+            Chips(chips, self.chip_rate, repeat=True, rise=self.rise, fall=self.fall),
+            Camera(ROW_TIME, self.exposure, frame_time=FRAME_TIME),
+            *(ROWS, COLUMNS, FRAMES),
+            start=self.start,
+            swing=self.swing,
+            dark_level=25.0,
+            noise=self.noise,
+            lamp=lamp_bar(ROWS, COLUMNS, self.lamp_width, tilt=self.tilt) * np.exp(-(along**2) / 2),
+            ambient=hum + SquareWave(self.pwm_frequency, amplitude=self.pwm),
+            reflectance=texture(ROWS, COLUMNS, self.texture, seed=self.seed),
+            jitter=self.jitter,
+            seed=self.seed,
+        )
+
+
+@dataclasses.dataclass
+class Counts:
+    """Chips, wrong chips and wrong chips expected by decades of the rate told; the first decade is 1 to 0.1."""
+
+    chips: npt.NDArray[np.int64]
+    wrong: npt.NDArray[np.int64]
+    expected: npt.NDArray[np.float64]
+    frames: int = 0
+    read: int = 0  # frames with chips
+    payloads: int = 0  # draws with a payload
+    draws: int = 0
+    wrong_payloads: int = 0
+    silent: int = 0  # frames with over 5 % wrong chips and a rate told below 1 %
+
+    @staticmethod
+    def none() -> Counts:
+        return Counts(np.zeros(DECADES, np.int64), np.zeros(DECADES, np.int64), np.zeros(DECADES))
+
+    def add(self, other: Counts) -> None:
+        for item in dataclasses.fields(self):
+            setattr(self, item.name, getattr(self, item.name) + getattr(other, item.name))
+
+    def calibrated(self, decade: int) -> bool | None:
+        """Whether the share of wrong chips is within the factor of the rate told; None: too few to say."""
+        wrong, expected = int(self.wrong[decade]), float(self.expected[decade])
+        if max(wrong, expected) < MIN_WRONG:
+            return None
+        return bool(expected / FACTOR <= wrong <= expected * FACTOR)
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """A frame as it was received: rate told and truth of each chip."""
+
+    result: ReceivedFrame
+    told: npt.NDArray[np.float64]
+    wrong: npt.NDArray[np.bool_]
+
+
+def receive(draw: Draw) -> Iterator[Frame]:
+    """Receive a draw frame by frame."""
+    sent = transmit(PAYLOAD, format=PacketFormat(block_bytes=8))
+    camera = Camera(ROW_TIME, draw.told_exposure, frame_time=FRAME_TIME)
+    receiver = Receiver(camera, chip_rate=8e3, format=sent.format)
+    for number, pixels in enumerate(draw.frames(sent.chips)):
+        result = receiver.push(pixels)
+        if not result.bits:
+            yield Frame(result, np.zeros(0), np.zeros(0, np.bool_))
+            continue
+        begin = draw.start + number * FRAME_TIME + result.phase * ROW_TIME - result.exposure / 2
+        index = round(begin * draw.chip_rate) + np.arange(len(result.bits))
+        bits = np.frombuffer(result.bits.encode(), np.uint8) - ord("0")
+        shifted = [sent.chips[(index + shift) % sent.chips.size] != bits for shift in (0, -1, 1)]
+        told = 1 / (1 + np.exp(np.minimum(np.abs(result.llr), 700)))
+        yield Frame(result, told, min(shifted, key=np.count_nonzero))
+
+
+def counted(draw: Draw) -> Counts:
+    """Count the chips of one draw."""
+    counts = Counts.none()
+    payloads = []
+    for frame in receive(draw):
+        counts.frames += 1
+        if frame.result.payload is not None:
+            payloads.append(frame.result.payload.data)
+        if not frame.told.size:
+            continue
+        decade = np.clip(np.floor(-np.log10(frame.told)).astype(int), 0, DECADES - 1)
+        counts.chips += np.bincount(decade, minlength=DECADES)
+        counts.wrong += np.bincount(decade[frame.wrong], minlength=DECADES)
+        counts.expected += np.bincount(decade, weights=frame.told, minlength=DECADES)
+        counts.read += 1
+        counts.silent += int(frame.wrong.mean() > 0.05 and frame.result.error_rate < 0.01)
+    counts.draws, counts.payloads = 1, int(bool(payloads))
+    counts.wrong_payloads = sum(payload != PAYLOAD for payload in payloads)
+    return counts
+
+
+def measure(chips: int, first: int, processes: int) -> Counts:
+    """Draws from a seed on, until at least so many chips are read, a few at once."""
+    total, seeds = Counts.none(), itertools.count(first)
+    with multiprocessing.get_context("spawn").Pool(processes or None) as pool:
+        while total.chips.sum() < chips:
+            for counts in pool.imap(counted, [Draw.of(seed) for seed in itertools.islice(seeds, _AT_ONCE)]):
+                total.add(counts)
+                text = f"{total.draws} draws, {total.chips.sum()} chips, {total.wrong_payloads} wrong payloads"
+                print(text, file=sys.stderr, flush=True)
+    return total
+
+
+def name_of(decade: int) -> str:
+    """The rates of a decade."""
+    high, low = (f"{100 * 10.0**-k:g} %" for k in (decade, decade + 1))
+    return f"below {high}" if decade == DECADES - 1 else "50 % to 10 %" if decade == 0 else f"{high} to {low}"
+
+
+def table(counts: Counts) -> str:
+    """Markdown: a line for each decade, and the totals."""
+    lines = ["| rate told | chips | wrong | share | mean rate told | within a factor of two |"]
+    lines += ["|---|---:|---:|---:|---:|---|"]
+    for k in range(DECADES):
+        chips, good = int(counts.chips[k]), counts.calibrated(k)
+        share, told = (f"{value / max(chips, 1):.1e}" for value in (counts.wrong[k], counts.expected[k]))
+        words = {None: f"fewer than {MIN_WRONG} wrong, seen and told", True: "yes", False: "**no**"}[good]
+        lines.append(f"| {name_of(k)} | {chips} | {counts.wrong[k]} | {share} | {told} | {words} |")
+    return "\n".join(
+        [
+            *lines,
+            "",
+            f"{counts.chips.sum()} chips of {counts.read} frames ({counts.frames} filmed, {counts.draws} draws), "
+            f"{counts.wrong.sum()} wrong; {counts.payloads} draws with a payload in {FRAMES} frames, "
+            f"{counts.wrong_payloads} wrong payloads; {counts.silent} frames with over 5 % wrong chips and a rate told "
+            "below 1 %.",
+        ]
+    )
+
+
+def draw_picture(path: str, counts: Counts) -> None:
+    """Share of wrong chips over the rate told, with 95 % bounds of the count; grey: within the factor."""
+    with picture(path, 5.2, 4.2) as figure:
+        axes = figure.subplots()
+        ends = np.array([10.0 ** -(DECADES + 1), 1.0])
+        axes.fill_between(
+            ends, ends / FACTOR, ends * FACTOR, color=BLACK, alpha=0.12, lw=0, label="within a factor of two"
+        )
+        axes.plot(ends, ends, color=BLACK, lw=0.8)
+        for k in np.flatnonzero(counts.chips):
+            n, wrong = counts.chips[k], counts.wrong[k]
+            told, spread = counts.expected[k] / n, 2 * math.sqrt(wrong + 1)
+            low, high = max(wrong - spread, 0) / n, (wrong + spread + 2) / n
+            axes.plot([told, told], [max(low, 1e-12), high], color=BLUE, lw=1.2)
+            if wrong:
+                axes.plot([told], [wrong / n], "o", color=BLUE, ms=5)
+        axes.set(xscale="log", yscale="log", xlim=ends, ylim=(1e-7, 1), xlabel="error rate told", ylabel="wrong chips")
+        axes.legend(loc="upper left")
+
+
+def main() -> int:
+    """Exit code 1 with --check where the answer is not what it should be."""
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
+    parser.add_argument("--chips", type=int, default=1_000_000, help="chips to read, at least (default 1000000)")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first draw")
+    parser.add_argument("--processes", type=int, default=0, help="at once; 0: one for each processor")
+    parser.add_argument("--picture", help="draw shares over rates to a .png, .svg or .pdf")
+    parser.add_argument(
+        "--text", help="a Markdown file with '<!-- calibration: table -->', '<!-- calibration: end -->'"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    parser.add_argument("--check", choices=["payloads", "rates"], help="exit code 1 for a wrong payload, or rate")
+    asked = parser.parse_args()
+    counts = measure(asked.chips, asked.first, asked.processes)
+    if asked.picture:
+        draw_picture(asked.picture, counts)
+    if asked.text:
+        fill_markers(asked.text, "calibration", {"table": table(counts)})
+    facts = {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(counts).items()}
+    print(json.dumps(facts) if asked.json else table(counts))
+    off = [k for k in range(DECADES) if counts.calibrated(k) is False]
+    return 1 if asked.check and (counts.wrong_payloads or (asked.check == "rates" and off)) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""Told error rates: what bench/calibration.py counts."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import calibration
+import field_pictures
+import numpy as np
+import pytest
+from calibration import DECADES, Counts
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "field.md"
+
+
+def test_a_clean_lamp_has_no_wrong_chip_and_is_sure(monkeypatch):
+    monkeypatch.setattr(calibration, "FRAMES", 3)
+    counts = calibration.counted(field_pictures.CLEAN)
+    assert (counts.frames, counts.read, counts.draws) == (3, 3, 1)
+    assert counts.chips.sum() > 3 * 180
+    assert (counts.wrong.sum(), counts.silent, counts.wrong_payloads) == (0, 0, 0)
+    assert counts.chips[-1] == counts.chips.sum()
+
+
+def test_chips_of_another_light_are_counted_as_wrong(monkeypatch):
+    """The truth is what is sent, not what is read: frames of a lamp that sends something else are half wrong."""
+    monkeypatch.setattr(calibration, "FRAMES", 3)
+    frames = calibration.Draw.frames
+    monkeypatch.setattr(calibration.Draw, "frames", lambda draw, chips: frames(draw, np.roll(chips, 1501)))
+    counts = calibration.counted(field_pictures.CLEAN)
+    assert 0.3 < counts.wrong.sum() / counts.chips.sum() < 0.7
+    assert counts.silent == 3
+
+
+@pytest.mark.parametrize(
+    ("wrong", "expected", "good"), [(30, 20.0, True), (50, 20.0, False), (11, 23.0, False), (3, 4.0, None)]
+)
+def test_a_decade_is_calibrated_within_a_factor_of_two(wrong, expected, good):
+    counts = Counts.none()
+    counts.chips[1], counts.wrong[1], counts.expected[1] = 1000, wrong, expected
+    assert counts.calibrated(1) is good
+    assert counts.calibrated(2) is None
+
+
+def test_draws_are_repeatable_and_have_all_impairments():
+    draws = [calibration.Draw.of(seed) for seed in range(60)]
+    assert draws == [calibration.Draw.of(seed) for seed in range(60)]
+    for item in dataclasses.fields(calibration.Draw):
+        assert len({getattr(draw, item.name) for draw in draws}) > (1 if item.name == "mains" else 10), item.name
+
+
+def test_the_document_has_both_tables():
+    text = DOCUMENT.read_text(encoding="utf-8")
+    shown = {
+        kind: re.search(rf"<!-- {kind}: table -->\n(.*?)<!-- {kind}: end -->", text, re.DOTALL)
+        for kind in ("field", "calibration")
+    }
+    assert all(shown.values())
+    titles = [line.split(" | ")[0].strip("| ") for line in shown["field"][1].splitlines()[2:]]
+    assert titles == [title for title, _ in field_pictures.CASES]
+    names = [line.split(" | ")[0].strip("| ") for line in shown["calibration"][1].splitlines()[2 : 2 + DECADES]]
+    assert names == [calibration.name_of(k) for k in range(DECADES)]
