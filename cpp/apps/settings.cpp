@@ -17,6 +17,7 @@ namespace ocisac::apps {
 
 namespace {
 
+constexpr double kMaxRowTime = 0.1;  // s; longer: a forgotten unit
 const std::map<std::string, double> kTimeUnits{{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"MHz", 1e6}};
 
@@ -26,7 +27,7 @@ struct Written {
   ChipOptions data;
   GainOptions gain;
   std::size_t stride = 0;
-  std::optional<double> frame_rate;
+  std::optional<double> row_time, frame_rate;
   bool lengthened = false, no_bits = false, no_gain = false, version = false;
 };
 
@@ -97,7 +98,7 @@ void add_input_options(CLI::App& app, Settings& settings, Written& written) {
 
 void add_camera_options(CLI::App& app, Settings& settings, Written& written) {
   const auto time = CLI::AsNumberWithUnit(kTimeUnits);
-  app.add_option("--row-time", settings.camera.row_time, "Time from row to row, such as 22.2us")->transform(time);
+  app.add_option("--row-time", written.row_time, "Time from row to row, such as 22.2us")->transform(time);
   app.add_option("--exposure", settings.camera.exposure, "Exposure time, such as 622us")->transform(time);
   app.add_option("--frame-rate", written.frame_rate, "Joins packets over frames; YUV4MPEG2 states it itself")
       ->transform(CLI::AsNumberWithUnit(kFrequencyUnits));
@@ -152,7 +153,11 @@ void complete(Settings& settings, Written written) {
     settings.raw = raw_layout(*format, width, height, written.stride);
   }
   if (!written.region.empty()) settings.region = parse_region(written.region);
+  require(written.row_time.has_value(), "--row-time", "none", "the time from row to row, such as 22.2us");
+  settings.camera.row_time = *written.row_time;
   require_positive("--row-time", settings.camera.row_time);
+  require(settings.camera.row_time <= kMaxRowTime, "--row-time", settings.camera.row_time,
+          "at most 0.1 s; numbers without a unit are seconds, such as 22.2us");
   if (written.frame_rate) {
     require_positive("--frame-rate", *written.frame_rate);
     settings.camera.frame_time = 1 / *written.frame_rate;

@@ -561,13 +561,40 @@ def test_a_truncated_video_is_measured_with_a_warning(run, square):
     assert err[0].startswith(f"ocisac: warning: {path}: truncated or damaged video: ")
 
 
+def test_names_are_of_any_case(run, square):
+    lower = (
+        "gain",
+        square("s.png"),
+        *TESTBED,
+        *DARK,
+        "--frequency",
+        "500",
+        "--tone-curve",
+        "srgb",
+        "--channel",
+        "auto",
+    )
+    upper = ("GAIN", *lower[1:-3], "SRGB", "--Channel", "AUTO", "--JSON")
+    assert run(*upper) == run(*lower, "--json")
+
+
+def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
+    good, missing = square("s.png"), tmp_path / "missing.png"
+    code, out, err = run("receive", missing, good, *TESTBED, "--json")
+    assert code == 3
+    assert {json.loads(line)["file"] for line in out} == {str(good)}
+    assert err == [f"ocisac: {missing}: No such file or directory"]
+
+
 # Refusals in general
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("nonsense",), "No such command 'nonsense'."),
+        (("nonsense",), "command: got 'nonsense', allowed: "),
+        (("recieve", "x.png"), "command: got 'recieve', allowed: receive"),
+        (("gain", "grey.png", "--frequency", "500Hz", "--row-time", "22.2"), "22.2us may be meant"),
         (("gain",), "Missing argument 'FILE'."),
         (("gain", "x.png"), "Missing option '--frequency'."),
         (("gain", "x.png", "--frequency", "5", "--nonsense"), "No such option"),

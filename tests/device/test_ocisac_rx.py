@@ -101,6 +101,7 @@ def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
         (["--size", "axb"], "--size: got axb"),
         (["--size", "99999x99999"], "allowed: frames of at most 2^30 bytes"),
         (["--row-time", "0"], "--row-time: got 0"),
+        (["--row-time", "22.2"], "--row-time: got 22.2, allowed: at most 0.1 s"),
         (["--row-time", "22parsec"], "--row-time"),
         (["--exposure", "-1us"], "exposure: got -1e-06, allowed: a finite number, 0 or above"),
         (["--frequency", "0"], "frequency: got 0"),
@@ -133,6 +134,12 @@ def test_bad_input_is_one_line_and_exit_code_2(receiver, options, message):
     assert done.stdout == b""
     assert done.stderr.decode().count("\n") == 1
     assert message in done.stderr.decode()
+
+
+def test_a_row_time_is_needed(receiver):
+    done = subprocess.run([receiver, "--size", "40x720"], input=b"", capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"--row-time: got none, allowed: the time from row to row, such as 22.2us" in done.stderr
 
 
 def test_a_region_of_a_file_of_options_that_wraps_is_refused(receiver, tmp_path):

@@ -18,13 +18,13 @@ from ocisac_fast.batch.jobs import VersionError
 from ocisac_fast.batch.results import Results
 from ocisac_fast.batch.summary import Summary, summarize
 from ocisac_fast.batch.task import Task
+from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, with_spread
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
 
 _MAX_LINES = 40  # of recordings and of failures in a summary
-_SOME_FAILED = 3
 
 
 class _TaskWords(ParameterType):
@@ -122,7 +122,7 @@ def batch(
         raise
     _emit(done, output, as_json)
     if done.progress.failed:
-        raise click.exceptions.Exit(_SOME_FAILED)
+        raise click.exceptions.Exit(SOME_FAILED)
 
 
 @contextlib.contextmanager

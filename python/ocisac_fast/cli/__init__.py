@@ -7,7 +7,11 @@ from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; exit code 0, 2 for invalid input, 130 or 143 if interrupted, 141 for a closed pipe."""
+    """Run the command line.
+
+    Exit code 0; 2 for invalid input; 3 if some of several files failed; 130 or 143 if interrupted; 141 for a closed
+    pipe.
+    """
     try:
         from ocisac_fast.cli.application import run
 

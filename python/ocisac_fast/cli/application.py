@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import importlib
 import os
 import signal
@@ -12,6 +13,7 @@ from typing import Any
 
 import click
 
+from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line, write_any_text
 
 _COMMANDS = {
@@ -35,7 +37,21 @@ _COMMANDS = {
 _ROOM_OF = {"batch": "ocisac_fast.batch.command"}
 
 
+def any_case(word: str) -> str:
+    """Options and choices in any case."""
+    return word.lower()
+
+
 class _LazyGroup(click.Group):
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0].lower() not in _COMMANDS:
+            near = difflib.get_close_matches(args[0].lower(), _COMMANDS, 1)
+            allowed = near[0] if near else ", ".join(_COMMANDS)
+            raise click.UsageError(f"command: got {args[0]!r}, allowed: {allowed}")
+        return super().resolve_command(ctx, args)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
 
@@ -60,7 +76,11 @@ def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
         ctx.exit()
 
 
-@click.group(cls=_LazyGroup, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_LazyGroup,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": any_case},
+)
 @click.option(
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_show_version, help="Show the version."
 )
@@ -105,8 +125,6 @@ def _run(arguments: list[str], command: click.Command) -> int:
         return 0
     except click.exceptions.Exit as done:
         return done.exit_code
-    except click.ClickException as error:
-        return _fail(command, error.format_message())
     except (KeyboardInterrupt, click.Abort):
         return 130
     except _Terminated:
@@ -114,13 +132,10 @@ def _run(arguments: list[str], command: click.Command) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # a target for the last flush
         return 141
-    except OSError as error:
-        name = f"{error.filename}: " if error.filename is not None else ""
-        return _fail(command, name + (error.strerror or str(error)))
     except MemoryError as error:
         return _fail(command, f"out of memory: {error}")
-    except (ValueError, ArithmeticError) as error:
-        return _fail(command, str(error))
+    except INPUT_ERRORS as error:
+        return _fail(command, error_text(error))
 
 
 def _fail(command: click.Command, message: str) -> int:

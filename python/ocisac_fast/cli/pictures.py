@@ -15,7 +15,7 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.units import TIME, ParameterType, Quantity
+from ocisac_fast.cli.units import ROW_TIME, TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import LightResponse, Part, RecordingStream, open_recording
@@ -47,7 +47,7 @@ class _ToneCurve(ParameterType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        curve, _, power = str(value).partition(":")
+        curve, _, power = str(value).lower().partition(":")
         if curve in ("linear", "srgb", "gamma") and (not power or curve == "gamma"):
             try:
                 return curve, float(power or 2.2)
@@ -60,10 +60,11 @@ class _Channel(ParameterType):
     name = "auto|r|g|b|y|INDEX"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if value in ("auto", "y", *_RED_GREEN_BLUE) or isinstance(value, int):
-            return value
-        if re.fullmatch(r"\d{1,3}", str(value)):
-            return int(value)
+        word = str(value).lower()
+        if word in ("auto", "y", *_RED_GREEN_BLUE):
+            return word
+        if re.fullmatch(r"\d{1,3}", word):
+            return int(word)
         self.fail(f"got {value!r}, allowed: auto, r, g, b, y or an index from 0")
 
 
@@ -281,7 +282,7 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
         return function(picture=PictureOptions.taken_from(arguments), **arguments)
 
     options = [
-        click.option("--row-time", type=TIME, help="Time from one row to the next; without it, rates are per row."),
+        click.option("--row-time", type=ROW_TIME, help="Time from one row to the next; without it, rates are per row."),
         click.option("--exposure", type=TIME, help="Exposure time of a row."),
         click.option(
             "--scan-axis",

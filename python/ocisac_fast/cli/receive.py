@@ -8,9 +8,11 @@ from typing import Any
 
 import click
 
+from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, flag_names, number, progress, quantity
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.core.regions import Region
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
@@ -58,7 +60,8 @@ def receive(
     Columns, channel and chip rate are estimated. Chips cut by the edges of a frame are excluded. With --packets, frames
     are one stream in time order, exposures may be longer than a chip (then --chip-rate is needed), and completed
     payloads are printed; lights side by side or above each other are separate sources. With --fsk each frame shows one
-    tone of a set (CM-FSK). An interrupt ends the reception; earlier results are printed.
+    tone of a set (CM-FSK). An interrupt ends the reception; earlier results are printed. Of several files, those that
+    cannot be read are named, and the exit code is 3.
     """
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
@@ -79,15 +82,21 @@ def receive(
         frequency=picture.check_frequency("--frequency", frequency),
     )
     stream = PacketStream(options, picture) if packets else None
-    stopped = False
+    stopped = failed = False
     try:
         for file in files:
-            for facts in _received(file, picture, plot, rate, stream):
-                named = {"file": file, **facts} if len(files) > 1 else facts
-                if as_json:
-                    emit_json(named)
-                else:
-                    every.append(named)
+            try:
+                for facts in _received(file, picture, plot, rate, stream):
+                    named = {"file": file, **facts} if len(files) > 1 else facts
+                    if as_json:
+                        emit_json(named)
+                    else:
+                        every.append(named)
+            except INPUT_ERRORS as error:
+                if len(files) == 1:
+                    raise
+                failed = True
+                click.echo(f"ocisac: {one_line(error_text(error))}", err=True)
             plot = None  # the first frame of the first file
     except KeyboardInterrupt:  # earlier results are printed
         stopped = True
@@ -103,6 +112,8 @@ def receive(
         emit_summary(stream.summary(), as_json)
     if stopped:
         raise KeyboardInterrupt
+    if failed:
+        raise click.exceptions.Exit(SOME_FAILED)
 
 
 _HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags")

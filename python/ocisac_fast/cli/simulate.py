@@ -13,7 +13,7 @@ from click.core import ParameterSource
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
 from ocisac_fast.cli.pictures import json_option
-from ocisac_fast.cli.units import FREQUENCY, TIME
+from ocisac_fast.cli.units import FREQUENCY, ROW_TIME, TIME
 from ocisac_fast.files import write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
@@ -37,7 +37,7 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--fall", type=float, default=0.0, help="Time constant of a chip that turns dark, in chips.")
 @click.option("--rows", type=int, default=720, show_default=True)
 @click.option("--columns", type=int, default=1080, show_default=True)
-@click.option("--row-time", type=TIME)
+@click.option("--row-time", type=ROW_TIME)
 @click.option("--exposure", type=TIME)
 @click.option("--start", type=TIME, default="0", show_default=True, help="End of the exposure of the first row.")
 @click.option("--swing", type=float, default=200.0, show_default=True, help="Stored values from dark to full light.")

@@ -50,25 +50,33 @@ def _scaled(value: float, factor: float) -> float:
 
 
 class QuantityType(ParameterType):
-    """A time, a length or a frequency; with ``automatic``, also ``"auto"``."""
+    """A time, a length or a frequency of at most ``most``; with ``automatic``, also ``"auto"``."""
 
-    def __init__(self, unit: str, example: str, automatic: bool = False) -> None:
+    def __init__(self, unit: str, example: str, automatic: bool = False, most: float | None = None) -> None:
         self.name = unit
         self._unit = unit
         self._example = example
         self._automatic = automatic
+        self._most = most
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, Quantity) or (self._automatic and value == "auto"):
+        if isinstance(value, Quantity):
             return value
+        if self._automatic and str(value).lower() == "auto":
+            return "auto"
         try:
-            return Quantity.parse(str(value), self._unit)
+            quantity = Quantity.parse(str(value), self._unit)
         except (ValueError, ZeroDivisionError, OverflowError):
             auto = " or auto" if self._automatic else ""
             self.fail(f"got {value!r}, allowed: a number with or without unit, such as {self._example}{auto}")
+        if self._most is not None and quantity > self._most:
+            hint = "" if quantity.has_unit else f"; {value} without a unit is in {self._unit}, {value}us may be meant"
+            self.fail(f"got {float(quantity):g} {self._unit}, allowed: at most {self._most:g} {self._unit}{hint}")
+        return quantity
 
 
 TIME = QuantityType("s", "9.2us")
+ROW_TIME = QuantityType("s", "9.2us", most=0.1)  # longer: a forgotten unit
 LENGTH = QuantityType("m", "0.3mm")
 FREQUENCY = QuantityType("Hz", "4.95kHz")
 FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)
