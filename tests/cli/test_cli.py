@@ -594,7 +594,10 @@ def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
     [
         (("nonsense",), "command: got 'nonsense', allowed: "),
         (("recieve", "x.png"), "command: got 'recieve', allowed: receive"),
-        (("gain", "grey.png", "--frequency", "500Hz", "--row-time", "22.2"), "22.2us may be meant"),
+        (
+            ("gain", "grey.png", "--frequency", "500Hz", "--row-time", "22.2"),
+            "Invalid value for '--row-time': got 22.2 s",
+        ),
         (("gain",), "Missing argument 'FILE'."),
         (("gain", "x.png"), "Missing option '--frequency'."),
         (("gain", "x.png", "--frequency", "5", "--nonsense"), "No such option"),
