@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import multiprocessing
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.batch import Task, cluster, measure_recordings
+from ocisac_fast.batch.campaign import MAX_FRAMES, group_size
 from ocisac_fast.cli.gain import frame_gains
 from ocisac_fast.files import open_recording
 from ocisac_fast.files.videos import decoder_threads
@@ -185,7 +187,7 @@ def overhead(folder: Path) -> dict[str, float]:
     }
 
 
-def whole_run(folder: Path) -> dict[str, Any]:
+def whole_run(folder: Path, long: int) -> dict[str, Any]:
     """All recordings with two workers: time, processors' time of each part, memory."""
     import psutil
 
@@ -202,6 +204,7 @@ def whole_run(folder: Path) -> dict[str, Any]:
         "seconds": seconds,
         "recordings": progress.recordings,
         "frames": progress.frames,
+        "tasks": task_count(progress.recordings, 2) + long * (LONG_SECONDS * RATE // MAX_FRAMES),
         "bytes": size,
         "scheduler_cpu": spent[0],
         "worker_cpu": float(spent[1:3].sum()),
@@ -221,13 +224,19 @@ def processor_times(folder: Path) -> dict[str, float]:
     return {"recording": times[0], "frame_of_long": times[1]}
 
 
+def task_count(recordings: int, threads: int) -> int:
+    """Tasks of Dask, which hold several short recordings each."""
+    return math.ceil(recordings / group_size(recordings, threads))
+
+
 def model(run: dict[str, Any], workers: int, recordings: int) -> dict[str, float]:
-    """Seconds of each resource if it were the only limit; the run takes the largest."""
+    """Seconds of each resource if it were the only limit; a run takes the largest."""
     scale = recordings / run["recordings"]
     return {
         "workers": scale * run["worker_cpu"] / workers,
-        "scheduler": scale * run["scheduler_cpu"],
+        "scheduler": task_count(recordings, workers) * run["scheduler_cpu"] / run["tasks"],
         "client": scale * run["client_cpu"],
+        "mib_per_second": workers * run["bytes"] / 2**20 / run["worker_cpu"],
     }
 
 
@@ -244,7 +253,7 @@ def main() -> int:
         costs = overhead(folder)
         gains = gains_of_the_second(folder)
         times = processor_times(folder)
-        run = whole_run(folder)
+        run = whole_run(folder, options.long)
     frames = options.long * LONG_SECONDS * RATE
     predicted = {
         "worker_cpu": options.recordings * times["recording"] + frames * times["frame_of_long"],

@@ -73,13 +73,13 @@ def processes(tmp_path):
 def connected(processes, workers):
     for _ in range(workers):
         processes.add_worker()
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 60
     while not processes.file.exists():
         assert time.monotonic() < deadline
         time.sleep(0.05)
     with cluster(scheduler=str(processes.file)) as client:
         if workers:
-            client.wait_for_workers(workers, timeout=30)
+            client.wait_for_workers(workers, timeout=60)
         yield client
 
 
@@ -158,7 +158,7 @@ def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, tas
         assert time.monotonic() < deadline
         time.sleep(0.01)
     os.killpg(run.pid, signal.SIGINT)
-    _, err = run.communicate(timeout=30)
+    _, err = run.communicate(timeout=60)
     assert run.returncode == 130
     assert err.splitlines() == [f"ocisac: interrupted; {results} keeps what is finished, the same command goes on"]
     done = measure_recordings(campaign.folder, task, output=results, max_frames=MAX_FRAMES)
@@ -167,7 +167,9 @@ def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, tas
 
 
 @pytest.mark.nightly
-def test_a_recording_that_kills_every_worker_is_a_failure_and_no_more(campaign, task, processes, tmp_path):
+def test_a_recording_that_kills_every_worker_is_a_failure_and_no_more(campaign, task, processes, tmp_path, monkeypatch):
+    """Also where it shares a task with others."""
+    monkeypatch.setattr("ocisac_fast.batch.campaign._GROUPS_PER_THREAD", 1)
     (tmp_path / "crash.py").write_text(
         "import os\nfrom ocisac_fast.batch import jobs\n"
         "def measured(self, job, results):\n"
@@ -179,7 +181,7 @@ def test_a_recording_that_kills_every_worker_is_a_failure_and_no_more(campaign, 
     with connected(processes, 0) as client:
         for _ in range(2):
             processes.start("dask_worker", "--nthreads", "1", "--nworkers", "1", "--no-dashboard", *crash)
-        client.wait_for_workers(2, timeout=30)
+        client.wait_for_workers(2, timeout=60)
         done = measure_recordings(campaign.folder / "night", task, client=client, output=tmp_path / "results")
     assert done.progress.finished == 35
     assert done.failures["message"].to_pylist() == ["its worker died 4 times"]
@@ -197,7 +199,7 @@ def test_another_version_on_a_worker_is_one_line(what, campaign, processes, tmp_
     (tmp_path / "old.py").write_text(preload[what])
     with connected(processes, 0) as client:
         processes.add_worker("--preload", str(tmp_path / "old.py"))
-        client.wait_for_workers(1, timeout=30)
+        client.wait_for_workers(1, timeout=60)
         words = ["batch", str(campaign.folder), "-o", str(tmp_path / "results"), "--scheduler", str(processes.file)]
         assert main([*words, *GAIN]) == 2
         err = capsys.readouterr().err.splitlines()
@@ -207,7 +209,8 @@ def test_another_version_on_a_worker_is_one_line(what, campaign, processes, tmp_
         assert err[0].endswith("allowed: the same")
 
 
-def test_a_scheduler_that_is_not_there_is_one_line(campaign, tmp_path, capsys):
+def test_a_scheduler_that_is_not_there_is_one_line(campaign, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("ocisac_fast.batch.engines._CONNECT_SECONDS", 2)
     words = ["batch", str(campaign.folder), "-o", str(tmp_path / "results"), *GAIN]
     for scheduler in ("tcp://127.0.0.1:9", str(tmp_path / "none.json")):
         began = time.monotonic()

@@ -18,7 +18,7 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.files.extras import pyarrow
 
 MAX_FRAMES = 1000
-_MAX_GROUP = 16  # recordings per job
+_MAX_GROUP = 16  # recordings per task of Dask
 _GROUPS_PER_THREAD = 32  # so that workers end at about the same time
 
 
@@ -94,6 +94,11 @@ def measure_recordings(
     return _Campaign(entries, task, results, max_frames, report).run(client)
 
 
+def group_size(recordings: int, threads: int) -> int:
+    """Recordings in a task: several where there are many, so that the scheduler keeps up."""
+    return min(max(recordings // (_GROUPS_PER_THREAD * threads), 1), _MAX_GROUP)
+
+
 @dataclass
 class _Recording:
     """A recording of which stretches are in work."""
@@ -133,12 +138,10 @@ class _Campaign:
         work = Work(self._task, folder, self._max_frames, build(), client is not None)
         self._tell()
         if self._waiting:
-            threads = thread_count(client)
-            self._group = min(max(len(self._waiting) // (_GROUPS_PER_THREAD * threads), 1), _MAX_GROUP)
             if client is None:
-                self._group = 1
                 batches = in_this_process(work, self._next_jobs)
             else:
+                self._group = group_size(len(self._waiting), thread_count(client))
                 batches = on_cluster(client, work, self._next_jobs)
             for reports in batches:
                 for each in reports:

@@ -123,9 +123,9 @@ def _thread_count(client: Any) -> int:
         raise _lost(client) from None
 
 
-def thread_count(client: Any | None) -> int:
-    """Threads of all workers; 1 without a cluster."""
-    return 1 if client is None else max(_thread_count(client), 1)
+def thread_count(client: Any) -> int:
+    """Threads of all workers, at least 1."""
+    return max(_thread_count(client), 1)
 
 
 def _require_same_version(client: Any) -> None:
