@@ -79,12 +79,11 @@ std::optional<FoundChips> detect_rows(const IterationContext& context, const Cha
   const auto signal = context.signal;
   const Levels levels{channel, signal.size()};
   double lowest = std::numeric_limits<double>::infinity();
-  std::vector<double> rows, row_noise;
+  std::vector<double> rows;
   for (std::size_t n = range.begin; n < range.end; ++n) {
     const double swing = levels.swing(n);
     lowest = std::min(lowest, swing);
     rows.push_back((signal[n] - levels.dark(n)) / swing);
-    if (channel.swing.size() > 1) row_noise.push_back(std::max(channel.noise / swing, kMinDetectorNoise));
   }
   if (!(lowest > 0)) return std::nullopt;
   ChipClock clock = channel.clock;
@@ -94,7 +93,7 @@ std::optional<FoundChips> detect_rows(const IterationContext& context, const Cha
   const ChipGrid grid = affecting_chips(clock, range.size());
   const double middle = levels.swing((range.begin + range.end) / 2);
   FoundChips chips{context.detect({rows, clock, std::max(channel.noise / middle, kMinDetectorNoise), grid.first,
-                                   grid.count, context.options.known, row_noise}),
+                                   grid.count, context.options.known}),
                    grid.first};
   put_known(context.options.known, chips);
   return chips;

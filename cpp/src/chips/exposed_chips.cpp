@@ -35,7 +35,8 @@ void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<dou
 
 RowRange rows_of(const KnownChips& chips, const ChipClock& clock, std::size_t rows) {
   const auto first = static_cast<double>(chips.first), count = static_cast<double>(chips.levels.size());
-  const double begin = clock.phase + first * clock.rows_per_chip + 0.5 * clock.exposure_rows;
+  const double settling = std::max(clock.rise, clock.fall) * std::log(1 / kUnsettled);
+  const double begin = clock.phase + (first + settling) * clock.rows_per_chip + 0.5 * clock.exposure_rows;
   const double end = clock.phase + (first + count) * clock.rows_per_chip - 0.5 * clock.exposure_rows;
   const double limit = static_cast<double>(rows);
   const double low = std::clamp(std::ceil(begin), 0.0, limit), high = std::clamp(std::floor(end) + 1, low, limit);

@@ -16,7 +16,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kUnsettled = 0.05;         // fraction of a step
 constexpr std::size_t kMaxSlowMemory = 10;  // chips
 constexpr float kNever = std::numeric_limits<float>::infinity();
 

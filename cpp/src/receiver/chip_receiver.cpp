@@ -34,8 +34,10 @@ constexpr double kMinChips = 12;                           // in a frame
 constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
 constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
 constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
-constexpr std::size_t kMaxVainTries = 4;  // doublings of the frames from one try of other models to the next
-constexpr double kBetter = 0.8;           // ratio of the residual noise required of another model
+constexpr std::size_t kMaxVainTries = 4;     // doublings of the frames from one try of other models to the next
+constexpr double kOthersEffort = 0.5;        // of a frame's: the effort for each of the other models
+constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
+constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
 constexpr std::array kGivenExposureFactors{0.9, 1.1, 0.8, 1.2};      // factors for a given exposure that seems wrong
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 constexpr std::size_t kMaxWait = 7;                                  // frames
@@ -151,6 +153,33 @@ std::optional<FrameReading> ChipReceiver::search(std::span<const double> signal,
   return read_frame(signal, reading->channel, false, &frame.effort);
 }
 
+// As search, for light that rises and falls slowly: finds the chips of sharpened rows, then the shape in the rows.
+std::optional<FrameReading> ChipReceiver::search_slow(std::span<const double> signal, const RowModel& model,
+                                                      Frame& frame) {
+  std::optional<FrameReading> best;
+  for (const double chips : kSlownesses) {
+    frame.effort = frame.effort_of_others;
+    auto start = search(sharpened(signal, chips * rows_per_chip_.value_or(0.0)), model, frame);
+    if (!start) continue;
+    start->channel.clock.rise = start->channel.clock.fall = chips;
+    auto reading = refine_shape(signal, std::move(*start), model.exposure_known, &frame.effort);
+    if (!reading || (best && best->relative_noise <= reading->relative_noise)) continue;
+    best = std::move(reading);
+    if (!is_misfit(*best)) break;
+  }
+  return best;
+}
+
+// The lit rows of the recent frames, each less its slow light.
+std::vector<double> ChipReceiver::kept_rows(std::size_t rows, double slow) const {
+  std::vector<double> all;
+  for (const KeptFrame& kept : kept_) {
+    const auto signal = std::span(kept.signal).subspan(first_row_ - kept_first_row_, rows);
+    if (const auto fit = remove_nuisance(signal, {slow, {}})) all.insert(all.end(), fit->rest.begin(), fit->rest.end());
+  }
+  return all;
+}
+
 // Alternative models of the rows: slow light, a tone, another exposure.
 std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const double> signal) const {
   const RowModel given{{},
@@ -160,22 +189,31 @@ std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const d
   if (!model_.nuisance.empty() || model_.exposure_known != given.exposure_known || model_.slow_light)
     models.push_back(given);
   const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
-  const auto add = [&](RowNuisance nuisance) {
-    models.push_back({std::move(nuisance), given.exposure_rows, given.exposure_known});
-  };
   const auto fit = remove_nuisance(signal, {slow, {}});
   const auto plain = remove_nuisance(signal, {});
   const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
+  std::vector<RowNuisance> nuisances;
   if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
-    for (const double mains : kMains) add({0, {mains * row_time}});
-    add({slow, {}});
+    for (const double mains : kMains) nuisances.push_back({0, {mains * row_time}});
+    nuisances.push_back({slow, {}});
   }
   if (fit && slow < highest) {
-    const auto tone = strongest_tone(fit->rest, fit->rest.size(), slow, highest);
-    if (tone.prominence > kMinProminence) add({0, {tone.frequency}});
+    const auto tone = strongest_tone(kept_rows(signal.size(), slow), signal.size(), slow, highest);
+    if (tone.prominence > kMinProminence) nuisances.push_back({0, {tone.frequency}});
   }
+  // The most likely first, by Schwarz's criterion.
+  std::vector<std::pair<double, std::size_t>> order;
+  for (std::size_t k = 0; k < nuisances.size(); ++k) {
+    const auto rows = static_cast<double>(signal.size());
+    const double unknowns = 2 * static_cast<double>(nuisances[k].tones.size()) + 2 * rows * nuisances[k].slow;
+    const auto left = remove_nuisance(signal, nuisances[k]);
+    if (left) order.emplace_back(rows * std::log(std::max(left->squares, 1e-300)) + unknowns * std::log(rows), k);
+  }
+  std::ranges::sort(order);
+  for (const auto& [criterion, k] : order)
+    models.push_back({std::move(nuisances[k]), given.exposure_rows, given.exposure_known});
   if (!model_.slow_light) {
-    models.push_back(given);
+    models.push_back(model_);
     models.back().slow_light = true;
   }
   if (given.exposure_rows)
@@ -190,14 +228,19 @@ std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const d
 std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> signal, RowModel& model, Frame& frame) {
   const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(signal, model.nuisance);
   const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
-  auto reading = follow(rest, model, frame);
-  if (!reading && frame.may_search) reading = search(rest, model, frame);
+  const bool has_shape = channel_ && (channel_->clock.rise > 0 || channel_->clock.fall > 0);
+  std::optional<FrameReading> reading;
+  if (!model.slow_light || has_shape) {
+    reading = follow(rest, model, frame);
+    if (!reading && frame.may_search) reading = search(rest, model, frame);
+  } else if (frame.may_search) {
+    reading = search_slow(rest, model, frame);
+  }
   if (!model.nuisance.empty() && reading)
     reading = refine_nuisance(signal, *reading, model.nuisance, model.exposure_known, &frame.effort);
-  const bool without_shape = reading && reading->channel.clock.rise == 0 && reading->channel.clock.fall == 0;
-  if (model.slow_light && without_shape) {
+  if (model.slow_light && reading && is_misfit(*reading)) {
     auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
-    if (shaped) reading = std::move(shaped);
+    if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
   }
   if (reading && !camera_.exposure) reading = with_shortest_exposure(rest, std::move(*reading), &frame.effort);
   return reading;
@@ -211,12 +254,13 @@ std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, F
     --until_try_;
     return best;
   }
-  frame.effort = frame.effort_of_others;
   for (RowModel& model : other_models(signal)) {
+    frame.effort = frame.effort_of_others;
     auto other = read_with(signal, model, frame);
     if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
     best = std::move(other);
     model_ = std::move(model);
+    frame.new_model = true;
     if (!is_misfit(*best)) break;
   }
   vain_tries_ = best && !is_misfit(*best) ? 0 : vain_tries_ + 1;
@@ -403,7 +447,6 @@ std::size_t ChipReceiver::profile_smoothing() const {
 // packet, and those of the current frame there; nullptr: only s of each row is kept.
 ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, const CombinedColumn& column,
                                               std::size_t first_row, ReceivedFrame* result) {
-  restart_clock();
   first_row_ = first_row + learned.rows.begin;
   KeptFit fit;
   std::optional<Payload> payload;
@@ -446,6 +489,7 @@ bool ChipReceiver::learn_profile(const CombinedColumn& column, std::size_t first
   LearnedProfile learned{*first, rows};
   double noise = std::numeric_limits<double>::infinity();
   for (int round = 0; round < kProfileRounds; ++round) {
+    restart_clock();
     const KeptFit fit = read_kept(learned, column, first_row, nullptr);
     if (fit.frames >= enough && round > 0) {
       profile_ = std::move(learned);
@@ -459,6 +503,25 @@ bool ChipReceiver::learn_profile(const CombinedColumn& column, std::size_t first
     if (!profile || !is_bright(*profile, rows)) break;
     learned.profile = std::move(*profile);
   }
+  std::tie(channel_, tracker_, model_, relative_noise_, first_row_) = before;
+  return false;
+}
+
+// Reads the kept frames again where a new model explains the current one and did not explain earlier ones: their chips
+// count from the beginning on. `reading`: of the current frame, in the `lit` rows.
+bool ChipReceiver::read_again(const FrameReading& reading, RowRange lit, const CombinedColumn& column,
+                              std::size_t first_row, ReceivedFrame& result) {
+  const auto poor = static_cast<std::size_t>(std::ranges::count(kept_, false, &KeptFrame::fits));
+  if (poor == 0) return false;
+  const auto before = std::tuple(channel_, tracker_, model_, relative_noise_, first_row_);
+  if (tracker_) tracker_->reset();
+  channel_ = reading.channel;
+  relative_noise_ = reading.relative_noise;
+  const std::size_t rows = column.signal.size();
+  if (poor + 1 == kept_.size()) assembler_ = PacketAssembler(options_.format);  // all its chips are in doubt
+  assembler_.lose_clock();
+  read_kept({{std::vector<double>(rows), std::vector<double>(rows, 1.0)}, lit}, column, first_row, &result);
+  if (result.stretch) return true;
   std::tie(channel_, tracker_, model_, relative_noise_, first_row_) = before;
   return false;
 }
@@ -496,7 +559,8 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
   first_row_ = first_row + lit.begin;
   if (column.saturated) result.flags |= flag::saturated;
   const SearchEffort effort = search_effort(signal.size());
-  Frame now{column, time, wait_ == 0, effort, effort};
+  const SearchEffort effort_of_others{.rows = kOthersEffort * effort.rows};  // each
+  Frame now{column, time, wait_ == 0, effort, effort_of_others};
   const auto reading = read(signal, now);
   follow_profile(reading);
   const auto poor = static_cast<std::size_t>(std::ranges::count(kept_, false, &KeptFrame::fits));
@@ -506,6 +570,7 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
     if (learn_profile(column, first_row)) {
       if (poor == kept_.size()) assembler_ = PacketAssembler(options_.format);  // all its chips are in doubt
       assembler_.lose_clock();
+      restart_clock();
       read_kept(*profile_, column, first_row, &result);
       profile_attempts_ = 0;
       if (result.stretch) {
@@ -517,6 +582,11 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
       const std::size_t slower = profile_attempts_ - std::min(profile_attempts_, kQuickAttempts);
       until_attempt_ = kProfilePause << std::min<std::size_t>(slower, 5);
     }
+  }
+  if (reading && !is_misfit(*reading) && now.new_model && !profile_ &&
+      read_again(*reading, lit, column, first_row, result)) {
+    forget_repeated(result);
+    return result;
   }
   if (reading)
     take(*reading, time, signal.size(), result);

@@ -29,12 +29,11 @@ constexpr int kNuisanceRounds = 6;
 constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
 constexpr double kToneReach = 0.25;        // spectral lines of a frame
 constexpr int kToneSteps = 8;
-constexpr std::array<std::pair<double, double>, 4> kShapes{
-    {{0.4, 0.4}, {0.8, 0.8}, {0.5, 0.1}, {0.1, 0.5}}};  // initial rise and fall, chips
-constexpr std::array<std::pair<double, double>, 6> kShapeSteps{{{1, 1}, {-1, -1}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
-constexpr double kFirstShapeStep = 0.2, kLastShapeStep = 0.02, kSlowest = 2;  // chips
-constexpr int kShapeRounds = 3;
-constexpr double kShapeInPhase = 0.75;
+constexpr double kSlowest = 2;                                // chips, of rise and fall
+constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
+constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
+constexpr int kShapeSteps = 6, kShapeHalvings = 3, kShapeRounds = 4;
+constexpr double kMinShapePivot = 1e-9;
 constexpr double kNoResidual = 0.005;  // relative to the swing: rounding to whole values may be correlated
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
@@ -83,15 +82,21 @@ double error_rate_within(const FrameReading& reading) {
   return sum / static_cast<double>(reading.llr.size() - 2 * edge);
 }
 
-double residual_correlation(std::span<const double> signal, const FrameReading& reading) {
-  const ChannelEstimate& channel = reading.channel;
-  auto left = exposed_rows(reading, signal.size());
+// What a channel leaves of all rows.
+std::vector<double> residual(std::span<const double> signal, const KnownChips& chips, const ChannelEstimate& channel) {
+  std::vector<double> left(signal.size());
+  expose_chips(chips, channel.clock, left);
   for (std::size_t n = 0; n < left.size(); ++n) {
     const auto row = static_cast<double>(n);
     left[n] = signal[n] - channel.dark_at(row, left.size()) - channel.swing_at(row, left.size()) * left[n];
   }
+  return left;
+}
+
+double residual_correlation(std::span<const double> signal, const FrameReading& reading) {
+  const auto left = residual(signal, {hard_chips(reading), reading.first}, reading.channel);
   double squares = 0, products = 0;
-  for (std::size_t n = channel.rows.begin + 1; n < channel.rows.end; ++n) {
+  for (std::size_t n = reading.channel.rows.begin + 1; n < reading.channel.rows.end; ++n) {
     squares += left[n] * left[n];
     products += left[n] * left[n - 1];
   }
@@ -218,42 +223,65 @@ std::optional<FrameReading> refine_nuisance(std::span<const double> signal, Fram
   return reading;
 }
 
-// Minimises the residual over rise and fall, with the chips of a reading, by steps that are halved.
-static void move_shape(std::span<const double> signal, FrameReading& reading, bool exposure_known) {
-  const auto chips = hard_chips(reading);
-  ChannelEstimate& best = reading.channel;
+// Gauss–Newton on rise and fall with known chips; all other unknowns are fitted anew at each (variable projection).
+static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChips& chips, ChannelEstimate best,
+                                 bool exposure_known) {
   const ChannelModel model{best.dark.size() - 1, best.swing.size() - 1, exposure_known};
-  for (double step = kFirstShapeStep; step > kLastShapeStep; step *= 0.5)
-    for (const auto& [rise, fall] : kShapeSteps) {
-      ChipClock clock = best.clock;
-      clock.rise = std::clamp(clock.rise + step * rise, 0.0, kSlowest);
-      clock.fall = std::clamp(clock.fall + step * fall, 0.0, kSlowest);
-      auto fitted = fit_channel(signal, {chips, reading.first}, clock, model);
-      if (fitted && fitted->noise < best.noise) best = std::move(*fitted);
+  const auto fitted_at = [&](double rise, double fall) {
+    ChipClock clock = best.clock;
+    clock.rise = std::clamp(rise, 0.0, kSlowest);
+    clock.fall = std::clamp(fall, 0.0, kSlowest);
+    return fit_channel(signal, chips, clock, model);
+  };
+  for (int step = 0; step < kShapeSteps; ++step) {
+    const double rise = best.clock.rise, fall = best.clock.fall;
+    const auto riser = fitted_at(rise + kShapeStep, fall), faller = fitted_at(rise, fall + kShapeStep);
+    if (!riser || !faller) break;
+    const auto left = residual(signal, chips, best), left_riser = residual(signal, chips, *riser),
+               left_faller = residual(signal, chips, *faller);
+    double rr = 0, rf = 0, ff = 0, r = 0, f = 0;
+    for (std::size_t n = best.rows.begin; n < best.rows.end; ++n) {
+      const double by_rise = (left_riser[n] - left[n]) / kShapeStep, by_fall = (left_faller[n] - left[n]) / kShapeStep;
+      rr += by_rise * by_rise;
+      rf += by_rise * by_fall;
+      ff += by_fall * by_fall;
+      r -= by_rise * left[n];
+      f -= by_fall * left[n];
     }
+    const double determinant = rr * ff - rf * rf;
+    if (!(determinant > kMinShapePivot * rr * ff)) break;
+    const double to_rise = (ff * r - rf * f) / determinant, to_fall = (rr * f - rf * r) / determinant;
+    double share = std::min(1.0, kLargestShapeMove / std::max({std::abs(to_rise), std::abs(to_fall), 1e-12}));
+    const double before = best.noise;
+    for (int halving = 0; halving < kShapeHalvings && !(best.noise < before); ++halving, share *= 0.5)
+      if (auto moved = fitted_at(rise + share * to_rise, fall + share * to_fall); moved && moved->noise < best.noise)
+        best = std::move(*moved);
+    if (!(best.noise < (1 - kMinShapeGain) * before)) break;
+  }
+  return best;
 }
 
-std::optional<FrameReading> refine_shape(std::span<const double> signal, const FrameReading& reading,
-                                         bool exposure_known, SearchEffort* effort) {
-  std::optional<FrameReading> best;
-  for (const auto& [rise, fall] : kShapes) {
-    ChannelEstimate start = reading.channel;
-    start.clock.rise = rise;
-    start.clock.fall = fall;
-    // The delay of the light by rise and fall, of which the phase has absorbed the most.
-    start.clock.phase -= kShapeInPhase * 0.5 * (rise + fall) * start.clock.rows_per_chip;
-    auto tried = read_frame(signal, start, exposure_known, effort);
-    if (tried && (!best || tried->relative_noise < best->relative_noise)) best = std::move(tried);
+std::vector<double> sharpened(std::span<const double> signal, double rows) {
+  std::vector<double> sharp(signal.begin(), signal.end());
+  for (std::size_t n = 1; n + 1 < sharp.size(); ++n) sharp[n] += 0.5 * rows * (signal[n + 1] - signal[n - 1]);
+  return sharp;
+}
+
+std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameReading reading, bool exposure_known,
+                                         SearchEffort* effort) {
+  bool better = false;
+  for (int round = 0; round < kShapeRounds; ++round) {
+    const auto chips = hard_chips(reading);
+    const ChannelEstimate moved = fit_shape(signal, {chips, reading.first}, reading.channel, exposure_known);
+    auto again = read_frame(signal, moved, exposure_known, effort);
+    if (!again || (round > 0 && !(again->relative_noise < reading.relative_noise))) break;
+    const bool settled = round > 0 && again->relative_noise > (1 - kMinShapeGain) * reading.relative_noise;
+    again->even = reading.even;
+    reading = std::move(*again);
+    better = true;
+    if (settled) break;
   }
-  for (int round = 0; best && round < kShapeRounds; ++round) {
-    FrameReading moved = *best;
-    move_shape(signal, moved, exposure_known);
-    auto again = read_frame(signal, moved.channel, exposure_known, effort);
-    if (!again || again->relative_noise >= best->relative_noise) break;
-    best = std::move(again);
-  }
-  if (best) best->even = reading.even;
-  return best;
+  return better ? std::optional(std::move(reading)) : std::nullopt;
 }
 
 bool is_misfit(const FrameReading& reading) {

@@ -21,7 +21,7 @@ struct KnownChips {
 // end.
 void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<double> out);
 
-// Range of the rows that depend on known chips only.
+// Range of the rows that depend on known chips only, after the light settled from its unknown first level.
 struct RowRange {
   std::size_t begin = 0, end = 0;
   [[nodiscard]] std::size_t size() const { return end - begin; }

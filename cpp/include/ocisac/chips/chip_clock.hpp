@@ -19,6 +19,7 @@ struct ChipClock {
   double rise = 0, fall = 0;
 };
 
+inline constexpr double kUnsettled = 0.05;  // fraction of a step at which the light of earlier chips is neglected
 inline constexpr double kShortestExposure = 1e-3;  // rows
 
 // Index of the chip at a row.

@@ -86,13 +86,16 @@ class ChipReceiver {
     double time;                            // on the tracker's clock, in frames
     bool may_search;                        // a search for the clock is allowed if tracking fails
     SearchEffort effort, effort_of_others;  // of models other than the last frame's
+    bool new_model = false;                 // another model than the last frame's was chosen
   };
   std::optional<FrameReading> read(std::span<const double> signal, Frame& frame);
   std::optional<FrameReading> read_with(std::span<const double> signal, RowModel& model, Frame& frame);
+  [[nodiscard]] std::vector<double> kept_rows(std::size_t rows, double slow) const;
   [[nodiscard]] std::vector<RowModel> other_models(std::span<const double> signal) const;
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, const RowModel& model,
                                                    Frame& frame) const;
   std::optional<FrameReading> search(std::span<const double> signal, const RowModel& model, Frame& frame);
+  std::optional<FrameReading> search_slow(std::span<const double> signal, const RowModel& model, Frame& frame);
   // A recent frame: its rows, and s of each where its chips are known.
   struct KeptFrame {
     std::int64_t number;
@@ -119,6 +122,8 @@ class ChipReceiver {
   };
   KeptFit read_kept(const LearnedProfile& learned, const CombinedColumn& column, std::size_t first_row,
                     ReceivedFrame* result);
+  bool read_again(const FrameReading& reading, RowRange lit, const CombinedColumn& column, std::size_t first_row,
+                  ReceivedFrame& result);
   void follow_profile(const std::optional<FrameReading>& reading);
   [[nodiscard]] SearchEffort search_effort(std::size_t rows) const;
   bool track(const ChannelEstimate& channel, double time);

@@ -55,10 +55,14 @@ std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows);
 std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
                                             bool exposure_known, SearchEffort* effort = nullptr);
 
-// A reading again with the light's rise and fall: those of a few, then of ones nearby, that leave least. Absent as
-// read_frame.
-std::optional<FrameReading> refine_shape(std::span<const double> signal, const FrameReading& reading,
-                                         bool exposure_known, SearchEffort* effort = nullptr);
+// A reading again with the light's rise and fall, from those of its clock on: alternates detection and Gauss–Newton.
+// Absent as read_frame.
+std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameReading reading, bool exposure_known,
+                                         SearchEffort* effort = nullptr);
+
+// Rows of a light that rises and falls with a time constant of `rows`, as if it did so at once: y + rows·dy/dn, by
+// central differences. The light of equal rise and fall L obeys chips = L + τ·dL/dt, which the exposure keeps.
+std::vector<double> sharpened(std::span<const double> signal, double rows);
 
 // A reading of periodic chips again with the shortest exposure that explains it: their rows do not determine the
 // exposure. Other readings as they are.
