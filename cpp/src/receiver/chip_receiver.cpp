@@ -49,6 +49,8 @@ constexpr std::size_t kMaxHeldAttempts = 8;  // in vain, until the columns' weig
 constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr int kProfileRounds = 8;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
+constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
+constexpr double kBrightLight = 10;                              // power of the columns' common light over its noise
 constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
 constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
 constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
@@ -414,13 +416,16 @@ void ChipReceiver::keep(const CombinedColumn& column, std::int64_t frame, double
   now.time = time;
   now.signal.assign(column.signal.begin(), column.signal.end());
   now.exposed.clear();
+  now.bright = column.quality > kBrightLight;
   now.seen = now.fits = false;
   kept_.push_back(std::move(now));
 }
 
 bool ChipReceiver::compares_rows() const {
-  return profile_ || (profile_attempts_ < kMaxHeldAttempts && std::ranges::none_of(kept_, &KeptFrame::fits) &&
-                      std::ranges::any_of(kept_, &KeptFrame::seen));
+  if (profile_) return true;
+  const bool seen = std::ranges::any_of(kept_, &KeptFrame::seen) ||
+                    (kept_.size() < kKeptFrames && std::ranges::any_of(kept_, &KeptFrame::bright));
+  return seen && profile_attempts_ < kMaxHeldAttempts && std::ranges::none_of(kept_, &KeptFrame::fits);
 }
 
 // The state before the first frame, but for the packet, the rate and the kept frames.
@@ -450,11 +455,13 @@ ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, con
   first_row_ = first_row + learned.rows.begin;
   KeptFit fit;
   std::optional<Payload> payload;
+  const SearchEffort effort = search_effort(learned.rows.size());
+  double searches = result ? std::numeric_limits<double>::infinity() : kProfileSearches;
   for (KeptFrame& kept : kept_) {
     const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
-    const SearchEffort effort = search_effort(rest.size());
-    Frame now{column, kept.time, true, effort, effort};
+    Frame now{column, kept.time, searches > 0, effort, effort};
     const auto reading = read_with(rest, model_, now);
+    if (std::isfinite(effort.rows)) searches -= 1 - now.effort.rows / effort.rows;
     kept.exposed.clear();
     kept.fits = reading && !is_misfit(*reading);
     fit.frames += kept.fits;

@@ -101,8 +101,9 @@ class ChipReceiver {
     std::int64_t number;
     double time;  // on the tracker's clock, in frames
     std::vector<double> signal, exposed;
-    bool seen = false;  // chips were detected
-    bool fits = false;  // no more than noise is left
+    bool bright = false;  // its columns show a common light
+    bool seen = false;    // chips were detected
+    bool fits = false;    // no more than noise is left
     void expose(const FrameReading& reading, RowRange rows);
   };
   // The lamp's profile, the rows in which it is bright enough, and its fit to recent frames.
