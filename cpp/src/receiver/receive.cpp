@@ -13,6 +13,7 @@
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/require.hpp"
@@ -33,9 +34,11 @@ constexpr double kMaxSnr = 1e12;
 constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
 constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
-constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 15;  // Hz; over its neighbourhood
-constexpr double kMinHumCycles = 1, kMinToneCycles = 8;                        // in the frame
-constexpr double kBetter = 1.5;                                                // times the signal-to-noise ratio
+constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 5,
+                 kEvident = 60;                          // Hz; over its neighbourhood
+constexpr double kMinHumCycles = 1, kMinToneCycles = 8;  // in the frame
+constexpr int kSquareRounds = 3;
+constexpr double kBetter = 1.5;  // times the signal-to-noise ratio
 
 // A decoded signal: timing and decisions.
 struct Decoded {
@@ -243,19 +246,27 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   return false;
 }
 
-// The signal without mains hum of each frequency, and without the strongest tone as a square wave.
-std::vector<std::vector<double>> without_other_light(std::span<const double> signal, double row_time) {
-  std::vector<std::vector<double>> rests;
+// A signal without other light; `square`: frequency of the square wave that was removed, cycles per row, else 0.
+struct Rest {
+  std::vector<double> signal;
+  double square = 0;
+};
+
+StrongestTone other_tone(std::span<const double> signal, double row_time) {
+  return strongest_tone(signal, signal.size(), kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
+}
+
+// The signal without mains hum of each frequency, and without its strongest tone as a square wave.
+std::vector<Rest> without_other_light(std::span<const double> signal, const StrongestTone& tone, double row_time) {
+  std::vector<Rest> rests;
   const auto add = [&](const RowNuisance& nuisance) {
-    if (auto fit = remove_nuisance(signal, nuisance)) rests.push_back(std::move(fit->rest));
+    if (auto fit = remove_nuisance(signal, nuisance)) rests.push_back({std::move(fit->rest)});
   };
   const auto rows = static_cast<double>(signal.size());
   for (const double mains : kMains)
     if (mains * row_time * rows >= kMinHumCycles) add({0, {mains * row_time}});
-  const auto tone =
-      strongest_tone(signal, signal.size(), kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
   if (tone.prominence > kMinProminence && tone.frequency * rows >= kMinToneCycles)
-    rests.push_back(without_square_wave(signal, tone.frequency));
+    rests.push_back({without_square_wave(signal, tone.frequency), tone.frequency});
   return rests;
 }
 
@@ -275,16 +286,53 @@ void add_to_levels(Received& received, std::span<const double> light, std::optio
   }
 }
 
-// As decode; without chips, or with weak ones, other light is removed from the rows and detection repeated.
+// The light of received chips in each row, with levels that are straight along the rows.
+std::optional<std::vector<double>> light_of(const Received& received, std::span<const double> signal,
+                                            std::optional<double> exposure_rows) {
+  std::vector<double> levels;
+  for (const char bit : received.bits) levels.push_back(bit == '1' ? 1.0 : 0.0);
+  const ChipClock clock{received.rows_per_chip, received.phase, exposure_rows.value_or(0.0)};
+  const auto channel = fit_channel(signal, {levels, 0}, clock, {1, 1, exposure_rows.has_value()});
+  if (!channel) return std::nullopt;
+  std::vector<double> light(signal.size());
+  expose_chips({levels, 0}, channel->clock, light);
+  for (std::size_t n = 0; n < light.size(); ++n) {
+    const auto row = static_cast<double>(n);
+    light[n] = channel->dark_at(row, light.size()) + channel->swing_at(row, light.size()) * light[n];
+  }
+  return light;
+}
+
+// Estimates the square wave beside the received chips, in whose company it was estimated before, and decodes again.
+void refine_square(const CombinedColumn& column, const Search& what, double frequency, std::vector<double>& rest,
+                   Received& received) {
+  for (int round = 0; round < kSquareRounds; ++round) {
+    const auto light = light_of(received, rest, what.exposure_rows);
+    if (!light) return;
+    const auto beside = difference(column.signal, *light);
+    CombinedColumn other = column;
+    other.signal = difference(column.signal, difference(beside, without_square_wave(beside, frequency)));
+    Received again{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};
+    if (!decode(other, what, again) || !(again.snr > received.snr)) return;
+    received = std::move(again);
+    rest = std::move(other.signal);
+  }
+}
+
+// As decode; without chips, with weak ones, or beside an evident tone, other light is removed from the rows and
+// detection repeated.
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
   const bool decoded = decode(column, what, received);
-  if (decoded && (received.flags & flag::weak) == 0) return true;
+  const auto tone = other_tone(column.signal, row_time);
+  if (decoded && (received.flags & flag::weak) == 0 && tone.prominence < kEvident) return true;
   bool better = decoded;
-  for (auto& rest : without_other_light(column.signal, row_time)) {
+  for (auto& [rest, square] : without_other_light(column.signal, tone, row_time)) {
     CombinedColumn other = column;
     other.signal = std::move(rest);
     Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};
-    if (!decode(other, what, tried) || (better && tried.snr < kBetter * received.snr)) continue;
+    if (!decode(other, what, tried)) continue;
+    if (square > 0) refine_square(column, what, square, other.signal, tried);
+    if (better && tried.snr < kBetter * received.snr) continue;
     received = std::move(tried);
     add_to_levels(received, difference(column.signal, other.signal), what.exposure_rows);
     better = true;
