@@ -320,11 +320,12 @@ void refine_square(const CombinedColumn& column, const Search& what, double freq
 }
 
 // As decode; without chips, with weak ones, or beside an evident tone, other light is removed from the rows and
-// detection repeated.
+// detection repeated. Steady rows beside a lamp show no other light.
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
   const bool decoded = decode(column, what, received);
   const auto tone = other_tone(column.signal, row_time);
   if (decoded && (received.flags & flag::weak) == 0 && tone.prominence < kEvident) return true;
+  if (lit_rows(column.signal, column.noise).rows.size() < column.signal.size()) return decoded;
   bool better = decoded;
   for (auto& [rest, square] : without_other_light(column.signal, tone, row_time)) {
     CombinedColumn other = column;
