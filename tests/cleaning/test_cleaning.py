@@ -420,9 +420,9 @@ def test_command(tmp_path: Path, name: str) -> None:
     expected = remove_bands(frames.swapaxes(1, 2)[:, ::-1], Camera(1e-5)).frames[:, ::-1].swapaxes(1, 2)
     np.testing.assert_array_equal(cleaned, expected)
     assert read_frames(marks).frames.shape == frames.shape[:3]
-    told = CliRunner().invoke(ocisac, [*line, "--toe", "0.125"], catch_exceptions=False)
+    told = CliRunner().invoke(ocisac, [*line, "--toe", "0.125", "--force"], catch_exceptions=False)
     assert told.output.count('"toe": 0.125') == len(frames)
-    assert str(CliRunner().invoke(ocisac, [*line, "--toe", "2"]).exception) == "toe: got 2.0, allowed: 0 to 1"
+    assert str(CliRunner().invoke(ocisac, [*line, "--toe", "2", "--force"]).exception) == "toe: got 2.0, allowed: 0 to 1"
 
 
 RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")

@@ -520,7 +520,7 @@ def test_info_names_what_a_report_needs(facts):
 def test_plots_are_drawn_without_a_display(run, square, chips, tmp_path, suffix):
     commands = {
         "gain": ("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "500"),
-        "rows": ("gain", square("s.png"), "--frequency", "0.0111"),
+        "rows": ("gain", square("r.png"), "--frequency", "0.0111"),
         "receive": ("receive", chips, "--row-time", "22.2us", "--exposure", "60us"),
         "exposure": ("exposure", "--comm", "500", "--sense", "350"),
     }
@@ -576,6 +576,20 @@ def test_names_are_of_any_case(run, square):
     )
     upper = ("GAIN", *lower[1:-3], "SRGB", "--Channel", "AUTO", "--JSON")
     assert run(*upper) == run(*lower, "--json")
+
+
+def test_files_are_replaced_only_when_asked(run, square, tmp_path):
+    source, other = square("s.png"), tmp_path / "kept.png"
+    other.write_bytes(b"mine")
+    plot = ("gain", source, *TESTBED, *DARK, "--frequency", "500", "--plot", other)
+    assert run(*plot) == (2, [], [f"ocisac: --plot: got {other}, which exists, allowed: a new file, or --force"])
+    for command in (("clean", source, source, "--force"), ("gain", source, *plot[2:-1], source, "--force")):
+        code, _, err = run(*command)
+        assert code == 2
+        assert err[0].endswith(f"got {source}, which is read, allowed: another file")
+    assert other.read_bytes() == b"mine"
+    assert run(*plot, "--force")[0] == 0
+    assert other.read_bytes().startswith(b"\x89PNG")
 
 
 def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):

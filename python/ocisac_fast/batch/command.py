@@ -20,6 +20,7 @@ from ocisac_fast.batch.summary import Summary, summarize
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, with_spread
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
@@ -82,6 +83,7 @@ def _split(words: Sequence[str], with_values: set[str]) -> tuple[list[str], list
 @click.option("--summary", metavar="FOLDER", help="Print and draw what came out, and measure nothing.")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Picture of the summary  [default: FOLDER/summary.png]")
 @click.option("--task", type=_TaskWords(), hidden=True)
+@writes("plot")
 @json_option
 def batch(
     recordings: tuple[str, ...],

@@ -16,7 +16,7 @@ from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.files import LightResponse
 
 IN_STRETCHES = ("gain", "detect")  # each frame has an answer of its own
-_NOT_FOR_MANY = ("plot", "as_json", "marks", "pulses")  # output and input of a single call
+_NOT_FOR_MANY = ("plot", "as_json", "marks", "pulses", "force")  # output and input of a single call
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,8 @@ def _arguments(command: str, words: tuple[str, ...]) -> Mapping[str, Any]:
 
 def _context(command: str, words: Sequence[str], path: str, cleaned: str | None) -> click.Context:
     targets = [cleaned or "cleaned.mkv"] if command == "clean" else []
-    return _command(command).make_context(command, [*words, "--json", "--", path, *targets])
+    flags = ["--json", *(["--force"] if targets else [])]
+    return _command(command).make_context(command, [*words, *flags, "--", path, *targets])
 
 
 def _command(name: str) -> click.Command:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_table, progress, rate
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import PictureOptions, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
@@ -46,6 +47,7 @@ _HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturate
 )
 @click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
 @picture_options
+@writes("target", "marks")
 @json_option
 def clean(
     source: str,
@@ -61,7 +63,7 @@ def clean(
     """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
     OUT is .png, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
-    unchanged; rows too dark to restore are marked. Colours are cleaned separately, with a light estimated from all.
+    unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ.
     """
     from ocisac_fast.cleaning import CleaningOptions
 

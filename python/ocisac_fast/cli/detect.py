@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity, rate
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
@@ -29,6 +30,7 @@ _HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "da
 @click.option("--min-cycles", type=float, default=3.0, show_default=True, help="Min. cycles in a light's box.")
 @picture_options
 @plot_option("the first frame with the boxes of its lights")
+@writes("plot")
 @json_option
 def detect(
     file: str, false_alarms: float, min_cycles: float, picture: PictureOptions, plot: str | None, as_json: bool

@@ -8,6 +8,7 @@ import click
 
 from ocisac_fast.cli.lights import LIGHTS, SHARE, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
 from ocisac_fast.cli.units import FREQUENCY, TIME, ParameterType, Quantity
 
@@ -52,6 +53,7 @@ class _Pair(ParameterType):
 @click.option("--keep", type=SHARE, help="Min. gain of the communication tone.")
 @plot_option("the exposures")
 @click.option("--front", type=click.Path(dir_okay=False), metavar="FILE", help="Draw communication over sensing.")
+@writes("plot", "front")
 @json_option
 def exposure(
     comm: Quantity | None,

@@ -9,6 +9,7 @@ import numpy as np
 
 from ocisac_fast.cli.lights import LIGHTS, SHARE, TIMES, light_name
 from ocisac_fast.cli.output import emit_json, emit_table, quantity
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ _NAMES = ("modulation_index", "detection_index", "mitigation_probability", "miss
 @click.option("--contrast", type=SHARE, default="10%", help="Contrast at which a lamp is detected; default 10%.")
 @click.option("--tolerance", type=SHARE, default="10%", help="Deviation from the mean that is mitigated; default 10%.")
 @plot_option("the indices over the exposure")
+@writes("plot")
 @json_option
 def flicker(
     lights: tuple[FlickeringLight, ...],

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, rate, with_spread
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files import Part
@@ -30,6 +31,7 @@ from ocisac_fast.light.response import exposure_response
 @click.option("--threads", type=int, default=1, show_default=True)
 @picture_options
 @plot_option("the spectrum with the fitted tone, and the column before and after equalisation")
+@writes("plot")
 @json_option
 def gain(
     file: str,

@@ -8,6 +8,7 @@ import click
 
 from ocisac_fast.cli.lights import SHARE, TIMES
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 
@@ -22,6 +23,7 @@ from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 @click.option("--spread", type=SHARE, default="0", help="Tolerance of each exposure, +-; default 0.")
 @click.option("--frequency", type=FREQUENCY, help="Frequency of PWM: print its min. duty instead.")
 @plot_option("the modulation over frequency and duty")
+@writes("plot")
 @json_option
 def lamp(
     exposures: tuple[float, ...],

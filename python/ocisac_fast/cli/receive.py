@@ -10,6 +10,7 @@ import click
 
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, flag_names, number, progress, quantity
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.text import one_line
@@ -37,6 +38,7 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 @click.option("--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
+@writes("plot")
 @json_option
 def receive(
     files: tuple[str, ...],

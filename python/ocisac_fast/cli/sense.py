@@ -12,6 +12,7 @@ import click
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.detect import grey_of
 from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, quantity, rate, with_spread
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option, stack
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
 from ocisac_fast.files.recording import Frame
@@ -44,6 +45,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
 @picture_options
 @plot_option("the first frame with its regions")
+@writes("plot")
 @json_option
 def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, frames: int, **options: Any) -> None:
     """Measure moving textures and modulated lights in FILE (a picture, a video, a .npy array, or -).

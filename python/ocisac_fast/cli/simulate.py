@@ -12,6 +12,7 @@ from click.core import ParameterSource
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.units import FREQUENCY, ROW_TIME, TIME
 from ocisac_fast.files import write_frames
@@ -56,6 +57,7 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--tolerance", type=float, default=0.5, show_default=True, help="Scene: largest error in DN.")
 @click.option("--noise-off", is_flag=True, help="Scene: without the sensor's noise.")
 @click.option("-o", "--output", required=True, help="FILE.png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy.")
+@writes("output")
 @json_option
 def simulate(
     scene: str | None,

@@ -12,6 +12,7 @@ import numpy as np
 
 from ocisac_fast.cli.fsk_files import SYMBOL_WRITERS, symbols_text
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
@@ -74,6 +75,7 @@ _WRITERS: dict[str, _Writer] = {
 @click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one per frame, such as 1kHz,1.2kHz (CM-FSK).")
 @click.option("--frame-rate", type=FREQUENCY, help="With --fsk: for the times in a .csv and a note in a .h.")
 @click.option("-o", "--output", help="FILE.txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte).")
+@writes("output")
 @json_option
 def transmit(
     file: str | None,
