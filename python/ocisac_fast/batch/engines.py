@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import importlib
 import importlib.metadata
@@ -94,20 +95,24 @@ def _next_ended(ended: queue.SimpleQueue[Any], client: Any) -> list[Any]:
 
 def _reports(future: Any, jobs: Jobs, client: Any) -> list[Report] | None:
     """Reports of a group of jobs; None if it killed its workers and has to be taken apart."""
-    from distributed import KilledWorker
+    from distributed import KilledWorker, TimeoutError as StillRunning
 
     try:
-        reports: list[Report] = future.result(timeout=60)
-        return reports
+        while True:
+            with contextlib.suppress(StillRunning):  # again, since its worker was lost with the result
+                reports: list[Report] = future.result(timeout=10)
+                return reports
+            if client.status != "running":
+                raise _lost(client)
+    except (ClusterError, VersionError, ValueError):
+        raise
     except KilledWorker as error:
         if len(jobs) > 1:
             return None
         return [Report(jobs[0], failure=f"its worker died {error.allowed_failures + 1} times")]
-    except Exception as error:
+    except (Exception, asyncio.CancelledError) as error:
         if client.status != "running" or future.status in ("cancelled", "lost"):
             raise _lost(client) from None
-        if isinstance(error, (ValueError, VersionError)):
-            raise
         raise ClusterError(f"a worker: {type(error).__name__}: {error}") from error
 
 

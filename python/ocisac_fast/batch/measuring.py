@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -101,7 +102,7 @@ def start_of(path: str, task: Task, max_frames: int) -> tuple[list[Part], Start]
     from ocisac_fast.cli.gain import find_light
 
     light = find_light(path, picture, arguments["frequency"], _gain_options(arguments))
-    return None if light.frequency != light.frequency else (parts, Start(light, light.scan_axis, content_hash(path)))
+    return None if math.isnan(light.frequency) else (parts, Start(light, light.scan_axis, content_hash(path)))
 
 
 @cache
