@@ -69,6 +69,10 @@ reproduce: build
 nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
+	@echo '==> injected faults, a minute for each call'
+	@$(build)/cpp/tests/ocisac_fault_tests 60 $(build)/cpp/apps/ocisac-rx $(build)/cpp/tests/libocisac_faults.so
+	@echo '==> C++ tests under ThreadSanitizer'
+	@cmake --preset thread >/dev/null && cmake --build --preset thread && ctest --preset thread
 	@echo '==> a million damaged packets'
 	@$(build)/cpp/tests/ocisac_tests --no-skip -tc='a million*'
 	@$(MAKE) --no-print-directory fuzz SECONDS=170

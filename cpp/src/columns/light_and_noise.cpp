@@ -277,7 +277,7 @@ ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column,
     frequencies.insert(frequencies.end(), found.begin(), found.end());
     refine(values, frequencies);
     const Matrix basis = waves(frequencies, 0);
-    amplitudes = least_squares(basis, values);
+    amplitudes = Vector(least_squares(basis, values));  // moved: Eigen's resize frees twice where memory ends
     rest = values - basis * amplitudes;
   }
   if (!frequencies.empty()) {
