@@ -49,7 +49,7 @@ constexpr std::size_t kMaxHeldAttempts = 8;  // in vain, until the columns' weig
 constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr int kProfileRounds = 8;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
-constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
+constexpr double kProfileSearches = 4;                           // frames' efforts for the kept frames, in a round
 constexpr double kBrightLight = 10;                              // power of the columns' common light over its noise
 constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
 constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
@@ -116,7 +116,7 @@ std::optional<double> ChipReceiver::nominal_rows_per_chip(const CombinedColumn& 
 // trials.
 std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal, const RowModel& model,
                                                  Frame& frame) const {
-  if (!channel_) return std::nullopt;
+  if (!channel_ || !frame.may_follow) return std::nullopt;
   ChannelEstimate start = *channel_;
   const auto predicted = tracker_ ? tracker_->predict(frame.time) : std::nullopt;
   if (predicted) {
@@ -126,6 +126,7 @@ std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal,
     start.clock.phase -= static_cast<double>(first_row_);
     start.errors = predicted->errors;
   }
+  if (!model.slow_light) start.clock.rise = start.clock.fall = 0;
   if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
   const double chip = start.clock.rows_per_chip;
   const bool sure = predicted && predicted->errors.phase_std(0) < kSurePrediction * chip;
@@ -230,7 +231,7 @@ std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const d
 std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> signal, RowModel& model, Frame& frame) {
   const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(signal, model.nuisance);
   const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
-  const bool has_shape = channel_ && (channel_->clock.rise > 0 || channel_->clock.fall > 0);
+  const bool has_shape = frame.may_follow && channel_ && (channel_->clock.rise > 0 || channel_->clock.fall > 0);
   std::optional<FrameReading> reading;
   if (!model.slow_light || has_shape) {
     reading = follow(rest, model, frame);
@@ -256,6 +257,7 @@ std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, F
     --until_try_;
     return best;
   }
+  frame.may_follow = fits_;
   for (RowModel& model : other_models(signal)) {
     frame.effort = frame.effort_of_others;
     auto other = read_with(signal, model, frame);
@@ -357,6 +359,7 @@ void ChipReceiver::take(const FrameReading& reading, double time, std::size_t ro
     result.stretch = assembler_.push(number + reading.first, llr, errors);
   }
   channel_ = channel;
+  fits_ = !is_misfit(reading);
   if (model_.exposure_rows) model_.exposure_rows = channel.clock.exposure_rows;
   relative_noise_ = std::max(reading.relative_noise, kNoiseKept * relative_noise_);
   rows_per_chip_ = channel.clock.rows_per_chip;

@@ -86,6 +86,7 @@ class ChipReceiver {
     double time;                            // on the tracker's clock, in frames
     bool may_search;                        // a search for the clock is allowed if tracking fails
     SearchEffort effort, effort_of_others;  // of models other than the last frame's
+    bool may_follow = true;                 // the clock of earlier frames is worth a try
     bool new_model = false;                 // another model than the last frame's was chosen
   };
   std::optional<FrameReading> read(std::span<const double> signal, Frame& frame);
@@ -148,6 +149,7 @@ class ChipReceiver {
   std::ptrdiff_t count_base_ = 0;                         // chips that the tracker counted before it restarted
   std::optional<double> rows_per_chip_;                   // nominal, or estimated from earlier frames
   std::optional<ChannelEstimate> channel_;                // of the last received frame
+  bool fits_ = false;                                     // that frame left no more than noise
   RowModel model_;                                        // that explained the last frame
   std::deque<KeptFrame> kept_;                            // the last frames, the current one included
   std::size_t kept_first_row_ = 0;                        // of the picture, at index 0 of their signals
