@@ -193,36 +193,29 @@ class SquareElement final : public WaveformElement {
   SquareWave wave_;
 };
 
-// --- Chips and samples: cells of equal length, in each of which the light is a straight line or a decay ---
+// --- Chips and samples: cells of equal length, in each of which the light is a straight line, or a decay as well ---
 
 double difference(DoubleDouble a, DoubleDouble b) { return (a.high - b.high) + (a.low - b.low); }
 
-// Light of a cell, u cells after its beginning: value + slope·u + decay·exp(−u/time).
-struct CellLight {
-  double value = 0;
-  double slope = 0;  // per cell
-  double decay = 0;
-  double time = 1;  // cells
-
-  double at(double u) const { return value + slope * u + (decay == 0 ? 0 : decay * std::exp(-u / time)); }
-
-  // Of `width` cells from u on.
-  double mean(double u, double width) const {
-    const double straight = value + slope * (u + width / 2);
-    return decay == 0 || width == 0 ? straight : straight + decay * std::exp(-u / time) * decayed(width) / width;
-  }
-
-  // Integral of exp(−u/time) over the first `width` cells.
-  double decayed(double width) const { return -time * std::expm1(-width / time); }
+struct Cell {
+  double value;         // at its beginning
+  double slope;         // per cell
+  DoubleDouble before;  // light of all cells before it, in cells
 };
 
-struct Cell {
-  CellLight light;
-  DoubleDouble before;  // light of all cells before it, in cells
+// Light of a cell above its straight line: height·exp(−u/time), u cells after its beginning.
+struct Decay {
+  double height = 0;
+  double time = 1;  // cells
+
+  double at(double u) const { return height == 0 ? 0 : height * std::exp(-u / time); }
+  // Of `width` cells from u on.
+  double integral(double u, double width) const { return height == 0 ? 0 : -at(u) * time * std::expm1(-width / time); }
 };
 
 struct Cells {
   std::vector<Cell> cells;
+  std::vector<Decay> decays;  // one a cell, or none
   DoubleDouble total;
   double left = 0;  // before the first cell and after the last, where they do not repeat
   double right = 0;
@@ -230,10 +223,15 @@ struct Cells {
 
   std::int64_t count() const { return static_cast<std::int64_t>(cells.size()); }
 
-  void append(const CellLight& light) {
-    cells.push_back({light, total});
-    total = total + exact_sum(light.value, light.slope / 2);
-    if (light.decay != 0) total = total + DoubleDouble{light.decay * light.decayed(1), 0};
+  void append(double value, double slope) {
+    cells.push_back({value, slope, total});
+    total = total + exact_sum(value, slope / 2);
+  }
+
+  void append(double value, const Decay& decay) {
+    append(value, 0);
+    decays.push_back(decay);
+    total = total + DoubleDouble{decay.integral(0, 1), 0};
   }
 
   DoubleDouble before(std::int64_t k) const { return k < count() ? cells[static_cast<std::size_t>(k)].before : total; }
@@ -247,12 +245,18 @@ struct Cells {
     return remainder < count() ? remainder : remainder - count();
   }
 
-  // Of cell k; for repeating cells -count <= k < count.
-  CellLight light_of(std::int64_t k) const {
+  // The line of light in cell k; for repeating cells -count <= k < count.
+  std::pair<double, double> line(std::int64_t k) const {
     if (repeat && k < 0) k += count();
-    if (k < 0) return {left};
-    if (k >= count()) return {right};
-    return cells[static_cast<std::size_t>(k)].light;
+    if (k < 0) return {left, 0};
+    if (k >= count()) return {right, 0};
+    const Cell& cell = cells[static_cast<std::size_t>(k)];
+    return {cell.value, cell.slope};
+  }
+
+  Decay decay_of(std::int64_t k) const {
+    if (repeat && k < 0) k += count();
+    return k < 0 || k >= count() ? Decay{} : decays[static_cast<std::size_t>(k)];
   }
 
   // Integral of the light over the cells first, …, last − 1.
@@ -288,35 +292,47 @@ class CellsLight final : public MeanLight {
   }
 
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    cells_.decays.empty() ? add_means<false>(x, scale, out) : add_means<true>(x, scale, out);
+  }
+
+ private:
+  template <bool decays>
+  void add_means(std::span<const double> x, double scale, std::span<double> out) const {
     for (std::size_t i = 0; i < x.size(); ++i) {
       const Position end = counter_.at(x[i]);
       const double offset = end.fraction + end.rest;
       const bool below = end.fraction < 0 || (end.fraction == 0 && end.rest < 0);
       const auto cell = static_cast<std::int64_t>(end.whole) - (below ? 1 : 0);
-      out[i] += scale * amplitude_ * mean_before(cells_.inside_round(cell), below ? offset + 1 : offset);
+      out[i] += scale * amplitude_ * mean_before<decays>(cells_.inside_round(cell), below ? offset + 1 : offset);
     }
   }
 
- private:
   static CycleCounter counter_from(double start, double rate, const char* rate_name, Exposures exposures) {
     exposures.line = delayed(exposures.line, start);
     return counter_of(rate, exposures, {}, rate_name);
   }
 
   // Mean light of the exposure that ends `offset` cells after the start of `cell`.
+  template <bool decays>
   double mean_before(std::int64_t cell, double offset) const {
-    const CellLight light = cells_.light_of(cell);
-    if (point_) return light.at(offset);
+    const auto decayed = [&](std::int64_t k, double u, double width) {
+      return decays ? cells_.decay_of(k).integral(u, width) : 0.0;
+    };
+    const auto [value, slope] = cells_.line(cell);
+    if (point_) return value + slope * offset + (decays ? cells_.decay_of(cell).at(offset) : 0.0);
     if (offset >= part_) {
-      const double level = light.mean(offset - part_, part_);
+      const double level = value + slope * (offset - part_ / 2);
+      if (decays) return (whole_light_ + part_ * level + decayed(cell, offset - part_, part_)) / length_;
       return whole_ ? (whole_light_ + part_ * level) / length_ : level;
     }
     const double left_over = part_ - offset;
     const auto between = static_cast<std::int64_t>(left_over);    // whole cells
     const double cut = left_over - static_cast<double>(between);  // of the cell in which the exposure begins
     const std::int64_t first = cell - 1 - between;
-    const double ends = offset * light.mean(0, offset) + cut * cells_.light_of(first).mean(1 - cut, cut);
-    return (whole_light_ + (ends + cells_.light(first + 1, cell))) / length_;
+    const auto [first_value, first_slope] = cells_.line(first);
+    const double ends = offset * (value + slope * offset / 2) + cut * (first_value + first_slope * (1 - cut / 2));
+    const double above = decayed(cell, 0, offset) + decayed(first, 1 - cut, cut);
+    return (whole_light_ + (ends + above + cells_.light(first + 1, cell))) / length_;
   }
 
   const Cells& cells_;
@@ -339,11 +355,10 @@ class CellsElement final : public WaveformElement {
     require_time_constant("fall", chips.fall);
     cells_.repeat = chips.repeat;
     cells_.cells.reserve(chips.levels.size());
-    has_decays_ = chips.rise > 0 || chips.fall > 0;
-    if (has_decays_)
+    if (chips.rise > 0 || chips.fall > 0)
       append_decays(chips);
     else
-      for (double level : chips.levels) cells_.append({level});
+      for (double level : chips.levels) cells_.append(level, 0.0);
   }
 
   explicit CellsElement(const Samples& samples, const char* rate_name = "sample_rate")
@@ -354,8 +369,8 @@ class CellsElement final : public WaveformElement {
     cells_.left = values.front();
     cells_.right = values.back();
     cells_.cells.reserve(values.size());
-    for (std::size_t k = 0; k + 1 < values.size(); ++k) cells_.append({values[k], values[k + 1] - values[k]});
-    if (samples.repeat) cells_.append({values.back(), values.front() - values.back()});
+    for (std::size_t k = 0; k + 1 < values.size(); ++k) cells_.append(values[k], values[k + 1] - values[k]);
+    if (samples.repeat) cells_.append(values.back(), values.front() - values.back());
   }
 
   std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
@@ -374,10 +389,9 @@ class CellsElement final : public WaveformElement {
     std::vector<Step> steps;
     steps.reserve(static_cast<std::size_t>(max_steps(stretch.length)));
     const auto append = [&](std::int64_t cell) {
-      const CellLight light = cells_.light_of(cells_.inside_round(cell));
+      const auto [value, slope] = cells_.line(cells_.inside_round(cell));
       const double past_origin = static_cast<double>(cell) - origin.whole;
-      steps.push_back(
-          {(DoubleDouble{past_origin, 0} - part) / rate_, amplitude_ * light.value, amplitude_ * light.slope * rate_});
+      steps.push_back({(DoubleDouble{past_origin, 0} - part) / rate_, amplitude_ * value, amplitude_ * slope * rate_});
     };
     append(first);
     const std::int64_t next = cells_.repeat ? first + 1 : std::max<std::int64_t>(first + 1, 0);
@@ -392,7 +406,7 @@ class CellsElement final : public WaveformElement {
   }
 
   bool has_slopes() const override { return has_slopes_; }
-  bool has_decays() const override { return has_decays_; }
+  bool has_decays() const override { return !cells_.decays.empty(); }
 
  private:
   static void require_time_constant(const char* name, double time) {
@@ -402,19 +416,19 @@ class CellsElement final : public WaveformElement {
   // Repeated chips begin in the steady state, after as many rounds as a decay takes; others end when it is over.
   void append_decays(const Chips& chips) {
     double light = 0;
-    const auto decay_of = [&](double level) {
+    const auto decay_to = [&](double level) {
       const double time = light < level ? chips.rise : chips.fall;
-      const CellLight cell{level, 0, time > 0 ? light - level : 0, time > 0 ? time : 1};
-      light = cell.at(1);
-      return cell;
+      const Decay decay = time > 0 ? Decay{light - level, time} : Decay{};
+      light = level + decay.at(1);
+      return decay;
     };
     const double lasts = kDecayed * std::max(chips.rise, chips.fall);
     if (chips.repeat)
       for (double passed = 0; passed <= lasts; passed += static_cast<double>(chips.levels.size()))
-        for (double level : chips.levels) decay_of(level);
-    for (double level : chips.levels) cells_.append(decay_of(level));
+        for (double level : chips.levels) decay_to(level);
+    for (double level : chips.levels) cells_.append(level, decay_to(level));
     if (!chips.repeat)
-      for (double passed = 0; passed <= lasts; ++passed) cells_.append(decay_of(0));
+      for (double passed = 0; passed <= lasts; ++passed) cells_.append(0.0, decay_to(0));
   }
 
   void check(const char* argument, const std::vector<double>& levels) {
@@ -433,7 +447,6 @@ class CellsElement final : public WaveformElement {
   double amplitude_ = 1;
   const char* rate_name_;
   bool has_slopes_ = false;
-  bool has_decays_ = false;
   double peak_ = 0;
 };
 
