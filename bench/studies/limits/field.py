@@ -134,12 +134,12 @@ def _noise_over_best(lamp: Float64s) -> float:
     error="rows that are not the lamp's / rows",
     plain="all rows are the lamp's",
     why="Chips are detected in dark rows too: bits that nobody sent.",
-    then="Steady rows at the ends count as dark where they are four times the longest run of the light, or where no "
+    then="Steady rows at the ends count as dark where they are far more than the light's longest run, or where no "
     "column shows the light. Without that hint, as here, fewer are read as dark chips: the silent points.",
     spot=0.5,
     fails_by=0.4,
     good=0.03,
-    silent=(0.7, 0.8, 0.9),
+    silent=(0.8, 0.9),
 )
 def _part_of_rows() -> list[Point]:
     points = []

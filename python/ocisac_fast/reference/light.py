@@ -170,26 +170,30 @@ def _means(waveform: Waveform, ends: Long, exposure: np.longdouble) -> Long:
 
 
 def _decays(chips: Chips, times: Long) -> tuple[Long, Long]:
-    """Light of chips with time constants, and its integral from a common instant, at times in chips.
+    """Light of chips with time constants, and its integral from the first chip needed on, at times in chips.
 
-    y' = (level - y) / T, hence the integral of y over a part of a chip is that of the level minus T times the change of
-    y. From 45 time constants before the first time on, whose light at that instant does not matter.
+    In a chip y = level + (y_0 - level) exp(-u/T). From 45 time constants before the first time on, whose light at that
+    instant does not matter.
     """
-    rise, fall = np.longdouble(chips.rise), np.longdouble(chips.fall)
     cell = np.floor(times).astype(np.int64)
-    first = int(cell.min()) - int(np.ceil(45 * max(chips.rise, chips.fall))) - 1
+    settling = int(np.ceil(45 * max(chips.rise, chips.fall))) + 1
+    first = int(cell.min()) - settling
     levels = np.asarray(_corners(chips, first, int(cell.max()) + 1)[0])
-    lights, sums = np.zeros((2, levels.size + 1), np.longdouble)
-    constants = np.zeros(levels.size, np.longdouble)
+    heights, sums = np.zeros((2, levels.size), np.longdouble)
+    constants = np.full(levels.size, np.longdouble(1))
+    light, total = np.longdouble(0), np.longdouble(0)
     for k, level in enumerate(levels):
-        constants[k] = rise if lights[k] < level else fall
-        lights[k + 1] = level + (lights[k] - level) * (np.exp(-1 / constants[k]) if constants[k] > 0 else 0)
-        sums[k + 1] = sums[k] + level - constants[k] * (lights[k + 1] - lights[k])
-    part, cell = times - cell, cell - first
-    constant, level, begin = constants[cell], levels[cell], lights[cell]
-    left = np.where(constant > 0, np.exp(-part / np.maximum(constant, np.longdouble(1e-30))), 0)
-    light = level + (begin - level) * left
-    return light, sums[cell] + part * level - constant * (light - begin)
+        constant = np.longdouble(chips.rise if light < level else chips.fall)
+        if constant > 0:
+            heights[k], constants[k] = light - level, constant
+        sums[k] = total
+        light = level + heights[k] * np.exp(-1 / constants[k])
+        if k >= settling:
+            total += level - heights[k] * constants[k] * np.expm1(-1 / constants[k])
+    part, at = times - cell, cell - first
+    left = -part / constants[at]
+    decayed = -constants[at] * np.expm1(left)
+    return levels[at] + heights[at] * np.exp(left), sums[at] + part * levels[at] + heights[at] * decayed
 
 
 def _square_antiderivative(cycles: Long, wave: SquareWave) -> Long:

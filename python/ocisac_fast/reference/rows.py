@@ -140,7 +140,8 @@ def lit_rows(signal: npt.ArrayLike, noise: float, seen: tuple[int, int]) -> tupl
 
     A run at an end is dark if it is longer than one and a half times the longest run between turning points; if it is,
     where rows beyond ``seen`` are not expected to be dark, longer than four times the longest and sixteen times that
-    quartile, or than twenty times the quartile; and if half of it is straight within the noise. It ends where the signal leaves its median by an eighth of the span.
+    quartile, or than twenty times the quartile; and if half of it is straight within the noise. It ends where the
+    signal leaves its median by an eighth of the span.
     """
     values = np.asarray(signal, dtype=np.float64)
     rows = len(values)
