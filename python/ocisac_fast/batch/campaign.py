@@ -18,8 +18,8 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.files.extras import pyarrow
 
 MAX_FRAMES = 1000
-_MAX_GROUP = 16  # recordings per task of Dask
-_GROUPS_PER_THREAD = 32  # so that workers end at about the same time
+_MAX_GROUP = 32  # recordings per task of Dask
+_GROUPS_PER_THREAD = 8  # so that workers end at about the same time
 
 
 @dataclass(frozen=True)
