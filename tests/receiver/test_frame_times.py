@@ -1,4 +1,4 @@
-"""Frames whose times are uncertain, stated or wrong: what was read in each is joined all the same."""
+"""Frames whose times and exposures are uncertain, stated or wrong: all are read, and joined."""
 
 import itertools
 
@@ -100,3 +100,60 @@ def test_places_in_doubt_are_settled_by_header_and_line_code_or_left_open():
         assert report.payload.data == PAYLOAD
         assert report.payload.corrected == 0
         assert count <= 22
+
+
+@pytest.mark.parametrize(
+    ("told", "line_code"), [(0.8, "manchester"), (1.2, "manchester"), (0.85, "4b6b"), (1.3, "none")]
+)
+def test_a_wrong_exposure_is_found_from_the_frames(told, line_code):
+    """And the frames before it was found are read again: as many frames as with the right one."""
+    for seed in range(3):
+        film = Film(seed, line_code=line_code)
+        receiver = film.receiver(exposure=told * EXPOSURE)
+        results = [receiver.push(film.frame(index * FRAME_TIME)) for index in range(14)]
+        assert frames_until_payload(results) <= 13
+        assert results[-1].exposure == pytest.approx(EXPOSURE, rel=0.01)
+        assert results[-1].flags == 0
+
+
+@pytest.mark.parametrize("step", [-0.3, -0.1, 0.2])
+@pytest.mark.parametrize("stated", [False, True])
+def test_an_automatic_exposure_is_followed(step, stated):
+    """Two steps, that of the gain with the second; stated by the camera or not."""
+    film = Film(10)
+    receiver = film.receiver()
+    results = []
+    for index in range(14):
+        exposure = EXPOSURE * (1 + step) ** ((index >= 4) + (index >= 7))
+        gain = 1.0 if index < 7 else 1 / (1 + step)
+        told = {"exposure": exposure, "gain": gain} if stated else {}
+        results.append(receiver.push(film.frame(index * FRAME_TIME, exposure, gain), **told))
+        assert results[-1].outcome == "received"
+        assert results[-1].exposure == pytest.approx(exposure, rel=0.01)
+        assert results[-1].flags == 0
+    assert frames_until_payload(results) <= 13
+
+
+def test_chips_of_a_line_code_are_not_read_as_others_of_a_shorter_exposure():
+    """Manchester chips exposed for five chips look like others that are exposed for one, without a preamble."""
+    for seed in range(4):
+        film = Film(seed)
+        receiver = film.receiver(exposure=None)
+        results = [receiver.push(film.frame(index * FRAME_TIME)) for index in range(14)]
+        assert frames_until_payload(results) <= 13
+        for result in results:
+            assert result.exposure == pytest.approx(EXPOSURE, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "message"),
+    [
+        ({"time": float("nan")}, "time: got nan"),
+        ({"exposure": 0.0}, "exposure: got 0, allowed: a finite number above 0"),
+        ({"gain": -1.0}, "gain: got -1, allowed: a finite number above 0"),
+    ],
+)
+def test_stamps_without_meaning_are_refused(stamp, message):
+    film = Film(0)
+    with pytest.raises(ValueError, match=message):
+        film.receiver().push(film.frame(0.0), **stamp)

@@ -70,6 +70,13 @@ typedef struct ocisac_frame {
   int64_t number;   /* ascending; frames may be missing */
 } ocisac_frame;
 
+typedef struct ocisac_stamp { /* what the camera states of a frame; NaN: not stated */
+  size_t size;
+  double time;     /* s, of the first row, from any origin, ascending; of all frames or of none */
+  double exposure; /* s, instead of that of the options */
+  double gain;     /* factor of the pixels' values */
+} ocisac_stamp;
+
 typedef struct ocisac_result {
   size_t size;
   int64_t frame;
@@ -89,12 +96,16 @@ typedef struct ocisac_result {
 
 void ocisac_options_init(ocisac_options* options);
 void ocisac_result_init(ocisac_result* result);
+void ocisac_stamp_init(ocisac_stamp* stamp);
 
 /* Stores a new receiver in *receiver, NULL on failure. */
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver);
 
 /* Processes a frame; the pixels may be freed afterwards. All frames have one size and format. */
 int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame);
+
+/* The same with a stamp: its time joins frames instead of their numbers, exposure and gain begin the estimates. */
+int ocisac_push_stamped(ocisac_receiver* receiver, const ocisac_frame* frame, const ocisac_stamp* stamp);
 
 /* Returns the result of the last frame once (OCISAC_OK), then OCISAC_NOTHING. The next push discards it. */
 int ocisac_poll(ocisac_receiver* receiver, ocisac_result* result);

@@ -156,6 +156,8 @@ ocisac_result result_of(const ocisac::LightFrame& frame, double row_time) {
   return result;
 }
 
+ocisac_stamp default_stamp() { return {sizeof(ocisac_stamp), kNaN, kNaN, kNaN}; }
+
 ocisac_options default_options() {
   ocisac_options options{};
   options.size = sizeof options;
@@ -177,6 +179,10 @@ void ocisac_options_init(ocisac_options* options) {
   if (options != nullptr) *options = default_options();
 }
 
+void ocisac_stamp_init(ocisac_stamp* stamp) {
+  if (stamp != nullptr) *stamp = default_stamp();
+}
+
 void ocisac_result_init(ocisac_result* result) {
   if (result != nullptr) *result = empty_result();
 }
@@ -193,6 +199,12 @@ int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
 }
 
 int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame) {
+  ocisac_stamp stamp;
+  ocisac_stamp_init(&stamp);
+  return ocisac_push_stamped(receiver, frame, &stamp);
+}
+
+int ocisac_push_stamped(ocisac_receiver* receiver, const ocisac_frame* frame, const ocisac_stamp* stamp) {
   return guarded([&] {
     ocisac::require(receiver != nullptr && frame != nullptr, "receiver or frame", "NULL", "both");
     receiver->polled = true;
@@ -202,8 +214,10 @@ int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame) {
                     std::to_string(frame->width) + "x" + std::to_string(frame->height),
                     "one picture as large as the first, of its type");
     for (const auto& region : receiver->regions) ocisac::require_inside("region", region, frame->width, frame->height);
+    const ocisac_stamp all = completed(stamp, default_stamp(), "stamp");
     receiver->kind = kind;
-    receiver->latest = std::move(receiver->receiver.push({&view, 1}, frame->number).front());
+    const ocisac::FrameStamp stated{frame->number, known(all.time), known(all.exposure), known(all.gain)};
+    receiver->latest = std::move(receiver->receiver.push({&view, 1}, stated).front());
     receiver->polled = false;
     return static_cast<int>(OCISAC_OK);
   });

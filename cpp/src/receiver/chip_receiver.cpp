@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <tuple>
 #include <utility>
 
@@ -22,13 +23,16 @@ constexpr double kSurePrediction = 0.15;   // chips; max standard error at which
 constexpr double kUnknownJump = 2;         // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;           // the same where frames may be missing
 constexpr double kSamePhase = 0.1;         // chips
+constexpr double kSameExposure = 0.1;      // chips; a change by which a predicted phase is not sure
+constexpr double kBrighter = 0.08;         // relative, of the mean from frame to frame: exposure or gain changed
 constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
 constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
 constexpr double kLittleNoise = 0.06;                 // relative to the swing: excludes a lost clock in any part
 constexpr double kNoNoise = 0.005;
 constexpr double kNoiseKept = 0.9;  // decay per frame: noise varies where the light fills only some of the rows
-constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 5000;
+constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
+constexpr double kPreambleShare = 0.3;                     // of the effort, for an exposure that a preamble shows
 constexpr std::size_t kPhases = 6;                         // tried per chip without a prediction
 constexpr double kMinChips = 12;                           // in a frame
 constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
@@ -36,12 +40,15 @@ constexpr double kMinSlow = 2e-3;                          // min fraction of a 
 constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
 constexpr std::size_t kMaxVainTries = 4;     // doublings of the frames from one try of other models to the next
 constexpr double kOthersEffort = 0.5;        // of a frame's: the effort for each of the other models
+constexpr double kFollowedEffort = 0.1;      // of that, where a clock is tracked
 constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
 constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
-constexpr std::array kGivenExposureFactors{0.9, 1.1, 0.8, 1.2};      // factors for a given exposure that seems wrong
-constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
-constexpr std::size_t kMaxWait = 7;                                  // frames
-constexpr double kMaxSearchRows = 4096;                              // rows that count for the bound of the search
+constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
+constexpr std::size_t kSearchedFactors = 2;                            // in a frame, the next ones in another
+constexpr double kMaxWrongExposure = 2;                                // ratio; a stated one is believed so far
+constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};    // chips, for an unknown exposure
+constexpr std::size_t kMaxWait = 7;                                    // frames
+constexpr double kMaxSearchRows = 4096;                                // rows that count for the bound of the search
 constexpr std::size_t kKeptFrames = 16, kMinProfileFrames = 8;
 constexpr std::size_t kProfilePause = 2, kQuickAttempts = 4;  // frames between the first attempts to learn a profile
 constexpr std::int64_t kProfileInterval = 4;                  // frames between fits of a profile in use
@@ -55,6 +62,7 @@ constexpr double kProfileGain = 0.95;         // max ratio of the noise of a rou
 constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
 constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
 constexpr double kProfileFrameShare = 0.5;    // of the kept frames that a profile must explain
+constexpr double kMinVariance = 0.25;         // of a frame's rows over that of the last one with the same light
 constexpr double kProfileChips = 8;           // chips either side over which a profile's swing is smoothed, at least
 constexpr std::size_t kForgotten = 60;        // consecutive frames without chips, after which another light may appear
 
@@ -62,6 +70,17 @@ double mean_error_rate(std::span<const double> llr) {
   double sum = 0;
   for (double value : llr) sum += 1 / (1 + std::exp(std::abs(value)));
   return llr.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(llr.size());
+}
+
+double mean_of(std::span<const double> signal) {
+  return std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
+}
+
+double variance_of(std::span<const double> signal) {
+  const double mean = mean_of(signal);
+  double squares = 0;
+  for (const double value : signal) squares += (value - mean) * (value - mean);
+  return squares / static_cast<double>(signal.size());
 }
 
 bool is_bright(const RowProfile& profile, RowRange rows) {
@@ -81,6 +100,7 @@ ChipReceiver::ChipReceiver(const Camera& camera, ChipOptions options)
   if (options_.search_passes) require(*options_.search_passes > 0, "search_passes", *options_.search_passes, "above 0");
   const auto chips = preamble_chips(options_.format.preamble);
   preamble_.assign(chips.begin(), chips.end());
+  stated_exposure_ = camera.exposure;
   restart_tracker(false);
   forget();
 }
@@ -129,18 +149,26 @@ std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal,
   if (!model.slow_light) start.clock.rise = start.clock.fall = 0;
   if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
   const double chip = start.clock.rows_per_chip;
-  const bool sure = predicted && predicted->errors.phase_std(0) < kSurePrediction * chip;
-  const double as_before =
-      std::max({kAsNoisy * relative_noise_, std::min(kMaxNoiseRatio * relative_noise_, kLittleNoise), kNoNoise});
+  const double longer = (start.clock.exposure_rows - channel_->clock.exposure_rows) / chip;
+  const bool sure =
+      predicted && predicted->errors.phase_std(0) < kSurePrediction * chip && std::abs(longer) < kSameExposure;
+  start.clock.phase += 0.5 * longer * chip;  // the phase is in the middle of the exposure
+  const double brighter = mean_of(signal) / mean_;
+  if (std::abs(brighter - 1) > kBrighter && variance_of(signal) > kMinVariance * brighter * brighter * variance_)
+    for (auto* levels : {&start.dark, &start.swing})
+      for (double& level : *levels) level *= brighter;
   std::optional<FrameReading> best;
   for (std::size_t phase = 0; phase < (sure ? 1 : kPhases); ++phase) {
     ChannelEstimate tried = start;
     tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
     auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
-    if (best && best->relative_noise < as_before && is_sound(*best)) return best;
+    if (best && best->relative_noise < std::max(kAsNoisy * relative_noise_, kNoNoise) && is_sound(*best)) return best;
   }
   if (!best) return std::nullopt;
+  const double as_before =
+      std::max(kAsNoisy * relative_noise_, std::min(kMaxNoiseRatio * relative_noise_, kLittleNoise));
+  if (best->relative_noise < as_before && is_sound(*best)) return best;
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort);
   if (extended && extended->relative_noise < kMaxNoiseRatio * relative_noise_ && is_sound(*extended)) return extended;
   return std::nullopt;
@@ -149,8 +177,9 @@ std::optional<FrameReading> ChipReceiver::follow(std::span<const double> signal,
 std::optional<FrameReading> ChipReceiver::search(std::span<const double> signal, const RowModel& model, Frame& frame) {
   const auto rows_per_chip = nominal_rows_per_chip(frame.column);
   if (!rows_per_chip || static_cast<double>(signal.size()) < kMinChips * *rows_per_chip) return std::nullopt;
-  FrameSearch what{*rows_per_chip, channel_ ? kNarrowTolerance : kWideTolerance, model.exposure_rows, preamble_,
-                   &frame.effort};
+  FrameSearch what{*rows_per_chip, channel_ && fits_ ? kNarrowTolerance : kWideTolerance, model.exposure_rows,
+                   preamble_, &frame.effort};
+  if (!model.exposure_rows && !(channel_ && fits_)) return search_exposures(signal, what);
   auto reading = search_frame(signal, what);
   if (!reading || !model.exposure_rows || model.exposure_known) return reading;
   return read_frame(signal, reading->channel, false, &frame.effort);
@@ -183,12 +212,48 @@ std::vector<double> ChipReceiver::kept_rows(std::size_t rows, double slow) const
   return all;
 }
 
+// Searches from several exposures: the chips of a line code, exposed for some, may be others exposed for fewer. The
+// least residual decides, unless the first chips found are of the line code.
+std::optional<FrameReading> ChipReceiver::search_exposures(std::span<const double> signal,
+                                                           const FrameSearch& wanted) const {
+  SearchEffort& effort = *wanted.effort;
+  const double first = kPreambleShare * effort.rows;
+  const double others = (1 - kPreambleShare) * effort.rows / static_cast<double>(kExposures.size());
+  std::optional<FrameReading> best;
+  for (std::size_t k = 0; k <= kExposures.size(); ++k) {
+    const double share = k > 0 ? others : first;
+    SearchEffort own{share};
+    FrameSearch what = wanted;
+    what.effort = &own;
+    if (k > 0) what.exposure_rows = kExposures[k - 1] * wanted.rows_per_chip;
+    auto reading = search_frame(signal, what);
+    if (reading && what.exposure_rows) reading = read_frame(signal, reading->channel, false, &own);
+    if (std::isfinite(share)) effort.rows -= share - own.rows;
+    if (!reading || (best && reading->relative_noise >= best->relative_noise)) continue;
+    best = std::move(reading);
+    if (options_.format.line_code.bits_per_word() < options_.format.line_code.chips_per_word() && !is_misfit(*best) &&
+        line_code_evidence(*best) > 0)
+      break;
+  }
+  return best;
+}
+
+// That of the most likely places of the words.
+double ChipReceiver::line_code_evidence(const FrameReading& reading) const {
+  const LineCode& code = options_.format.line_code;
+  double evidence = -std::numeric_limits<double>::infinity();
+  for (std::size_t skipped = 0; skipped < std::min(code.chips_per_word(), reading.llr.size()); ++skipped)
+    evidence = std::max(evidence, code.evidence(std::span(reading.llr).subspan(skipped)));
+  return evidence;
+}
+
 // Alternative models of the rows: slow light, a tone, another exposure.
-std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const double> signal) const {
+std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const double> signal, bool searches) const {
   const RowModel given{{},
                        camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
                        camera_.exposure.has_value()};
   std::vector<RowModel> models;
+  const auto another_exposure = [&](std::optional<double> rows) { models.push_back({model_.nuisance, rows, false}); };
   if (!model_.nuisance.empty() || model_.exposure_known != given.exposure_known || model_.slow_light)
     models.push_back(given);
   const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
@@ -219,11 +284,12 @@ std::vector<ChipReceiver::RowModel> ChipReceiver::other_models(std::span<const d
     models.push_back(model_);
     models.back().slow_light = true;
   }
-  if (given.exposure_rows)
-    for (const double share : kGivenExposureFactors)
-      models.push_back({model_.nuisance, share * *given.exposure_rows, false});
-  else if (rows_per_chip_)
-    for (const double chips : kExposures) models.push_back({model_.nuisance, chips * *rows_per_chip_, false});
+  const double now = channel_ ? channel_->clock.exposure_rows : given.exposure_rows.value_or(0.0);
+  if (channel_) another_exposure(mean_of(signal) / mean_ * now);  // the brightness changed alike
+  if (given.exposure_rows) another_exposure({});                  // a preamble may show it
+  const std::size_t factors = kExposureFactors.size(), count = searches ? kSearchedFactors : factors;
+  for (std::size_t k = 0; now > 0 && k < count; ++k)
+    another_exposure(kExposureFactors[(vain_tries_ * count + k) % factors] * now);
   return models;
 }
 
@@ -249,6 +315,26 @@ std::optional<FrameReading> ChipReceiver::read_with(std::span<const double> sign
   return reading;
 }
 
+// True where another model fits, from the tracked clock or by a search.
+bool ChipReceiver::try_models(std::span<const double> signal, bool searches, Frame& frame,
+                              std::optional<FrameReading>& best) {
+  for (RowModel& model : other_models(signal, searches)) {
+    Frame tried{frame.column, frame.time, searches, frame.effort_of_others, frame.effort_of_others};
+    tried.may_follow = fits_;
+    if (!searches) tried.effort.rows *= kFollowedEffort;
+    auto other = read_with(signal, model, tried);
+    if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
+    const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
+    if (camera_.exposure && std::max(exposure / *camera_.exposure, *camera_.exposure / exposure) > kMaxWrongExposure)
+      continue;
+    best = std::move(other);
+    model_ = std::move(model);
+    frame.new_model = true;
+    if (!is_misfit(*best)) return true;
+  }
+  return false;
+}
+
 // Reads with the model of the last frame; if its residual exceeds noise, tries other models until one fits.
 std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, Frame& frame) {
   auto best = read_with(signal, model_, frame);
@@ -257,18 +343,13 @@ std::optional<FrameReading> ChipReceiver::read(std::span<const double> signal, F
     --until_try_;
     return best;
   }
-  frame.may_follow = fits_;
-  for (RowModel& model : other_models(signal)) {
-    frame.effort = frame.effort_of_others;
-    auto other = read_with(signal, model, frame);
-    if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
-    best = std::move(other);
-    model_ = std::move(model);
-    frame.new_model = true;
-    if (!is_misfit(*best)) break;
+  // All from the tracked clock, then all by a search.
+  for (const bool searches : {false, true}) {
+    if (searches ? !frame.may_search : !(channel_ && fits_)) continue;
+    if (try_models(signal, searches, frame, best)) break;
   }
   vain_tries_ = best && !is_misfit(*best) ? 0 : vain_tries_ + 1;
-  until_try_ = (std::size_t{1} << std::min<std::size_t>(vain_tries_, kMaxVainTries)) - 1;
+  until_try_ = (std::size_t{1} << std::min<std::size_t>((vain_tries_ + 1) / 2, kMaxVainTries)) - 1;
   return best;
 }
 
@@ -329,13 +410,14 @@ std::pair<std::ptrdiff_t, PlaceErrors> ChipReceiver::chip_number(const ChannelEs
 }
 
 // Chips of the whole frame and their use by the packet.
-void ChipReceiver::take(const FrameReading& reading, double time, std::size_t rows, ReceivedFrame& result) {
+void ChipReceiver::take(const FrameReading& reading, double time, std::span<const double> signal,
+                        ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
   // Correlated residuals reduce the effective number of rows.
   const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
   std::vector<double> llr = reading.llr;
   for (double& value : llr) value *= independent;
-  const ChipGrid whole = whole_chips(channel.clock, rows);
+  const ChipGrid whole = whole_chips(channel.clock, signal.size());
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
     if (at < 0 || at >= static_cast<std::ptrdiff_t>(llr.size())) continue;
@@ -351,7 +433,7 @@ void ChipReceiver::take(const FrameReading& reading, double time, std::size_t ro
   result.error_rate = mean_error_rate(result.llr);
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
   if (is_misfit(reading)) result.flags |= flag::model_misfit;
-  if (chip_period(whole_bits(reading, rows))) result.flags |= flag::periodic;
+  if (chip_period(whole_bits(reading, signal.size()))) result.flags |= flag::periodic;
   if (repeats_last(result)) {
     result.stretch.emplace().outcome = StretchOutcome::repeated;
   } else {
@@ -360,9 +442,11 @@ void ChipReceiver::take(const FrameReading& reading, double time, std::size_t ro
   }
   channel_ = channel;
   fits_ = !is_misfit(reading);
+  mean_ = mean_of(signal);
+  variance_ = variance_of(signal);
   if (model_.exposure_rows) model_.exposure_rows = channel.clock.exposure_rows;
   relative_noise_ = std::max(reading.relative_noise, kNoiseKept * relative_noise_);
-  rows_per_chip_ = channel.clock.rows_per_chip;
+  if (fits_) rows_per_chip_ = channel.clock.rows_per_chip;
   lost_ = fruitless_ = wait_ = 0;
 }
 
@@ -474,12 +558,14 @@ ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, con
     if (!result) {
       track(reading->channel, kept.time);
       channel_ = reading->channel;
+      mean_ = mean_of(rest);
+      variance_ = variance_of(rest);
       relative_noise_ = reading->relative_noise;
       continue;
     }
     ReceivedFrame earlier = nothing_received(kept.number);
     ReceivedFrame& of_frame = kept.number == result->frame ? *result : earlier;
-    take(*reading, kept.time, rest.size(), of_frame);
+    take(*reading, kept.time, rest, of_frame);
     if (of_frame.stretch->payload && !payload) payload = of_frame.stretch->payload;
   }
   if (payload && result->stretch) result->stretch->payload = payload;
@@ -491,7 +577,7 @@ ChipReceiver::KeptFit ChipReceiver::read_kept(const LearnedProfile& learned, con
 bool ChipReceiver::learn_profile(const CombinedColumn& column, std::size_t first_row) {
   auto first = first_profile(profile_frames(), profile_smoothing());
   if (!first) return false;
-  const auto before = std::tuple(channel_, tracker_, model_, relative_noise_, first_row_);
+  const auto before = std::tuple(channel_, mean_, variance_, tracker_, model_, relative_noise_, first_row_);
   const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(kept_.size()));
   const RowRange rows = profile_rows(*first, kMinProfileSwing);
   std::fill_n(first->swing.begin(), rows.begin, 0.0);
@@ -513,7 +599,7 @@ bool ChipReceiver::learn_profile(const CombinedColumn& column, std::size_t first
     if (!profile || !is_bright(*profile, rows)) break;
     learned.profile = std::move(*profile);
   }
-  std::tie(channel_, tracker_, model_, relative_noise_, first_row_) = before;
+  std::tie(channel_, mean_, variance_, tracker_, model_, relative_noise_, first_row_) = before;
   return false;
 }
 
@@ -523,16 +609,19 @@ bool ChipReceiver::read_again(const FrameReading& reading, RowRange lit, const C
                               std::size_t first_row, ReceivedFrame& result) {
   const auto poor = static_cast<std::size_t>(std::ranges::count(kept_, false, &KeptFrame::fits));
   if (poor == 0) return false;
-  const auto before = std::tuple(channel_, tracker_, model_, relative_noise_, first_row_);
+  const auto before = std::tuple(channel_, mean_, variance_, tracker_, model_, relative_noise_, first_row_);
   if (tracker_) tracker_->reset();
   channel_ = reading.channel;
+  fits_ = true;
   relative_noise_ = reading.relative_noise;
+  mean_ = mean_of(std::span(column.signal).subspan(lit.begin, lit.size()));
+  variance_ = variance_of(std::span(column.signal).subspan(lit.begin, lit.size()));
   const std::size_t rows = column.signal.size();
   if (poor + 1 == kept_.size()) assembler_ = PacketAssembler(options_.format);  // all its chips are in doubt
   assembler_.lose_clock();
   read_kept({{std::vector<double>(rows), std::vector<double>(rows, 1.0)}, lit}, column, first_row, &result);
   if (result.stretch) return true;
-  std::tie(channel_, tracker_, model_, relative_noise_, first_row_) = before;
+  std::tie(channel_, mean_, variance_, tracker_, model_, relative_noise_, first_row_) = before;
   return false;
 }
 
@@ -557,8 +646,31 @@ void ChipReceiver::follow_profile(const std::optional<FrameReading>& reading) {
   assembler_.lose_clock();
 }
 
-ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t frame, std::size_t first_row,
-                                 RowRange region, const FrameStamp& stamp) {
+// The stated exposure is the start of the estimate, if it is one.
+void ChipReceiver::use_exposure(std::optional<double> exposure) {
+  if (exposure == camera_.exposure) return;
+  if (exposure && camera_.exposure && model_.exposure_rows)
+    *model_.exposure_rows *= *exposure / *camera_.exposure;
+  else
+    model_.exposure_rows = exposure ? std::optional(*exposure / camera_.row_time) : std::nullopt;
+  if (!exposure || !camera_.exposure) model_.exposure_known = exposure.has_value();
+  camera_.exposure = exposure;
+}
+
+ReceivedFrame ChipReceiver::push(const CombinedColumn& seen, std::int64_t frame, std::size_t first_row, RowRange region,
+                                 const FrameStamp& stamp) {
+  use_exposure(stamp.exposure ? stamp.exposure : stated_exposure_);
+  if (!stamp.exposure && !stamp.gain) return push_lit(seen, frame, first_row, region, stamp);
+  if (stamp.exposure && !reference_exposure_) reference_exposure_ = stamp.exposure;
+  const double brightness = stamp.gain.value_or(1.0) * (stamp.exposure ? *stamp.exposure / *reference_exposure_ : 1.0);
+  CombinedColumn column = seen;
+  for (double& row : column.signal) row /= brightness;
+  column.noise /= brightness;
+  return push_lit(column, frame, first_row, region, stamp);
+}
+
+ReceivedFrame ChipReceiver::push_lit(const CombinedColumn& column, std::int64_t frame, std::size_t first_row,
+                                     RowRange region, const FrameStamp& stamp) {
   ReceivedFrame result = nothing_received(frame);
   const double time = time_of(frame, stamp);
   keep(column, frame, time, first_row);
@@ -599,7 +711,7 @@ ReceivedFrame ChipReceiver::push(const CombinedColumn& column, std::int64_t fram
     return result;
   }
   if (reading)
-    take(*reading, time, signal.size(), result);
+    take(*reading, time, signal, result);
   else
     lose(result, now.may_search);
   forget_repeated(result);

@@ -126,3 +126,22 @@ TEST_CASE("C: a program that knows less of the structs gets what it knows") {
   CHECK(std::string(result.bits) == "untouched");
   ocisac_destroy(receiver);
 }
+
+TEST_CASE("C: a frame's stamp is checked, and not stated by default") {
+  const ocisac_options options = packet_options();
+  ocisac_receiver* receiver = nullptr;
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  const auto pixels = picture<std::uint16_t>();
+  const ocisac_frame frame{pixels.data(), OCISAC_GRAY16, kColumns, kRows, 2 * std::ptrdiff_t{kColumns}, 0};
+  ocisac_stamp stamp;
+  ocisac_stamp_init(&stamp);
+  CHECK(std::isnan(stamp.time));
+  CHECK(ocisac_push_stamped(receiver, &frame, nullptr) == OCISAC_BAD_ARGUMENT);
+  stamp.exposure = -1;
+  CHECK(ocisac_push_stamped(receiver, &frame, &stamp) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).starts_with("exposure: got -1"));
+  stamp.exposure = 1e-4;
+  stamp.time = 12.5;
+  CHECK(ocisac_push_stamped(receiver, &frame, &stamp) == OCISAC_OK);
+  ocisac_destroy(receiver);
+}

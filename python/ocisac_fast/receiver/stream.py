@@ -87,7 +87,7 @@ class Receiver:
         format: of the sender's packets; None: the defaults of :class:`ocisac_fast.packets.PacketFormat`.
         colour: index of the colour to use. None: the one with the strongest light.
         search_passes: max. number of passes over a frame's rows in a search for its chips, which bounds the time;
-            infinity: no bound. A preamble is found in about 50. None: 2000 for a known exposure, else 5000, about half
+            infinity: no bound. A preamble is found in about 50. None: 2000 for a known exposure, else 7000, below
             a second for 1080 rows.
 
     Raises:

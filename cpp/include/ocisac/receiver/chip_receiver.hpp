@@ -27,7 +27,7 @@ struct ChipOptions {
   std::optional<double> chip_rate;
   PacketFormat format{};
   // Upper bound of the passes over a frame's rows in the search for its chips; infinity: none. Absent: 2000 with a
-  // known exposure of the camera, else 5000. A preamble is found in about 50.
+  // known exposure of the camera, else 7000. A preamble is found in about 50.
   std::optional<double> search_passes{};
 };
 
@@ -92,11 +92,15 @@ class ChipReceiver {
   std::optional<FrameReading> read(std::span<const double> signal, Frame& frame);
   std::optional<FrameReading> read_with(std::span<const double> signal, RowModel& model, Frame& frame);
   [[nodiscard]] std::vector<double> kept_rows(std::size_t rows, double slow) const;
-  [[nodiscard]] std::vector<RowModel> other_models(std::span<const double> signal) const;
+  [[nodiscard]] std::vector<RowModel> other_models(std::span<const double> signal, bool searches) const;
+  bool try_models(std::span<const double> signal, bool searches, Frame& frame, std::optional<FrameReading>& best);
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, const RowModel& model,
                                                    Frame& frame) const;
   std::optional<FrameReading> search(std::span<const double> signal, const RowModel& model, Frame& frame);
   std::optional<FrameReading> search_slow(std::span<const double> signal, const RowModel& model, Frame& frame);
+  [[nodiscard]] std::optional<FrameReading> search_exposures(std::span<const double> signal,
+                                                             const FrameSearch& wanted) const;
+  [[nodiscard]] double line_code_evidence(const FrameReading& reading) const;
   // A recent frame: its rows, and s of each where its chips are known.
   struct KeptFrame {
     std::int64_t number;
@@ -113,6 +117,9 @@ class ChipReceiver {
     RowRange rows;
   };
   void keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row);
+  void use_exposure(std::optional<double> exposure);
+  ReceivedFrame push_lit(const CombinedColumn& column, std::int64_t frame, std::size_t first_row, RowRange region,
+                         const FrameStamp& stamp);
   void restart_clock();
   void restart_tracker(bool stamped);
   [[nodiscard]] std::vector<ProfileFrame> profile_frames() const;
@@ -133,10 +140,11 @@ class ChipReceiver {
   [[nodiscard]] double time_of(std::int64_t frame, const FrameStamp& stamp);
   bool repeats_last(const ReceivedFrame& result);
   void forget_repeated(const ReceivedFrame& result);
-  void take(const FrameReading& reading, double time, std::size_t rows, ReceivedFrame& result);
+  void take(const FrameReading& reading, double time, std::span<const double> signal, ReceivedFrame& result);
   void lose(ReceivedFrame& result, bool searched);
 
-  Camera camera_;
+  Camera camera_;                                               // its exposure: of the current frame
+  std::optional<double> stated_exposure_, reference_exposure_;  // s: the camera's; of the first frame that states one
   ChipOptions options_;
   PacketAssembler assembler_;
   std::vector<double> preamble_;
@@ -150,6 +158,8 @@ class ChipReceiver {
   std::optional<double> rows_per_chip_;                   // nominal, or estimated from earlier frames
   std::optional<ChannelEstimate> channel_;                // of the last received frame
   bool fits_ = false;                                     // that frame left no more than noise
+  double variance_ = 0;                                   // of its rows
+  double mean_ = 1;                                       // of its rows
   RowModel model_;                                        // that explained the last frame
   std::deque<KeptFrame> kept_;                            // the last frames, the current one included
   std::size_t kept_first_row_ = 0;                        // of the picture, at index 0 of their signals
