@@ -25,13 +25,16 @@ tidy = cmake -S . -B build/tidy -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
 
 # of fuzzing, for each target
 SECONDS ?= 60
+# of the long run in all, and of mutants of the packet code
+FRAMES ?= 1000000
+MUTANTS ?= 300
 
 export PYTHON
 export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test chart limits reproduce nightly fuzz lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
+.PHONY: help demo test chart limits reproduce nightly fuzz soak coverage mutants lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
@@ -41,6 +44,9 @@ help:
 	@echo 'make reproduce the paper'\''s figures and table: docs/paper/*.png, docs/paper.md'
 	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
 	@echo 'make fuzz      the fuzz targets (fuzz/), each for SECONDS=$(SECONDS), two at a time'
+	@echo 'make soak      eight threads for ten minutes, dirty streams for forty, resumed until FRAMES=$(FRAMES) in all'
+	@echo 'make coverage  lines and branches of the core that the C++ tests reach'
+	@echo 'make mutants   MUTANTS=$(MUTANTS) changes of the packet code, each of which the tests must notice'
 	@echo 'make wheel     dist/: a wheel that stands alone, tried in a fresh environment'
 	@echo 'make deb       build/deb: a Debian package that stands alone, tried in a clean root'
 	@echo 'make arm64     cross-built for 64-bit Arm, tests under qemu-user'
@@ -71,6 +77,8 @@ nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
 	@echo '==> injected faults, a minute for each call'
 	@$(build)/cpp/tests/ocisac_fault_tests 60 $(build)/cpp/apps/ocisac-rx $(build)/cpp/tests/libocisac_faults.so
+	@echo '==> dirty streams'
+	@$(bin)/python bench/soak.py --frames 10000 --state build/soak-nightly.jsonl --fresh --program $(build)/cpp/apps/ocisac-rx
 	@echo '==> C++ tests under ThreadSanitizer'
 	@cmake --preset thread >/dev/null && cmake --build --preset thread && ctest --preset thread
 	@echo '==> a million damaged packets'
@@ -92,6 +100,23 @@ fuzz: packages
 	@cmake --preset fuzz >/dev/null && scripts/with-progress build/fuzz/build.log cmake --build --preset fuzz
 	@echo '==> fuzz targets: $(SECONDS) s each'
 	@fuzz/run build/fuzz $(SECONDS)
+
+# A part of the long run, resumed where the last one ended: build/soak.jsonl.
+soak: cpp-build
+	@$(build)/cpp/tests/ocisac_thread_tests 600
+	@$(bin)/python bench/soak.py --frames $(FRAMES) --program $(build)/cpp/apps/ocisac-rx
+
+# Lines and branches of the core that the C++ tests reach: build/coverage/index.html.
+coverage: packages
+	@scripts/system-packages coverage
+	@cmake --preset coverage >/dev/null && scripts/with-progress build/coverage/build.log cmake --build --preset coverage
+	@find build/coverage -name '*.gcda' -delete
+	@ctest --preset coverage
+	@gcovr --root cpp --filter cpp/src --filter cpp/apps/ --exclude cpp/apps/tests --exclude-throw-branches \
+	  --html-details build/coverage/index.html --print-summary build/coverage | tail -4
+
+mutants: cpp-build
+	@scripts/mutants $(build) --mutants $(MUTANTS)
 
 build: packages $(VENV)/.requirements-cli $(VENV)/.extension
 

@@ -14,6 +14,7 @@
 #include "ocisac/light/waveform.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 #include "ocisac/ocisac.h"
+#include "ocisac/packets/fsk.hpp"
 #include "ocisac/packets/packets.hpp"
 #include "ocisac/receiver/receive.hpp"
 #include "ocisac/receiver/receiver.hpp"
@@ -163,6 +164,14 @@ std::string stream() {
   return answer;
 }
 
+// One demodulator for all threads.
+std::string symbol() {
+  static const FskDemodulator demodulator(kCamera, std::array{1510.0, 3000.0}, kRows);
+  std::vector<double> rows;
+  for (std::size_t n = 0; n < kRows; ++n) rows.push_back(tone_picture()[n * kColumns]);
+  return bytes_of(demodulator.demodulate(rows).log_likelihoods);
+}
+
 void check_code(int code) {
   if (code == OCISAC_NO_MEMORY) throw std::bad_alloc();
   if (code != OCISAC_OK) throw std::runtime_error(ocisac_last_error());
@@ -220,6 +229,7 @@ const std::vector<Scenario>& scenarios() {
       {"detect_sources", lights},
       {"light_share", cleaned},
       {"render_parts", rendered},
+      {"FskDemodulator", symbol},
       {"Receiver", stream},
       {"ocisac.h", c_interface},
   };

@@ -1,0 +1,86 @@
+#include <doctest/doctest.h>
+
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include "ocisac/packets/fsk.hpp"
+
+namespace {
+
+constexpr std::array kTones{500.0, 1000.0, 1500.0, 2000.0};
+constexpr std::size_t kRows = 500;
+constexpr double kAmplitude = 20, kNoise = 2;
+const ocisac::Camera kCamera{.row_time = 2e-5, .exposure = 1e-4, .frame_time = {}, .tone_curve = {}};
+
+double response(double tone) {
+  const double x = std::numbers::pi * tone * *kCamera.exposure;
+  return std::sin(x) / x;
+}
+
+std::vector<double> rows_of(double tone, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, kNoise);
+  std::vector<double> rows;
+  for (std::size_t n = 0; n < kRows; ++n) {
+    const double t = static_cast<double>(n) * kCamera.row_time;
+    rows.push_back(100 + 1000 * t + kAmplitude * response(tone) * std::cos(2 * std::numbers::pi * tone * t + 0.7) +
+                   noise(random));
+  }
+  return rows;
+}
+
+// Of M orthogonal tones at E_s/N_0 = `snr`, as a sum over the other tones.
+double sum_error_rate(int tones, double snr) {
+  double sum = 0, choices = 1;
+  for (int k = 1; k < tones; ++k) {
+    choices *= static_cast<double>(tones - k) / k;
+    sum += (k % 2 == 1 ? 1 : -1) * choices / (k + 1) * std::exp(-k * snr / (k + 1));
+  }
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("FSK: each tone is its symbol, with amplitude, noise and energy") {
+  const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
+  REQUIRE(demodulator.bits() == 2);
+  for (unsigned symbol = 0; symbol < kTones.size(); ++symbol) {
+    CAPTURE(symbol);
+    const auto got = demodulator.demodulate(rows_of(kTones[symbol], symbol));
+    const double amplitude = kAmplitude * response(kTones[symbol]);
+    CHECK(got.symbol == symbol);
+    CHECK(got.log_likelihoods[symbol] == 0);
+    CHECK(got.llr[0] * (symbol >= 2 ? 1 : -1) > 100);
+    CHECK(got.llr[1] * (symbol % 2 == 1 ? 1 : -1) > 100);
+    CHECK(got.amplitude == doctest::Approx(amplitude).epsilon(0.03));
+    CHECK(got.noise == doctest::Approx(kNoise).epsilon(0.1));
+    const double snr = kRows * std::pow(got.amplitude / got.noise, 2) / 4;
+    CHECK(got.snr == doctest::Approx(snr).epsilon(1e-9));
+    CHECK(got.error_rate < 1e-9);
+  }
+}
+
+TEST_CASE("FSK: the error rate of a noisy tone is that of orthogonal tones") {
+  for (const int tones : {2, 4, 8})
+    for (const double snr : {0.0, 0.5, 2.0, 6.0, 12.0}) {
+      CAPTURE(tones);
+      CAPTURE(snr);
+      const double expected = sum_error_rate(tones, snr);
+      CHECK(ocisac::fsk_symbol_error_rate(static_cast<std::size_t>(tones), snr) ==
+            doctest::Approx(expected).epsilon(1e-6));
+    }
+}
+
+TEST_CASE("FSK: tones that cannot be told apart are refused") {
+  const std::vector<std::vector<double>> refused{{500}, {500, 600, 700}, {500, 500}, {500, 25e3}, {500, -1}, {500, 0}};
+  for (const auto& tones : refused) CHECK_THROWS_AS(ocisac::check_tones(kCamera, tones), std::invalid_argument);
+  CHECK_NOTHROW(ocisac::check_tones(kCamera, std::array{500.0, 24.9e3}));
+  CHECK_THROWS_AS(ocisac::FskDemodulator(kCamera, kTones, 7), std::invalid_argument);
+  CHECK_THROWS_AS(ocisac::FskDemodulator(kCamera, kTones, 99), std::invalid_argument);  // no cycle of 500 Hz
+  CHECK_NOTHROW(ocisac::FskDemodulator(kCamera, kTones, 100));
+  CHECK_THROWS_AS(ocisac::fsk_symbol_error_rate(1, 2), std::invalid_argument);
+}

@@ -1,0 +1,99 @@
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "ocisac/packets/line_codes.hpp"
+
+namespace {
+
+std::vector<std::uint8_t> bits_of(const std::vector<unsigned>& bytes) {
+  std::vector<std::uint8_t> bits;
+  for (const unsigned byte : bytes)
+    for (int bit = 7; bit >= 0; --bit) bits.push_back(static_cast<std::uint8_t>(byte >> bit & 1U));
+  return bits;
+}
+
+std::string encoded(const char* code, const std::vector<unsigned>& bytes) {
+  std::string chips;
+  for (const auto chip : ocisac::LineCode::named(code).encode(bits_of(bytes))) chips += chip != 0 ? '1' : '0';
+  return chips;
+}
+
+int disparity(const std::string& chips) {
+  return static_cast<int>(2 * std::ranges::count(chips, '1')) - static_cast<int>(chips.size());
+}
+
+std::size_t longest_run(const std::string& chips) {
+  std::size_t longest = 0, run = 0;
+  for (std::size_t k = 0; k < chips.size(); ++k)
+    longest = std::max(longest, run = k > 0 && chips[k] == chips[k - 1] ? run + 1 : 1);
+  return longest;
+}
+
+}  // namespace
+
+// D.x.y is the byte y·32 + x.
+TEST_CASE("8b10b: words of the published tables") {
+  const std::map<unsigned, std::string> at_minus{{0x00, "1001110100"}, {0xB5, "1010101010"}, {0x4A, "0101010101"},
+                                                 {0xEB, "1101001110"}, {0xF1, "1000110111"}, {0xEE, "0111001110"},
+                                                 {0xFF, "1010110001"}, {0xF4, "0010110111"}, {0xF2, "0100110111"},
+                                                 {0xE3, "1100011110"}, {0x63, "1100011100"}, {0x67, "1110001100"}};
+  for (const auto& [byte, word] : at_minus) {
+    CAPTURE(byte);
+    CHECK(encoded("8b10b", {byte}) == word);
+  }
+  // D3.0 leaves the running disparity at +1.
+  const std::map<unsigned, std::string> at_plus{
+      {0xEB, "1101001000"}, {0xED, "1011001000"}, {0xEE, "0111001000"}, {0xE3, "1100010001"}, {0x67, "0001110011"}};
+  const std::string before = encoded("8b10b", {0x03});
+  REQUIRE(disparity(before) == 2);
+  for (const auto& [byte, word] : at_plus) {
+    CAPTURE(byte);
+    CHECK(encoded("8b10b", {0x03, byte}).substr(10) == word);
+  }
+}
+
+TEST_CASE("8b10b: runs of five chips at most, running disparity within one, words of their own") {
+  std::set<std::string> first;
+  for (unsigned a = 0; a < 256; ++a) {
+    first.insert(encoded("8b10b", {a}));
+    for (unsigned b = 0; b < 256; ++b) {
+      const std::string chips = encoded("8b10b", {a, b, a});
+      REQUIRE(longest_run(chips) <= 5);
+      for (std::size_t word = 10; word <= 30; word += 10) {
+        const int sum = disparity(chips.substr(0, word));
+        REQUIRE((sum == 0 || sum == 2));
+      }
+    }
+  }
+  CHECK(first.size() == 256);
+}
+
+TEST_CASE("tables of 2, 4, 16 and 256 different words of one length are codes, others are refused") {
+  for (const std::size_t count : {1, 2, 3, 4, 8, 16, 32, 255, 256}) {
+    CAPTURE(count);
+    std::vector<std::string> words;
+    for (std::size_t value = 0; value < count; ++value) {
+      words.emplace_back();
+      for (int chip = 9; chip >= 0; --chip) words.back() += (value >> chip & 1U) != 0 ? '1' : '0';
+    }
+    if (count != 2 && count != 4 && count != 16 && count != 256) {
+      CHECK_THROWS_AS(ocisac::LineCode::of_table(words), std::invalid_argument);
+      continue;
+    }
+    const auto code = ocisac::LineCode::of_table(words);
+    CHECK(code.chips_per_word() == 10);
+    CHECK((std::size_t{1} << code.bits_per_word()) == count);
+    words[1] = words[0];
+    CHECK_THROWS_AS(ocisac::LineCode::of_table(words), std::invalid_argument);
+    words[1] = "01";
+    CHECK_THROWS_AS(ocisac::LineCode::of_table(words), std::invalid_argument);
+  }
+}
