@@ -7,6 +7,7 @@
 #include "chips/channel_growth.hpp"
 #include "chips/clock_search.hpp"
 #include "core/check_interrupt.hpp"
+#include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/chips/refine_channel.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -207,6 +208,8 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   require_positive("rows_per_chip", search.rows_per_chip);
   require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
   if (search.exposure_rows) require_not_negative("exposure_rows", *search.exposure_rows);
+  require(search.max_exposure_chips >= 0 && search.max_exposure_chips <= kLongestReducedExposure, "max_exposure_chips",
+          search.max_exposure_chips, "0 to 24");
   for (double value : signal) require_finite("signal", value);
   // Every row covers all chips of the frame, which cannot be separated.
   if (search.exposure_rows && *search.exposure_rows >= static_cast<double>(signal.size())) return std::nullopt;

@@ -108,6 +108,7 @@ class ChannelEstimate:
         """Clock and exposure."""
         return ChipClock(rows_per_chip=self.rows_per_chip, phase=self.phase, exposure_rows=self.exposure_rows)
 
+    @checked
     def levels(self, rows: int) -> FloatArray:
         """(2, rows): level of steady 0 and of steady 1 in each of the ``rows`` rows of a frame."""
         along = np.linspace(-1, 1, rows) if rows > 1 else np.zeros(1)
@@ -189,6 +190,7 @@ class TrackedClock:
         """Clock and exposure."""
         return ChipClock(rows_per_chip=self.rows_per_chip, phase=self.phase, exposure_rows=self.exposure_rows)
 
+    @checked
     def channel(self, earlier: ChannelEstimate, rows: int) -> ChannelEstimate:
         """Initial channel of a frame: this clock with the levels and noise of an earlier frame.
 

@@ -29,7 +29,12 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
     Raises:
         ValueError: not a real-valued array of 1 to 3 dimensions, or without rows or columns.
     """
-    array = np.asarray(columns)
+    try:
+        array = np.asarray(columns)
+    except ValueError:  # rows of different lengths
+        raise ValueError(f"{name}: got {columns!r:.80}, allowed: rows of one length") from None
+    if np.ma.is_masked(columns):
+        raise ValueError(f"{name}: got masked values, allowed: an array without them")
     if array.dtype.kind not in "buif":
         raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers (uint8, uint16, float32, float64)")
     if not 1 <= array.ndim <= 3:
@@ -41,6 +46,8 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
     flags = array.flags
     if not (array.dtype in _KINDS and flags.aligned and (flags.c_contiguous or _whole_strides(array))):
         array = np.array(array, dtype=np.float64 if array.dtype not in _KINDS else array.dtype.newbyteorder("="))
+    if not isinstance(scan_axis, str) or scan_axis not in ("y", "-y", "x", "-x"):
+        raise ValueError(f"scan_axis: got {scan_axis!r}, allowed: y, -y, x, -x")
     return array if scan_axis == "y" else in_time_order(array, scan_axis)
 
 

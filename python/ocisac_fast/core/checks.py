@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
+import sys
 import types
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
@@ -29,8 +32,8 @@ def count(name: str, value: Any, minimum: int, maximum: int = 255) -> int:
 def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
     """Raise a ValueError that names the argument if its type is not the annotated one.
 
-    Numbers, booleans, strings, tuples of numbers and classes are checked before the call. Array-likes are checked after
-    the call has failed, since the function converts them.
+    Numbers, texts, paths, arrays, sequences and classes are checked before the call. Arrays must be of real numbers;
+    a masked array may mask none of them.
     """
     names = tuple(inspect.signature(function).parameters)
     tests: dict[str, _Test] = {}
@@ -38,18 +41,13 @@ def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
     @functools.wraps(function)
     def wrapped(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
         if not tests:
-            tests.update(_tests_of(function, names))
+            tests.update(_tests_of(function, names, args[:1]))
         for name, value in zip(names, args, strict=False):
             tests[name](name, value)
         for name, value in kwargs.items():
             if name in tests:
                 tests[name](name, value)
-        try:
-            return function(*args, **kwargs)
-        except (TypeError, ValueError) as error:
-            if ": got " not in str(error):
-                _refuse_arrays(function, {**dict(zip(names, args, strict=False)), **kwargs})
-            raise
+        return function(*args, **kwargs)
 
     return wrapped
 
@@ -61,85 +59,138 @@ def checked_class(kind: type[_Class]) -> type[_Class]:
 
 
 _Test = Callable[[str, Any], None]
+_Rule = tuple[Callable[[Any], bool], str]
 
 
-def _tests_of(function: Callable[..., Any], names: Iterable[str]) -> dict[str, _Test]:
-    hints = typing.get_type_hints(function)
+class _RealArray:
+    """Stands for ``npt.ArrayLike`` in annotations."""
+
+
+_TYPING = types.SimpleNamespace(ArrayLike=_RealArray, NDArray=npt.NDArray)
+
+
+def _tests_of(function: Callable[..., Any], names: tuple[str, ...], owner: tuple[Any, ...]) -> dict[str, _Test]:
+    known: dict[str, Any] = {}
+    if owner and names[0] == "self":  # inherited fields are annotated in the names of their own module
+        for base in reversed(type(owner[0]).__mro__):
+            known |= vars(sys.modules[base.__module__])
+    hints = typing.get_type_hints(
+        function, known | getattr(inspect.unwrap(function), "__globals__", {}) | {"npt": _TYPING}
+    )
     return {name: _test_of(hints.get(name, Any)) for name in names}
 
 
 def _test_of(hint: Any) -> _Test:
-    options = typing.get_args(hint) if _is_union(hint) else (hint,)
-    fits, allowed = [], []
-    for option in options:
-        rule = _rule_of(option)
-        if rule is None:
-            return lambda name, value: None
-        fits.append(rule[0])
-        allowed.append(rule[1])
-    text = " or ".join(dict.fromkeys(allowed))
+    rule = _rule_of(hint)
+    if rule is None:
+        return lambda name, value: None
+    fits, text = rule
 
     def test(name: str, value: Any) -> None:
-        for fit in fits:
-            if fit(value):
-                return
-        raise ValueError(f"{name}: got {value!r:.80}, allowed: {text}")
+        if not fits(value):
+            raise ValueError(f"{name}: got {value!r:.80}, allowed: {text}")
 
     return test
 
 
-def _is_union(hint: Any) -> bool:
-    return typing.get_origin(hint) in (typing.Union, types.UnionType)
-
-
-def _rule_of(hint: Any) -> tuple[Callable[[Any], bool], str] | None:
+def _rule_of(hint: Any) -> _Rule | None:
     """A predicate and its description; None where every value is accepted."""
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
-    if hint is float:
-        return _is_number, "a number"
-    if hint is int:
-        return (lambda value: isinstance(value, _WHOLE) and not isinstance(value, bool)), "a whole number"
-    if hint is bool:
-        return (lambda value: isinstance(value, (bool, np.bool_))), "True or False"
-    if hint is type(None):
-        return (lambda value: value is None), "None"
+    if origin in (typing.Union, types.UnionType):
+        return _any_of([_rule_of(option) for option in inner])
+    if hint in _SIMPLE:
+        return _SIMPLE[hint]
     if origin is Literal:
         kinds = tuple({type(option) for option in inner})
         return (lambda value: isinstance(value, kinds)), " or ".join(repr(option) for option in inner)
-    if origin is tuple and inner and Ellipsis not in inner and set(inner) <= {int, float}:
-        return (lambda value: _is_row_of_numbers(value, len(inner))), f"{len(inner)} numbers"
-    if inspect.isclass(hint) and (hint is str or hint.__module__.startswith("ocisac_fast")):
-        return (lambda value: isinstance(value, hint)), "a text" if hint is str else f"a {hint.__name__}"
+    if origin is np.ndarray:
+        return (lambda value: isinstance(value, np.ndarray) and _is_real(value)), "a NumPy array of real numbers"
+    if origin is os.PathLike:
+        return (lambda value: isinstance(value, os.PathLike)), "a path"
+    if origin is tuple and inner and Ellipsis not in inner:
+        return _each(inner)
+    if origin in (list, Sequence, Iterable) or (origin is tuple and inner):
+        return _sequence_of(inner[0], origin is Iterable)
+    if origin is Callable:
+        return callable, "a function"
+    if origin is Mapping:
+        return (lambda value: isinstance(value, Mapping)), "a dictionary"
+    if inspect.isclass(hint) and hint.__module__.startswith("ocisac_fast"):
+        return (lambda value: isinstance(value, hint)), f"a {hint.__name__}"
     return None
 
 
+def _any_of(rules: list[_Rule | None]) -> _Rule | None:
+    known = [rule for rule in rules if rule is not None]
+    if len(known) < len(rules):
+        return None
+    return (lambda value: any(fits(value) for fits, _ in known)), " or ".join(dict.fromkeys(text for _, text in known))
+
+
+def _each(options: tuple[Any, ...]) -> _Rule | None:
+    """Of a tuple whose items have types of their own."""
+    rules = [_rule_of(option) or _TRUE for option in options]
+    kind = "numbers" if set(options) <= {float, int} else f"values, each {rules[0][1]}"
+
+    def fits(value: Any) -> bool:
+        return _is_sized(value) and len(value) == len(rules) and all(map(_fit, rules, value))
+
+    return fits, f"{len(rules)} {kind}"
+
+
+def _fit(rule: _Rule, value: Any) -> bool:
+    return rule[0](value)
+
+
+def _sequence_of(option: Any, once: bool) -> _Rule | None:
+    if option in (float, int):
+        return (lambda value: _is_sized(value) and _is_real_array(value) and np.ndim(value) == 1), "numbers"
+    rule = _rule_of(option) or _TRUE
+    if once:  # iterators end: their items are checked where they are used
+        return (
+            lambda value: isinstance(value, Iterator) or (_is_sized(value) and all(rule[0](each) for each in value))
+        ), f"an iterable, each {rule[1]}"
+    return (lambda value: _is_sized(value) and all(rule[0](each) for each in value)), f"a sequence, each {rule[1]}"
+
+
+def _is_sized(value: Any) -> bool:
+    """True for sequences and arrays with a dimension; texts and sets are none."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, (str, bytes))
+
+
 def _is_number(value: Any) -> bool:
+    if isinstance(value, int):
+        return -_LARGEST <= value <= _LARGEST
     if isinstance(value, _NUMBERS):
         return True
     return isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "uif"
 
 
-def _is_row_of_numbers(value: Any, length: int) -> bool:
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, _WHOLE) and not isinstance(value, bool) and -(2**63) <= int(value) < 2**63
+
+
+def _is_real_array(value: Any) -> bool:
     try:
-        return len(value) == length and all(_is_number(each) for each in value)
-    except TypeError:
+        return _is_real(value if isinstance(value, np.ndarray) else np.asarray(value))
+    except (TypeError, ValueError, OverflowError):  # ragged, an object that is no array
         return False
 
 
-def _refuse_arrays(function: Callable[..., Any], given: dict[str, Any]) -> None:
-    """Raise a ValueError for the first argument that NumPy cannot convert to real numbers."""
-    for name, hint in typing.get_type_hints(function).items():
-        if name in given and _is_array(str(inspect.signature(function).parameters[name].annotation)):
-            value = given[name]
-            if value is None or hint is None:
-                continue
-            try:
-                kind = np.asarray(value).dtype.kind
-            except ValueError:
-                kind = "O"
-            if kind not in "buif":
-                raise ValueError(f"{name}: got {value!r:.80}, allowed: real numbers") from None
+def _is_real(array: npt.NDArray[Any]) -> bool:
+    return array.dtype.kind in "buif" and not np.any(np.ma.getmask(array))
 
 
-def _is_array(annotation: str) -> bool:
-    return "ArrayLike" in annotation or "Sequence[float]" in annotation
+_LARGEST = int(np.finfo(np.float64).max)
+_TRUE: _Rule = (lambda value: True), "any value"
+_SIMPLE: dict[Any, _Rule] = {
+    float: (_is_number, "a number"),
+    int: (_is_whole, "a whole number"),
+    bool: ((lambda value: isinstance(value, (bool, np.bool_))), "True or False"),
+    str: ((lambda value: isinstance(value, str)), "a text"),
+    bytes: ((lambda value: isinstance(value, bytes)), "bytes"),
+    type(None): ((lambda value: value is None), "None"),
+    _RealArray: (_is_real_array, "real numbers"),
+}

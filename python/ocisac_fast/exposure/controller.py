@@ -52,6 +52,7 @@ _TEXTS = {
 }
 
 
+@checked_class
 @dataclass(frozen=True, slots=True)
 class MeasuredTone:
     """A measured tone of a light or a motion; NaN: unknown.
@@ -71,6 +72,7 @@ class MeasuredTone:
     gain_std: float = _NAN
 
 
+@checked_class
 @dataclass(frozen=True, slots=True)
 class ExposureMeasurement:
     """Measurements of one frame; levels are shares of the full scale above dark, NaN: unknown.

@@ -61,6 +61,7 @@ class FlickeringLight:
             raise ValueError(f"depth: got {self.depth}, allowed: above 0, at most 1")
 
 
+@checked
 def mains_lights(
     frequencies: Sequence[float] = (50.0, 60.0), *, drift: float = MAINS_DRIFT
 ) -> tuple[FlickeringLight, ...]:
@@ -398,7 +399,7 @@ def _check(
     f_sense: float | None,
     min_gain: float | None,
 ) -> None:
-    if not lights:
+    if len(lights) == 0:
         raise ValueError("lights: got none, allowed: at least one")
     if not 0.0 < below < 1.0:
         raise ValueError(f"below: got {below}, allowed: above 0 and below 1")

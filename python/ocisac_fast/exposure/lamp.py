@@ -153,7 +153,7 @@ def flicker_free_chip_rate(exposures: Sequence[float], below: float, *, digital_
         raise ValueError(f"below: got {below}, allowed: above 0 and below 1")
     if not 1.0 <= digital_sum_span < math.inf:
         raise ValueError(f"digital_sum_span: got {digital_sum_span}, allowed: 1 or above")
-    return digital_sum_span / (below * float(_checked_exposures(exposures).min()))
+    return digital_sum_span / below / float(_checked_exposures(exposures).min())
 
 
 def _checked_exposures(exposures: Sequence[float]) -> Float64s:

@@ -126,7 +126,7 @@ def calibrate_pulses(
     """
     if not (math.isfinite(frequency) and frequency > 0.0):
         raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0 (Hz)")
-    if len(recordings) != len(duties) or not recordings:
+    if len(recordings) != len(duties) or len(recordings) == 0:
         raise ValueError(f"duties: got {len(duties)}, allowed: one for each of {len(recordings)} recordings")
     for duty in duties:
         if not 0.0 < duty < 1.0:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import parts_between
 from ocisac_fast.files.pictures import is_picture, open_picture
@@ -23,6 +24,7 @@ _HEAD = 16
 _MAX_BYTES = 4 << 30
 
 
+@checked
 def read_frames(
     path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, max_bytes: int = _MAX_BYTES
 ) -> Recording:
@@ -47,6 +49,7 @@ def read_frames(
         return stream.read(max_bytes)
 
 
+@checked
 def open_recording(
     path: str | os.PathLike[str], *, colour: bool = False, raw: str | None = None, part: Part | None = None
 ) -> RecordingStream:
@@ -73,6 +76,7 @@ def open_recording(
     return stream.map_frames(lambda frames: _named_frames(name, frames))
 
 
+@checked
 def cut_recording(path: str | os.PathLike[str], max_frames: int, *, raw: str | None = None) -> list[Part] | None:
     """Cut a recording into stretches of about ``max_frames`` frames that ``open_recording`` reads by themselves.
 

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked
+
 Frame = npt.NDArray[Any]
 
 
@@ -116,10 +118,14 @@ class RecordingStream:
             self._cleanup.callback(close)
 
     @classmethod
+    @checked
     def of_array(cls, frames: Frame, kind: str, response: LightResponse) -> RecordingStream:
         """Stream frames (frames, rows, columns[, colours]) from memory."""
+        if frames.ndim < 3:
+            raise ValueError(f"frames: got {frames.ndim} dimensions, allowed: (frames, rows, columns[, colours])")
         return cls(iter(frames), kind, response, frame_count=len(frames))
 
+    @checked
     def map_frames(self, function: Callable[[Iterator[Frame]], Iterator[Frame]]) -> RecordingStream:
         """Pass this stream's frames through a function of their iterator."""
         self._frames = function(self._frames)
@@ -140,6 +146,7 @@ class RecordingStream:
         """Release the file; frames already read stay valid."""
         self._cleanup.close()
 
+    @checked
     def read(self, max_bytes: int) -> Recording:
         """Read all remaining frames; one further frame at a time is in memory.
 
@@ -150,7 +157,7 @@ class RecordingStream:
         count = 0
         for frame in self:
             if (count + 1) * frame.nbytes > max_bytes:
-                raise FileError(f"more than {max_bytes >> 20} MiB of frames, read it frame by frame")
+                raise FileError(f"more than {max_bytes >> 20} MiB of frames (max_bytes), read it frame by frame")
             if count == 0:
                 whole = frame[np.newaxis]
             elif frame.shape != whole.shape[1:]:

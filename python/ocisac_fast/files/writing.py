@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ocisac_fast.core.checks import checked
 from ocisac_fast.files.extras import pillow, pyav
 from ocisac_fast.files.recording import FileError, Frame
 
@@ -25,6 +26,7 @@ _FULL_RANGE, _LINEAR_TRANSFER = 2, 8
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
 
 
+@checked
 @contextlib.contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path with the suffix of ``path``; it replaces ``path`` on success and is removed on an error.
@@ -70,6 +72,7 @@ def _status(path: Path) -> os.stat_result | None:
         return None
 
 
+@checked
 def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame_rate: float = 30.0) -> None:
     """Write frames losslessly and atomically; the suffix selects the kind of file.
 
@@ -109,7 +112,7 @@ def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame
 def _alike(frames: Iterable[Frame]) -> list[Frame]:
     every = [np.asarray(frame) for frame in frames]
     if not every:
-        raise FileError("no frame to write")
+        raise FileError("frames: no frame to write")
     if any(frame.shape != every[0].shape or frame.dtype != every[0].dtype for frame in every):
         raise FileError("frames of different shapes or types")
     return every
@@ -179,7 +182,7 @@ def _write_video(path: Path, frames: Iterable[Frame], codec: str, frame_rate: fl
             except av.FFmpegError as error:
                 raise FileError(f"{codec} cannot hold frames of {shape[1]} x {shape[0]} pixels") from error
         if stream is None:
-            raise FileError("no frame to write")
+            raise FileError("frames: no frame to write")
         container.mux(stream.encode(None))
 
 

@@ -278,6 +278,7 @@ class _Combination(Waveform):
         raise NotImplementedError
 
 
+@checked_class
 class Sum(_Combination):
     """The sum of waveforms or numbers (steady light); also written ``a + b``.
 
@@ -290,6 +291,7 @@ class Sum(_Combination):
         return add
 
 
+@checked_class
 class Product(_Combination):
     """The product of waveforms or numbers, such as light through a filter or off a surface; also written ``a * b``.
 

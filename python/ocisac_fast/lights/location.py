@@ -84,8 +84,8 @@ def locate_camera(
     if len(world) < 3:
         raise ValueError(f"places: got {len(world)} lights, allowed: three or more")
     lens = _Lens.of(focal, centre, distortion)
-    if not (math.isfinite(noise) and noise > 0):
-        raise ValueError(f"noise: got {noise}, allowed: a finite number above 0 (pixels)")
+    if not 1e-9 <= noise <= 1e9:
+        raise ValueError(f"noise: got {noise}, allowed: 1e-9 to 1e9 (pixels)")
     box = None if inside is None else np.stack([_checked("inside", [corner], 3)[0] for corner in inside])
     spread = np.linalg.svd(world - world.mean(axis=0), compute_uv=False)
     if spread[1] <= _COLLINEAR * spread[0]:
@@ -106,8 +106,8 @@ class _Lens:
     @staticmethod
     def of(focal: float | tuple[float, float], centre: tuple[float, float], distortion: Sequence[float]) -> _Lens:
         both = np.broadcast_to(np.asarray(focal, np.float64), 2)
-        if not np.all(np.isfinite(both) & (both > 0)):
-            raise ValueError(f"focal: got {focal}, allowed: finite numbers above 0 (pixels)")
+        if not np.all((both >= 1) & (both <= 1e7)):
+            raise ValueError(f"focal: got {focal}, allowed: 1 to 1e7 (pixels)")
         middle = np.asarray(centre, np.float64)
         if middle.shape != (2,) or not np.all(np.isfinite(middle)):
             raise ValueError(f"centre: got {centre}, allowed: two finite numbers (pixels)")

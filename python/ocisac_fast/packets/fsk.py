@@ -39,11 +39,14 @@ class FskTransmission:
     block_bytes: int
     preamble: str
 
+    @checked
     def waveform(self, symbol_time: float, *, start: float = 0.0, amplitude: float = 1.0) -> Waveform:
         """The light for all time: amplitude * (1 + cos(2 pi f t)) / 2 with the next f every ``symbol_time`` (s).
 
         Symbol 0 begins at ``start`` (s).
         """
+        if not (math.isfinite(symbol_time) and symbol_time > 1e-300):
+            raise ValueError(f"symbol_time: got {symbol_time}, allowed: a finite number above 0")
         gates = [
             Product(
                 [

@@ -9,7 +9,7 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked
-from ocisac_fast.packets.transmission import PacketFormat, encode_line_code, transmit
+from ocisac_fast.packets.transmission import PacketFormat, encode_line_code, longest_payload, transmit
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +55,11 @@ def possible_goodput(
     """
     if camera.frame_time is None:
         raise ValueError("frame_time: got None, allowed: a time in seconds")
-    if not (math.isfinite(chip_rate) and chip_rate > 0.0):
+    if not (math.isfinite(chip_rate) and chip_rate > 1e-300):
         raise ValueError(f"chip_rate: got {chip_rate}, allowed: a finite number above 0")
+    longest = longest_payload(format=format)
+    if not 1 <= payload_bytes <= longest:
+        raise ValueError(f"payload_bytes: got {payload_bytes}, allowed: 1 to {longest}")
     if not 1 <= rows * 1.0 <= camera.frame_time / camera.row_period * (1.0 + 1e-9):
         raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
     packet = transmit(bytes(payload_bytes), format=format)

@@ -70,6 +70,7 @@ class Transmission:
     blocks: int
     block_chips: int
 
+    @checked
     def waveform(self, chip_rate: float, *, start: float = 0.0, amplitude: float = 1.0) -> Chips:
         """The light for all time: repeating ``Chips`` of ``chip_rate`` (Hz), block 0 at ``start`` (s)."""
         return Chips(self.chips, chip_rate, start=start, repeat=True, amplitude=amplitude)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import checked_class
 from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.checks import hold, instance, number, whole
 from ocisac_fast.scene.course import check_light
@@ -19,6 +20,7 @@ from ocisac_fast.scene.objects import Mask, Source, Surface
 _Item = TypeVar("_Item", Source, Surface, Mask)
 
 
+@checked_class
 @dataclass(frozen=True)
 class Sensor:
     """Conversion of light to stored values: v = gain * T_e * p (DN above dark), eq. 4.
@@ -58,6 +60,7 @@ class Sensor:
         return bool(self.read_noise or self.shot_noise)
 
 
+@checked_class
 @dataclass(frozen=True)
 class Ambient:
     """Light I_e that illuminates all surfaces equally.

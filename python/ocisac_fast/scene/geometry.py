@@ -12,14 +12,29 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.scene.checks import hold, number, numbers, whole
 
 Array = npt.NDArray[np.float64]
 Vector = tuple[float, float, float]
 
+
+def _vectors(name: str, given: npt.ArrayLike, length: int) -> Array:
+    values = np.asarray(given, np.float64)
+    if values.ndim == 0 or values.shape[-1] != length:
+        raise ValueError(f"{name}: got shape {values.shape}, allowed: (..., {length})")
+    return values
+
+
+def _check_alike(x: Array, y: Array) -> None:
+    if np.shape(x) != np.shape(y):
+        raise ValueError(f"x, y: got shapes {np.shape(x)} and {np.shape(y)}, allowed: one shape")
+
+
 _MAX_PIXELS = 2**28
 
 
+@checked_class
 @dataclass(frozen=True)
 class Pose:
     """Position and orientation of an object.
@@ -45,15 +60,18 @@ class Pose:
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) / angle
         return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross)
 
+    @checked
     def to_world(self, points: npt.ArrayLike) -> Array:
         """(..., 3) points of the object in world coordinates."""
-        return np.asarray(np.asarray(points, np.float64) @ self.matrix.T + np.array(self.position))
+        return np.asarray(_vectors("points", points, 3) @ self.matrix.T + np.array(self.position))
 
+    @checked
     def to_object(self, points: npt.ArrayLike) -> Array:
         """(..., 3) points of the world in the object's coordinates."""
-        return np.asarray((np.asarray(points, np.float64) - np.array(self.position)) @ self.matrix)
+        return np.asarray((_vectors("points", points, 3) - np.array(self.position)) @ self.matrix)
 
 
+@checked_class
 @dataclass(frozen=True)
 class Pinhole:
     """A pinhole camera: the voxel at depth z of its axis appears at focal_length / (z * pixel_pitch) pixels a metre.
@@ -104,6 +122,7 @@ class Pinhole:
         """Principal point in pixels."""
         return self.principal_point or ((self.columns - 1) / 2, (self.rows - 1) / 2)
 
+    @checked
     def pixels_of(self, points: npt.ArrayLike) -> Array:
         """Project voxels to pixels.
 
@@ -117,6 +136,7 @@ class Pinhole:
         depth = np.where(seen[..., 2:] > 0, seen[..., 2:], np.nan)
         return np.asarray(seen[..., :2] / depth * self.focal_pixels + np.array(self.centre))
 
+    @checked
     def rays_of(self, pixels: npt.ArrayLike) -> Array:
         """Directions of pixels: the inverse of `pixels_of` up to the distance.
 
@@ -126,11 +146,12 @@ class Pinhole:
         Returns:
             (..., 3) unit vectors in the world: a voxel at distance d is position + d * ray.
         """
-        offset = (np.asarray(pixels, np.float64) - np.array(self.centre)) / self.focal_pixels
+        offset = (_vectors("pixels", pixels, 2) - np.array(self.centre)) / self.focal_pixels
         ray = np.concatenate([offset, np.ones((*offset.shape[:-1], 1))], axis=-1)
         return np.asarray((ray / np.linalg.norm(ray, axis=-1, keepdims=True)) @ self.pose.matrix.T)
 
 
+@checked_class
 @dataclass(frozen=True)
 class Rectangle:
     """Plate of width (along its x) and height (along its y), m, above 0."""
@@ -142,7 +163,9 @@ class Rectangle:
         for name in ("width", "height"):
             hold(self, **{name: number(name, getattr(self, name), 0, open_low=True)})
 
+    @checked
     def contains(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+        _check_alike(x, y)
         return np.asarray((np.abs(x) <= self.width / 2) & (np.abs(y) <= self.height / 2))
 
     @property
@@ -150,6 +173,7 @@ class Rectangle:
         return self.width / 2, self.height / 2
 
 
+@checked_class
 @dataclass(frozen=True)
 class Disc:
     """Round plate of the given diameter, m, above 0."""
@@ -159,7 +183,9 @@ class Disc:
     def __post_init__(self) -> None:
         hold(self, diameter=number("diameter", self.diameter, 0, open_low=True))
 
+    @checked
     def contains(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+        _check_alike(x, y)
         return np.asarray(x * x + y * y <= self.diameter**2 / 4)
 
     @property
@@ -167,6 +193,7 @@ class Disc:
         return self.diameter / 2, self.diameter / 2
 
 
+@checked_class
 @dataclass(frozen=True)
 class Ring:
     """Ring between two circles about its origin; patterns run along it, and `speed` is that at the middle circle.
@@ -185,7 +212,9 @@ class Ring:
         if self.width == self.diameter:
             raise ValueError(f"width: got {self.width!r}, allowed: below the diameter")
 
+    @checked
     def contains(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+        _check_alike(x, y)
         radius = np.hypot(x, y)
         return np.asarray(np.abs(radius - self.diameter / 2) <= self.width / 2)
 

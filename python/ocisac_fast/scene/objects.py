@@ -8,12 +8,14 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.light.waveforms import Waveform
 from ocisac_fast.scene.checks import hold, instance, number
 from ocisac_fast.scene.course import check_light
 from ocisac_fast.scene.geometry import Array, Disc, Pose, Rectangle, Ring, Shape
 
 
+@checked_class
 @dataclass(frozen=True)
 class PathLoss:
     """Path loss beta(d) = (reference / d)^exponent * exp(-attenuation * d), d the distance to the camera.
@@ -40,6 +42,7 @@ class PathLoss:
             attenuation=number("attenuation", self.attenuation, 0),
         )
 
+    @checked
     def at(self, distance: Array) -> Array:
         spread = (self.reference / distance) ** self.exponent if self.exponent else 1.0
         return np.asarray(spread * np.exp(-self.attenuation * distance))
@@ -49,6 +52,7 @@ def _check_levels(low: float, high: float) -> dict[str, float]:
     return {"low": number("low", low, 0, 1), "high": number("high", high, 0, 1)}
 
 
+@checked_class
 @dataclass(frozen=True)
 class Plain:
     """Uniform reflectance (or transmittance of a mask), 0 to 1."""
@@ -59,6 +63,7 @@ class Plain:
         hold(self, level=number("level", self.level, 0, 1))
 
 
+@checked_class
 @dataclass(frozen=True)
 class Cosine:
     """Stripes, eq. 7: low + (high - low) * (1/2 + 1/2 * cos(2 pi frequency * (x - speed * t) - phase)).
@@ -80,6 +85,7 @@ class Cosine:
         hold(self, frequency=number("frequency", self.frequency, 0, open_low=True))
 
 
+@checked_class
 @dataclass(frozen=True)
 class Grating:
     """Bars: ``high`` for a share ``duty`` of each period, centred at the maximum of `Cosine`, else ``low``.
@@ -106,6 +112,7 @@ class Grating:
             raise ValueError(f"duty: got {self.duty!r}, allowed: above 0 and below 1")
 
 
+@checked_class
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A picture that repeats along x (around a ring) and y; the middle of one repetition is at the object's middle.
@@ -140,6 +147,7 @@ class Picture:
 Pattern = Plain | Cosine | Grating | Picture
 
 
+@checked_class
 @dataclass(frozen=True)
 class Source:
     """A light, eq. 5: every voxel of its shape emits intensity * waveform.
@@ -216,6 +224,7 @@ class _Patterned:
         return np.asarray(self.spatial_frequency * along - phase / (2 * math.pi))
 
 
+@checked_class
 @dataclass(frozen=True)
 class Surface(_Patterned):
     """A diffuse, opaque reflector, eq. 7, illuminated by the ambient light and by the sources (one bounce).
@@ -240,6 +249,7 @@ class Surface(_Patterned):
         instance("lit_by_sources", self.lit_by_sources, bool)
 
 
+@checked_class
 @dataclass(frozen=True)
 class Mask(_Patterned):
     """A transmissive plate, such as a rotating grating in front of a light; opaque where ``pattern`` is 0.

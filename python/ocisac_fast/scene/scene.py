@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.scene.description import SceneDescription
 from ocisac_fast.scene.plan import Plan, make_plan
 
 
+@checked_class
 @dataclass(frozen=True)
 class Scene(SceneDescription):
     __doc__ = SceneDescription.__doc__
 
+    @checked
     def plan(
         self, *, tolerance: float = 0.5, unit: Literal["DN", "noise"] = "DN", frames: int = 1, start: float = 0.0
     ) -> Plan:

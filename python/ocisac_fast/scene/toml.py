@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import checked
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, TriangleWave
 from ocisac_fast.scene.description import Ambient, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
@@ -82,6 +83,7 @@ class _BadKey(ValueError):
         self.problem = problem
 
 
+@checked
 def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Scene:
     """Load a scene from a TOML file.
 
@@ -115,6 +117,7 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
         raise SceneFileError(f"{os.fspath(path)}:{where}{error.problem}") from error
 
 
+@checked
 def save_scene(path: str | os.PathLike[str], scene: Scene) -> None:
     """Write a scene to a TOML file that `load_scene` reads; arguments with their default value are omitted.
 

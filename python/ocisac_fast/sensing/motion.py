@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from ocisac_fast.core.checks import checked_class
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.core.flags import Flag
 
 _MAX_CANDIDATES = 16
@@ -85,8 +85,11 @@ class KnownMotion:
         if not 0.0 < self.timing_tolerance <= 0.01:
             raise ValueError(f"timing_tolerance: got {self.timing_tolerance}, allowed: above 0 up to 0.01")
 
+    @checked
     def bounds_for(self, row_time: float) -> tuple[float, float]:
         """``bounds``, or 0 to half the row rate, Hz."""
+        if not (math.isfinite(row_time) and row_time > 1e-300):
+            raise ValueError(f"row_time: got {row_time}, allowed: a finite number above 0 (s)")
         return self.bounds or (0.0, 0.5 / row_time)
 
 

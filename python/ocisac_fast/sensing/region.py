@@ -156,13 +156,13 @@ class Request:
             raise ValueError(f"waveform: got {self.waveform!r}, allowed: 'tone' or 'square'")
         if not 0.0 < self.duty < 1.0:
             raise ValueError(f"duty: got {self.duty}, allowed: above 0 and below 1")
-        if not (math.isfinite(self.depth) and self.depth > 0.0):
-            raise ValueError(f"depth: got {self.depth}, allowed: a finite number above 0")
+        if not 1e-9 <= self.depth <= 1e9:
+            raise ValueError(f"depth: got {self.depth}, allowed: 1e-9 to 1e9")
         if self.frequency is not None and not (math.isfinite(self.frequency) and self.frequency > 0.0):
             raise ValueError(f"frequency: got {self.frequency}, allowed: a finite number above 0")
         if not (math.isfinite(self.frequency_std) and self.frequency_std >= 0.0):
             raise ValueError(f"frequency_std: got {self.frequency_std}, allowed: a finite number, 0 or above")
-        _check_frequencies("others", self.others)
+        _frequencies("others", self.others)
 
 
 @checked
@@ -220,7 +220,7 @@ def sense_region(
         value, std = frequency.frequency, frequency.frequency_std
     else:
         value, std = frequency, 0.0
-    tones = tuple(float(f) for f in np.atleast_1d(np.asarray(others, dtype=np.float64)))
+    tones = _frequencies("others", others)
     request = Request(waveform, duty, depth, motion, value, std, tones, bounds)
     return measure(frames, camera, request, background)
 
@@ -295,8 +295,7 @@ def background_light(
     """
     region = as_grey_frames(frames, "frames", camera.scan_axis)
     camera = camera.in_time_order
-    frequencies = tuple(float(f) for f in np.atleast_1d(np.asarray(tones, dtype=np.float64)))
-    _check_frequencies("tones", frequencies)
+    frequencies = _frequencies("tones", tones)
     model = make_model(region.shape[1], 0.0, (), [f * camera.row_period for f in frequencies])
     fitted = fit(region, camera, model)
     columns = fitted.mean.mean(axis=0)
@@ -307,9 +306,11 @@ def background_light(
     return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
 
 
-def _check_frequencies(name: str, frequencies: tuple[float, ...]) -> None:
-    if not all(math.isfinite(f) and f > 0.0 for f in frequencies):
-        raise ValueError(f"{name}: got {frequencies}, allowed: finite frequencies above 0")
+def _frequencies(name: str, given: npt.ArrayLike) -> tuple[float, ...]:
+    values = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    if values.ndim != 1 or not np.all(np.isfinite(values) & (values > 0.0)):
+        raise ValueError(f"{name}: got {given!r:.80}, allowed: finite frequencies above 0")
+    return tuple(float(value) for value in values)
 
 
 def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDArray[Any]) -> Ambient:
@@ -319,8 +320,7 @@ def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDA
     mean = np.asarray(0.0 if background is None else background, dtype=np.float64)
     shape = (len(region), region.shape[2])
     try:
-        if mean.size > 1:
-            np.broadcast_to(mean, shape)
+        np.broadcast_to(mean, shape)
     except ValueError:
         raise ValueError(f"background: got shape {mean.shape}, allowed: one value, {shape[1:]} or {shape}") from None
     if not np.isfinite(mean).all():
