@@ -113,7 +113,7 @@ def test_columns_are_the_keys_of_the_command_s_json(name, campaign, tmp_path, ca
         chips_recording(path)
         capsys.readouterr()
     task = Task(*CASES[name])
-    extra = [str(tmp_path / "cleaned.mkv")] if task.command == "clean" else []
+    extra = [str(tmp_path / "cleaned.mkv"), "--force"] if task.command == "clean" else []
     found = measure_recording(str(path), task, cleaned=extra[0] if extra else None)
     assert found.schema.equals(schema(columns(task.command, task.picture)))
     words = [word for option in task.options.items() for word in words_of(*option)]
