@@ -56,7 +56,7 @@ constexpr std::size_t kMaxHeldAttempts = 8;  // in vain, until the columns' weig
 constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr int kProfileRounds = 8;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
-constexpr double kProfileSearches = 4;                           // frames' efforts for the kept frames, in a round
+constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
 constexpr double kBrightLight = 10;                              // power of the columns' common light over its noise
 constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
 constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
