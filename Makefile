@@ -10,7 +10,7 @@ WERROR ?= OFF
 build := build/make
 bin := $(VENV)/bin
 study := PYTHONPATH=bench $(bin)/python -m studies
-python_sources := python tests scripts/requirements scripts/check-wheel scripts/compare_benchmarks bench
+python_sources := python tests scripts/requirements scripts/check-wheel scripts/sbom scripts/compare_benchmarks bench
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
 # Folders too: their time changes when a source is added or removed. And the log of commits: the build contains its commit.
 native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \
@@ -162,6 +162,7 @@ wheel: build standalone
 	@PATH=$(abspath $(bin)):$$PATH $(bin)/auditwheel repair --strip --wheel-dir dist build/wheel/ocisac_fast-*.whl \
 	  >build/auditwheel.log 2>&1 || { cat build/auditwheel.log; exit 1; }
 	@$(bin)/python scripts/check-wheel dist/ocisac_fast-*.whl
+	@for wheel in dist/ocisac_fast-*.whl; do $(bin)/python scripts/sbom "$$wheel" >"$${wheel%.whl}.cdx.json"; done
 	@rm -rf build/wheel-venv && $(PYTHON) -m venv build/wheel-venv
 	@build/wheel-venv/bin/python -m pip install -qq dist/ocisac_fast-*.whl
 	@cd build && wheel-venv/bin/python -W error -m ocisac_fast.smoke

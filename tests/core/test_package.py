@@ -1,10 +1,13 @@
 """The package as a whole: what its import needs and costs, what it says of itself, and that it lives beside cv2."""
 
+import hashlib
 import importlib.metadata
 import importlib.resources
+import json
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -72,3 +75,19 @@ for _ in range(2):
 assert _core.opencv_version() == version
 """
     run_python(program)
+
+
+def test_the_bill_of_materials_names_all_that_the_wheel_links(tmp_path: Path) -> None:
+    scripts = Path(__file__).parents[2] / "scripts"
+    wheel = tmp_path / "ocisac_fast-1.2.3-cp311-cp311-linux_x86_64.whl"
+    wheel.write_bytes(b"wheel")
+    told = subprocess.run([sys.executable, scripts / "sbom", wheel], capture_output=True, text=True, check=True).stdout
+    bill = json.loads(told)
+    assert (bill["bomFormat"], bill["specVersion"]) == ("CycloneDX", "1.5")
+    parts = [bill["metadata"]["component"], *bill["components"]]
+    assert {part["name"] for part in parts} == {"ocisac_fast", "opencv_core", "zlib", "highway", "eigen"}
+    assert parts[0]["version"] == "1.2.3"
+    assert parts[0]["hashes"][0]["content"] == hashlib.sha256(b"wheel").hexdigest()
+    pinned = (scripts / "standalone-sources.txt").read_text()
+    assert all(part["hashes"][0]["content"] in pinned for part in parts[1:])
+    assert all("--hash=sha256:" in line for line in pinned.splitlines())
