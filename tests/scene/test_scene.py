@@ -1,5 +1,6 @@
 """Scenes: geometry against OpenCV, frames against a waveform of its own for every pixel."""
 
+import contextlib
 import dataclasses
 import math
 import pathlib
@@ -531,3 +532,21 @@ def test_brute_force_comes_to_the_exact_integrals(seed):
     exact, rough, fine = exact_scene(scene), render_scene(scene, subexposures=16), render_scene(scene, subexposures=512)
     assert np.abs(fine - exact).max() <= 0.02 * exact.max() + 1e-12
     assert np.abs(fine - exact).sum() <= np.abs(rough - exact).sum() + 1e-12
+
+
+@given(data=st.data())
+def test_damaged_scenes_are_read_or_refused(tmp_path_factory, data):
+    text = (data.draw(st.sampled_from(sorted(EXAMPLES.glob("*.toml"))))).read_bytes()
+    for _ in range(data.draw(st.integers(1, 6))):
+        first = data.draw(st.integers(0, len(text)))
+        last = data.draw(st.integers(first, min(first + 40, len(text))))
+        new = data.draw(
+            st.sampled_from([b"", b"[", b"[[", b"nan", b"-1", b"1e400", b'"', b"\xff", b"{}", text[first:last] * 2])
+        )
+        text = text[:first] + new + text[last:]
+    path = tmp_path_factory.getbasetemp() / "damaged.toml"
+    path.write_bytes(text)
+    began = time.process_time()
+    with contextlib.suppress(ValueError, OSError):
+        load_scene(path)
+    assert time.process_time() - began < 2

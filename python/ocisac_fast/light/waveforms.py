@@ -208,7 +208,7 @@ class Chips(Waveform):
 
     def __init__(
         self,
-        levels: npt.ArrayLike,
+        levels: str | npt.ArrayLike,
         chip_rate: float,
         *,
         start: float = 0.0,
