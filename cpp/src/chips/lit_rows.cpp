@@ -16,11 +16,10 @@ constexpr double kMinUnsteady = 0.01;    // of the span: light that varies less 
 constexpr double kNoiseKept = 2;         // standard deviations
 constexpr double kMinTurn = 0.15;        // of the span of the signal
 constexpr double kMinDeparture = 0.125;  // of the light's swing, from the level of the dark rows
-// Rows that are dark if as long: times the longest run of the light, and shortest runs. A preamble may hold one long
-// run.
+// Rows that are dark if as long: times the second longest run of the light, its longest (of a preamble), shortest runs.
 constexpr double kDarkRuns = 4, kMinDarkRuns = 1.5;
-constexpr double kDarkChips = 16, kSureDarkChips = 20;
-constexpr std::size_t kMinTurns = 4;
+constexpr double kDarkChips = 16;
+constexpr std::size_t kMinTurns = 8;
 
 // The value at an index of the sorted ones.
 double quantile(std::span<const double> values, std::size_t index) {
@@ -73,8 +72,8 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   std::ranges::sort(runs);
   lit.shortest = runs[runs.size() / 4];  // noise moves single turning points
   const auto longest = static_cast<double>(runs.back());
-  const double chip = static_cast<double>(lit.shortest);
-  const double many = std::max(kDarkChips * chip, std::min(kDarkRuns * longest, kSureDarkChips * chip));
+  const auto second = static_cast<double>(runs[runs.size() - 2]);
+  const double many = std::max(kDarkRuns * second, kDarkChips * static_cast<double>(lit.shortest));
   const auto enough = [&](bool expected) { return std::max(kMinDarkRuns * longest, expected ? 0.0 : many); };
   const double departure = std::max(kNoiseErrors * spread, kMinDeparture * span);
   const double unsteady = std::max(kMinUnsteady * span, kNoiseKept * std::min(spread, 0.5 * kMaxNoise * span));

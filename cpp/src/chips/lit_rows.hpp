@@ -14,8 +14,8 @@ struct LitRows {
 };
 
 // All rows, less the steady ones at either end that are too many for a run of chips: more than four times as many as
-// between any two turning points of the light and sixteen times as many as their lower quartile, or twenty times as
-// many as that and half more than between any two. They end where the signal leaves its level there by more than its
+// between any two turning points of the light but one pair, half more than between that, and sixteen times as many as
+// their lower quartile. They end where the signal leaves its level there by more than its
 // noise and an eighth of the light's swing. `noise`: standard deviation of the signal, NaN where unknown. `seen`: rows
 // in which the light was found, with a margin. At an end beyond them dark rows are expected: one and a half times as
 // many as between any two turning points suffice, and where there are none the result ends with `seen`.

@@ -139,9 +139,9 @@ def lit_rows(signal: npt.ArrayLike, noise: float, seen: tuple[int, int]) -> tupl
     """Rows less long steady runs at either end, and the lower quartile of the runs between turning points.
 
     A run at an end is dark if it is longer than one and a half times the longest run between turning points; if it is,
-    where rows beyond ``seen`` are not expected to be dark, longer than four times the longest and sixteen times that
-    quartile, or than twenty times the quartile; and if half of it is straight within the noise. It ends where the
-    signal leaves its median by an eighth of the span.
+    where rows beyond ``seen`` are not expected to be dark, longer than four times the second longest and sixteen times
+    that quartile; and if half of it is straight within the noise. It ends where the signal leaves its median by an
+    eighth of the span.
     """
     values = np.asarray(signal, dtype=np.float64)
     rows = len(values)
@@ -151,7 +151,7 @@ def lit_rows(signal: npt.ArrayLike, noise: float, seen: tuple[int, int]) -> tupl
     span = ordered[rows - 1 - rows // 50] - ordered[rows // 50]
     spread = min(noise, 0.04 * span) if math.isfinite(noise) else 0.0
     points = turning_points(values, max(6 * spread, 0.15 * span))
-    if len(points) < 6:
+    if len(points) < 10:
         return seen, 0
     runs = np.sort(np.diff(points[2:-1]))
     shortest, longest = int(runs[len(runs) // 4]), int(runs[-1])
@@ -160,7 +160,7 @@ def lit_rows(signal: npt.ArrayLike, noise: float, seen: tuple[int, int]) -> tupl
 
     def dark(part: FloatArray, run: int, expected: bool) -> int:
         """Dark rows at the end of ``part``, of which the last ``run`` show no turning point."""
-        enough = max(1.5 * longest, 0 if expected else max(16 * shortest, min(4 * longest, 20 * shortest)))
+        enough = max(1.5 * longest, 0 if expected else max(16 * shortest, 4 * int(runs[-2])))
         half = part[rows - run // 2 :]
         if run <= enough:
             return 0
