@@ -414,7 +414,7 @@ def test_out_with_any_strides(step):
         (lambda: Chips("", 1e3), "levels: got"),
         (lambda: Chips("012", 1e3), "levels: got '012'"),
         (lambda: Chips([[0, 1]], 1e3), "levels: got shape"),
-        (lambda: Chips([0, 1j], 1e3), "levels: got dtype complex"),
+        (lambda: Chips([0, 1j], 1e3), "levels: got .*allowed: a text or real numbers"),
         (lambda: Chips([0, np.nan], 1e3), "levels: got nan"),
         (lambda: Chips([0, 1], 0.0), "chip_rate: got 0"),
         (lambda: Chips([0, 1], 1.0, start=np.inf), "start: got inf"),
@@ -467,7 +467,7 @@ UNALIGNED = np.zeros(25, np.uint8)[1:].view(np.float64)
         ({"out": np.zeros(4)}, r"out: got shape \(4,\)"),
         ({"out": np.zeros(3, np.float32)}, "out: got dtype float32"),
         ({"out": np.zeros(3, ">f8")}, "out: got dtype >f8"),
-        ({"out": [0.0] * 3}, "out: got list"),
+        ({"out": [0.0] * 3}, "out: got "),
         ({"out": READ_ONLY}, "out: got a read-only array"),
         ({"out": UNALIGNED}, "out: got dtype float64, allowed: float64, native and aligned"),
         ({"camera": Camera(1e-5, 1e-4, 0.1), "frames": 0}, "frames: got 0"),
@@ -483,7 +483,7 @@ def test_what_cannot_be_integrated_is_refused(arguments, message):
 def test_times_without_meaning_are_refused():
     with pytest.raises(ValueError, match="times: got nan"):
         sample_waveform(Tone(1.0), [0.0, np.nan])
-    with pytest.raises(ValueError, match="times: got dtype"):
+    with pytest.raises(ValueError, match=r"times: got .*allowed: real numbers"):
         sample_waveform(Tone(1.0), ["a"])
     assert sample_waveform(Tone(1.0), np.zeros((2, 0))).shape == (2, 0)
     assert sample_waveform(Tone(1.0), 0.0) == 1

@@ -268,10 +268,10 @@ TESTBED = (EXAMPLES / "testbed.toml").read_text()
         ("frequency = 100.0", "low = 0", 33, "surfaces[0].pattern.frequency: missing"),
         ("[0.0, 0.0, 0.3]", "[0.0, 0.0, 0.0]", 27, "sources[0].position: got (0.0, 0.0, 0.0), allowed: before"),
         ("[0.0, 0.0, 0.3]", "[0.0, 0.0, -2]", 27, "sources[0].position: got (0.0, 0.0, -2.0), allowed: before"),
-        ("[0.0, 0.0, 0.3]", "[0.0, 0.3]", 27, "sources[0].position: got [0.0, 0.3], allowed: 3 finite numbers"),
+        ("[0.0, 0.0, 0.3]", "[0.0, 0.3]", 27, "sources[0].position: got [0.0, 0.3], allowed: 3 numbers"),
         ("exposure = 2404e-6", "exposure = 0", 6, "camera.exposure: got 0, allowed: above 0"),
         ("exposure = 2404e-6", "exposure = 'long'", 6, "camera.exposure: got 'long', allowed: a number"),
-        ("bit_depth = 8", "bit_depth = 8.5", 17, "sensor.bit_depth: got 8.5, allowed: a whole number from 1 to 16"),
+        ("bit_depth = 8", "bit_depth = 8.5", 17, "sensor.bit_depth: got 8.5, allowed: a whole number"),
     ],
 )
 def test_bad_files_are_refused_with_line_and_key(tmp_path, old, new, line, message):
@@ -413,7 +413,7 @@ def test_files_that_are_not_toml_are_refused(tmp_path):
         (lambda: Pinhole(columns=10, rows=0, focal_length=1, pixel_pitch=1), "rows: got 0"),
         (lambda: Source(Disc(1), Pose((0, 0, 1)), Tone(1, amplitude=-1)), "waveform: got light down to -1"),
         (lambda: Sensor(1, read_noise=2), "full_well: got None"),
-        (lambda: Source(3, Pose(), Tone(1)), "shape: got 3, allowed: Rectangle, Disc, Ring"),
+        (lambda: Source(3, Pose(), Tone(1)), "shape: got 3, allowed: a Rectangle or a Disc or a Ring"),
         (lambda: scene_of(Surface(Disc(1), Pose((0, 0, -1)))), r"surfaces\[0\].position: got .*before the camera"),
         (lambda: scene_of(camera=Camera(1e-5)), "exposure: got None"),
         (lambda: scene_of().plan(tolerance=0), "tolerance: got 0"),

@@ -18,6 +18,7 @@ Float64s = npt.NDArray[np.float64]
 @checked
 def linear_light(stored: npt.NDArray[Any], camera: Camera) -> Float64s:
     """Convert stored values to linear light, DN above dark; unsigned integers by a table of all values."""
+    stored = np.asarray(stored)
     if camera.tone_curve == "linear":
         light = stored.astype(np.float64)
         light -= camera.dark_level

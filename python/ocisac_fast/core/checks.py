@@ -104,7 +104,7 @@ def _rule_of(hint: Any) -> _Rule | None:
         kinds = tuple({type(option) for option in inner})
         return (lambda value: isinstance(value, kinds)), " or ".join(repr(option) for option in inner)
     if origin is np.ndarray:
-        return (lambda value: isinstance(value, np.ndarray) and _is_real(value)), "a NumPy array of real numbers"
+        return (lambda value: isinstance(value, (np.ndarray, np.floating)) and _is_real(np.asanyarray(value))), _NUMPY
     if origin is os.PathLike:
         return (lambda value: isinstance(value, os.PathLike)), "a path"
     if origin is tuple and inner and Ellipsis not in inner:
@@ -144,7 +144,7 @@ def _fit(rule: _Rule, value: Any) -> bool:
 
 def _sequence_of(option: Any, once: bool) -> _Rule | None:
     if option in (float, int):
-        return (lambda value: _is_sized(value) and _is_real_array(value) and np.ndim(value) == 1), "numbers"
+        return (lambda value: _is_sized(value) and is_real_array(value) and np.ndim(value) == 1), "numbers"
     rule = _rule_of(option) or _TRUE
     if once:  # iterators end: their items are checked where they are used
         return (
@@ -172,7 +172,8 @@ def _is_whole(value: Any) -> bool:
     return isinstance(value, _WHOLE) and not isinstance(value, bool) and -(2**63) <= int(value) < 2**63
 
 
-def _is_real_array(value: Any) -> bool:
+def is_real_array(value: Any) -> bool:
+    """True for what NumPy converts to real numbers of which none is masked."""
     try:
         return _is_real(value if isinstance(value, np.ndarray) else np.asarray(value))
     except (TypeError, ValueError, OverflowError):  # ragged, an object that is no array
@@ -183,6 +184,7 @@ def _is_real(array: npt.NDArray[Any]) -> bool:
     return array.dtype.kind in "buif" and not np.any(np.ma.getmask(array))
 
 
+_NUMPY = "a NumPy array of real numbers"
 _LARGEST = int(np.finfo(np.float64).max)
 _TRUE: _Rule = (lambda value: True), "any value"
 _SIMPLE: dict[Any, _Rule] = {
@@ -192,5 +194,5 @@ _SIMPLE: dict[Any, _Rule] = {
     str: ((lambda value: isinstance(value, str)), "a text"),
     bytes: ((lambda value: isinstance(value, bytes)), "bytes"),
     type(None): ((lambda value: value is None), "None"),
-    _RealArray: (_is_real_array, "real numbers"),
+    _RealArray: (is_real_array, "real numbers"),
 }

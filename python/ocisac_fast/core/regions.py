@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.core.checks import checked
@@ -69,6 +70,7 @@ class Region(NamedTuple):
     @checked
     def cut(self, frames: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """A view of its pixels in (..., rows, columns)."""
+        frames = np.asarray(frames)
         if frames.ndim < 2:
             raise ValueError(f"frames: got {frames.ndim} dimensions, allowed: (..., rows, columns)")
         return frames[..., self.y : self.bottom, self.x : self.right]

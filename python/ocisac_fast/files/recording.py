@@ -121,6 +121,7 @@ class RecordingStream:
     @checked
     def of_array(cls, frames: Frame, kind: str, response: LightResponse) -> RecordingStream:
         """Stream frames (frames, rows, columns[, colours]) from memory."""
+        frames = np.asarray(frames)
         if frames.ndim < 3:
             raise ValueError(f"frames: got {frames.ndim} dimensions, allowed: (frames, rows, columns[, colours])")
         return cls(iter(frames), kind, response, frame_count=len(frames))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import checked, checked_class, is_real_array
 from ocisac_fast.light.waveforms import Waveform
 from ocisac_fast.scene.checks import hold, instance, number
 from ocisac_fast.scene.course import check_light
@@ -124,11 +124,13 @@ class Picture:
         width, height: of one repetition, m, above 0. A ring uses the nearest whole number of repetitions.
     """
 
-    levels: npt.NDArray[np.float64]
+    levels: Any  # real numbers, (rows, columns); an array once made
     width: float
     height: float
 
     def __post_init__(self) -> None:
+        if not is_real_array(self.levels):
+            raise ValueError(f"levels: got {self.levels!r:.80}, allowed: real numbers")
         levels = np.array(self.levels, dtype=np.float64)
         if levels.ndim != 2 or levels.size == 0:
             raise ValueError(f"levels: got shape {levels.shape}, allowed: (rows, columns)")
