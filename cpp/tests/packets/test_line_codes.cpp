@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "ocisac/packets/line_codes.hpp"
+#include "ocisac/packets/packets.hpp"
 
 namespace {
 
@@ -95,5 +96,17 @@ TEST_CASE("tables of 2, 4, 16 and 256 different words of one length are codes, o
     CHECK_THROWS_AS(ocisac::LineCode::of_table(words), std::invalid_argument);
     words[1] = "01";
     CHECK_THROWS_AS(ocisac::LineCode::of_table(words), std::invalid_argument);
+  }
+}
+
+// A receiver of today reads the packets of earlier senders: whitening, interleaver, headers and preambles stay.
+TEST_CASE("the chips of a packet are those of the first release") {
+  const std::map<std::string, std::uint32_t> checksums{
+      {"none", 0x7E1483C3U}, {"manchester", 0x8733D08FU}, {"4b6b", 0x0F66620CU}, {"8b10b", 0xA5508360U}};
+  std::vector<std::uint8_t> payload(300);
+  for (std::size_t k = 0; k < payload.size(); ++k) payload[k] = static_cast<std::uint8_t>(k * k);
+  for (const auto& [code, checksum] : checksums) {
+    CAPTURE(code);
+    CHECK(ocisac::crc32(ocisac::packet_chips(payload, {ocisac::LineCode::named(code)}, 7)) == checksum);
   }
 }
