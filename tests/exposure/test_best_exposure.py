@@ -208,7 +208,7 @@ class TestRefusals:
             ({"weights": (0, 0)}, "weights: got 0 for every frequency"),
             ({"weights": (1, -1)}, "weights: got -1"),
             ({"weights": (1, math.nan)}, "weights: got nan"),
-            ({"weights": 1.0}, "weights: got "),
+            ({"weights": 1.0}, "weights: got 1.0"),
             ({"bounds": (2e-9, 1e-9)}, "bounds: got 2.*e-09 to 1.*e-09, allowed: the lower bound first"),
             ({"bounds": (-0.1, 0.01)}, "bounds: got -0.1"),
             ({"bounds": (0.0, 0.0)}, "bounds: got 0"),

@@ -341,7 +341,7 @@ def test_options_out_of_range_are_refused(options, message):
         (np.zeros((2, 2, 2, 2)), "frames: got 2 colours"),
         (np.zeros((64, 0)), "frames: got shape"),
         (np.full((64, 64), np.nan), "columns: got nan"),
-        (np.zeros((64, 64), complex), "frames: got "),
+        (np.zeros((64, 64), complex), "frames: got dtype complex128"),
     ],
 )
 def test_frames_that_are_none_are_refused(frames, message):

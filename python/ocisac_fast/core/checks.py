@@ -88,7 +88,8 @@ def _test_of(hint: Any) -> _Test:
 
     def test(name: str, value: Any) -> None:
         if not fits(value):
-            raise ValueError(f"{name}: got {value!r:.80}, allowed: {text}")
+            got = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else f"{value!r:.80}"
+            raise ValueError(f"{name}: got {got}, allowed: {text}")
 
     return test
 
