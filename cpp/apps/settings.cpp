@@ -17,7 +17,7 @@ namespace ocisac::apps {
 
 namespace {
 
-constexpr double kMaxRowTime = 0.1;  // s; longer: a forgotten unit
+constexpr double kMaxRowTime = 1;  // s; longer: a forgotten unit
 const std::map<std::string, double> kTimeUnits{{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"MHz", 1e6}};
 
@@ -157,7 +157,7 @@ void complete(Settings& settings, Written written) {
   settings.camera.row_time = *written.row_time;
   require_positive("--row-time", settings.camera.row_time);
   require(settings.camera.row_time <= kMaxRowTime, "--row-time", settings.camera.row_time,
-          "at most 0.1 s; numbers without a unit are seconds, such as 22.2us");
+          "at most 1 s; numbers without a unit are seconds, such as 22.2us");
   if (written.frame_rate) {
     require_positive("--frame-rate", *written.frame_rate);
     settings.camera.frame_time = 1 / *written.frame_rate;

@@ -153,10 +153,10 @@ def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, tas
         [sys.executable, "-m", "ocisac_fast.cli", *words], start_new_session=True, stderr=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 60
-    while not results.exists() or len(Results(results).names()) < 5:
+    while not results.exists() or not Results(results).names():
         assert run.poll() is None
         assert time.monotonic() < deadline
-        time.sleep(0.01)
+        time.sleep(0.001)
     os.killpg(run.pid, signal.SIGINT)
     _, err = run.communicate(timeout=60)
     assert run.returncode == 130

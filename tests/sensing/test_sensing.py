@@ -505,7 +505,7 @@ def test_limits_are_flagged():
         ({"frequency": Measured(517.0, -1.0)}, "frequency_std: got -1.0, allowed: a finite number, 0 or above"),
         ({"waveform": "saw"}, "waveform: got 'saw', allowed: 'tone' or 'square'"),
         ({"duty": 1.0}, "duty: got 1.0, allowed: above 0 and below 1"),
-        ({"depth": 0.0}, "depth: got 0.0, allowed: a finite number above 0"),
+        ({"depth": 0.0}, "depth: got 0.0, allowed: 1e-9 to 1e9"),
         ({"motion": "across"}, "motion: got 'across', allowed: a KnownMotion or None"),
         ({"bounds": (500.0, 400.0)}, "bounds: got "),
         ({"others": [0.0]}, "others: got "),

@@ -48,7 +48,7 @@ constexpr std::size_t kSearchedFactors = 2;                            // in a f
 constexpr double kMaxWrongExposure = 2;                                // ratio; a stated one is believed so far
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};    // chips, for an unknown exposure
 constexpr std::size_t kMaxWait = 7;                                    // frames
-constexpr double kMaxSearchRows = 4096;                                // rows that count for the bound of the search
+constexpr double kMaxSearchRows = 2048;                                // rows that count for the bound of the search
 constexpr std::size_t kKeptFrames = 16, kMinProfileFrames = 8;
 constexpr std::size_t kProfilePause = 2, kQuickAttempts = 4;  // frames between the first attempts to learn a profile
 constexpr std::int64_t kProfileInterval = 4;                  // frames between fits of a profile in use

@@ -72,7 +72,7 @@ def exposure(
 ) -> None:
     """Find the exposure time T that maximises Y = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s).
 
-    With --avoid, find the shortest T without bands of other lights; with --comm too, the one that maximises Y; with
+    With --avoid: the shortest T without bands of other lights; with --comm too, the one of largest Y; with
     --keep, the shortest that keeps the gain.
     """
     if avoid is not None:

@@ -76,7 +76,7 @@ class QuantityType(ParameterType):
 
 
 TIME = QuantityType("s", "9.2us")
-ROW_TIME = QuantityType("s", "9.2us", most=0.1)  # longer: a forgotten unit
+ROW_TIME = QuantityType("s", "9.2us", most=1.0)  # longer: a forgotten unit
 LENGTH = QuantityType("m", "0.3mm")
 FREQUENCY = QuantityType("Hz", "4.95kHz")
 FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)
