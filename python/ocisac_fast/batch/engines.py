@@ -180,7 +180,7 @@ def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iter
                 distributed.LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
-                    dashboard_address=None,
+                    dashboard_address=":0",
                     silence_logs=logging.CRITICAL,
                     preload=["ocisac_fast.batch.worker"],
                 )
