@@ -85,9 +85,16 @@ def _test_of(hint: Any) -> _Test:
     if rule is None:
         return lambda name, value: None
     fits, text = rule
+    accepted: set[type] = set()  # types of which every value fits
 
     def test(name: str, value: Any) -> None:
-        if not fits(value):
+        kind = type(value)
+        if kind in accepted:
+            return
+        if fits(value):
+            if kind in _ALIKE or kind.__module__.startswith("ocisac_fast"):
+                accepted.add(kind)
+        else:
             got = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else f"{value!r:.80}"
             raise ValueError(f"{name}: got {got}, allowed: {text}")
 
@@ -182,9 +189,11 @@ def is_real_array(value: Any) -> bool:
 
 
 def _is_real(array: npt.NDArray[Any]) -> bool:
-    return array.dtype.kind in "buif" and not np.any(np.ma.getmask(array))
+    masked = isinstance(array, np.ma.MaskedArray) and np.any(np.ma.getmask(array))
+    return array.dtype.kind in "buif" and not masked
 
 
+_ALIKE = (float, bool, str, type(None))  # the rules do not tell their values apart
 _NUMPY = "a NumPy array of real numbers"
 _LARGEST = int(np.finfo(np.float64).max)
 _TRUE: _Rule = (lambda value: True), "any value"
