@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -30,6 +31,14 @@ ByteInput::ByteInput(const std::string& path)
 
 ByteInput::~ByteInput() {
   if (owned_) ::close(descriptor_);
+}
+
+std::optional<std::size_t> ByteInput::remaining() const {
+  struct stat status {};
+  const auto at = ::lseek(descriptor_, 0, SEEK_CUR);
+  if (at < 0 || ::fstat(descriptor_, &status) < 0 || !S_ISREG(status.st_mode) || status.st_size < at)
+    return std::nullopt;
+  return static_cast<std::size_t>(status.st_size - at);
 }
 
 // Waits for input or its end; returns false on a stop signal.

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -16,6 +17,9 @@ class ByteInput {
   ~ByteInput();
   ByteInput(const ByteInput&) = delete;
   ByteInput& operator=(const ByteInput&) = delete;
+
+  // Bytes from here to the end; absent where the input is no file.
+  [[nodiscard]] std::optional<std::size_t> remaining() const;
 
   // Fills `bytes`; fewer at the end of the input or on a stop signal. Throws std::system_error where reading fails.
   std::size_t read(std::span<std::uint8_t> bytes);

@@ -4,6 +4,8 @@
 #include <malloc.h>
 #endif
 
+#include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <stdexcept>
 #include <string>
@@ -24,6 +26,12 @@ void keep_memory() {
 #endif
 }
 
+// The parser of the command line allocates in functions that must not throw: without memory the program ends in them.
+[[noreturn]] void end_without_memory() {
+  std::fputs("ocisac-rx: std::bad_alloc\n", stderr);
+  std::_Exit(ocisac::apps::kFailed);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -36,7 +44,9 @@ int main(int argc, char** argv) {
     return code;
   };
   try {
+    const auto usual_end = std::set_terminate(end_without_memory);
     const auto settings = read_settings(argc, argv);
+    std::set_terminate(usual_end);
     return settings ? run(*settings, began) : kDone;
   } catch (const std::invalid_argument& problem) {
     return fail(problem, kRefused);

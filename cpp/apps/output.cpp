@@ -80,4 +80,6 @@ void write_message(std::string_view text) {
   }
 }
 
+void write_warning(std::string_view text) { write_message("warning: " + std::string(text)); }
+
 }  // namespace ocisac::apps

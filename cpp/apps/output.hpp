@@ -17,5 +17,7 @@ bool write_all(int descriptor, std::string_view text);
 // Writes a line to standard error; control characters are escaped, as file names and headers may contain any. Failures
 // of standard error itself are ignored.
 void write_message(std::string_view text);
+// Likewise, after "warning: ".
+void write_warning(std::string_view text);
 
 }  // namespace ocisac::apps

@@ -1,5 +1,6 @@
 #include "pixel_format.hpp"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <string>
@@ -74,6 +75,21 @@ std::optional<PixelFormat> pixel_format(std::string_view name) {
   for (const auto& [known, format] : kNames)
     if (known == name) return format;
   return std::nullopt;
+}
+
+std::string_view pixel_format_name(PixelFormat format) {
+  return std::find_if(kNames.begin(), kNames.end(), [&](const auto& named) { return named.second == format; })->first;
+}
+
+std::vector<PixelFormat> pixel_formats() {
+  std::vector<PixelFormat> formats;
+  for (const auto& [name, format] : kNames) formats.push_back(format);
+  return formats;
+}
+
+std::size_t dense_bytes(PixelFormat format, std::size_t width, std::size_t height) {
+  const std::size_t row = row_bytes(format, width);
+  return row * height + chroma_bytes(format, height, row);
 }
 
 std::string_view pixel_format_names() {

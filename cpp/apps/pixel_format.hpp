@@ -27,8 +27,13 @@ enum class PixelFormat {
 
 // Format with this name on the command line; absent for an unknown name.
 std::optional<PixelFormat> pixel_format(std::string_view name);
+std::string_view pixel_format_name(PixelFormat format);
+std::vector<PixelFormat> pixel_formats();
 // All names, separated by commas.
 std::string_view pixel_format_names();
+
+// Bytes of a raw frame without padding.
+std::size_t dense_bytes(PixelFormat format, std::size_t width, std::size_t height);
 
 // Largest value of a pixel: 255, 1023, 4095 or 65535.
 double largest_value(PixelFormat format);

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -115,6 +116,27 @@ std::string totals_line(const Totals& totals) {
                     {"payload_bytes", totals.payload_bytes},
                     {"searches", totals.searches},
                     {"seconds", totals.seconds}}}});
+}
+
+std::string no_payload_text(const Totals& totals, const PacketFormat& format, std::size_t shown_rows,
+                            bool has_frame_time) {
+  const auto number = [](auto value) { return std::to_string(value); };
+  std::string text = "no payload in " + number(totals.frames) + (totals.frames == 1 ? " frame: " : " frames: ");
+  if (totals.with_data == 0)
+    return text + "no light with chips was found; --row-time, --exposure and --chip-rate may be wrong or missing";
+  const auto shown = static_cast<std::size_t>(static_cast<double>(shown_rows) / totals.rows_per_chip);
+  text += "chips in " + number(totals.with_data) + " of them, ";
+  text += totals.blocks == 0
+              ? "but no header of a packet"
+              : "headers of " + number(totals.blocks) + " blocks, " +
+                    number(std::lround(100 * std::min(totals.share, 1.0))) + " % of the bytes that a payload needs";
+  if (totals.blocks == 0)
+    text += "; --line-code, --block-bytes, --lengthened, --chip-rate or --row-time may differ from the sender's";
+  if (block_chips(format) > shown)
+    text += "; a block of " + number(format.block_bytes) + " bytes is " + number(block_chips(format)) +
+            " chips, a frame shows " + number(shown) + ": smaller blocks show more headers";
+  if (!has_frame_time) text += "; packets are joined over frames with --frame-rate only";
+  return text;
 }
 
 std::string stats_line(const Stats& stats) {

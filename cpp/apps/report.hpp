@@ -18,6 +18,9 @@ struct Totals {
   std::size_t torn = 0;       // skipped
   std::size_t with_data = 0;  // with detected chips
   std::size_t bits = 0;       // in these frames
+  std::size_t blocks = 0;     // preambles with headers in these frames
+  double share = 0;           // largest share of the bytes that a payload needs
+  double rows_per_chip = 0;   // of the last frame with data
   std::size_t payloads = 0;
   std::size_t payload_bytes = 0;
   std::size_t searches = 0;  // number of searches for lights
@@ -29,6 +32,9 @@ struct Totals {
 // `rows`: of the picture.
 std::string light_line(const LightFrame& light, const Region& region, std::size_t rows, const Camera& camera);
 std::string totals_line(const Totals& totals);
+// Why no payload was received. `shown_rows`: rows of a frame.
+std::string no_payload_text(const Totals& totals, const PacketFormat& format, std::size_t shown_rows,
+                            bool has_frame_time);
 // Times in s. `computing`: from a frame's last byte to the end of its line; `first_frame`: the same for the first
 // frame, which includes the search for lights; `ready`: from the start of the program until it waits for frames.
 struct Stats {

@@ -2,8 +2,10 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,7 @@
 #include "output.hpp"
 #include "report.hpp"
 #include "stop_signal.hpp"
+#include "stream_fit.hpp"
 
 namespace ocisac::apps {
 
@@ -43,6 +46,15 @@ ReceiverOptions receiver_options(const Settings& settings, const FrameLayout& la
   return options;
 }
 
+std::string delimited(const std::vector<std::uint8_t>& payload, Delimiter delimiter) {
+  std::string text(payload.begin(), payload.end());
+  if (delimiter == Delimiter::newline) text += '\n';
+  if (delimiter != Delimiter::length) return text;
+  std::string length;
+  for (int shift = 24; shift >= 0; shift -= 8) length += static_cast<char>(payload.size() >> shift & 0xFF);
+  return length + text;
+}
+
 const Payload* payload_of(const LightFrame& light) {
   const bool whole = light.received && light.received->stretch && light.received->stretch->payload;
   return whole ? &*light.received->stretch->payload : nullptr;
@@ -56,6 +68,12 @@ void count(Totals& totals, const std::vector<LightFrame>& lights) {
     if (!light.received) continue;
     received |= light.received->outcome == FrameOutcome::received;
     totals.bits += light.received->bits.size();
+    if (light.received->outcome == FrameOutcome::received && light.received->rows_per_chip > 0)
+      totals.rows_per_chip = light.received->rows_per_chip;
+    if (const auto& stretch = light.received->stretch) {
+      totals.blocks += stretch->blocks;
+      totals.share = std::max(totals.share, stretch->share);
+    }
     if (const Payload* payload = payload_of(light)) {
       ++totals.payloads;
       totals.payload_bytes += payload->bytes.size();
@@ -72,16 +90,20 @@ class Session {
         camera_(camera_of(settings, header)),
         unpacked_(region_of(settings, header.layout)),
         picture_(header.layout),
-        receiver_(camera_, receiver_options(settings, header.layout, unpacked_)) {}
+        receiver_(camera_, receiver_options(settings, header.layout, unpacked_)) {
+    if (header.bytes == 0) format_check_.emplace(header.layout);  // raw
+  }
 
   // Returns false after the reader of the output has gone.
   bool take(const Frame& frame) {
     const double began = seconds_now();
     if (totals_.frames == 0) first_ = began;
+    if (const auto doubt = format_check_ ? format_check_->push(frame.bytes) : std::nullopt) write_warning(*doubt);
     const auto view = in_time_order(picture_.view(frame.bytes, unpacked_), settings_.scan_axis);
     const auto lights = receiver_.push({&view, 1}, static_cast<std::int64_t>(frame.number));
     count(totals_, lights);
-    const bool read = settings_.payload_alone ? write_payloads(lights) : write_lines(lights, shape_of(view).rows);
+    rows_ = shape_of(view).rows;
+    const bool read = settings_.payload_alone ? write_payloads(lights) : write_lines(lights);
     const double taken = seconds_now() - began;
     if (totals_.frames == 1)
       stats_.first_frame = taken;
@@ -95,27 +117,28 @@ class Session {
     totals_.torn = torn;
     totals_.seconds = totals_.frames == 0 ? 0 : seconds_now() - first_;
     if (!settings_.payload_alone) write_all(STDOUT_FILENO, totals_line(totals_));
+    if (settings_.payload_alone && totals_.frames > 0 && totals_.payloads == 0 && !stop_requested())
+      write_message(no_payload_text(totals_, settings_.light.data->format, rows_, camera_.frame_time.has_value()));
     if (settings_.stats) write_all(STDERR_FILENO, stats_line(stats_));
   }
 
   [[nodiscard]] const Totals& totals() const { return totals_; }
 
  private:
-  bool write_lines(const std::vector<LightFrame>& lights, std::size_t rows) {
+  bool write_lines(const std::vector<LightFrame>& lights) {
     std::string lines;
     for (const LightFrame& light : lights) {
       const Region region = to_stored(light.region, settings_.scan_axis, layout_.width, layout_.height);
-      lines += light_line(light, region, rows, camera_);
+      lines += light_line(light, region, rows_, camera_);
     }
     return write_all(STDOUT_FILENO, lines);
   }
 
-  static bool write_payloads(const std::vector<LightFrame>& lights) {
+  bool write_payloads(const std::vector<LightFrame>& lights) const {
     for (const LightFrame& light : lights) {
       const Payload* payload = payload_of(light);
       if (payload == nullptr) continue;
-      const auto* text = reinterpret_cast<const char*>(payload->bytes.data());
-      if (!write_all(STDOUT_FILENO, {text, payload->bytes.size()})) return false;
+      if (!write_all(STDOUT_FILENO, delimited(payload->bytes, settings_.delimiter))) return false;
     }
     return true;
   }
@@ -126,6 +149,8 @@ class Session {
   Region unpacked_;
   GrayPicture picture_;
   Receiver receiver_;
+  std::optional<FormatCheck> format_check_;  // of raw frames
+  std::size_t rows_ = 0;                     // of the picture
   Stats stats_;
   Totals totals_;
   double first_ = 0;
@@ -141,12 +166,15 @@ ExitCode run(const Settings& settings, double began) {
   catch_stop_signals();
   ByteInput input(settings.input);
   const double ready = seconds_now() - began;
-  FrameReader frames([&](std::span<std::uint8_t> bytes) { return input.read(bytes); }, settings.raw, write_message);
+  const auto bytes = input.remaining();
+  FrameReader frames([&](std::span<std::uint8_t> wanted) { return input.read(wanted); }, settings.raw, write_message);
   if (!frames.header()) {
     if (stop_requested()) return kDone;
     write_message("no frames: the input is empty");
     return kRefused;
   }
+  const auto length = frames.header()->bytes == 0 ? bytes : std::nullopt;
+  if (const auto doubt = length ? length_doubt(*length, frames.header()->layout) : std::nullopt) write_warning(*doubt);
   Session session(settings, *frames.header());
   while (const auto frame = frames.next()) {
     if (!session.take(*frame) || stop_requested()) break;

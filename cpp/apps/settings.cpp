@@ -1,6 +1,7 @@
 #include "settings.hpp"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <map>
@@ -70,7 +71,18 @@ ToneCurve parse_tone_curve(const std::string& text) {
 
 template <class Value>
 auto one_of(const std::map<std::string, Value>& values) {
-  return CLI::CheckedTransformer(values);
+  return CLI::CheckedTransformer(values, CLI::ignore_case);
+}
+
+// Names in any case; other texts stay as they are, for the message.
+CLI::Validator any_case(std::vector<std::string_view> names) {
+  return {[names](std::string& text) {
+            const std::string lower = CLI::detail::to_lower(text);
+            const auto begins = [&](std::string_view name) { return lower.starts_with(name); };
+            if (std::any_of(names.begin(), names.end(), begins)) text = lower;
+            return std::string{};
+          },
+          ""};
 }
 
 // A plain CLI11 integer would wrap a minus sign before a count.
@@ -86,6 +98,7 @@ void add_input_options(CLI::App& app, Settings& settings, Written& written) {
       ->capture_default_str();
   app.add_option("--size", written.size, "WIDTHxHEIGHT of raw frames, pixels");
   app.add_option("--format", written.format, "Of raw frames: " + std::string(pixel_format_names()))
+      ->transform(any_case({"gray", "yuv", "nv12", "yuyv"}))
       ->capture_default_str();
   app.add_option("--stride", written.stride, "Bytes from row to row of raw frames; dense when not given")
       ->check(whole());
@@ -102,7 +115,9 @@ void add_camera_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("--exposure", settings.camera.exposure, "Exposure time, such as 622us")->transform(time);
   app.add_option("--frame-rate", written.frame_rate, "Joins packets over frames; YUV4MPEG2 states it itself")
       ->transform(CLI::AsNumberWithUnit(kFrequencyUnits));
-  app.add_option("--tone-curve", written.tone_curve, "linear, srgb, gamma or gamma:POWER")->capture_default_str();
+  app.add_option("--tone-curve", written.tone_curve, "linear, srgb, gamma or gamma:POWER")
+      ->transform(any_case({"linear", "srgb", "gamma"}))
+      ->capture_default_str();
   app.add_option("--dark-level", settings.dark_level, "DN of no light");
   app.add_option("--white-level", settings.white_level, "DN of full light");
 }
@@ -122,6 +137,7 @@ void add_light_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("--sources", settings.max_sources, "Lights, at most")->check(whole())->capture_default_str();
   app.add_option("--chip-rate", data.chip_rate, "Chips a second; estimated when not given")->transform(frequency);
   app.add_option("--line-code", written.line_code, "Of packets: none, manchester, 4b6b or 8b10b")
+      ->transform(any_case({"none", "manchester", "4b6b", "8b10b"}))
       ->capture_default_str();
   app.add_option("--block-bytes", data.format.block_bytes, "Coded bytes of a packet's block")
       ->check(whole())
@@ -133,6 +149,10 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_flag("--no-bits", written.no_bits, "Gain only");
   app.add_flag("--no-gain", written.no_gain, "Bits and payload only");
   app.add_flag("--payload", settings.payload_alone, "Write the payloads' bytes and nothing else to standard output");
+  app.add_option("--delimiter", settings.delimiter,
+                 "With --payload: newline after each, or its length before it (4 bytes, big-endian)")
+      ->transform(one_of<Delimiter>(
+          {{"none", Delimiter::none}, {"newline", Delimiter::newline}, {"length", Delimiter::length}}));
   app.add_flag("--stats", settings.stats, "Latency and memory at the end, on standard error");
   app.set_config("--config", "", "File of options, TOML: row-time = \"22.2us\"");
   app.add_flag("--version", written.version, "Version, commit, SIMD targets, OpenCV");
@@ -153,7 +173,8 @@ void complete(Settings& settings, Written written) {
     settings.raw = raw_layout(*format, width, height, written.stride);
   }
   if (!written.region.empty()) settings.region = parse_region(written.region);
-  require(written.row_time.has_value(), "--row-time", "none", "the time from row to row, such as 22.2us");
+  if (!written.row_time)
+    throw std::invalid_argument("--row-time is missing: the time from one row to the next, such as 22.2us");
   settings.camera.row_time = *written.row_time;
   require_positive("--row-time", settings.camera.row_time);
   require(settings.camera.row_time <= kMaxRowTime, "--row-time", settings.camera.row_time,
@@ -164,6 +185,7 @@ void complete(Settings& settings, Written written) {
   }
   settings.camera.tone_curve = parse_tone_curve(written.tone_curve);
   check(settings.camera);
+  require(settings.delimiter == Delimiter::none || settings.payload_alone, "--delimiter", "no --payload", "--payload");
   const bool no_gain = written.no_gain || settings.payload_alone;
   require(!written.no_bits || !no_gain, "--no-bits", "with --no-gain or --payload", "something to do");
   written.data.format.line_code = LineCode::named(written.line_code);
@@ -178,7 +200,7 @@ void complete(Settings& settings, Written written) {
 
 std::optional<Settings> read_settings(int argc, const char* const* argv) {
   CLI::App app{"Gain, bits and payload of a modulated light in frames of a rolling-shutter camera, as JSON lines."};
-  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast)->ignore_case();
   Settings settings;
   Written written;
   add_input_options(app, settings, written);

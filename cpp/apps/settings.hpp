@@ -12,6 +12,9 @@ namespace ocisac::apps {
 
 enum class ScanAxis { down, up, right, left };  // direction of the rows in time, in the stored picture
 
+// Separation of payloads on standard output.
+enum class Delimiter { none, newline, length };
+
 struct Settings {
   std::string input = "-";
   std::optional<FrameLayout> raw;  // absent: from the stream's header
@@ -22,6 +25,7 @@ struct Settings {
   LightOptions light;
   std::size_t max_sources = 8;
   bool payload_alone = false;
+  Delimiter delimiter = Delimiter::none;
   bool stats = false;
   std::optional<std::size_t> frames;  // stop after this number
 };

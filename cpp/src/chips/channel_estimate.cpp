@@ -100,6 +100,17 @@ double ChannelEstimate::swing_at(double row, std::size_t frame_rows) const {
   return polynomial(swing, along_frame(row, frame_rows));
 }
 
+std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,
+                                     const ChannelEstimate& channel) {
+  std::vector<double> left(signal.size());
+  expose_chips(chips, channel.clock, left);
+  for (std::size_t n = 0; n < left.size(); ++n) {
+    const auto row = static_cast<double>(n);
+    left[n] = signal[n] - channel.dark_at(row, left.size()) - channel.swing_at(row, left.size()) * left[n];
+  }
+  return left;
+}
+
 namespace {
 
 // Descent on the rows that depend on known chips only. These rows and their noise depend on the clock.

@@ -11,6 +11,7 @@
 
 #include "chips/channel_equations.hpp"
 #include "columns/moving_mean.hpp"
+#include "core/check_interrupt.hpp"
 #include "core/spectrum.hpp"
 
 namespace ocisac {
@@ -247,6 +248,7 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
   const auto scores = coherence(edges, range.lowest, step, steps + 1);
   std::optional<ChipTiming> best;
   for (std::size_t peak : best_peaks(scores)) {
+    check_interrupt();
     const double period = 1 / (range.lowest + step * static_cast<double>(peak));
     const auto timing = settle(edges, {{period, scores[peak].phase * period}, 0, scores[peak].duty * period});
     if (!timing || timing->lattice.clock.rows_per_chip * range.lowest > 1 / 0.99 ||

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "core/check_interrupt.hpp"
+
 namespace ocisac {
 
 namespace {
@@ -77,6 +79,7 @@ std::vector<std::size_t> turning_points(std::span<const double> signal, double h
 
 std::vector<std::size_t> prune_turning_points(std::span<const double> signal, std::vector<std::size_t> points) {
   while (points.size() > 2) {
+    check_interrupt();
     const auto swings = swings_between(signal, points);
     std::vector<std::uint8_t> gone(points.size(), 0);
     bool any = false;

@@ -218,7 +218,7 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   const IterationContext context{signal, detect, fixed};
   const auto starts = find_starts(context, search);
   auto found = try_starts(context, std::span(starts).first(std::min(starts.size(), kStartsRefined)), search);
-  if (found) found = compare_starts(context, starts, search, std::move(found));
+  if (found && !options.warped) found = compare_starts(context, starts, search, std::move(found));
   if (!found || options.exposure_known == fixed.exposure_known) return found;
   auto refined = grow_to_frame({signal, detect, options}, found->channel);
   return refined && !is_other_rate(refined->channel, search) ? refined : found;

@@ -16,12 +16,7 @@ constexpr double kWindowChips = 30;  // length of a part, beside the exposure
 std::vector<ResidualWindow> residual_windows(std::span<const double> signal, const RefinedChannel& found) {
   const ChannelEstimate& channel = found.channel;
   const double length = kWindowChips * channel.clock.rows_per_chip + channel.clock.exposure_rows;
-  std::vector<double> left(signal.size());
-  expose_chips({found.chips, found.first}, channel.clock, left);
-  for (std::size_t n = 0; n < left.size(); ++n) {
-    const auto row = static_cast<double>(n);
-    left[n] = signal[n] - channel.dark_at(row, signal.size()) - channel.swing_at(row, signal.size()) * left[n];
-  }
+  const auto left = channel_residual(signal, {found.chips, found.first}, channel);
   std::vector<ResidualWindow> windows;
   const std::size_t size = std::min(static_cast<std::size_t>(length), channel.rows.size());
   for (std::size_t begin = channel.rows.begin; begin + size <= channel.rows.end;

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "chips/channel_equations.hpp"
+#include "core/check_interrupt.hpp"
 #include "core/spectrum.hpp"
 
 namespace ocisac {
@@ -22,8 +23,10 @@ constexpr std::size_t kNearBins = 2 * kPadding, kFarBins = 8 * kPadding;  // fro
 constexpr double kMaxSlowTerms = 160;  // a frame of 0.3 s at 260 Hz; the time grows with the square
 constexpr double kRounding = 1e-12;    // relative to the mean: a signal that deviates by no more is constant
 constexpr Index kSwingTerms = 3;
+constexpr double kShortestPart = 1e-6;  // cycles; a shorter exposure is none
 constexpr int kSquareSteps = 12;
 constexpr double kSquareReach = 0.6;  // spectral lines of a frame
+constexpr int kSquareHalvings = 4;    // of the steps of frequency and phase
 
 // Columns of slow light and tones; the constant comes first.
 MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::size_t harmonics) {
@@ -46,6 +49,20 @@ MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::si
     }
   }
   return columns;
+}
+
+struct SquareWave {
+  double frequency, phase, height, gain;  // gain: by which the squares fall
+};
+
+// A square wave of ±½ and duty ½, exposed for a part of its cycle about `cycles`: a trapezoid.
+double exposed_square(double cycles, double exposure) {
+  const auto integral = [](double at) {
+    const double part = at - std::floor(at);
+    return 0.5 * std::min(part, 1 - part);
+  };
+  if (exposure <= kShortestPart) return cycles - std::floor(cycles) < 0.5 ? 0.5 : -0.5;
+  return (integral(cycles + 0.5 * exposure) - integral(cycles - 0.5 * exposure)) / exposure;
 }
 
 }  // namespace
@@ -102,32 +119,40 @@ StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, 
   return {static_cast<double>(strongest) / static_cast<double>(length), powers[strongest] / std::max(*middle, 1e-300)};
 }
 
-std::vector<double> without_square_wave(std::span<const double> signal, double frequency) {
+std::vector<double> without_square_wave(std::span<const double> signal, double frequency, double exposure_rows) {
   const auto rows = static_cast<double>(signal.size());
-  const auto square = [](double cycles) { return cycles - std::floor(cycles) < 0.5 ? 0.5 : -0.5; };
-  double mean = 0, best_gain = 0, best_height = 0, best_frequency = frequency, best_phase = 0;
+  double mean = 0;
   for (double value : signal) mean += value / rows;
-  for (int f = -kSquareSteps; f <= kSquareSteps; ++f) {
-    const double tried = frequency + kSquareReach * f / (kSquareSteps * rows);
-    for (double phase = 0; phase < 1; phase += 0.5 * tried) {  // half a row
-      double sum = 0, square_sum = 0;
-      for (std::size_t n = 0; n < signal.size(); ++n) {
-        const double wave = square(tried * static_cast<double>(n) + phase);
-        sum += wave * (signal[n] - mean);
-        square_sum += wave;
-      }
-      const double squares = 0.25 * rows - square_sum * square_sum / rows;
-      if (sum > 0 && sum * sum / squares > best_gain) {
-        best_gain = sum * sum / squares;
-        best_height = sum / squares;
-        best_frequency = tried;
-        best_phase = phase;
-      }
+  SquareWave best{frequency, 0, 0, 0};
+  const auto try_wave = [&](double tried, double phase) {
+    double sum = 0, wave_sum = 0, squares = 0;
+    for (std::size_t n = 0; n < signal.size(); ++n) {
+      const double wave = exposed_square(tried * static_cast<double>(n) + phase, tried * exposure_rows);
+      sum += wave * (signal[n] - mean);
+      wave_sum += wave;
+      squares += wave * wave;
     }
+    squares -= wave_sum * wave_sum / rows;
+    if (sum > 0 && sum * sum > best.gain * squares) best = {tried, phase, sum / squares, sum * sum / squares};
+  };
+  for (int f = -kSquareSteps; f <= kSquareSteps; ++f) {
+    check_interrupt();
+    const double tried = frequency + kSquareReach * f / (kSquareSteps * rows);
+    for (double phase = 0; phase < 1; phase += 0.5 * tried) try_wave(tried, phase);  // half a row
+  }
+  double frequency_step = kSquareReach / (kSquareSteps * rows), phase_step = 0.5 * frequency;
+  for (int halving = 0; halving < kSquareHalvings; ++halving) {
+    frequency_step *= 0.5;
+    phase_step *= 0.5;
+    const SquareWave about = best;
+    for (const double f : {-1.0, 0.0, 1.0})  // the wave turns about the middle row
+      for (const double p : {-1.0, 0.0, 1.0})
+        try_wave(about.frequency + f * frequency_step, about.phase + p * phase_step - 0.5 * rows * f * frequency_step);
   }
   std::vector<double> rest(signal.begin(), signal.end());
   for (std::size_t n = 0; n < rest.size(); ++n)
-    rest[n] -= best_height * square(best_frequency * static_cast<double>(n) + best_phase);
+    rest[n] -= best.height *
+               exposed_square(best.frequency * static_cast<double>(n) + best.phase, best.frequency * exposure_rows);
   return rest;
 }
 

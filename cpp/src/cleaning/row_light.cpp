@@ -113,7 +113,7 @@ void hold_to(std::span<const double> start, std::span<const double> light, doubl
   }
 }
 
-void check(const RowModel& model, std::size_t rows) {
+void check(const RowLightPrior& model, std::size_t rows) {
   require(model.deviation > 0, "deviation", model.deviation, "above 0");
   require(model.basis.size() % rows == 0, "basis", model.basis.size(), "rows x terms values");
   require(model.basis.empty() || std::isinf(model.deviation), "deviation", model.deviation, "infinite with a basis");
@@ -123,7 +123,7 @@ void check(const RowModel& model, std::size_t rows) {
 }  // namespace
 
 RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
-                          std::span<const double> row_light, int steps, const RowModel& model) {
+                          std::span<const double> row_light, int steps, const RowLightPrior& model) {
   check(picture, row_light);
   check(model, picture.rows);
   require(picture.frames == 1, "frames", picture.frames, "1");

@@ -121,10 +121,15 @@ double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::
   return dark;
 }
 
+// Reach of the moving mean about which a light swings: long, so that slow light swings; short, so that lamps which
+// begin and end on the same rows have these in common for a few rows only.
+Index long_reach(Index rows) { return rows / 16 + 1; }
+Index short_reach(Index rows) { return rows / 128 + 1; }
+
 // Swings of the blocks about their moving means over rows n − reach … n + reach, which removes gradients along the
 // rows, times `scale`. count·x − Σx is exact for integers, so constant columns have exactly zero swing.
-void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Matrix& swings) {
-  const Index rows = sums.rows(), reach = rows / 16 + 1;
+void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Index reach, Matrix& swings) {
+  const Index rows = sums.rows();
   swings.resize(rows, sums.cols());
   Eigen::RowVectorXd window = sums.topRows(std::min(reach, rows)).colwise().sum();
   Index length = std::min(reach, rows);
@@ -133,6 +138,18 @@ void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Matrix& sw
     if (row > reach) window -= sums.row(row - reach - 1), --length;
     const auto count = static_cast<double>(length);
     swings.row(row) = ((count * sums.row(row) - window) * (1 / count)).cwiseProduct(scale);
+  }
+}
+
+// Sets the steps at a lamp's ends to 0: swings of more than twice those of nine rows in ten.
+void leave_out_ends(Matrix& swings) {
+  std::vector<double> sizes(static_cast<std::size_t>(swings.rows()));
+  for (Index block = 0; block < swings.cols(); ++block) {
+    for (Index row = 0; row < swings.rows(); ++row) sizes[static_cast<std::size_t>(row)] = std::abs(swings(row, block));
+    const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(0.9 * static_cast<double>(sizes.size() - 1));
+    std::ranges::nth_element(sizes, at);
+    for (Index row = 0; row < swings.rows(); ++row)
+      if (std::abs(swings(row, block)) > 2 * *at) swings(row, block) = 0;
   }
 }
 
@@ -154,7 +171,7 @@ struct BlockedFrame {
     Eigen::RowVectorXd scale(means.cols());
     for (Index block = 0; block < means.cols(); ++block)
       scale(block) = 1 / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]);
-    take_swings(means, scale, swings);
+    take_swings(means, scale, long_reach(means.rows()), swings);
     for (Index row = 0; row < means.rows(); ++row)
       means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
   }
@@ -252,18 +269,29 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
       frames);
 }
 
+static std::vector<BlockGroup> groups_by(const Matrix& swings) {
+  const VectorXd power = swings.colwise().squaredNorm();
+  const VectorXd scale = (power.array() > 0).select(power.array().max(1e-300).sqrt().inverse(), 0.0);
+  return block_groups(scale.asDiagonal() * gram(swings.transpose()) * scale.asDiagonal(), power);
+}
+
 std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
   BlockedFrame pixels;
   pixels.fill(frames, frame, curve, SaturatedColumns::leave_out, {});
-  const auto& [clipped, usable, blocks, means, swings] = pixels;
-  const VectorXd power = swings.colwise().squaredNorm();
-  const VectorXd scale = (power.array() > 0).select(power.array().max(1e-300).sqrt().inverse(), 0.0);
-  const Matrix cosines = scale.asDiagonal() * gram(swings.transpose()) * scale.asDiagonal();
-  const auto groups = block_groups(cosines, power);
+  auto& [clipped, usable, blocks, means, swings] = pixels;
+  Index reach = long_reach(means.rows());
+  auto groups = groups_by(swings);
+  if (groups.size() < 2) {
+    const Eigen::RowVectorXd swing = (swings.colwise().squaredNorm().array() > 0).cast<double>();
+    reach = short_reach(means.rows());
+    take_swings(means, swing, reach, swings);  // a block without swing has none but by rounding
+    leave_out_ends(swings);
+    groups = groups_by(swings);
+  }
   if (groups.size() < 2) return {};
   std::vector<LightGroup> lights;
   for (const auto& group : groups) {
-    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}};
+    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}, static_cast<std::size_t>(reach)};
     VectorXd sum = VectorXd::Zero(swings.rows());
     for (const Index block : group.members) {
       sum += swings.col(block);
@@ -279,9 +307,10 @@ std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t fr
 }
 
 double agreement(std::span<const double> signal, const LightGroup& group) {
-  const auto slow = moving_mean(signal, signal.size() / 16 + 1);
+  const auto slow = moving_mean(signal, group.reach);
   double product = 0, square = 0;
   for (std::size_t n = 0; n < signal.size(); ++n) {
+    if (group.swings[n] == 0) continue;  // left out
     product += (signal[n] - slow[n]) * group.swings[n];
     square += (signal[n] - slow[n]) * (signal[n] - slow[n]);
   }

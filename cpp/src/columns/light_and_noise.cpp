@@ -5,7 +5,6 @@
 #include <limits>
 #include <numbers>
 
-#include "core/legendre.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -24,12 +23,11 @@ constexpr int kAliases = 4;                   // on either side
 constexpr std::size_t kMaxGroups = 512;       // of bins that the fit sees
 constexpr double kEvidence = 6;               // log likelihood that light and its shape must gain over noise alone
 constexpr int kFitSteps = 20;
-constexpr double kMinPower = 1e-280;  // its squares would underflow
-constexpr Index kTrendTerms = 25;     // polynomials up to degree 24
-constexpr double kTrendNoise = 1.3;   // power left by a trend over that of the noise, at most
+constexpr double kSmoothNoise = 1.3;  // power left by smooth light over that of the noise, at most
 constexpr std::size_t kMaxTones = 12;
 constexpr int kRounds = 5;               // of the search for tones
-constexpr double kMinResponse = 0.1;     // of the exposure to a tone
+constexpr double kMinResponse = 0.1;     // of the exposure to a tone: no light is amplified more
+constexpr double kMinSeen = 0.08;        // the same for a peak, whose frequency has an error
 constexpr double kMinPowerRatio = 0.01;  // power of a tone over that of the strongest found with it
 constexpr int kRefinements = 2;
 
@@ -60,12 +58,12 @@ ColumnAnalysis::ColumnAnalysis(std::size_t rows, double exposure_rows, std::size
       bins_(length / 2 + 1),
       grouped_((bins_ + kMaxGroups - 1) / kMaxGroups),
       exposure_rows_(exposure_rows),
+      smooth_(rows, exposure_rows),
       window_(Vector::NullaryExpr(static_cast<Index>(rows), [&](Index n) {
         return 0.5 - 0.5 * std::cos(2 * pi * static_cast<double>(n + 1) / static_cast<double>(rows + 1));
       })) {
   window_ /= window_.norm();
   make_shapes(exposure_rows);
-  make_trend(exposure_rows);
 }
 
 // Power in the rows of light at f and at the frequencies f + k that alias to it, and its correlation with the wanted
@@ -105,32 +103,6 @@ void ColumnAnalysis::make_shapes(double exposure_rows) {
   }
 }
 
-// Legendre polynomials over the time that the rows see, orthonormal as the rows see them, and their light.
-void ColumnAnalysis::make_trend(double exposure_rows) {
-  const auto rows = static_cast<Index>(rows_), terms = std::min(kTrendTerms, rows / 8 + 1);
-  const double scale = 0.5 * (static_cast<double>(rows_ - 1) + exposure_rows);
-  const auto polynomials = [&](double row) {  // P_0 … P_terms
-    std::vector<double> values(static_cast<std::size_t>(terms) + 1);
-    legendre((row - 0.5 * (static_cast<double>(rows_ - 1) - exposure_rows)) / scale, values);
-    return values;
-  };
-  Matrix light(rows, terms), seen(rows, terms);
-  for (Index n = 0; n < rows; ++n) {
-    const auto end = polynomials(static_cast<double>(n)), begin = polynomials(static_cast<double>(n) - exposure_rows);
-    for (Index k = 0; k < terms; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      light(n, k) = end[i];
-      const double integral =
-          k == 0 ? end[1] - begin[1]
-                 : (end[i + 1] - begin[i + 1] - end[i - 1] + begin[i - 1]) / (2 * static_cast<double>(k) + 1);
-      seen(n, k) = integral * scale / exposure_rows;
-    }
-  }
-  OrthogonalFactors factors = orthogonal_factors(seen);
-  trend_light_ = solve_upper_transposed(factors.triangle, light.transpose()).transpose();
-  trend_seen_ = std::move(factors.basis);
-}
-
 // |DFT|² of the column under a Hann window: the power density.
 Eigen::VectorXd ColumnAnalysis::periodogram(const Vector& column) const {
   std::vector<double> padded(length_, 0.0);
@@ -148,7 +120,7 @@ LightAndNoise ColumnAnalysis::fit(const Vector& periodogram, std::optional<doubl
   const Vector values =
       Vector::NullaryExpr(groups, [&](Index g) { return periodogram.segment(g * grouped, grouped).mean(); });
   const double mean = values.mean();
-  if (!(mean > kMinPower)) return {0, noise.value_or(mean), 0};
+  if (mean == 0) return {0, noise.value_or(mean), 0};
   const double alone = noise ? count * (std::log(*noise) + mean / *noise) : count * (std::log(mean) + 1);
   const Vector sums = weights_ * values;
   double least = std::numeric_limits<double>::infinity();
@@ -174,23 +146,15 @@ LightAndNoise ColumnAnalysis::fit(const Vector& periodogram, std::optional<doubl
   return best;
 }
 
-// The number of terms of the trend by Schwarz's criterion if they leave no more than noise; else 0.
-Eigen::Index ColumnAnalysis::trend_terms(const Vector& column, std::optional<double> noise) const {
-  const Vector parts = trend_seen_.transpose() * column;
-  const auto rows = static_cast<double>(rows_);
-  const double whole = column.squaredNorm();
-  double left = whole - parts(0) * parts(0), least = std::numeric_limits<double>::infinity(), kept = 0;
-  Index terms = 0;
-  for (Index k = 1; k < parts.size(); ++k) {
-    left -= parts(k) * parts(k);
-    const double power = std::max(left, 1e-28 * whole);
-    const double criterion = rows * std::log(power) + 2 * std::log(rows) * static_cast<double>(k);
-    if (criterion < least) least = criterion, terms = k + 1, kept = power;
-  }
-  const double allowed = kTrendNoise * noise.value_or(noise_of_second_differences(column));
-  if (terms <= 2 || kept / (rows - static_cast<double>(terms)) > allowed) return 0;
-  const Vector rest = column - trend_seen_.leftCols(terms) * parts.head(terms);
-  return fit(periodogram(rest), noise).light > 0 ? 0 : terms;
+// Smooth light, and whether no more light than noise is left beside it; else it is not evident.
+ColumnAnalysis::Smooth ColumnAnalysis::smooth_light(const Vector& column, std::optional<double> noise) const {
+  Smooth found{smooth_.estimate(column, noise), false};
+  const bool evident = found.light.evident;
+  const double allowed = kSmoothNoise * noise.value_or(noise_of_second_differences(column));
+  const LightAndNoise left = fit(periodogram(evident ? Vector(column - found.light.seen) : column), noise);
+  found.is_all = (!evident || found.light.noise <= allowed) && left.light <= left.noise;
+  found.light.evident = evident && found.is_all;
+  return found;
 }
 
 // Frequencies (cycles per row) of peaks that exceed light and noise significantly, without the known ones.
@@ -202,8 +166,7 @@ std::vector<double> ColumnAnalysis::new_tones(const Vector& spectrum, const Ligh
   for (Index k = 1; k + 1 < spectrum.size(); ++k) {
     const double f = static_cast<double>(k) / static_cast<double>(length_);
     if (spectrum(k) > threshold * (rest.light * seen(k) + rest.noise) && spectrum(k) >= spectrum(k - 1) &&
-        spectrum(k) > spectrum(k + 1) && f > apart && f < 0.5 - apart &&
-        std::abs(sinc(f * exposure_rows_)) > kMinResponse)
+        spectrum(k) > spectrum(k + 1) && f > apart && f < 0.5 - apart && std::abs(sinc(f * exposure_rows_)) > kMinSeen)
       peaks.push_back(k);
   }
   std::ranges::stable_sort(peaks, [&](Index a, Index b) { return spectrum(a) > spectrum(b); });
@@ -219,17 +182,21 @@ std::vector<double> ColumnAnalysis::new_tones(const Vector& spectrum, const Ligh
   return found;
 }
 
-// (rows × 2·tones) cosines, then sines, `later` rows after those of the column.
+// (rows × (2·tones + 2)) cosines, sines, ones and a slope, `later` rows after those of the column: the column's line
+// and its tones are estimated together.
 ColumnAnalysis::Matrix ColumnAnalysis::waves(std::span<const double> frequencies, double later) const {
   const auto count = static_cast<Index>(frequencies.size());
-  Matrix result(static_cast<Index>(rows_), 2 * count);
-  for (Index n = 0; n < result.rows(); ++n)
+  Matrix result(static_cast<Index>(rows_), 2 * count + 2);
+  for (Index n = 0; n < result.rows(); ++n) {
+    const double row = static_cast<double>(n) + later - 0.5 * static_cast<double>(rows_ - 1);
     for (Index tone = 0; tone < count; ++tone) {
-      const double row = static_cast<double>(n) + later - 0.5 * static_cast<double>(rows_ - 1);
       const double angle = 2 * pi * frequencies[static_cast<std::size_t>(tone)] * row;
       result(n, tone) = std::cos(angle);
       result(n, tone + count) = std::sin(angle);
     }
+    result(n, 2 * count) = 1;
+    result(n, 2 * count + 1) = row;
+  }
   return result;
 }
 
@@ -240,12 +207,12 @@ void ColumnAnalysis::refine(const Vector& column, std::vector<double>& frequenci
   for (int step = 0; step < kRefinements; ++step) {
     const Matrix basis = waves(frequencies, 0);
     const Vector amplitudes = least_squares(basis, column);
-    Eigen::MatrixXd extended(basis.rows(), 3 * count);
-    extended.leftCols(2 * count) = basis;
+    Eigen::MatrixXd extended(basis.rows(), 3 * count + 2);
+    extended.leftCols(2 * count + 2) = basis;
     for (Index n = 0; n < basis.rows(); ++n) {
       const double turn = 2 * pi * (static_cast<double>(n) - 0.5 * static_cast<double>(rows_ - 1));
       for (Index tone = 0; tone < count; ++tone)
-        extended(n, 2 * count + tone) =
+        extended(n, 2 * count + 2 + tone) =
             turn * (amplitudes(tone + count) * basis(n, tone) - amplitudes(tone) * basis(n, tone + count));
     }
     const Vector moves = least_squares(extended, column - basis * amplitudes).bottomRows(count);
@@ -256,38 +223,62 @@ void ColumnAnalysis::refine(const Vector& column, std::vector<double>& frequenci
   }
 }
 
-ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column, std::optional<double> noise) const {
-  const auto rows = static_cast<Index>(rows_);
-  Eigen::Map<Vector> stored(column.data(), rows);
-  Vector values = stored, course = Vector::Zero(rows);
-  if (const Index terms = trend_terms(values, noise); terms > 0) {
-    const Vector parts = trend_seen_.leftCols(terms).transpose() * values;
-    values -= trend_seen_.leftCols(terms) * parts;
-    course += trend_light_.leftCols(terms) * parts;
-  }
-  std::vector<double> frequencies;
-  Vector rest = values, amplitudes;
-  LightAndNoise left;
+// Tones in the column, and what is left of it. Where smooth light explains it, the alternative is the strongest tone.
+ColumnAnalysis::Tones ColumnAnalysis::find_tones(const Vector& column, std::optional<double> noise,
+                                                 const SmoothLight::Estimate& smooth) const {
+  Tones tones{.frequencies = {}, .amplitudes = {}, .rest = column, .left = {}};
   for (int round = 0;; ++round) {
-    const Vector spectrum = periodogram(rest);
-    left = fit(spectrum, noise);
-    if (round == kRounds) break;
-    const auto found = new_tones(spectrum, left, frequencies);
-    if (found.empty()) break;
-    frequencies.insert(frequencies.end(), found.begin(), found.end());
-    refine(values, frequencies);
-    const Matrix basis = waves(frequencies, 0);
-    amplitudes = Vector(least_squares(basis, values));  // moved: Eigen's resize frees twice where memory ends
-    rest = values - basis * amplitudes;
+    const Vector spectrum = periodogram(tones.rest);
+    tones.left = fit(spectrum, noise);
+    if (round == (smooth.evident ? 1 : kRounds)) return tones;
+    auto found =
+        new_tones(spectrum, smooth.evident ? LightAndNoise{0, smooth.noise, 0} : tones.left, tones.frequencies);
+    if (found.empty()) return tones;
+    if (smooth.evident) found.erase(found.begin() + 1, found.end());
+    tones.frequencies.insert(tones.frequencies.end(), found.begin(), found.end());
+    refine(column, tones.frequencies);
+    const Matrix basis = waves(tones.frequencies, 0);
+    tones.amplitudes = Vector(least_squares(basis, column));  // moved: Eigen's resize frees twice where memory ends
+    tones.rest = Vector(column - basis * tones.amplitudes);
   }
-  if (!frequencies.empty()) {
-    const auto count = frequencies.size();
-    for (std::size_t tone = 0; tone < 2 * count; ++tone)
-      amplitudes(static_cast<Index>(tone)) /= sinc(frequencies[tone % count] * exposure_rows_);
-    course += waves(frequencies, 0.5 * exposure_rows_) * amplitudes;
+}
+
+// Light of the tones and their line at the ends of the exposures.
+ColumnAnalysis::Vector ColumnAnalysis::light_of(const Tones& tones) const {
+  const auto count = tones.frequencies.size();
+  Vector amplitudes = tones.amplitudes;
+  for (std::size_t tone = 0; tone < 2 * count; ++tone) {
+    const double response = sinc(tones.frequencies[tone % count] * exposure_rows_);
+    amplitudes(static_cast<Index>(tone)) /= std::copysign(std::max(std::abs(response), kMinResponse), response);
+  }
+  return waves(tones.frequencies, 0.5 * exposure_rows_) * amplitudes;
+}
+
+ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column, std::optional<double> noise) const {
+  Eigen::Map<Vector> stored(column.data(), static_cast<Index>(rows_));
+  const Vector values = stored;
+  Smooth smooth = smooth_light(values, noise);
+  Tones tones = find_tones(values, noise, smooth.light);
+  Vector course = Vector::Zero(values.size());
+  bool with_tones = !tones.frequencies.empty();
+  if (with_tones) {  // Schwarz's criterion: three parameters a tone
+    Smooth beside = smooth_light(tones.rest, noise);
+    const double score = beside.light.score +
+                         3 * static_cast<double>(tones.frequencies.size()) * std::log(static_cast<double>(rows_ - 2));
+    with_tones = !smooth.light.evident || (beside.is_all && score < smooth.light.score);
+    if (with_tones) {
+      course += light_of(tones);
+      smooth = std::move(beside);
+    }
+  }
+  Vector rest = with_tones ? std::move(tones.rest) : values;
+  if (smooth.light.evident) {
+    course += smooth.light.light;
+    rest -= smooth.light.seen;
+    tones.left = fit(periodogram(rest), noise);
   }
   stored = rest;
-  return {{course.begin(), course.end()}, left};
+  return {{course.begin(), course.end()}, tones.left};
 }
 
 std::vector<std::complex<double>> ColumnAnalysis::gain(const LightAndNoise& rest) const {

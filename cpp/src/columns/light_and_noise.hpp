@@ -1,4 +1,4 @@
-// Model of a column for the Wiener equaliser: a smooth trend and tones, and light and noise with power spectra.
+// Model of a column for the Wiener equaliser: smooth light and tones, or light and noise with power spectra.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,6 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "columns/smooth_light.hpp"
+
 namespace ocisac {
 
 // Power densities of the rows: light · seen(shape) + noise.
@@ -16,14 +18,14 @@ struct LightAndNoise {
   std::size_t shape = 0;
 };
 
-// For columns of `rows` rows (at least 16) at one exposure. Method: docs/tones.md.
+// For columns of `rows` rows (at least 16) at one exposure. Method: docs/explanation/tones.md.
 class ColumnAnalysis {
  public:
   // `length`: of the DFT that the gain is for.
   ColumnAnalysis(std::size_t rows, double exposure_rows, std::size_t length);
 
   struct Result {
-    std::vector<double> course;  // (rows) light of the trend and the tones that were subtracted from `column`
+    std::vector<double> course;  // (rows) light of the smooth part and the tones that were subtracted from `column`
     LightAndNoise rest;          // of the residual
   };
   // `column`: without its least-squares line. `noise`: variance of a row's noise; absent: estimated.
@@ -37,24 +39,37 @@ class ColumnAnalysis {
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   using Vector = Eigen::VectorXd;
 
+  struct Smooth {
+    SmoothLight::Estimate light;
+    bool is_all;  // no more light than noise is left beside it
+  };
+  struct Tones {
+    std::vector<double> frequencies;  // cycles per row
+    Vector amplitudes;                // of the cosines, the sines and the line, as the rows see them
+    Vector rest;
+    LightAndNoise left;  // in the rest
+  };
+
   void make_shapes(double exposure_rows);
-  void make_trend(double exposure_rows);
   [[nodiscard]] Vector periodogram(const Vector& column) const;
   [[nodiscard]] LightAndNoise fit(const Vector& periodogram, std::optional<double> noise) const;
-  [[nodiscard]] Eigen::Index trend_terms(const Vector& column, std::optional<double> noise) const;
+  [[nodiscard]] Smooth smooth_light(const Vector& column, std::optional<double> noise) const;
   [[nodiscard]] std::vector<double> new_tones(const Vector& spectrum, const LightAndNoise& rest,
                                               std::span<const double> known) const;
   [[nodiscard]] Matrix waves(std::span<const double> frequencies, double later) const;
+  [[nodiscard]] Tones find_tones(const Vector& column, std::optional<double> noise,
+                                 const SmoothLight::Estimate& smooth) const;
+  [[nodiscard]] Vector light_of(const Tones& tones) const;
   void refine(const Vector& column, std::vector<double>& frequencies) const;
 
   std::size_t rows_, length_, bins_, grouped_;  // bins of a group
   double exposure_rows_;
+  SmoothLight smooth_;
   Vector window_;
   Matrix seen_;                                            // (shapes × bins) mean 1
   std::vector<std::vector<std::complex<double>>> wanted_;  // (shapes × bins)
   Matrix groups_seen_, weights_;                           // (shapes × groups), (shapes·ratios × groups)
   Vector log_sums_;                                        // (shapes·ratios)
-  Matrix trend_seen_, trend_light_;                        // (rows × terms) orthonormal, and their light
 };
 
 }  // namespace ocisac

@@ -1,6 +1,7 @@
 #include "core/linear_algebra.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <numeric>
@@ -38,6 +39,11 @@ OrthogonalFactors pivoted_orthogonal_factors(const ConstMatrix& matrix) {
   return {qr.householderQ() * MatrixXd::Identity(matrix.rows(), qr.rank()),
           qr.matrixR().topRows(qr.rank()).triangularView<Eigen::Upper>(),
           {order.begin(), order.end()}};
+}
+
+EigenFactors symmetric_factors(const ConstMatrix& matrix) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(matrix);
+  return {solver.eigenvalues(), solver.eigenvectors()};
 }
 
 MatrixXd solve_upper(const ConstMatrix& triangle, const ConstMatrix& right) {

@@ -27,6 +27,13 @@ struct OrthogonalFactors {
 OrthogonalFactors orthogonal_factors(const ConstMatrix& matrix);  // in order; rows ≥ columns, which are independent
 OrthogonalFactors pivoted_orthogonal_factors(const ConstMatrix& matrix);  // by descending norm, finds the rank
 
+// Eigenvalues, ascending, and eigenvectors (columns) of a symmetric matrix (n × n).
+struct EigenFactors {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd vectors;
+};
+EigenFactors symmetric_factors(const ConstMatrix& matrix);
+
 // x with triangle·x = right and with triangleᵀ·x = right, for an upper triangle (n × n).
 Eigen::MatrixXd solve_upper(const ConstMatrix& triangle, const ConstMatrix& right);
 Eigen::MatrixXd solve_upper_transposed(const ConstMatrix& triangle, const ConstMatrix& right);

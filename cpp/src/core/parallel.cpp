@@ -25,7 +25,7 @@ namespace ocisac {
 
 namespace {
 
-// Fewer threads than asked for are no error: the caller does the remaining work. Helpers block all signals.
+// Fewer threads than requested are no error: the caller does the remaining work. Helpers block all signals.
 struct Environment : Eigen::StlThreadEnvironment {
   struct EnvThread {
     void OnCancel() {}
@@ -97,7 +97,7 @@ class Job {
   // Admits no further helper and waits for those at work.
   void finish() {
     int now = at_work_.fetch_add(kClosed) + kClosed;
-    // The last blocks end within a few iterations; a wake-up takes longer (50 µs).
+    // The last blocks end within a few iterations; a wake-up needs 50 µs.
     for (int tries = 0; now != kClosed && tries < 1000; now = at_work_, ++tries) std::this_thread::yield();
     for (; now != kClosed; now = at_work_) at_work_.wait(now);
     if (problem_) std::rethrow_exception(std::exchange(problem_, nullptr));

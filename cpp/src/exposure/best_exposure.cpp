@@ -117,8 +117,9 @@ double decreasing_root(Both both, double low, double high, double start) {
   return x;
 }
 
-// docs/exposure.md: the maximum lies in the faster tone's lobe that contains 1/(2 f_min). There, with T = 1/(2 f_min) +
-// (x − centre)/f_max and x from 0 to 1, Y' = 0 is w_fast·cos(πx) = w_slow·sin(π r (x − centre)), r = f_min/f_max.
+// docs/explanation/exposure.md: the maximum lies in the faster tone's lobe that contains 1/(2 f_min). There, with
+// T = 1/(2 f_min) + (x − centre)/f_max and x from 0 to 1, Y' = 0 is w_fast·cos(πx) = w_slow·sin(π r (x − centre)),
+// r = f_min/f_max.
 double exact_exposure(double slow, double fast, double w_slow, double w_fast) {
   const double middle = 0.5 / slow;
   if (w_fast == 0) return middle;

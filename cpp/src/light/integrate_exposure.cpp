@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/check_interrupt.hpp"
 #include "light/waveform_elements.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -69,6 +70,7 @@ void integrate_exposure(const Waveform& waveform, const Camera& camera, std::spa
                                static_cast<double>(*last)});
   std::array<double, kBlock> x;
   for (std::size_t i = 0; i < rows.size(); i += kBlock) {
+    check_interrupt();
     const auto block = rows.subspan(i, std::min(kBlock, rows.size() - i));
     std::transform(block.begin(), block.end(), x.begin(), [](std::int64_t row) { return static_cast<double>(row); });
     light.fill({x.data(), block.size()}, out.subspan(i, block.size()));
@@ -82,6 +84,7 @@ void sample_waveform(const Waveform& waveform, std::span<const double> times, st
   const auto [first, last] = std::minmax_element(times.begin(), times.end());
   const Light light(waveform, {TimeLine{}, 0, *first, *last});
   for (std::size_t i = 0; i < times.size(); i += kBlock) {
+    check_interrupt();
     const std::size_t size = std::min(kBlock, times.size() - i);
     light.fill(times.subspan(i, size), out.subspan(i, size));
   }

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "core/check_interrupt.hpp"
 #include "light/waveform_elements.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -206,6 +207,7 @@ class SparseLight final : public MeanLight {
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
     Exposures one = exposures_;
     for (std::size_t i = 0; i < x.size(); ++i) {
+      check_interrupt();
       one.x_first = one.x_last = x[i];
       PiecesLight(factors_, one, stretch_of(one)).add(x.subspan(i, 1), scale, out.subspan(i, 1));
     }

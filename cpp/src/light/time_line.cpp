@@ -23,7 +23,7 @@ void CycleCounter::require_countable(double x_first, double x_last, const char* 
   for (double x : {x_first, x_last}) {
     const double cycles = x * step_.high;
     const bool countable = std::abs(cycles) < kMaxCycles && std::abs(base_whole_) < kMaxCycles;
-    require(countable, argument, std::abs(cycles + base_whole_), "at most 2^50 cycles or chips at the times asked for");
+    require(countable, argument, std::abs(cycles + base_whole_), "at most 2^50 cycles or chips at the requested times");
   }
 }
 

@@ -413,7 +413,7 @@ class CellsElement final : public WaveformElement {
     require(time >= 0 && time <= kMaxTimeConstant, name, time, "from 0 to 1000 chips");
   }
 
-  // Repeated chips begin in the steady state, after as many rounds as a decay takes; others end when it is over.
+  // Repeated chips begin in the steady state, after as many rounds as a decay lasts; others end with it.
   void append_decays(const Chips& chips) {
     double light = 0;
     const auto decay_to = [&](double level) {

@@ -1,6 +1,7 @@
 #include "lights/data_light.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <functional>
@@ -25,7 +26,6 @@ constexpr double min_likeness = 0.5;   // correlation of a column with the middl
 constexpr double min_swing = 0.15;     // relative to the middle's
 constexpr double hysteresis = 0.5;     // relative to the waveform's RMS
 constexpr std::size_t min_edges = 6, max_timed = 64;
-constexpr double edge_evidence = 0.5;  // nats
 // Chips in a short interval; clock in cycles per row.
 constexpr double fastest_chip = 2.2, slowest_chip = 0.7, largest_clock = 0.4;
 constexpr double frequency_reach = 0.25;  // relative, about the suspect's
@@ -219,6 +219,16 @@ Waveform waveform_of(const Patch& patch, std::size_t length) {
   return out;
 }
 
+double periodic_share(const Waveform& waveform, double frequency) {
+  std::array<std::complex<double>, 3> sums{};
+  for (std::size_t n = 0; n < waveform.values.size(); ++n)
+    for (std::size_t h = 0; h < sums.size(); ++h)
+      sums[h] += waveform.values[n] * turned(static_cast<double>(h + 1) * frequency * static_cast<double>(n));
+  double periodic = 0;
+  for (const auto& sum : sums) periodic += 2 * std::norm(sum) / static_cast<double>(waveform.values.size());
+  return waveform.common > 0 ? std::min(periodic / waveform.common, 1.0) : 0;
+}
+
 // RMS of the mean light over the columns, local mean removed.
 double swing_of_light(const Patch& patch, std::size_t length) {
   Signals light(patch.rows);
@@ -271,7 +281,7 @@ std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_
                            0,
                            rest / std::max(waveform.common, 1e-300),
                            0};
-  return DataLight{light, edges.size(), edge_evidence * static_cast<double>(edges.size()) + clock_evidence(edges)};
+  return DataLight{light, edges.size(), clock_evidence(edges), periodic_share(waveform, frequency)};
 }
 
 }  // namespace ocisac

@@ -13,7 +13,8 @@ namespace ocisac {
 struct DataLight {
   RefinedLight light;  // its strongest tone near the suspect's; snr: common swing over the residual; amplitude: its RMS
   std::size_t edges;   // of its waveform
-  double evidence;     // nats: 1/2 per edge, plus that of their clock
+  double clock;        // nats: evidence of a clock in the edges
+  double periodic;     // share of its waveform that the strongest tone and two harmonics explain
 };
 
 // Rows and columns are estimated alternately, twice. Rows: where the log light, minus its mean over four cycles of the

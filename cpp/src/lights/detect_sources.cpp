@@ -6,6 +6,7 @@
 
 #include "core/check_interrupt.hpp"
 #include "lights/data_light.hpp"
+#include "lights/light_probability.hpp"
 #include "lights/merging.hpp"
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
@@ -21,10 +22,14 @@ constexpr std::size_t max_suspects = 256;
 constexpr double min_rows = 24;       // of a box
 constexpr double min_periodic = 0.4;  // fraction of the swing common to the columns
 constexpr double max_uneven = 0.25;
+constexpr double clear_probability = 0.8, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
+constexpr double default_false_alarms = 0.02;                    // at a probability of 1/2
+constexpr double false_alarm_power = 1;
+constexpr double edge_evidence = 0.5;     // nats
+constexpr double data_texture = 0.3;      // relative to the bound for a tone
 constexpr double data_periodic = 0.7;     // upper bound; a tone or a square wave has more
 constexpr double largest_spread = 0.05;   // max relative standard error of a usable frequency
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more belong to a light that sends data
-constexpr double data_texture = 0.3;      // relative to the bound for a tone
 constexpr double settled_cycles = 5, settled_periodic = 0.95;
 constexpr double faint_level = 0.1;
 constexpr double reflection_level = 0.5;  // min strength relative to another light for a separate light
@@ -46,6 +51,7 @@ struct Found {
   bool known = false;   // from the last frame
   std::optional<std::size_t> reflection_of = {};
   bool by_phase = false;
+  double probability = 0;
 };
 
 bool one_frequency(double f, double g) { return std::abs(f - g) <= frequency_apart * std::max(f, g); }
@@ -57,25 +63,16 @@ double size_of(const RefinedLight& light) {
   return light.amplitude * std::sqrt(static_cast<double>(light.box.pixels()));
 }
 
-// −ln of the probability that texture looks as periodic; its variation in a box counts as one independent cell per
-// cycle.
-double evidence(const RefinedLight& light) {
-  return std::log1p(light.snr) * static_cast<double>(light.box.height) * light.frequency;
-}
-
-// Evidence required of a suspect. On 600 pictures of overlapping boxes, the background with most chance alignments of
-// edges, false detections fall as e^(−evidence/1.6). Below one in 50 pictures, where three bars can be even without
-// noise, they fall as e^(−evidence/2.6). The rate is then at most the requested one.
-double evidence_for(std::size_t suspects, double false_alarms) {
-  return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.6 * std::log(false_alarms) -
-         std::min(std::log(false_alarms / 0.02), 0.0) - 1.1;
+// Probability required of a light, so that pictures without lights have `false_alarms` on average.
+double probability_for(double false_alarms) {
+  return 1 / (1 + std::pow(false_alarms / default_false_alarms, false_alarm_power));
 }
 
 // One stored step: smaller swings are often compression artefacts.
 double min_amplitude(const AnyFramesView& frames) { return holds_integers(frames) ? 1 : 0; }
 
-// The same for data: on 400 other such pictures false detections fall as e^(−evidence/1.2), and the rate is a quarter
-// of the requested one.
+// Evidence required of data: on 400 pictures of overlapping boxes false detections fall as e^(−evidence/1.2), and the
+// rate is a quarter of the requested one.
 double data_evidence_for(std::size_t suspects, double false_alarms) {
   return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.2 * std::log(false_alarms) + 3;
 }
@@ -84,30 +81,45 @@ double data_evidence_for(std::size_t suspects, double false_alarms) {
 // be similar by chance.
 double max_texture(const RefinedLight& light) { return 0.8 * std::min(1.0, static_cast<double>(light.box.width) / 24); }
 
-bool accepted(const DataLight& data, const LightLimits& limits, double min_evidence) {
+bool measurable(const DataLight& data, const LightLimits& limits, double min_evidence) {
   const RefinedLight& light = data.light;
   return static_cast<double>(light.box.height) >= limits.rows &&
          0.5 * static_cast<double>(data.edges) >= limits.cycles && light.amplitude >= limits.amplitude &&
-         data.evidence >= min_evidence && light.snr >= 1 && light.texture <= data_texture * max_texture(light);
+         edge_evidence * static_cast<double>(data.edges) + data.clock >= min_evidence && light.snr >= 1 &&
+         light.texture <= data_texture * max_texture(light);
 }
 
 // True for texture that varies periodically with the rows, unlike a picture under a light.
 bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > max_uneven; }
 
-bool accepted(const RefinedLight& light, const LightLimits& limits, double min_evidence) {
+bool measurable(const RefinedLight& light, const LightLimits& limits) {
   const auto height = static_cast<double>(light.box.height);
   return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
-         evidence(light) >= min_evidence && light.texture <= max_texture(light) && !like_text(light) &&
-         light.periodic >= min_periodic && light.frequency_std <= largest_spread * light.frequency;
+         light.texture <= max_texture(light) && !like_text(light) && light.periodic >= min_periodic &&
+         light.frequency_std <= largest_spread * light.frequency;
+}
+
+// −ln of the probability that texture looks as periodic; its variation in a box counts as one independent cell per
+// cycle.
+double evidence(const RefinedLight& light) {
+  return std::log1p(light.snr) * static_cast<double>(light.box.height) * light.frequency;
+}
+
+// Evidence required of a suspect that is not clearly a lamp. On 600 pictures of overlapping boxes, the background with
+// most chance alignments of edges, false detections fall as e^(−evidence/1.6). Below one in 50 pictures, where three
+// bars can be even without noise, they fall as e^(−evidence/2.6).
+double evidence_for(std::size_t suspects, double false_alarms) {
+  return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.6 * std::log(false_alarms) -
+         std::min(std::log(false_alarms / 0.02), 0.0) - 1.1;
 }
 
 bool clean(const Found& one) { return !one.data && one.light.periodic >= data_periodic; }
 
 // True if the detection is certain to be no part of a light that sends data, whose chips alternate for fewer cycles.
 bool settled(const Found& one) {
+  const double cycles = static_cast<double>(one.light.box.height) * one.light.frequency;
   return one.data || one.known ||
-         (clean(one) && (one.light.periodic >= settled_periodic ||
-                         static_cast<double>(one.light.box.height) * one.light.frequency >= settled_cycles));
+         (clean(one) && (cycles >= settled_cycles || (cycles >= 3 && one.light.periodic >= settled_periodic)));
 }
 
 // Compares frequencies with a tolerance: texture under a faint reflection biases its frequency by more than the
@@ -211,6 +223,7 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   LightSource source;
   source.frame = frame;
   source.box = found.part.box;
+  source.probability = found.probability;
   source.frequency = frequency;
   source.frequency_std = light.frequency_std / camera.row_time;
   source.gain = gain.gain[0], source.gain_std = gain.gain_std[0];
@@ -231,11 +244,14 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
 // Detection of lights in one frame.
 class Look {
  public:
-  Look(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const DetectOptions& options)
+  Look(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const DetectOptions& options,
+       double least_probability)
       : frames_(frames),
         frame_(frame),
         options_(options),
-        limits_{min_rows, options.min_cycles, min_amplitude(frames)} {
+        limits_{min_rows, options.min_cycles, min_amplitude(frames)},
+        least_probability_(least_probability),
+        row_time_(camera.row_time) {
     // A memoryless curve preserves every period, and stored values resolve darkness best.
     stored_.dark_level = camera.tone_curve.dark_level;
     stored_.white_level = camera.tone_curve.white_level;
@@ -246,8 +262,9 @@ class Look {
   bool find_expected(const Region& box, double cycles_per_row) {
     const Suspect suspect{box, cycles_per_row, 1, 0};
     const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
-    if (!light || !accepted(*light, limits_, evidence_for(1, options_.false_alarms))) return false;
-    const Found one{.light = *light, .part = part_of(*light), .known = true};
+    if (!light || !is_light(*light)) return false;
+    Found one = found_of(*light);
+    one.known = true;
     if (std::ranges::any_of(found_, [&](const Found& other) { return doubles(one, other); })) return false;
     found_.push_back(one);
     return true;
@@ -259,8 +276,21 @@ class Look {
     auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms);
     suspects.resize(std::min(suspects.size(), max_suspects));
     for (Suspect& suspect : suspects) suspect.box.x += region.x, suspect.box.y += region.y;
+    suspects_ = suspects.size();
     find_tones(suspects, frequencies);
     if (frequencies.empty()) find_data(suspects);
+  }
+
+  // All measurable tones of a frame, or waveforms of data, of any probability.
+  std::vector<LightCandidate> candidates(bool data) {
+    const Shape shape = shape_of(frames_);
+    if (!data) least_probability_ = 0;
+    search({0, 0, shape.columns, shape.rows});
+    if (data) return data_candidates_;
+    std::vector<LightCandidate> all;
+    for (const Found& one : without_doubles(std::move(found_)))
+      if (!one.data) all.push_back(candidate(one.light, one.probability, features_of(one.light, suspects_)));
+    return all;
   }
 
   std::vector<Found> lights() {
@@ -278,30 +308,51 @@ class Look {
 
  private:
   void find_tones(const std::vector<Suspect>& suspects, std::span<const double> frequencies) {
-    const double min_evidence = evidence_for(suspects.size(), options_.false_alarms);
     for (const Suspect& suspect : suspects) {
       check_interrupt();
       if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
         continue;
       if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
       const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (light && accepted(*light, limits_, min_evidence)) add_tone(*light, min_evidence);
+      if (light && is_light(*light)) add_tone(*light);
     }
   }
 
   // Adds a light, or adjacent lamps that were detected as one, each refined in its own columns.
-  void add_tone(const RefinedLight& light, double min_evidence) {
+  void add_tone(const RefinedLight& light) {
     std::vector<RefinedLight> lamps;
     for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, part_of(light))) {
       const auto columns = part_of(frames_, {part.box.x, 0, part.box.width, shape_of(frames_).rows});
       const Suspect suspect{{0, part.box.y, part.box.width, part.box.height}, part.frequency, 1, 0};
       auto lamp = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (!lamp || !accepted(*lamp, limits_, min_evidence)) continue;
+      if (!lamp || !is_light(*lamp)) continue;
       lamp->box.x += part.box.x;
       lamps.push_back(*lamp);
     }
     if (lamps.size() < 2) lamps.assign(1, light);
-    for (const RefinedLight& lamp : lamps) found_.push_back({.light = lamp, .part = part_of(lamp)});
+    for (const RefinedLight& lamp : lamps) found_.push_back(found_of(lamp));
+  }
+
+  template <class Features>
+  [[nodiscard]] LightCandidate candidate(const RefinedLight& light, double probability,
+                                         const Features& features) const {
+    return {light.box, light.frequency / row_time_, probability, {features.begin(), features.end()}};
+  }
+
+  [[nodiscard]] double probability(const RefinedLight& light) const {
+    return probability_of(features_of(light, suspects_));
+  }
+
+  [[nodiscard]] bool is_light(const RefinedLight& light) const {
+    if (!measurable(light, limits_)) return false;
+    const double own = probability(light);
+    const bool clear = (own >= std::max(clear_probability, least_probability_) && light.periodic >= clear_periodic) ||
+                       least_probability_ == 0;
+    return clear || (own >= least_probability_ && evidence(light) >= evidence_for(suspects_, options_.false_alarms));
+  }
+
+  [[nodiscard]] Found found_of(const RefinedLight& light) const {
+    return {.light = light, .part = part_of(light), .probability = probability(light)};
   }
 
   void find_data(const std::vector<Suspect>& suspects) {
@@ -318,7 +369,12 @@ class Look {
       const auto data = find_data_light(frames_, frame_, stored_.dark_level, floor_, suspect);
       if (!data) continue;
       const RefinedLight& light = data->light;
-      if (!accepted(*data, limits_, min_evidence)) continue;
+      if (!measurable(*data, limits_, min_evidence)) continue;
+      const DataFeatures features = features_of(*data, suspects_);
+      const double probability = probability_of(features);
+      data_candidates_.push_back(candidate(light, probability, features));
+      // Odds nine times as high as for a tone: few photographs show what resembles data.
+      if (probability < 9 * least_probability_ / (1 + 8 * least_probability_)) continue;
       if (made_of_tones(light)) {
         tones.push_back(light);
         continue;
@@ -327,7 +383,8 @@ class Look {
         return !one.known && shared_of_smaller(one.light.box, light.box) > 0.5;
       };
       const std::size_t parts = std::erase_if(found_, part);
-      found_.push_back({.light = light, .part = part_of(light), .merged = parts, .data = true});
+      found_.push_back(
+          {.light = light, .part = part_of(light), .merged = parts, .data = true, .probability = probability});
     }
   }
 
@@ -335,7 +392,8 @@ class Look {
   [[nodiscard]] bool made_of_tones(const RefinedLight& light) const {
     std::size_t rows = 0;
     for (const Found& one : found_)
-      if (clean(one) && shared_length(one.light.box.x, one.light.box.width, light.box.x, light.box.width) > 0)
+      if (clean(one) && settled(one) &&
+          shared_length(one.light.box.x, one.light.box.width, light.box.x, light.box.width) > 0)
         rows += shared_length(one.light.box.y, one.light.box.height, light.box.y, light.box.height);
     return 2 * rows > light.box.height;
   }
@@ -345,8 +403,10 @@ class Look {
   const DetectOptions& options_;
   LightLimits limits_;
   ToneCurve stored_;
-  double floor_ = 0;
+  double floor_ = 0, least_probability_, row_time_;
+  std::size_t suspects_ = 1;  // in the last search
   std::vector<Found> found_;
+  std::vector<LightCandidate> data_candidates_;
 };
 
 // Search region and frequencies; without frequencies: any.
@@ -402,11 +462,18 @@ std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camer
   std::vector<LightSource> sources;
   const Shape shape = shape_of(frames);
   for (std::size_t frame = 0; frame < shape.frames; ++frame) {
-    Look look(frames, frame, camera, options);
+    Look look(frames, frame, camera, options, probability_for(options.false_alarms));
     look.search({0, 0, shape.columns, shape.rows});
     for (const Found& found : look.lights()) sources.push_back(source_of(frames, frame, camera, found));
   }
   return sources;
+}
+
+std::vector<LightCandidate> light_candidates(const AnyFramesView& frame, const Camera& camera, bool data) {
+  check(frame);
+  check(camera);
+  const DetectOptions options{.min_cycles = 2};
+  return Look(frame, 0, camera, options, probability_for(options.false_alarms)).candidates(data);
 }
 
 std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera& camera,
@@ -417,7 +484,7 @@ std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera
   const Shape shape = shape_of(frame);
   require(shape.frames == 1, "frame", shape.frames, "one frame");
   for (const ExpectedLight& light : expected) check(light, shape, camera);
-  Look look(frame, 0, camera, options);
+  Look look(frame, 0, camera, options, probability_for(options.false_alarms));
   std::vector<Search> searches;
   for (const ExpectedLight& light : expected) {
     const double cycles_per_row = light.frequency * camera.row_time;

@@ -74,7 +74,7 @@ class Cutter {
  public:
   Cutter(const AnyFramesView& frame, const ToneCurve& curve) : frame_(frame), curve_(curve) {}
 
-  // Cuts by rows, then by columns, until nothing is cut.
+  // Cuts by columns, then by rows, until nothing is cut. Dark chips of the strongest light are no end of the others.
   void cut(const Region& region, int depth) {
     const auto parts = depth < kMaxCuts ? parts_of(region) : std::vector<Region>{};
     if (parts.size() < 2) {
@@ -90,15 +90,15 @@ class Cutter {
   [[nodiscard]] std::vector<Region> parts_of(const Region& region) const {
     const auto view = part_of(frame_, region);
     std::vector<Region> parts;
-    for (const auto& run : active_runs(combine_columns(view, 0, curve_)))
-      parts.push_back({region.x, region.y + run.begin, region.width, run.end - run.begin});
-    if (parts.size() > 1) return parts;
-    parts.clear();
     for (const auto& light : light_groups(view, 0, curve_)) {
       const Run columns = extent(light.columns);
       const Region part{region.x + columns.begin, region.y, columns.end - columns.begin, region.height};
       parts.push_back(first_to_last_swing(frame_, part, curve_));
     }
+    if (parts.size() > 1) return parts;
+    parts.clear();
+    for (const auto& run : active_runs(combine_columns(view, 0, curve_)))
+      parts.push_back({region.x, region.y + run.begin, region.width, run.end - run.begin});
     return parts;
   }
 

@@ -168,6 +168,41 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Reg
   return profile;
 }
 
+// Properties that distinguish a lamp from texture: its bars fill a bright contour.
+struct Appearance {
+  double depth = 0, contour = 0;
+};
+
+Appearance appearance_of(const Patch& patch, const SwingMap& swing, const Region& box, double frequency) {
+  const auto mean = local_means(patch.light, patch.rows, patch.stride, hann_length(frequency));
+  const PatchRange core = patch.range(box);
+  PatchRange wide = core;
+  const std::size_t beside = std::max<std::size_t>((core.end_group - core.first_group) / 2, 1);
+  wide.first_group -= std::min(wide.first_group, beside);
+  wide.end_group = std::min(wide.end_group + beside, patch.groups);
+  const auto above = static_cast<std::size_t>(std::lround(1 / frequency));
+  wide.first_row -= std::min(wide.first_row, above);
+  wide.end_row = std::min(wide.end_row + above, patch.rows);
+  Appearance out;
+  double swings = 0, means = 0, products = 0, swings2 = 0, means2 = 0;
+  for_each(patch, wide, [&](std::size_t i, std::size_t) {
+    const double s = 2 * size(swing[i]), m = mean[i];
+    swings += s, means += m, products += s * m, swings2 += s * s, means2 += m * m;
+  });
+  const auto count = static_cast<double>(wide.size());
+  const double covariance = products - swings * means / count;
+  const double spread = (swings2 - swings * swings / count) * (means2 - means * means / count);
+  out.contour = spread > 0 ? covariance / std::sqrt(spread) : 0;
+  if (wide.first_group == core.first_group && wide.end_group == core.end_group) out.contour = 1;  // it fills the frame
+  double weighted = 0, light = 0;
+  for_each(patch, core, [&](std::size_t i, std::size_t) {
+    const double s = 2 * size(swing[i]);
+    weighted += s * s, light += s * std::max(mean[i], 0.0);
+  });
+  out.depth = light > 0 ? weighted / light : 0;
+  return out;
+}
+
 // Fraction of the profile's energy explained by a least-squares fit of weight·(harmonics).
 double periodic_share(const Profile& profile, double frequency) {
   double total = 0, weights = 0;
@@ -190,8 +225,8 @@ double periodic_share(const Profile& profile, double frequency) {
 }
 
 // Properties of the light in a box from its profile.
-RefinedLight refined(const Patch& patch, const Profile& profile, const Region& box, double frequency, double error,
-                     double amplitude) {
+RefinedLight refined(const Patch& patch, const Profile& profile, const Appearance& appearance, const Region& box,
+                     double frequency, double error, double amplitude) {
   const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
   const double periodic = periodic_share(profile, frequency);
   const double explained = common * periodic;
@@ -205,7 +240,9 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Region& b
       common,
       periodic,
       std::max(profile.energy * (1 - explained) - profile.noise, 0.0) / std::max(profile.energy * explained, 1e-300),
-      profile.uneven};
+      profile.uneven,
+      appearance.depth,
+      appearance.contour};
 }
 
 }  // namespace
@@ -218,7 +255,8 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     const std::size_t margin = hann_length(frequency) + 2;
     const Patch patch = patch_of({frames, frame, dark, floor}, box, {margin, margin});
     const Demodulator demodulator(frequency, patch.rows);
-    const auto lit = lit_box(patch, demodulator.swing(patch, patch.light), box);
+    const SwingMap swing = demodulator.swing(patch, patch.light);
+    const auto lit = lit_box(patch, swing, box);
     if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
         static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
       return {};
@@ -231,7 +269,8 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     box.width = std::min(box.width, shape_of(frames).columns - box.x);
     const double error =
         jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);
-    return refined(patch, profile, box, frequency, error, 2 * lit->amplitude);
+    return refined(patch, profile, appearance_of(patch, swing, box, frequency), box, frequency, error,
+                   2 * lit->amplitude);
   }
 }
 

@@ -24,6 +24,8 @@ struct RefinedLight {
   double periodic;                  // periodic fraction of that common swing
   double texture;                   // residual swing minus noise, over the periodic part
   double uneven;                    // modulation depth of the texture at the frequency; 0 where light multiplies it
+  double depth = 0;                 // swing over mean light, where it is bright in the box
+  double contour = 0;               // correlation of local swing and local light, in the box and around it
 };
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of

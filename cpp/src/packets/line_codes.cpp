@@ -7,6 +7,7 @@
 #include <numbers>
 #include <utility>
 
+#include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -14,6 +15,7 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kLongestWord = 16;
+constexpr std::size_t kCheckedWords = 1024;  // between two checks for an interrupt
 
 // IEEE Std 802.15.7, 4B6B: three bright chips of six in every word.
 constexpr std::array<std::uint32_t, 16> k4b6b = {0b001110, 0b001101, 0b010011, 0b010110, 0b010101, 0b100011,
@@ -142,6 +144,7 @@ LineDecoding LineCode::decode(std::span<const double> llr) const {
   std::vector<std::array<double, 2>> best(bits_per_word_);
   WordScores scores(chips_per_word_);
   for (std::size_t first = 0; first < llr.size(); first += chips_per_word_) {
+    if (first / chips_per_word_ % kCheckedWords == 0) check_interrupt();
     const auto chips = llr.subspan(first, chips_per_word_);
     scores.read(chips);
     best.assign(bits_per_word_, {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()});

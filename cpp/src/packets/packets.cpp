@@ -15,8 +15,8 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kNumberBytes = 1, kChecksumBytes = 4;
-constexpr std::size_t kUsualData = 85, kMaxData = 170;  // bytes of a codeword of 255
-constexpr std::size_t kMaxBlocks = 256;
+constexpr std::size_t kUsualData = 85, kMaxData = 170;   // bytes of a codeword of 255
+constexpr std::size_t kMinBlocks = 4, kMaxBlocks = 256;  // each digit of the length has a block
 constexpr unsigned kHeaderMask = 0x5AA5;
 constexpr double kSureBit = 2;                           // nats: a byte with a smaller |llr| is an erasure
 constexpr double kMaxSoftBit = 60;                       // nats
@@ -200,7 +200,7 @@ PacketLayout packet_layout(std::size_t payload_bytes, const PacketFormat& format
   layout.payload_bytes = payload_bytes;
   layout.codewords = std::min(parts(data, kUsualData), max_codewords(format));
   layout.codeword_data = parts(data, layout.codewords);
-  layout.blocks = parts(layout.coded_bytes(), format.block_bytes);
+  layout.blocks = std::max(parts(layout.coded_bytes(), format.block_bytes), kMinBlocks);
   layout.block_chips = block_chips(format);
   return layout;
 }

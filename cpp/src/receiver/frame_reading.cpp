@@ -25,16 +25,7 @@ constexpr double kMaxErrors = 2e-3;  // expected error rate
 constexpr double kMaxErrorsIfEven = 0.08;
 constexpr double kMaxCorrelation = 0.3;  // right frames have at most 0.07, wrong ones at least 0.7
 constexpr double kEquallyGood = 1.2;     // ratio of residuals
-constexpr int kNuisanceRounds = 6;
-constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
-constexpr double kToneReach = 0.25;        // spectral lines of a frame
-constexpr int kToneSteps = 8;
-constexpr double kSlowest = 2;                                // chips, of rise and fall
-constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
-constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
-constexpr int kShapeSteps = 6, kShapeHalvings = 3, kShapeRounds = 4;
-constexpr double kMinShapePivot = 1e-9;
-constexpr double kNoResidual = 0.005;  // relative to the swing: rounding to whole values may be correlated
+constexpr double kNoResidual = 0.005;    // relative to the swing: rounding to whole values may be correlated
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -62,12 +53,6 @@ std::string_view method_for(const ChipClock& clock, double longest_trellis) {
   return clock.exposure_rows <= longest * clock.rows_per_chip ? "mlse" : "reduced";
 }
 
-std::vector<double> hard_chips(const FrameReading& reading) {
-  std::vector<double> chips(reading.llr.size());
-  std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
-  return chips;
-}
-
 // Fails, so that the channel is rejected, where the estimated exposure is too long.
 std::vector<double> detect_levels(const ChipQuestion& question) {
   return level_detector(method_for(question.clock, kLongestSearchedTrellis))(question);
@@ -82,25 +67,16 @@ double error_rate_within(const FrameReading& reading) {
   return sum / static_cast<double>(reading.llr.size() - 2 * edge);
 }
 
-// What a channel leaves of all rows.
-std::vector<double> residual(std::span<const double> signal, const KnownChips& chips, const ChannelEstimate& channel) {
-  std::vector<double> left(signal.size());
-  expose_chips(chips, channel.clock, left);
-  for (std::size_t n = 0; n < left.size(); ++n) {
-    const auto row = static_cast<double>(n);
-    left[n] = signal[n] - channel.dark_at(row, left.size()) - channel.swing_at(row, left.size()) * left[n];
-  }
-  return left;
-}
-
+// Of neighbouring rows, −1 to 1.
 double residual_correlation(std::span<const double> signal, const FrameReading& reading) {
-  const auto left = residual(signal, {hard_chips(reading), reading.first}, reading.channel);
-  double squares = 0, products = 0;
+  const auto left = channel_residual(signal, {hard_chips(reading), reading.first}, reading.channel);
+  double earlier = 0, later = 0, products = 0;
   for (std::size_t n = reading.channel.rows.begin + 1; n < reading.channel.rows.end; ++n) {
-    squares += left[n] * left[n];
+    earlier += left[n - 1] * left[n - 1];
+    later += left[n] * left[n];
     products += left[n] * left[n - 1];
   }
-  return squares > 0 ? products / squares : 0.0;
+  return earlier > 0 && later > 0 ? products / std::sqrt(earlier * later) : 0.0;
 }
 
 // True if detection with one channel is equivalent to that with the other.
@@ -125,6 +101,12 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
 }
 
 }  // namespace
+
+std::vector<double> hard_chips(const FrameReading& reading) {
+  std::vector<double> chips(reading.llr.size());
+  std::ranges::transform(reading.llr, chips.begin(), [](double llr) { return llr > 0 ? 1.0 : 0.0; });
+  return chips;
+}
 
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
                                        bool exposure_known, SearchEffort* effort) {
@@ -158,7 +140,7 @@ std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows) 
   const auto chips = hard_chips(reading);
   std::vector<double> exposed(rows);
   expose_chips({chips, reading.first}, reading.channel.clock, exposed);
-  return exposed;
+  return warped(exposed, reading.warp);
 }
 
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows) {
@@ -179,111 +161,6 @@ FrameReading with_shortest_exposure(std::span<const double> signal, FrameReading
   return std::move(*shorter);
 }
 
-// Golden-section search about the tone's frequency, within a quarter of a frame's spectral line.
-static void move_tone(std::span<const double> signal, std::span<const double> exposed, RowNuisance& nuisance,
-                      double& tone) {
-  constexpr double kGolden = 0.6180339887498949;
-  const auto left_at = [&](double frequency) {
-    tone = frequency;
-    const auto fit = remove_nuisance(signal, nuisance, exposed);
-    return fit ? fit->squares : std::numeric_limits<double>::infinity();
-  };
-  const double reach = kToneReach / static_cast<double>(signal.size());
-  double low = tone - reach, high = tone + reach;
-  double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
-  double at_a = left_at(a), at_b = left_at(b);
-  for (int step = 0; step < kToneSteps; ++step) {
-    if (at_a < at_b) {
-      high = std::exchange(b, a);
-      at_b = at_a;
-      at_a = left_at(a = high - kGolden * (high - low));
-    } else {
-      low = std::exchange(a, b);
-      at_a = at_b;
-      at_b = left_at(b = low + kGolden * (high - low));
-    }
-  }
-  tone = 0.5 * (low + high);
-}
-
-std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
-                                            bool exposure_known, SearchEffort* effort) {
-  for (int round = 0; round < kNuisanceRounds; ++round) {
-    const auto exposed = exposed_rows(reading, signal.size());
-    for (double& tone : nuisance.tones) move_tone(signal, exposed, nuisance, tone);
-    const auto fit = remove_nuisance(signal, nuisance, exposed);
-    auto again = fit ? read_frame(fit->rest, reading.channel, exposure_known, effort) : std::nullopt;
-    if (!again) return std::nullopt;
-    const bool stays = again->first == reading.first && exposed_rows(*again, signal.size()) == exposed;
-    const bool settled = again->relative_noise > kNuisanceSettled * reading.relative_noise;
-    again->even = reading.even;
-    reading = std::move(*again);
-    if (stays || (settled && round > 0)) break;
-  }
-  return reading;
-}
-
-// Gauss–Newton on rise and fall with known chips; all other unknowns are fitted anew at each (variable projection).
-static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChips& chips, ChannelEstimate best,
-                                 bool exposure_known) {
-  const ChannelModel model{best.dark.size() - 1, best.swing.size() - 1, exposure_known};
-  const auto fitted_at = [&](double rise, double fall) {
-    ChipClock clock = best.clock;
-    clock.rise = std::clamp(rise, 0.0, kSlowest);
-    clock.fall = std::clamp(fall, 0.0, kSlowest);
-    return fit_channel(signal, chips, clock, model);
-  };
-  for (int step = 0; step < kShapeSteps; ++step) {
-    const double rise = best.clock.rise, fall = best.clock.fall;
-    const auto riser = fitted_at(rise + kShapeStep, fall), faller = fitted_at(rise, fall + kShapeStep);
-    if (!riser || !faller) break;
-    const auto left = residual(signal, chips, best), left_riser = residual(signal, chips, *riser),
-               left_faller = residual(signal, chips, *faller);
-    double rr = 0, rf = 0, ff = 0, r = 0, f = 0;
-    for (std::size_t n = best.rows.begin; n < best.rows.end; ++n) {
-      const double by_rise = (left_riser[n] - left[n]) / kShapeStep, by_fall = (left_faller[n] - left[n]) / kShapeStep;
-      rr += by_rise * by_rise;
-      rf += by_rise * by_fall;
-      ff += by_fall * by_fall;
-      r -= by_rise * left[n];
-      f -= by_fall * left[n];
-    }
-    const double determinant = rr * ff - rf * rf;
-    if (!(determinant > kMinShapePivot * rr * ff)) break;
-    const double to_rise = (ff * r - rf * f) / determinant, to_fall = (rr * f - rf * r) / determinant;
-    double share = std::min(1.0, kLargestShapeMove / std::max({std::abs(to_rise), std::abs(to_fall), 1e-12}));
-    const double before = best.noise;
-    for (int halving = 0; halving < kShapeHalvings && !(best.noise < before); ++halving, share *= 0.5)
-      if (auto moved = fitted_at(rise + share * to_rise, fall + share * to_fall); moved && moved->noise < best.noise)
-        best = std::move(*moved);
-    if (!(best.noise < (1 - kMinShapeGain) * before)) break;
-  }
-  return best;
-}
-
-std::vector<double> sharpened(std::span<const double> signal, double rows) {
-  std::vector<double> sharp(signal.begin(), signal.end());
-  for (std::size_t n = 1; n + 1 < sharp.size(); ++n) sharp[n] += 0.5 * rows * (signal[n + 1] - signal[n - 1]);
-  return sharp;
-}
-
-std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameReading reading, bool exposure_known,
-                                         SearchEffort* effort) {
-  bool better = false;
-  for (int round = 0; round < kShapeRounds; ++round) {
-    const auto chips = hard_chips(reading);
-    const ChannelEstimate moved = fit_shape(signal, {chips, reading.first}, reading.channel, exposure_known);
-    auto again = read_frame(signal, moved, exposure_known, effort);
-    if (!again || (round > 0 && !(again->relative_noise < reading.relative_noise))) break;
-    const bool settled = round > 0 && again->relative_noise > (1 - kMinShapeGain) * reading.relative_noise;
-    again->even = reading.even;
-    reading = std::move(*again);
-    better = true;
-    if (settled) break;
-  }
-  return better ? std::optional(std::move(reading)) : std::nullopt;
-}
-
 bool is_misfit(const FrameReading& reading) {
   return reading.correlation > kMaxCorrelation && reading.relative_noise > kNoResidual;
 }
@@ -299,16 +176,19 @@ namespace {
 std::optional<FrameReading> reading_of(std::span<const double> signal, const std::optional<RefinedChannel>& found,
                                        bool exposure_known, SearchEffort* effort) {
   if (!found) return std::nullopt;
-  auto reading = read_frame(signal, found->channel, exposure_known, effort);
-  if (reading) reading->even = found->even;
+  auto reading = read_frame(unwarped(signal, found->warp), found->channel, exposure_known, effort);
+  if (!reading) return std::nullopt;
+  reading->even = found->even;
+  reading->warp = found->warp;
   return reading;
 }
 
 }  // namespace
 
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
-                                           bool exposure_known, SearchEffort* effort, const KnownChips& known) {
-  const RefineOptions options{.exposure_known = exposure_known, .known = known, .effort = effort};
+                                           bool exposure_known, SearchEffort* effort, const KnownChips& known,
+                                           bool warped) {
+  const RefineOptions options{.exposure_known = exposure_known, .known = known, .effort = effort, .warped = warped};
   return reading_of(signal, refine_channel(signal, start, detect_levels, options), exposure_known, effort);
 }
 
@@ -316,6 +196,10 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const double longest_allowed = kLongestReducedExposure * (1 - search.tolerance) * search.rows_per_chip;
   if (search.exposure_rows && *search.exposure_rows > longest_allowed) return std::nullopt;
   const bool exposure_known = search.exposure_rows.has_value();
+  const auto sound = [&](std::optional<FrameReading> reading) {
+    if (reading && search.warped) reading = refine_warp(signal, std::move(*reading), exposure_known, search.effort);
+    return reading && is_sound(*reading) && !(search.warped && is_misfit(*reading)) ? std::move(reading) : std::nullopt;
+  };
   const double chips = static_cast<double>(search.preamble.size());
   const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;
   if (seen >= kMinChipsSeen) {
@@ -326,16 +210,15 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
                                         .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
                                         .max_matches = kPreamblesTried});
     for (const auto& match : matches) {
-      auto reading = extend_reading(signal, match.channel, exposure_known, search.effort, {search.preamble, 0});
-      if (reading && is_sound(*reading)) return reading;
+      if (auto reading = sound(extend_reading(signal, match.channel, exposure_known, search.effort,
+                                              {search.preamble, 0}, search.warped)))
+        return reading;
     }
   }
   const ChannelSearch blind{
       .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure_rows = search.exposure_rows};
-  const RefineOptions options{.exposure_known = exposure_known, .effort = search.effort};
-  auto reading = reading_of(signal, find_channel(signal, blind, detect_levels, options), exposure_known, search.effort);
-  if (reading && is_sound(*reading)) return reading;
-  return std::nullopt;
+  const RefineOptions options{.exposure_known = exposure_known, .effort = search.effort, .warped = search.warped};
+  return sound(reading_of(signal, find_channel(signal, blind, detect_levels, options), exposure_known, search.effort));
 }
 
 }  // namespace ocisac

@@ -12,12 +12,14 @@
 #include "chips/chip_timing.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
+#include "core/check_interrupt.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
+#include "receiver/rows_of_noise.hpp"
 
 namespace ocisac {
 
@@ -222,6 +224,7 @@ bool is_interpolated(std::span<const double> signal) {
 
 // Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
 bool decode(const CombinedColumn& column, const Search& what, Received& received) {
+  check_interrupt();
   const auto lit = lit_rows(column.signal, column.noise);
   // Chips that end dark show it a chip beyond the last row that stands out.
   const std::size_t begin = lit.rows.begin - std::min(lit.shortest, lit.rows.begin);
@@ -257,7 +260,8 @@ StrongestTone other_tone(std::span<const double> signal, double row_time) {
 }
 
 // The signal without mains hum of each frequency, and without its strongest tone as a square wave.
-std::vector<Rest> without_other_light(std::span<const double> signal, const StrongestTone& tone, double row_time) {
+std::vector<Rest> without_other_light(std::span<const double> signal, const StrongestTone& tone, double row_time,
+                                      double exposure_rows) {
   std::vector<Rest> rests;
   const auto add = [&](const RowNuisance& nuisance) {
     if (auto fit = remove_nuisance(signal, nuisance)) rests.push_back({std::move(fit->rest)});
@@ -266,7 +270,7 @@ std::vector<Rest> without_other_light(std::span<const double> signal, const Stro
   for (const double mains : kMains)
     if (mains * row_time * rows >= kMinHumCycles) add({0, {mains * row_time}});
   if (tone.prominence > kMinProminence && tone.frequency * rows >= kMinToneCycles)
-    rests.push_back({without_square_wave(signal, tone.frequency), tone.frequency});
+    rests.push_back({without_square_wave(signal, tone.frequency, exposure_rows), tone.frequency});
   return rests;
 }
 
@@ -311,7 +315,8 @@ void refine_square(const CombinedColumn& column, const Search& what, double freq
     if (!light) return;
     const auto beside = difference(column.signal, *light);
     CombinedColumn other = column;
-    other.signal = difference(column.signal, difference(beside, without_square_wave(beside, frequency)));
+    other.signal = difference(
+        column.signal, difference(beside, without_square_wave(beside, frequency, what.exposure_rows.value_or(0.0))));
     Received again{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};
     if (!decode(other, what, again) || !(again.snr > received.snr)) return;
     received = std::move(again);
@@ -319,15 +324,20 @@ void refine_square(const CombinedColumn& column, const Search& what, double freq
   }
 }
 
-// As decode; without chips, with weak ones, or beside an evident tone, other light is removed from the rows and
-// detection repeated. Steady rows beside a lamp show no other light.
+// As decode, but that noise is not searched; without chips, with weak ones, or beside an evident tone, other light is
+// removed from the rows and detection repeated. Steady rows beside a lamp show no other light.
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
+  if (is_noise(column.signal)) {
+    received.weights = column.weights;
+    received.flags = (column.saturated ? flag::saturated : 0) | flag::no_signal;
+    return false;
+  }
   const bool decoded = decode(column, what, received);
   const auto tone = other_tone(column.signal, row_time);
   if (decoded && (received.flags & flag::weak) == 0 && tone.prominence < kEvident) return true;
   if (lit_rows(column.signal, column.noise).rows.size() < column.signal.size()) return decoded;
   bool better = decoded;
-  for (auto& [rest, square] : without_other_light(column.signal, tone, row_time)) {
+  for (auto& [rest, square] : without_other_light(column.signal, tone, row_time, what.exposure_rows.value_or(0.0))) {
     CombinedColumn other = column;
     other.signal = std::move(rest);
     Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};

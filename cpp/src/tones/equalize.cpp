@@ -11,6 +11,7 @@
 #include <string>
 
 #include "columns/light_and_noise.hpp"
+#include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -84,6 +85,13 @@ Line least_squares_line(std::span<const double> signal) {
   return line;
 }
 
+// A power of two of the size of the signal, with which squares neither overflow nor vanish.
+double unit_of(std::span<const double> signal) {
+  double largest = 0;
+  for (const double value : signal) largest = std::max(largest, std::abs(value));
+  return std::isnormal(largest) ? std::exp2(std::ilogb(largest)) : 1.0;
+}
+
 // Response of the exposure at k/length cycles per row, k = 0 … length/2: |H| with its sign, and its delay.
 struct Response {
   Response(std::size_t length_of_dft, double exposure_rows)
@@ -128,20 +136,24 @@ class Equalizer {
   void run(std::span<double> signals, std::span<const double> noise, EqualizerReport& report) {
     const std::size_t count = signals.size() / rows_;
     std::vector<Line> lines(count);
+    std::vector<double> units(count);
     for (std::size_t c = 0; c < count; ++c) {
       const auto signal = signals.subspan(c * rows_, rows_);
       lines[c] = least_squares_line(signal);
       for (std::size_t n = 0; n < rows_; ++n) signal[n] -= lines[c].at(static_cast<double>(n));
+      units[c] = unit_of(signal);
+      for (double& value : signal) value /= units[c];
     }
     std::vector<ColumnAnalysis::Result> analysed(count);
     for (std::size_t c = 0; c < count && analysis_; ++c) {
-      const auto known = noise.empty() ? std::nullopt : std::optional(noise[c] * noise[c]);
+      check_interrupt();
+      const auto known = noise.empty() ? std::nullopt : std::optional(std::pow(noise[c] / units[c], 2));
       if (known != 0.0) analysed[c] = analysis_->take_off_course(signals.subspan(c * rows_, rows_), known);
     }
     auto spectra = half_spectra(extended(signals, count), response_.length);
     const std::size_t bins = response_.sinc_at.size();
     for (std::size_t c = 0; c < count; ++c) {
-      report.noise.push_back(std::sqrt(analysed[c].rest.noise));
+      report.noise.push_back(units[c] * std::sqrt(analysed[c].rest.noise));
       const auto spectrum = std::span(spectra).subspan(c * bins, bins);
       const bool is_inverse = analysed[c].course.empty();
       const Filter own = is_inverse ? Filter{} : filter_of(bounded(analysis_->gain(analysed[c].rest)));
@@ -150,8 +162,8 @@ class Equalizer {
     const auto equalised = signals_of_half_spectra(spectra, response_.length);
     for (std::size_t c = 0; c < count; ++c)
       for (std::size_t n = 0; n < rows_; ++n)
-        signals[c * rows_ + n] = equalised[c * response_.length + n] +
-                                 (analysed[c].course.empty() ? 0 : analysed[c].course[n]) +
+        signals[c * rows_ + n] = units[c] * (equalised[c * response_.length + n] +
+                                             (analysed[c].course.empty() ? 0 : analysed[c].course[n])) +
                                  lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
   }
 
@@ -245,6 +257,7 @@ void for_each_block(const AnyFramesView& frames, const Camera& camera, std::size
                     Work work) {
   for (std::size_t frame = 0; frame < out.frames; ++frame)
     for (std::size_t first = 0; first < out.columns; first += block) {
+      check_interrupt();
       const std::size_t count = std::min(block, out.columns - first);
       auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
       work(frame, first, std::span(signals));

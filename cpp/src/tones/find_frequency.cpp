@@ -323,33 +323,4 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
           final.model.harmonics.back(), flags, std::move(columns)};
 }
 
-FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search) {
-  if (search.lower > 0) return find_frequency(frames, search);
-  const double two_cycles = 2 / static_cast<double>(std::max<std::size_t>(shape_of(frames).rows, 1));
-  if (two_cycles < std::min(search.upper, 0.5)) {
-    FrequencySearch from_two = search;
-    from_two.lower = two_cycles;
-    FoundFrequency found = find_frequency(frames, from_two);
-    if ((found.flags & (flag::no_tone | flag::at_bound)) == 0) return found;
-  }
-  return find_frequency(frames, search);
-}
-
-std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search) {
-  require(!colours.empty(), "colours", "0 colours", "at least one");
-  constexpr Flags doubtful = flag::few_cycles | flag::at_bound;
-  std::size_t best = 0;
-  auto best_rank = std::pair{true, std::numeric_limits<double>::infinity()};
-  for (std::size_t colour = 0; colour < colours.size(); ++colour) {
-    const FoundFrequency found = find_lamp_frequency(colours[colour], search);
-    if ((found.flags & flag::no_tone) != 0) continue;
-    const auto rank = std::pair{(found.flags & doubtful) != 0, found.frequency_std / found.frequency};
-    if (rank < best_rank) {
-      best_rank = rank;
-      best = colour;
-    }
-  }
-  return best;
-}
-
 }  // namespace ocisac

@@ -12,6 +12,7 @@
 #include "ocisac/exposure/best_exposure.hpp"
 #include "ocisac/light/integrate_exposure.hpp"
 #include "ocisac/light/waveform.hpp"
+#include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 #include "ocisac/ocisac.h"
 #include "ocisac/packets/fsk.hpp"
@@ -19,7 +20,6 @@
 #include "ocisac/receiver/receive.hpp"
 #include "ocisac/receiver/receiver.hpp"
 #include "ocisac/scene/render.hpp"
-#include "ocisac/tones/calibrate.hpp"
 #include "ocisac/tones/equalize.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/tone_gain.hpp"
@@ -186,6 +186,7 @@ std::string c_interface() {
   ocisac_options options;
   ocisac_options_init(&options);
   options.row_time = kRowTime;
+  options.exposure = 2 * kRowTime;  // one that is searched takes 15 times the allocations
   options.chip_rate = 12.5e3;
   options.frequency = 1000;
   options.region = {0, 0, kColumns, kRows};

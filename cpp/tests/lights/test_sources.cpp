@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lights/screening.hpp"
+#include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 
 namespace ocisac {
@@ -145,6 +146,16 @@ TEST_CASE("lights cannot be expected beyond the frame or without a frequency") {
         ExpectedLight{all, 0, all, true, false}, ExpectedLight{all, 50000, all, true, false}})
     CHECK_THROWS_AS(follow_sources(view, camera(), std::vector{expected}), std::invalid_argument);
   CHECK_THROWS_AS(follow_sources(dense_view(pixels.data(), 2, rows / 2, columns), camera(), {}), std::invalid_argument);
+}
+
+TEST_CASE("the row time is that of the lamp's frequency") {
+  const auto pixels = picture(true);
+  const auto view = dense_view(pixels.data(), 1, rows, columns);
+  const Calibration calibration = calibrate(view, 8000, {});
+  CHECK(calibration.row_time == doctest::Approx(row_time).epsilon(0.01));
+  CHECK(calibration.row_time_std == doctest::Approx(calibration.found.frequency_std / 8000));
+  CHECK_THROWS_AS(calibrate(view, 0, {}), std::invalid_argument);
+  CHECK_THROWS_AS(pick_colour({}, {}), std::invalid_argument);
 }
 
 TEST_CASE("options without meaning are refused") {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 #include <stdexcept>
@@ -83,4 +84,18 @@ TEST_CASE("FSK: tones that cannot be told apart are refused") {
   CHECK_THROWS_AS(ocisac::FskDemodulator(kCamera, kTones, 99), std::invalid_argument);  // no cycle of 500 Hz
   CHECK_NOTHROW(ocisac::FskDemodulator(kCamera, kTones, 100));
   CHECK_THROWS_AS(ocisac::fsk_symbol_error_rate(1, 2), std::invalid_argument);
+}
+
+TEST_CASE("FSK: rows and amplitudes whose squares overflow are refused by name") {
+  const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
+  auto rows = rows_of(500, 1);
+  for (const double amplitude : {-1.0, 1e300, std::numeric_limits<double>::quiet_NaN()})
+    CHECK_THROWS_WITH_AS((void)demodulator.demodulate(rows, amplitude), doctest::Contains("amplitude: got"),
+                         std::invalid_argument);
+  for (double& row : rows) row *= 1e298;
+  CHECK_THROWS_WITH_AS((void)demodulator.demodulate(rows), doctest::Contains("signal: got"), std::invalid_argument);
+  const auto near = rows_of(500, 1);
+  for (std::size_t n = 0; n < kRows; ++n) rows[n] = 1e90 * near[n];
+  CHECK(demodulator.demodulate(rows).symbol == 0);
+  CHECK(demodulator.demodulate(rows).snr == doctest::Approx(demodulator.demodulate(near).snr));
 }

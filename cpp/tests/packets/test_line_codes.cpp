@@ -109,4 +109,16 @@ TEST_CASE("the chips of a packet are those of the first release") {
     CAPTURE(code);
     CHECK(ocisac::crc32(ocisac::packet_chips(payload, {ocisac::LineCode::named(code)}, 7)) == checksum);
   }
+  std::string preamble;
+  for (const auto chip : ocisac::preamble_chips(ocisac::Preamble::lengthened)) preamble += chip != 0 ? '1' : '0';
+  CHECK(preamble == "011111100000011000000111111001111110000001");
+}
+
+TEST_CASE("bits other than 0 and 1, and parts of words, are refused") {
+  const auto code = ocisac::LineCode::named("4b6b");
+  CHECK_NOTHROW((void)code.encode(std::vector<std::uint8_t>{0, 1, 1, 0}));
+  CHECK_THROWS_AS((void)code.encode(std::vector<std::uint8_t>{0, 1, 2, 0}), std::invalid_argument);
+  CHECK_THROWS_AS((void)code.encode(std::vector<std::uint8_t>{0, 1, 1}), std::invalid_argument);
+  CHECK_NOTHROW((void)code.decode(std::vector<double>(6, 1.0)));
+  CHECK_THROWS_AS((void)code.decode(std::vector<double>(7, 1.0)), std::invalid_argument);
 }

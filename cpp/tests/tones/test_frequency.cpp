@@ -6,7 +6,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ocisac/tones/calibrate.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
 #include "tones/tone_combination.hpp"
@@ -47,14 +46,10 @@ TEST_CASE("a tone without noise is found to rounding, whatever the columns' phas
     }
 }
 
-TEST_CASE("a frequency within a few of its standard errors, and the row time from it") {
+TEST_CASE("a frequency within a few of its standard errors") {
   const auto pixels = toned(500, 8, 0.0733, 0.5);
   const auto found = ocisac::find_frequency(view(pixels, 500, 8), {});
   CHECK(std::abs(found.frequency - 0.0733) < 4 * found.frequency_std);
-  const auto calibration = ocisac::calibrate(view(pixels, 500, 8), 1000, {});
-  CHECK(calibration.row_time == doctest::Approx(found.frequency / 1000));
-  CHECK(calibration.row_time_std == doctest::Approx(found.frequency_std / 1000));
-  CHECK_THROWS_AS(ocisac::calibrate(view(pixels, 500, 8), 0, {}), std::invalid_argument);
 }
 
 TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
@@ -109,5 +104,4 @@ TEST_CASE("what cannot be answered is NaN and flagged") {
   std::vector<double> pixels(60, 1.0);
   pixels[7] = std::nan("");
   CHECK_THROWS_AS(ocisac::find_frequency(view(pixels, 20, 3), {}), std::invalid_argument);
-  CHECK_THROWS_AS(ocisac::pick_colour({}, {}), std::invalid_argument);
 }

@@ -51,6 +51,10 @@ struct ChannelEstimate {
   [[nodiscard]] double dark_at(double row, std::size_t frame_rows) const;
 };
 
+// What a channel and its chips leave of all rows.
+std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,
+                                     const ChannelEstimate& channel);
+
 // Bound on the work for a frame: rows processed by fits and detections, counted down with every pass. It counts work
 // instead of time, so results are reproducible.
 struct SearchEffort {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/chips/row_warp.hpp"
 
 namespace ocisac {
 
@@ -37,6 +38,7 @@ struct RefineOptions {
   std::size_t highest_degree = 4;  // maximum degree of dark and swing along the frame, selected by Schwarz's criterion
   KnownChips known{};              // chips that need no detection: a preamble
   SearchEffort* effort = nullptr;  // once used up, the best result so far is returned; nullptr: no limit
+  bool warped = false;             // the rows may be displaced, by a smooth warp
 };
 
 struct RefinedChannel {
@@ -45,6 +47,7 @@ struct RefinedChannel {
   std::ptrdiff_t first = 0;   // index of the first of them
   bool settled = false;       // the last detection changed no chip
   bool even = false;          // all parts of the frame are explained equally well: the clock was not lost
+  RowWarp warp{};             // with `warped`: of the picture's rows; channel and chips are those of the even rows
 };
 
 // Grows the rows from those of the start to the whole frame, limited at each step by the certainty of the clock. Absent

@@ -42,8 +42,8 @@ struct StrongestTone {
 };
 StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest);
 
-// The signal minus a square wave of duty ½ near this frequency (cycles per row, accurate to half a spectral line of the
-// frame), with the frequency and phase of the smallest residual.
-std::vector<double> without_square_wave(std::span<const double> signal, double frequency);
+// The signal minus a square wave of duty ½, exposed for `exposure_rows`, near this frequency (cycles per row, accurate
+// to half a spectral line of the frame), with the frequency and phase of the smallest residual.
+std::vector<double> without_square_wave(std::span<const double> signal, double frequency, double exposure_rows = 0);
 
 }  // namespace ocisac

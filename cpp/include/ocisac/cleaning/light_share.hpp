@@ -44,7 +44,7 @@ struct RowLight {
 };
 
 // Prior of the row light.
-struct RowModel {
+struct RowLightPrior {
   // (rows × terms): the change from the start is a linear combination of these; empty: unconstrained.
   std::span<const double> basis;
   double deviation = std::numeric_limits<double>::infinity();  // standard deviation of a row from its start; > 0
@@ -54,6 +54,6 @@ struct RowModel {
 // all columns; `share`: (rows × columns). Without a basis, slower changes keep their start values. With a deviation,
 // the evidence of the picture has weight 1/10, because the texture of neighbouring columns is correlated.
 RowLight refine_row_light(const BandedPicture& picture, std::span<const double> share,
-                          std::span<const double> row_light, int steps = 6, const RowModel& model = {});
+                          std::span<const double> row_light, int steps = 6, const RowLightPrior& model = {});
 
 }  // namespace ocisac

@@ -18,16 +18,24 @@ inline std::string shortest_text(double value) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 
+// A text as messages show it: at most 80 bytes, cut between characters of UTF-8.
+inline std::string shown(std::string text) {
+  constexpr std::size_t most = 80;
+  if (text.size() <= most) return text;
+  std::size_t end = most - 3;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0U) == 0x80U) --end;
+  return text.substr(0, end) + "...";
+}
+
 template <class Value>
 [[noreturn]] void refuse(std::string_view argument, const Value& value, std::string_view allowed) {
-  std::ostringstream message;
-  message << argument << ": got ";
+  std::ostringstream got;
   if constexpr (std::is_floating_point_v<Value>)
-    message << shortest_text(value);
+    got << shortest_text(value);
   else
-    message << value;
-  message << ", allowed: " << allowed;
-  throw std::invalid_argument(message.str());
+    got << value;
+  throw std::invalid_argument(std::string(argument) + ": got " + shown(got.str()) +
+                              ", allowed: " + std::string(allowed));
 }
 
 template <class Value>

@@ -29,7 +29,7 @@ double exposure_objective(std::span<const double> frequencies, std::span<const d
 // Maximum for two tones over (0, 1/min(f_1, f_2)], in constant time.
 BestExposure best_exposure_exact(double f_1, double f_2, double w_1 = 1, double w_2 = 1);
 
-// Maximum for any number of tones and any domain, lobe by lobe between the zeros of the sines (docs/exposure.md).
+// Maximum for any number of tones and any domain, lobe by lobe between zeros (docs/explanation/exposure.md).
 // Throws for more than 10 million lobes; with a step, for more than 10 million lobes or multiples, whichever are fewer.
 BestExposure best_exposure_exact(std::span<const double> frequencies, std::span<const double> weights,
                                  const ExposureDomain& domain);

@@ -24,9 +24,9 @@ constexpr std::size_t max_weighted_tones = 32;
 // noise proportional to the collected light; the two are equal at T_n (`noise_exposure`, s, > 0; infinity: eq. 18).
 double noisy_exposure_objective(std::span<const WeightedTone> tones, double noise_exposure, double exposure);
 
-// Global maximum of J over the window, to a relative 1e-12 of J, by branch and bound (docs/exposure.md); allocates no
-// memory. Requires 1 to 32 tones, not all of weight 0, at most a million lobes in the window, and at least one multiple
-// of the step in it.
+// Global maximum of J over the window, to a relative 1e-12 of J, by branch and bound (docs/explanation/exposure.md);
+// allocates no memory. Requires 1 to 32 tones, not all of weight 0, at most a million lobes in the window, and at least
+// one multiple of the step in it.
 BestExposure best_noisy_exposure(std::span<const WeightedTone> tones, double noise_exposure,
                                  const ExposureWindow& window);
 

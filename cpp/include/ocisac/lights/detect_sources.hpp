@@ -15,13 +15,14 @@ namespace ocisac {
 
 struct DetectOptions {
   double false_alarms = 0.02;    // max expected number of false detections in a picture without a light; (0, 1]
-  double min_cycles = 3;         // in a light's box; at least 2
+  double min_cycles = 2.5;       // in a light's box; at least 2
   std::size_t max_sources = 64;  // number of lights returned per picture, the strongest
 };
 
 struct LightSource {
   std::size_t frame = 0;
   Region box;
+  double probability = 0;                    // that it is a light
   double frequency = 0;                      // Hz, below half the row rate
   double frequency_std = 0;                  // Hz, standard error
   double gain = 0, gain_std = 0;             // as of tone_gain, with all light in the box attributed to the source
@@ -42,6 +43,18 @@ struct LightSource {
 // than 32 rows has none.
 std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
                                         const DetectOptions& options = {});
+
+// A tone or waveform that may be a light, with the features of the model of its probability.
+struct LightCandidate {
+  Region box;
+  double frequency;  // Hz
+  double probability;
+  std::vector<double> features;
+};
+
+// All tones of one frame that may be lights, or waveforms that may be data, of any probability: what the models of the
+// probability are fitted to.
+std::vector<LightCandidate> light_candidates(const AnyFramesView& frame, const Camera& camera, bool data);
 
 // A light of an earlier frame.
 struct ExpectedLight {

@@ -1,4 +1,4 @@
-// Packets: a payload as a cycle of blocks of chips, and its recovery from soft chips. Format: docs/packets.md.
+// Packets: a payload as a cycle of blocks of chips, and its recovery from soft chips: docs/reference/packets.md.
 #pragma once
 
 #include <array>

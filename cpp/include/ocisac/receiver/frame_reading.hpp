@@ -10,6 +10,7 @@
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/chips/refine_channel.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
+#include "ocisac/chips/row_warp.hpp"
 
 namespace ocisac {
 
@@ -24,6 +25,7 @@ struct FrameReading {
   double relative_noise = 0;  // standard deviation of a row over the swing at the middle row
   double correlation = 0;     // of what the channel leaves, from one row to the next: about 0 where it is noise
   bool even = false;          // the channel explains all parts of the frame equally well
+  RowWarp warp{};             // of the picture's rows; the channel and the chips are those of the even rows
 };
 
 // Alternates detection and least squares, from an approximate channel until the clock converges; one round is usual.
@@ -37,6 +39,7 @@ struct FrameSearch {
   std::optional<double> exposure_rows;  // rows; absent: estimated
   std::span<const double> preamble;     // chips expected in the frame
   SearchEffort* effort = nullptr;       // nullptr: no limit
+  bool warped = false;                  // the rows may be displaced
 };
 
 // Searches with a preamble, then blind with the rate. Absent without a reliable result.
@@ -45,9 +48,12 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
 // The same from a channel that is valid in a part of the frame; `known`: chips on its clock, a preamble.
 std::optional<FrameReading> extend_reading(std::span<const double> signal, const ChannelEstimate& start,
                                            bool exposure_known, SearchEffort* effort = nullptr,
-                                           const KnownChips& known = {});
+                                           const KnownChips& known = {}, bool warped = false);
 
-// s_n of all rows by a reading's chips.
+// 0 and 1.
+std::vector<double> hard_chips(const FrameReading& reading);
+
+// s_n of all rows of the picture by a reading's chips.
 std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows);
 
 // A reading again, of the rows less slow light and tones that are fitted beside its chips; tones that are nearly right
@@ -59,6 +65,11 @@ std::optional<FrameReading> refine_nuisance(std::span<const double> signal, Fram
 // Absent as read_frame.
 std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameReading reading, bool exposure_known,
                                          SearchEffort* effort = nullptr);
+
+// A reading that more than noise is left of again, of displaced rows: alternates detection and the warp that explains
+// the residual. The warp is believed where it explains a fifth of it; otherwise the reading as it is.
+FrameReading refine_warp(std::span<const double> signal, FrameReading reading, bool exposure_known,
+                         SearchEffort* effort = nullptr);
 
 // Rows of a light that rises and falls with a time constant of `rows`, as if it did so at once: y + rows·dy/dn, by
 // central differences. The light of equal rise and fall L obeys chips = L + τ·dL/dt, which the exposure keeps.

@@ -30,7 +30,7 @@ struct EqualizerReport {
 };
 
 // Row n of `out` (same shape as `frames`, without overlap) estimates the light at the end of row n's exposure, in
-// linear light above dark. Method: docs/tones.md. Exposures of the whole frame and longer leave only the mean.
+// linear light above dark. Method: docs/explanation/tones.md. Exposures of a whole frame and longer leave the mean.
 EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
                          const FramesView<double>& out);
 

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <limits>
-#include <span>
 
 #include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
@@ -36,14 +35,5 @@ struct FoundFrequency {
 
 // One frequency, shared by all columns and frames; amplitudes and phases are free.
 FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch& search);
-
-// The same for a picture of a lamp. The outline of a lamp, text or drawn lines often fit a single cycle better than the
-// stripes. Without a lower bound, frequencies of at least two cycles in the frame are therefore searched first, lower
-// ones only if no tone is found.
-FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search);
-
-// Index of the colour plane whose find_lamp_frequency has the smallest relative standard error; planes with few_cycles
-// or at_bound come after the others. 0 if none contains a tone.
-std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search);
 
 }  // namespace ocisac

@@ -26,7 +26,7 @@ struct ToneGainOptions {
   double efficiency = 1;                         // min fraction of the fit's efficiency, (0, 1]
   int threads = 1;                               // upper bound: see for_each_block in parallel.hpp
   // fit: test the strongest columns of each frame for other tones, which are fitted too, and for distortion, and all
-  // columns for samples clipped at black. See docs/tones.md.
+  // columns for samples clipped at black. See docs/explanation/tones.md.
   bool robust = false;
 };
 

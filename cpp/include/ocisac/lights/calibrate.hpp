@@ -1,0 +1,31 @@
+// Frequency of the lamp in a picture, and the row time from a lamp of known frequency.
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "ocisac/tones/find_frequency.hpp"
+
+namespace ocisac {
+
+// As find_frequency, for a picture of a lamp. Its outline, text and drawn lines may resemble a tone better than its
+// stripes do. Unless a tone of two cycles or more explains the whole frame (snr of 4), the lights that detect_sources()
+// finds in the first frame are therefore measured in their boxes: the one that explains the largest energy of the
+// pixels. If a tone of the whole frame contradicts it, the larger energy wins, with the flag model_misfit. Frequencies
+// below two cycles are searched if there is nothing else, or where the search has a lower bound.
+FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search);
+
+// Index of the colour plane whose find_lamp_frequency has the smallest relative standard error; planes with few_cycles,
+// at_bound or model_misfit come after the others. 0 if none contains a tone.
+std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search);
+
+struct Calibration {
+  double row_time;      // s
+  double row_time_std;  // s
+  FoundFrequency found;
+};
+
+// T_r = (cycles per row) / frequency, for a lamp whose `frequency` (Hz, above 0) is below half the row rate.
+Calibration calibrate(const AnyFramesView& frames, double frequency, const FrequencySearch& search);
+
+}  // namespace ocisac

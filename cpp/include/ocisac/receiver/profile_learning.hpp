@@ -1,0 +1,89 @@
+// The recent frames of a light, and the lamp's profile along the rows where single frames fit no model.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/chips/row_profile.hpp"
+#include "ocisac/columns/column_combination.hpp"
+#include "ocisac/receiver/row_model_search.hpp"
+
+namespace ocisac {
+
+// A recent frame: its rows, and s of each where its chips are known.
+struct KeptFrame {
+  std::int64_t number;
+  double time;  // on the tracker's clock, in frames
+  std::vector<double> signal, exposed;
+  bool bright = false;  // its columns show a common light
+  bool seen = false;    // chips were detected
+  bool fits = false;    // no more than noise is left
+
+  // `rows`: those that were read.
+  void expose(const FrameReading& reading, RowRange rows);
+};
+
+// The lamp's profile and the rows in which it is bright enough.
+struct LearnedProfile {
+  RowProfile profile;
+  RowRange rows;
+};
+
+class ProfileLearning {
+ public:
+  // A kept frame that was read again, and its rows less the profile.
+  using UseReading = std::function<void(const KeptFrame&, const FrameReading&, std::span<const double>)>;
+
+  // Adds the current frame. `first_row`: of the picture, at index 0 of the signal.
+  void keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row);
+  // Removes the current frame: it repeats the last one.
+  void drop_last() { kept_.pop_back(); }
+  void forget();
+
+  // In use.
+  [[nodiscard]] const std::optional<LearnedProfile>& profile() const { return profile_; }
+  // True while a profile is learned or used.
+  [[nodiscard]] bool compares_rows() const;
+  // Kept frames; those that fit no model; whether these are all.
+  [[nodiscard]] std::size_t size() const { return kept_.size(); }
+  [[nodiscard]] std::size_t misfits() const;
+  [[nodiscard]] bool all_misfit() const { return misfits() == kept_.size(); }
+  // These rows of all kept frames.
+  [[nodiscard]] std::vector<std::span<const double>> rows_of_all(std::size_t first_row, std::size_t rows) const;
+
+  // Refits the profile to the current frame's reading from time to time. False where the profile explains the frames no
+  // longer: it is dropped, and the clock restarts.
+  bool follow(const std::optional<FrameReading>& reading, RowModelSearch& rows);
+
+  // Learns a profile where most frames fit no model, with growing pauses; true where there is one now.
+  bool learn_if_due(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
+
+  // Reads the kept frames again, less the profile in use, from a new clock on.
+  void read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row, const UseReading& use);
+  // The same without a profile, in the `lit` rows.
+  void read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row, RowRange lit,
+                  const UseReading& use);
+
+ private:
+  struct KeptFit {
+    std::size_t frames = 0;  // that fit
+    double noise = 0;        // sum over the frames, relative to the swing
+  };
+  [[nodiscard]] std::vector<ProfileFrame> frames() const;
+  KeptFit read_kept(RowModelSearch& rows, const LearnedProfile& learned, const CombinedColumn& column,
+                    std::size_t first_row, const UseReading& use);
+  bool learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
+
+  std::deque<KeptFrame> kept_;                    // the last frames, the current one included
+  std::size_t kept_first_row_ = 0;                // of the picture, at index 0 of their signals
+  std::optional<LearnedProfile> profile_;         // where single frames fit no model
+  std::size_t attempts_ = 0, until_attempt_ = 0;  // in vain; frames until the next
+  std::size_t profile_misfits_ = 0;               // consecutive frames that the profile does not explain
+};
+
+}  // namespace ocisac

@@ -1,0 +1,127 @@
+#include "ocisac/chips/row_warp.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "chips/exposed_chips.hpp"
+#include "columns/moving_mean.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kNearbyChips = 4;  // either side, for the noise of a row
+constexpr double kMaxCorrelation = 0.95;
+constexpr double kMinNoise = 1e-4;  // of a row, relative to the swing
+
+// Displacement and its rate: mean and covariance (xx, xr, rr).
+struct Motion {
+  double x = 0, rate = 0;
+  std::array<double, 3> covariance{};
+};
+
+Motion predicted(const Motion& last) {
+  const auto [xx, xr, rr] = last.covariance;
+  return {last.x + last.rate, last.rate, {xx + 2 * xr + rr, xr + rr, rr + kWarpStep * kWarpStep}};
+}
+
+Motion updated(const Motion& before, double observed, double slope, double noise) {
+  const auto [xx, xr, rr] = before.covariance;
+  const double variance = slope * slope * xx + noise * noise;
+  const double gain = slope * xx / variance, rate_gain = slope * xr / variance;
+  const double off = observed - slope * before.x;
+  return {before.x + gain * off,
+          before.rate + rate_gain * off,
+          {xx - gain * slope * xx, xr - gain * slope * xr, rr - rate_gain * slope * xr}};
+}
+
+// Cubic interpolation (Catmull–Rom), held at the ends.
+double between_rows(std::span<const double> rows, double place) {
+  const auto last = static_cast<double>(rows.size()) - 1;
+  const auto value = [&](double row) { return rows[static_cast<std::size_t>(std::clamp(row, 0.0, last))]; };
+  place = std::clamp(place, 0.0, last);
+  const double row = std::floor(place), t = place - row;
+  const double a = value(row - 1), b = value(row), c = value(row + 1), d = value(row + 2);
+  return b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+}
+
+}  // namespace
+
+std::vector<double> unwarped(std::span<const double> signal, const RowWarp& warp) {
+  std::vector<double> even(signal.begin(), signal.end());
+  for (std::size_t m = 0; m < warp.size(); ++m) even[m] = between_rows(signal, static_cast<double>(m) - warp[m]);
+  return even;
+}
+
+std::vector<double> warped(std::span<const double> even_rows, const RowWarp& warp) {
+  std::vector<double> picture(even_rows.begin(), even_rows.end());
+  for (std::size_t n = 0; n < warp.size(); ++n) {
+    const auto row = static_cast<double>(n);
+    picture[n] = between_rows(even_rows, row + between_rows(warp, row + warp[n]));
+  }
+  return picture;
+}
+
+RowWarp smooth_displacement(std::span<const double> observed, std::span<const double> slopes,
+                            std::span<const double> noise) {
+  const std::size_t rows = observed.size();
+  std::vector<Motion> filtered(rows);
+  Motion ahead{0, 0, {kWarpStd * kWarpStd, 0, kWarpRateStd * kWarpRateStd}};
+  for (std::size_t n = 0; n < rows; ++n) {
+    filtered[n] = updated(ahead, observed[n], slopes[n], noise[n]);
+    ahead = predicted(filtered[n]);
+  }
+  RowWarp smooth(rows);
+  if (rows == 0) return smooth;
+  double x = filtered[rows - 1].x, rate = filtered[rows - 1].rate;
+  smooth[rows - 1] = x;
+  for (std::size_t n = rows - 1; n-- > 0;) {
+    const Motion& now = filtered[n];
+    const Motion next = predicted(now);
+    const auto [xx, xr, rr] = now.covariance;
+    const auto [pxx, pxr, prr] = next.covariance;
+    const double determinant = pxx * prr - pxr * pxr;
+    const double off = x - next.x, rate_off = rate - next.rate;
+    const double u = (prr * off - pxr * rate_off) / determinant, v = (pxx * rate_off - pxr * off) / determinant;
+    x = now.x + (xx + xr) * u + xr * v;
+    rate = now.rate + (xr + rr) * u + rr * v;
+    smooth[n] = x;
+  }
+  return smooth;
+}
+
+RowWarp fit_warp(std::span<const double> even_rows, const RowWarp& warp, const KnownChips& chips,
+                 const ChannelEstimate& channel, bool doubtful) {
+  const std::size_t rows = even_rows.size();
+  const ChipClock clock = with_min_exposure(channel.clock);
+  const ChipBox box(chips, clock);
+  const auto left = channel_residual(even_rows, chips, channel);
+  auto observed = left;
+  std::vector<double> slopes(rows), squares(rows), products(rows);
+  for (std::size_t n = 0; n < rows; ++n) {
+    const auto row = static_cast<double>(n);
+    slopes[n] = -channel.swing_at(row, rows) * box.at(row, clock, 0).by_phase;
+    squares[n] = left[n] * left[n];
+    products[n] = n > 0 ? left[n] * left[n - 1] : 0.0;
+    if (!warp.empty()) observed[n] += slopes[n] * warp[n];
+  }
+  // Rows whose residual is correlated count as fewer.
+  const auto reach = static_cast<std::size_t>(kNearbyChips * clock.rows_per_chip + 0.5 * clock.exposure_rows);
+  const auto near_squares = moving_mean(squares, reach), near_products = moving_mean(products, reach);
+  std::vector<double> noise(rows);
+  for (std::size_t n = 0; n < rows; ++n) {
+    const double least = std::max(kMinNoise * channel.swing_at(static_cast<double>(n), rows), 1e-300);
+    const double correlation =
+        !doubtful ? 0.0 : std::clamp(near_products[n] / std::max(near_squares[n], least * least), 0.0, kMaxCorrelation);
+    if (n < channel.rows.begin || n >= channel.rows.end) {
+      noise[n] = std::numeric_limits<double>::infinity();
+      continue;
+    }
+    noise[n] = std::max(std::sqrt(near_squares[n] * (1 + correlation) / (1 - correlation)), least);
+  }
+  return smooth_displacement(observed, slopes, noise);
+}
+
+}  // namespace ocisac

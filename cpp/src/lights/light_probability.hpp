@@ -1,0 +1,23 @@
+// Probability that a refined tone is a light, from what it looks like in one picture.
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "lights/data_light.hpp"
+#include "lights/refinement.hpp"
+
+namespace ocisac {
+
+using ToneFeatures = std::array<double, 9>;
+using DataFeatures = std::array<double, 7>;
+
+// Features of the logistic models; `suspects`: number of suspects in the picture.
+ToneFeatures features_of(const RefinedLight& light, std::size_t suspects);
+DataFeatures features_of(const DataLight& data, std::size_t suspects);
+
+// 1/(1 + e^{−(c + Σ a·x + Σ b·x²)}) of the features x; coefficients by bench/light_probability.py.
+double probability_of(const ToneFeatures& features);
+double probability_of(const DataFeatures& features);
+
+}  // namespace ocisac

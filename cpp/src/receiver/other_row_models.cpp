@@ -1,0 +1,89 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "ocisac/receiver/row_model_search.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
+constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
+constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
+constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
+constexpr std::size_t kSearchedFactors = 2;                            // in a frame, the next ones in another
+
+// All rows, each frame's less its slow light.
+std::vector<double> without_slow_light(std::span<const std::span<const double>> frames, double slow) {
+  std::vector<double> all;
+  for (const auto& signal : frames)
+    if (const auto fit = remove_nuisance(signal, {slow, {}})) all.insert(all.end(), fit->rest.begin(), fit->rest.end());
+  return all;
+}
+
+}  // namespace
+
+// Slow light and tones that the rows show, the most likely first.
+std::vector<RowNuisance> RowModelSearch::other_nuisances(std::span<const double> signal, const FrameRows& frame) const {
+  const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
+  const auto fit = remove_nuisance(signal, {slow, {}});
+  const auto plain = remove_nuisance(signal, {});
+  const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
+  std::vector<RowNuisance> nuisances;
+  if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
+    for (const double mains : kMains) nuisances.push_back({0, {mains * row_time}});
+    nuisances.push_back({slow, {}});
+  }
+  if (fit && slow < highest) {
+    const auto tone = strongest_tone(without_slow_light(frame.recent, slow), signal.size(), slow, highest);
+    if (tone.prominence > kMinProminence) nuisances.push_back({0, {tone.frequency}});
+  }
+  // In order of Schwarz's criterion.
+  std::vector<std::pair<double, std::size_t>> order;
+  for (std::size_t k = 0; k < nuisances.size(); ++k) {
+    const auto rows = static_cast<double>(signal.size());
+    const double unknowns = 2 * static_cast<double>(nuisances[k].tones.size()) + 2 * rows * nuisances[k].slow;
+    const auto left = remove_nuisance(signal, nuisances[k]);
+    if (left) order.emplace_back(rows * std::log(std::max(left->squares, 1e-300)) + unknowns * std::log(rows), k);
+  }
+  std::ranges::sort(order);
+  std::vector<RowNuisance> sorted;
+  for (const auto& [criterion, k] : order) sorted.push_back(std::move(nuisances[k]));
+  return sorted;
+}
+
+// Alternative models of the rows: slow light, a tone, another exposure.
+std::vector<SignalModel> RowModelSearch::other_models(std::span<const double> signal, const FrameRows& frame,
+                                                      bool searches) const {
+  const SignalModel given{{},
+                          camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
+                          camera_.exposure.has_value()};
+  std::vector<SignalModel> models;
+  const auto another_exposure = [&](std::optional<double> rows) {
+    models.push_back({state_.model.nuisance, rows, false});
+  };
+  if (!state_.model.nuisance.empty() || state_.model.exposure_known != given.exposure_known ||
+      state_.model.slow_light || state_.model.warped)
+    models.push_back(given);
+  for (RowNuisance& nuisance : other_nuisances(signal, frame))
+    models.push_back({std::move(nuisance), given.exposure_rows, given.exposure_known});
+  if (!state_.model.slow_light) {
+    models.push_back(state_.model);
+    models.back().slow_light = true;
+  }
+  if (!state_.model.warped) {
+    models.push_back(given);
+    models.back().warped = true;
+  }
+  const double now = state_.channel ? state_.channel->clock.exposure_rows : given.exposure_rows.value_or(0.0);
+  if (state_.channel) another_exposure(brightness_ratio(signal) * now);  // the brightness changed alike
+  if (given.exposure_rows) another_exposure({});                         // a preamble may show it
+  const std::size_t factors = kExposureFactors.size(), count = searches ? kSearchedFactors : factors;
+  for (std::size_t k = 0; now > 0 && k < count; ++k)
+    another_exposure(kExposureFactors[(vain_tries_ * count + k) % factors] * now);
+  return models;
+}
+
+}  // namespace ocisac

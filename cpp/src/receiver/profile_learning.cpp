@@ -1,0 +1,203 @@
+#include "ocisac/receiver/profile_learning.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kKeptFrames = 16, kMinProfileFrames = 8;
+constexpr double kBrightLight = 10;                           // power of the columns' common light over its noise
+constexpr std::size_t kProfilePause = 2, kQuickAttempts = 4;  // frames between the first attempts to learn a profile
+constexpr std::int64_t kProfileInterval = 4;                  // frames between fits of a profile in use
+constexpr std::size_t kMaxHeldAttempts = 8;  // in vain, until the columns' weights follow each frame again
+constexpr std::size_t kMaxProfileMisfits = 6;
+constexpr int kProfileRounds = 8;
+constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
+constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
+constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
+constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
+constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
+constexpr double kProfileFrameShare = 0.5;    // of the kept frames that a profile must explain
+constexpr double kProfileChips = 8;           // chips either side over which a profile's swing is smoothed, at least
+
+bool is_bright(const RowProfile& profile, RowRange rows) {
+  return std::ranges::all_of(std::span(profile.swing).subspan(rows.begin, rows.size()),
+                             [](double swing) { return swing > 0; });
+}
+
+std::size_t smoothing(const RowModelSearch& rows) {
+  const double chips = kProfileChips * rows.rows_per_chip().value_or(1.0);
+  return static_cast<std::size_t>(std::max(chips, 2 * rows.state().model.exposure_rows.value_or(0.0)));
+}
+
+}  // namespace
+
+void KeptFrame::expose(const FrameReading& reading, RowRange rows) {
+  exposed.assign(signal.size(), 0.0);
+  std::ranges::copy(exposed_rows(reading, rows.size()), exposed.begin() + static_cast<std::ptrdiff_t>(rows.begin));
+}
+
+void ProfileLearning::forget() {
+  kept_.clear();
+  profile_.reset();
+  attempts_ = until_attempt_ = profile_misfits_ = 0;
+}
+
+void ProfileLearning::keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row) {
+  if (!kept_.empty() && (kept_first_row_ != first_row || kept_.front().signal.size() != column.signal.size())) {
+    kept_.clear();
+    profile_.reset();
+  }
+  kept_first_row_ = first_row;
+  KeptFrame now;
+  if (kept_.size() == kKeptFrames) {  // its memory is used again
+    now = std::move(kept_.front());
+    kept_.pop_front();
+  }
+  now.number = frame;
+  now.time = time;
+  now.signal.assign(column.signal.begin(), column.signal.end());
+  now.exposed.clear();
+  now.bright = column.quality > kBrightLight;
+  now.seen = now.fits = false;
+  kept_.push_back(std::move(now));
+}
+
+bool ProfileLearning::compares_rows() const {
+  if (profile_) return true;
+  const bool seen = std::ranges::any_of(kept_, &KeptFrame::seen) ||
+                    (kept_.size() < kKeptFrames && std::ranges::any_of(kept_, &KeptFrame::bright));
+  return seen && attempts_ < kMaxHeldAttempts && std::ranges::none_of(kept_, &KeptFrame::fits);
+}
+
+std::size_t ProfileLearning::misfits() const {
+  return static_cast<std::size_t>(std::ranges::count(kept_, false, &KeptFrame::fits));
+}
+
+std::vector<std::span<const double>> ProfileLearning::rows_of_all(std::size_t first_row, std::size_t rows) const {
+  std::vector<std::span<const double>> all;
+  for (const KeptFrame& kept : kept_) all.push_back(std::span(kept.signal).subspan(first_row, rows));
+  return all;
+}
+
+std::vector<ProfileFrame> ProfileLearning::frames() const {
+  std::vector<ProfileFrame> frames;
+  for (const KeptFrame& kept : kept_) frames.push_back({kept.signal, kept.exposed});
+  return frames;
+}
+
+// Without `use`, only s of each row is kept, and the searches are bounded.
+ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const LearnedProfile& learned,
+                                                    const CombinedColumn& column, std::size_t first_row,
+                                                    const UseReading& use) {
+  rows.state().first_row = first_row + learned.rows.begin;
+  KeptFit fit;
+  const SearchEffort effort = rows.effort(learned.rows.size());
+  double searches = use ? std::numeric_limits<double>::infinity() : kProfileSearches;
+  for (KeptFrame& kept : kept_) {
+    const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
+    FrameRows now{column, kept.time, searches > 0, effort, effort};
+    const auto reading = rows.read_with_last(rest, now);
+    if (std::isfinite(effort.rows)) searches -= 1 - now.effort.rows / effort.rows;
+    kept.exposed.clear();
+    kept.fits = reading && !is_misfit(*reading);
+    fit.frames += kept.fits;
+    fit.noise += reading ? reading->relative_noise : kMaxProfileNoise;
+    if (!reading) continue;
+    kept.expose(*reading, learned.rows);
+    if (use) {
+      use(kept, *reading, rest);
+      continue;
+    }
+    rows.track(reading->channel, kept.time);
+    rows.accept(*reading, rest);
+    rows.state().relative_noise = reading->relative_noise;
+  }
+  return fit;
+}
+
+// Alternates chips of all kept frames and the profile, from the frames' mean and standard deviation on. The first
+// rounds have wrong chips: they keep near the first shape.
+bool ProfileLearning::learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row) {
+  const std::size_t smooth = smoothing(rows);
+  auto first = first_profile(frames(), smooth);
+  if (!first) return false;
+  const LightState before = rows.state();
+  const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(kept_.size()));
+  const RowRange bright = profile_rows(*first, kMinProfileSwing);
+  std::fill_n(first->swing.begin(), bright.begin, 0.0);
+  std::fill(first->swing.begin() + static_cast<std::ptrdiff_t>(bright.end), first->swing.end(), 0.0);
+  LearnedProfile learned{*first, bright};
+  double noise = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < kProfileRounds; ++round) {
+    rows.restart_clock();
+    const KeptFit fit = read_kept(rows, learned, column, first_row, {});
+    if (fit.frames >= enough && round > 0) {
+      profile_ = std::move(learned);
+      return true;
+    }
+    const auto step = static_cast<std::size_t>(round);
+    if (step >= kShapeWeights.size() && fit.noise > kProfileGain * noise) break;
+    noise = fit.noise;
+    const double weight = kShapeWeights[std::min(step, kShapeWeights.size() - 1)];
+    auto profile = fit_profile(frames(), first->swing, smoothing(rows), weight);
+    if (!profile || !is_bright(*profile, bright)) break;
+    learned.profile = std::move(*profile);
+  }
+  rows.state() = before;
+  return false;
+}
+
+bool ProfileLearning::learn_if_due(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row) {
+  if (until_attempt_ > 0) --until_attempt_;
+  const bool poor = static_cast<double>(misfits()) > kProfileFrameShare * static_cast<double>(kept_.size());
+  if (profile_ || until_attempt_ > 0 || kept_.size() < kMinProfileFrames || !poor) return false;
+  if (learn(rows, column, first_row)) {
+    attempts_ = 0;
+    return true;
+  }
+  ++attempts_;
+  const std::size_t slower = attempts_ - std::min(attempts_, kQuickAttempts);
+  until_attempt_ = kProfilePause << std::min<std::size_t>(slower, 5);
+  return false;
+}
+
+void ProfileLearning::read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row,
+                                 const UseReading& use) {
+  rows.restart_clock();
+  read_kept(rows, *profile_, column, first_row, use);
+}
+
+void ProfileLearning::read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row,
+                                 RowRange lit, const UseReading& use) {
+  const std::size_t count = column.signal.size();
+  read_kept(rows, {{std::vector<double>(count), std::vector<double>(count, 1.0)}, lit}, column, first_row, use);
+}
+
+bool ProfileLearning::follow(const std::optional<FrameReading>& reading, RowModelSearch& rows) {
+  KeptFrame& now = kept_.back();
+  now.seen = reading.has_value();
+  now.fits = reading && !is_misfit(*reading);
+  if (!profile_) return true;
+  if (now.fits) {
+    now.expose(*reading, profile_->rows);
+    if (now.number % kProfileInterval == 0) {
+      auto again = fit_profile(frames(), profile_->profile.swing, smoothing(rows), kShapeWeights.back());
+      if (again && is_bright(*again, profile_->rows)) profile_->profile = std::move(*again);
+    }
+  }
+  profile_misfits_ = now.fits ? 0 : profile_misfits_ + 1;
+  if (profile_misfits_ < kMaxProfileMisfits) return true;
+  profile_.reset();
+  kept_.clear();
+  profile_misfits_ = 0;
+  rows.restart_clock();
+  return false;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,162 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "ocisac/receiver/frame_reading.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr int kNuisanceRounds = 6;
+constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
+constexpr double kToneReach = 0.25;        // spectral lines of a frame
+constexpr int kToneSteps = 8;
+constexpr double kSlowest = 2;                                // chips, of rise and fall
+constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
+constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
+constexpr int kShapeSteps = 6, kShapeHalvings = 3, kShapeRounds = 4;
+constexpr double kMinShapePivot = 1e-9;
+constexpr double kWarpMean = 0.25, kWarpSlope = 1.5;  // of a warp, rows and rows per frame, over its root mean square
+constexpr int kWarpRounds = 25, kWarpPatience = 4;    // rounds without a gain
+constexpr double kWarpSettled = 0.99;                 // ratio of the noise to the best so far
+constexpr double kMaxWarpLeft = 0.8;                  // of the residual's squares, for a warp to be believed
+
+}  // namespace
+
+// Golden-section search about the tone's frequency, within a quarter of a frame's spectral line.
+static void move_tone(std::span<const double> signal, std::span<const double> exposed, RowNuisance& nuisance,
+                      double& tone) {
+  constexpr double kGolden = 0.6180339887498949;
+  const auto left_at = [&](double frequency) {
+    tone = frequency;
+    const auto fit = remove_nuisance(signal, nuisance, exposed);
+    return fit ? fit->squares : std::numeric_limits<double>::infinity();
+  };
+  const double reach = kToneReach / static_cast<double>(signal.size());
+  double low = tone - reach, high = tone + reach;
+  double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+  double at_a = left_at(a), at_b = left_at(b);
+  for (int step = 0; step < kToneSteps; ++step) {
+    if (at_a < at_b) {
+      high = std::exchange(b, a);
+      at_b = at_a;
+      at_a = left_at(a = high - kGolden * (high - low));
+    } else {
+      low = std::exchange(a, b);
+      at_a = at_b;
+      at_b = left_at(b = low + kGolden * (high - low));
+    }
+  }
+  tone = 0.5 * (low + high);
+}
+
+std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
+                                            bool exposure_known, SearchEffort* effort) {
+  for (int round = 0; round < kNuisanceRounds; ++round) {
+    const auto exposed = exposed_rows(reading, signal.size());
+    for (double& tone : nuisance.tones) move_tone(signal, exposed, nuisance, tone);
+    const auto fit = remove_nuisance(signal, nuisance, exposed);
+    auto again = fit ? read_frame(fit->rest, reading.channel, exposure_known, effort) : std::nullopt;
+    if (!again) return std::nullopt;
+    const bool stays = again->first == reading.first && exposed_rows(*again, signal.size()) == exposed;
+    const bool settled = again->relative_noise > kNuisanceSettled * reading.relative_noise;
+    again->even = reading.even;
+    reading = std::move(*again);
+    if (stays || (settled && round > 0)) break;
+  }
+  return reading;
+}
+
+// Gauss–Newton on rise and fall with known chips; all other unknowns are fitted anew at each (variable projection).
+static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChips& chips, ChannelEstimate best,
+                                 bool exposure_known) {
+  const ChannelModel model{best.dark.size() - 1, best.swing.size() - 1, exposure_known};
+  const auto fitted_at = [&](double rise, double fall) {
+    ChipClock clock = best.clock;
+    clock.rise = std::clamp(rise, 0.0, kSlowest);
+    clock.fall = std::clamp(fall, 0.0, kSlowest);
+    return fit_channel(signal, chips, clock, model);
+  };
+  for (int step = 0; step < kShapeSteps; ++step) {
+    const double rise = best.clock.rise, fall = best.clock.fall;
+    const auto riser = fitted_at(rise + kShapeStep, fall), faller = fitted_at(rise, fall + kShapeStep);
+    if (!riser || !faller) break;
+    const auto left = channel_residual(signal, chips, best), left_riser = channel_residual(signal, chips, *riser),
+               left_faller = channel_residual(signal, chips, *faller);
+    double rr = 0, rf = 0, ff = 0, r = 0, f = 0;
+    for (std::size_t n = best.rows.begin; n < best.rows.end; ++n) {
+      const double by_rise = (left_riser[n] - left[n]) / kShapeStep, by_fall = (left_faller[n] - left[n]) / kShapeStep;
+      rr += by_rise * by_rise;
+      rf += by_rise * by_fall;
+      ff += by_fall * by_fall;
+      r -= by_rise * left[n];
+      f -= by_fall * left[n];
+    }
+    const double determinant = rr * ff - rf * rf;
+    if (!(determinant > kMinShapePivot * rr * ff)) break;
+    const double to_rise = (ff * r - rf * f) / determinant, to_fall = (rr * f - rf * r) / determinant;
+    double share = std::min(1.0, kLargestShapeMove / std::max({std::abs(to_rise), std::abs(to_fall), 1e-12}));
+    const double before = best.noise;
+    for (int halving = 0; halving < kShapeHalvings && !(best.noise < before); ++halving, share *= 0.5)
+      if (auto moved = fitted_at(rise + share * to_rise, fall + share * to_fall); moved && moved->noise < best.noise)
+        best = std::move(*moved);
+    if (!(best.noise < (1 - kMinShapeGain) * before)) break;
+  }
+  return best;
+}
+
+std::vector<double> sharpened(std::span<const double> signal, double rows) {
+  std::vector<double> sharp(signal.begin(), signal.end());
+  for (std::size_t n = 1; n + 1 < sharp.size(); ++n) sharp[n] += 0.5 * rows * (signal[n + 1] - signal[n - 1]);
+  return sharp;
+}
+
+std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameReading reading, bool exposure_known,
+                                         SearchEffort* effort) {
+  bool better = false;
+  for (int round = 0; round < kShapeRounds; ++round) {
+    const auto chips = hard_chips(reading);
+    const ChannelEstimate moved = fit_shape(signal, {chips, reading.first}, reading.channel, exposure_known);
+    auto again = read_frame(signal, moved, exposure_known, effort);
+    if (!again || (round > 0 && !(again->relative_noise < reading.relative_noise))) break;
+    const bool settled = round > 0 && again->relative_noise > (1 - kMinShapeGain) * reading.relative_noise;
+    again->even = reading.even;
+    reading = std::move(*again);
+    better = true;
+    if (settled) break;
+  }
+  return better ? std::optional(std::move(reading)) : std::nullopt;
+}
+
+// Mean and slope of a warp along the frame are those of the clock, too.
+static void add_warp_errors(const RowWarp& warp, ChannelEstimate& channel) {
+  double squares = 0;
+  for (const double rows : warp) squares += rows * rows / static_cast<double>(warp.size());
+  const double rate = kWarpSlope * channel.clock.rows_per_chip / static_cast<double>(warp.size());
+  channel.errors.covariance[0] += kWarpMean * kWarpMean * squares;
+  channel.errors.covariance[4] += rate * rate * squares;
+}
+
+FrameReading refine_warp(std::span<const double> signal, FrameReading reading, bool exposure_known,
+                         SearchEffort* effort) {
+  if (!is_misfit(reading)) return reading;
+  FrameReading best = reading;
+  std::optional<FrameReading> now = reading;
+  for (int round = 0, vain = 0; round < kWarpRounds && vain < kWarpPatience; ++round) {
+    const auto chips = hard_chips(*now);
+    auto warp = fit_warp(unwarped(signal, now->warp), now->warp, {chips, now->first}, now->channel, vain == 0);
+    now = read_frame(unwarped(signal, warp), now->channel, exposure_known, effort);
+    if (!now) break;
+    now->warp = std::move(warp);
+    now->even = reading.even;
+    vain = now->channel.noise < kWarpSettled * best.channel.noise ? 0 : vain + 1;
+    if (now->channel.noise < best.channel.noise) best = *now;
+  }
+  if (reading.warp.empty() && std::pow(best.channel.noise / reading.channel.noise, 2) > kMaxWarpLeft) return reading;
+  add_warp_errors(best.warp, best.channel);
+  return best;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,30 @@
+#include "receiver/rows_of_noise.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include "ocisac/chips/row_nuisance.hpp"
+#include "tones/surroundings.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kSlowTerms = 4;    // cosines along the frame
+constexpr double kRounding = 1e-9;  // relative to the mean: rows that deviate by no more are constant
+
+}  // namespace
+
+bool is_noise(std::span<const double> signal) {
+  const auto fit = remove_nuisance(signal, {0.5 * kSlowTerms / static_cast<double>(signal.size()), {}});
+  if (!fit) return false;
+  std::vector<double> rest = fit->rest;
+  const double mean = std::accumulate(rest.begin(), rest.end(), 0.0) / static_cast<double>(rest.size());
+  for (double& value : rest) value -= mean;
+  const auto varies = [&](double value) { return std::abs(value) > kRounding * std::abs(mean); };
+  return std::ranges::none_of(rest, varies) || is_white(rest);
+}
+
+}  // namespace ocisac

@@ -1,0 +1,525 @@
+// The assembler's decisions one by one: layout, headers, votes, places on the chip clock, reports.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <initializer_list>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "ocisac/packets/packets.hpp"
+
+using ocisac::PacketAssembler;
+using ocisac::PacketFormat;
+using ocisac::StretchOutcome;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+using Soft = std::vector<double>;
+
+constexpr double kSure = 9;                                      // nats
+constexpr std::size_t kPreamble = 14, kByte = 16, kBlock = 174;  // chips: of Manchester code and blocks of 8 bytes
+constexpr std::size_t kHeader = 2 * kByte, kStart = kPreamble + kHeader;  // of a block before its bytes
+
+PacketFormat format_of(const char* code = "manchester", std::size_t block_bytes = 8) {
+  return {ocisac::LineCode::named(code), block_bytes, ocisac::Preamble::standard};
+}
+
+Bytes random_bytes(std::size_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  Bytes bytes(count);
+  for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random());
+  return bytes;
+}
+
+// A packet that is sent repeatedly, in Manchester code with blocks of 8 bytes where no format is given.
+struct Sender {
+  PacketFormat format;
+  Bytes payload;
+  std::vector<std::uint8_t> chips;
+
+  explicit Sender(std::size_t bytes = 20, unsigned number = 0, PacketFormat of = format_of())
+      : format(of),
+        payload(random_bytes(bytes, static_cast<unsigned>(100 * bytes + number))),
+        chips(ocisac::packet_chips(payload, format, number)) {}
+
+  [[nodiscard]] Soft soft(std::size_t first, std::size_t count, double llr = kSure) const {
+    Soft result;
+    for (std::size_t k = 0; k < count; ++k) result.push_back(chips[(first + k) % chips.size()] != 0 ? llr : -llr);
+    return result;
+  }
+  [[nodiscard]] Soft blocks(std::size_t first, std::size_t count) const { return soft(first * kBlock, count * kBlock); }
+};
+
+std::ptrdiff_t place_of_block(std::size_t block) { return static_cast<std::ptrdiff_t>(block * kBlock); }
+
+// Blocks are pushed one by one until the payload is there: how many it took; 0: not within `most`.
+std::size_t blocks_needed(PacketAssembler& assembler, const Sender& sender, std::size_t begin, std::size_t most) {
+  for (std::size_t k = begin; k < begin + most; ++k) {
+    const auto report = assembler.push(place_of_block(k), sender.blocks(k, 1));
+    if (report.payload) return report.payload->bytes == sender.payload ? k - begin + 1 : 0;
+  }
+  return 0;
+}
+
+void flip(Soft& llr, std::size_t first, std::size_t count) {
+  for (std::size_t k = first; k < first + count; ++k) llr[k] = -llr[k];
+}
+
+}  // namespace
+
+TEST_CASE("layout: code words, their data and the blocks of a cycle") {
+  struct Case {
+    std::size_t payload, block_bytes, codewords, codeword_data, blocks;
+  };
+  for (const Case& of : {Case{1, 16, 1, 6, 16}, Case{80, 16, 1, 85, 16}, Case{81, 16, 2, 43, 32},
+                         Case{165, 16, 2, 85, 32}, Case{166, 16, 3, 57, 48}, Case{1000, 16, 12, 84, 192},
+                         Case{2715, 16, 16, 170, 255}, Case{165, 1, 1, 170, 255}, Case{4095, 255, 49, 84, 49}}) {
+    CAPTURE(of.payload);
+    const auto layout = ocisac::packet_layout(of.payload, format_of("manchester", of.block_bytes));
+    CHECK(layout.payload_bytes == of.payload);
+    CHECK(layout.codewords == of.codewords);
+    CHECK(layout.codeword_data == of.codeword_data);
+    CHECK(layout.blocks == of.blocks);
+    CHECK(layout.coded_bytes() == 255 * of.codewords);
+    CHECK(layout.block_chips == 14 + (2 + of.block_bytes) * 16);
+    CHECK(layout.cycle_chips() == layout.blocks * layout.block_chips);
+  }
+  CHECK(ocisac::longest_payload(format_of("none", 1)) == 165);
+  CHECK(ocisac::longest_payload(format_of("none", 16)) == 2715);
+  CHECK(ocisac::longest_payload(format_of("none", 255)) == 4095);
+}
+
+TEST_CASE("blocks of every size send all four digits of the length, and the payload comes in one cycle") {
+  for (std::size_t block_bytes = 1; block_bytes <= 255; ++block_bytes) {
+    CAPTURE(block_bytes);
+    const Sender sender(20, 3, format_of("none", block_bytes));
+    const auto layout = ocisac::packet_layout(20, sender.format);
+    REQUIRE(layout.blocks >= 4);
+    REQUIRE(layout.blocks <= 256);
+    REQUIRE(layout.blocks * block_bytes >= layout.coded_bytes());
+    PacketAssembler assembler(sender.format);
+    const auto report = assembler.push(0, sender.soft(0, sender.chips.size()));
+    REQUIRE(report.payload);
+    CHECK(report.payload->bytes == sender.payload);
+  }
+}
+
+TEST_CASE("payloads, numbers and blocks beyond their bounds are refused") {
+  const auto refused = [](std::size_t payload, unsigned number, std::size_t block_bytes) {
+    CHECK_THROWS_AS((void)ocisac::packet_chips(Bytes(payload), format_of("none", block_bytes), number),
+                    std::invalid_argument);
+  };
+  refused(0, 0, 16);
+  refused(2716, 0, 16);
+  refused(1, 256, 16);
+  refused(1, 0, 0);
+  refused(1, 0, 256);
+  CHECK(ocisac::packet_chips(Bytes(2715), format_of("none", 16), 255).size() == 255 * (14 + 18 * 8));
+}
+
+TEST_CASE("each header names its block, the parity and a digit of the length") {
+  const Sender sender(01234, 5);  // octal digits 1, 2, 3, 4
+  const std::size_t count = sender.chips.size() / kBlock;
+  const auto found = ocisac::find_blocks(sender.soft(0, sender.chips.size()), sender.format);
+  REQUIRE(found.size() == count);
+  for (unsigned k = 0; k < count; ++k) {
+    CHECK(found[k].chip == k * kBlock);
+    CHECK(found[k].block == k);
+    CHECK(found[k].parity == 1);
+    CHECK(found[k].digit == k % 4 + 1);
+  }
+}
+
+TEST_CASE("a block counts from the first to the last chip of preamble and header") {
+  const Sender sender;
+  const auto found = [&](const Soft& llr) { return ocisac::find_blocks(llr, sender.format).size(); };
+  CHECK(found(sender.soft(0, kStart)) == 1);
+  CHECK(found(sender.soft(0, kStart - 1)) == 0);
+  CHECK(found(sender.soft(1, kStart)) == 0);
+  CHECK(found(sender.soft(1, kBlock + kStart - 1)) == 1);
+  CHECK(found({}) == 0);
+}
+
+TEST_CASE("a preamble is seen to three quarters, sure on average, and at most a tenth speaks against it") {
+  const Sender sender;
+  const auto found = [&](const Soft& llr) { return ocisac::find_blocks(llr, sender.format).size(); };
+  auto llr = sender.soft(0, kStart);
+  for (std::size_t chip = 0; chip < 3; ++chip) llr[chip] = 0;  // 11 of 14 are seen
+  CHECK(found(llr) == 1);
+  llr[3] = 0;
+  CHECK(found(llr) == 0);
+
+  llr = sender.soft(0, kStart);
+  for (std::size_t chip = 0; chip < kPreamble; ++chip) llr[chip] *= 2.01 / kSure;
+  CHECK(found(llr) == 1);
+  for (std::size_t chip = 0; chip < kPreamble; ++chip) llr[chip] *= 1.99 / 2.01;
+  CHECK(found(llr) == 0);
+
+  llr = sender.soft(0, kStart);
+  llr[5] = -llr[5];  // 1 of 14
+  CHECK(found(llr) == 1);
+  llr[6] = -0.4 * llr[6];  // 1.4 of 13.4
+  CHECK(found(llr) == 0);
+}
+
+TEST_CASE("a header with a doubtful bit, an impossible word or a wrong checksum is none") {
+  const Sender sender;
+  const auto found = [&](const Soft& llr) { return ocisac::find_blocks(llr, sender.format).size(); };
+  for (std::size_t bit = 0; bit < 16; ++bit) {
+    CAPTURE(bit);
+    const std::size_t chip = kPreamble + 2 * bit;
+    auto llr = sender.soft(0, kStart);
+    flip(llr, chip, 2);  // another bit
+    CHECK(found(llr) == 0);
+    llr = sender.soft(0, kStart);
+    flip(llr, chip, 1);  // two equal chips: no word
+    CHECK(found(llr) == 0);
+    llr = sender.soft(0, kStart);
+    for (std::size_t k : {chip, chip + 1}) llr[k] *= 0.99 / kSure;  // 1.98 nats
+    CHECK(found(llr) == 0);
+    for (std::size_t k : {chip, chip + 1}) llr[k] *= 1.01 / 0.99;
+    CHECK(found(llr) == 1);
+  }
+}
+
+TEST_CASE("the length comes from its four digits, then a third of the bytes") {
+  const Sender sender(80);  // 85 of 255 bytes are data: 11 blocks of 8
+  for (const std::size_t begin : {0U, 3U, 30U}) {
+    PacketAssembler assembler(sender.format);
+    CHECK(blocks_needed(assembler, sender, begin, 40) == 11);
+  }
+}
+
+TEST_CASE("the report counts bytes, parts and doubt, and the share of what is needed") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 3; ++block) {
+    const auto report = assembler.push(place_of_block(block), sender.blocks(block, 1));
+    CHECK(report.outcome == StretchOutcome::waiting);
+    CHECK(report.blocks == 1);
+    CHECK(report.bytes == 0);
+    CHECK(report.share == 0);
+  }
+  auto report = assembler.push(place_of_block(3), sender.blocks(3, 1));
+  CHECK(report.outcome == StretchOutcome::placed);
+  CHECK(report.bytes == 32);  // with those that waited
+  CHECK(report.cut == 0);
+  CHECK(report.doubtful == 0);
+  CHECK(report.share == doctest::Approx(32 / 85.0));
+
+  // Half of the first byte and the last bit of the last are not seen; a doubtful bit that is no word.
+  auto llr = sender.soft(4 * kBlock + kStart + 8, 4 * kByte - 10);
+  llr[2 * kByte - 8] = llr[2 * kByte - 7] = 0.9;
+  report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(kStart + 8), llr);
+  CHECK(report.outcome == StretchOutcome::placed);
+  CHECK(report.blocks == 0);
+  CHECK(report.cut == 2);
+  CHECK(report.bytes + report.doubtful == 2);
+  CHECK(report.doubtful == 1);
+  CHECK(report.violations == 1);
+  CHECK(report.share == doctest::Approx(33 / 85.0));
+}
+
+TEST_CASE("bytes that were read wrong are corrected and counted") {
+  const Sender sender(20);  // 25 of 255 bytes are data
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 32; ++block) {
+    auto llr = sender.blocks(block, 1);
+    for (std::size_t byte = 0; byte < 2; ++byte) flip(llr, kStart + byte * kByte, 2);  // the first bit of each
+    const auto report = assembler.push(place_of_block(block), llr);
+    if (!report.payload) continue;
+    CHECK(report.payload->bytes == sender.payload);
+    CHECK(report.payload->corrected == 2 * (block + 1));
+    return;
+  }
+  FAIL("no payload");
+}
+
+TEST_CASE("bits that come twice add up; the more certain reading decides") {
+  const Sender sender(20);
+  PacketAssembler assembler(sender.format);
+  const std::size_t cycle = sender.chips.size() / kBlock;
+  std::size_t payloads = 0;
+  for (std::size_t block = 0; block < 2 * cycle && payloads == 0; ++block) {
+    auto llr = sender.blocks(block, 1);
+    for (std::size_t k = kStart; k < kBlock; ++k) llr[k] = block < cycle ? llr[k] / kSure * 0.9 : llr[k];
+    payloads += assembler.push(place_of_block(block), llr).payload.has_value();
+    if (block < cycle) REQUIRE(payloads == 0);
+  }
+  CHECK(payloads == 1);
+
+  PacketAssembler again(sender.format);
+  for (std::size_t block = 0; block < 2 * cycle; ++block) {
+    auto llr = sender.blocks(block, 1);
+    for (std::size_t k = kStart; k < kBlock; ++k) llr[k] *= (block < cycle ? -0.9 : 2.5) / kSure;  // −1.8 + 5 nats
+    if (const auto report = again.push(place_of_block(block), llr); report.payload) {
+      CHECK(report.payload->bytes == sender.payload);
+      CHECK(report.payload->corrected == 0);
+      return;
+    }
+  }
+  FAIL("no payload");
+}
+
+TEST_CASE("after a payload the collection begins anew and the next cycle gives it again") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  REQUIRE(blocks_needed(assembler, sender, 0, 40) == 11);
+  CHECK(blocks_needed(assembler, sender, 11, 40) == 11);
+  CHECK(blocks_needed(assembler, sender, 22, 40) == 11);
+}
+
+TEST_CASE("a packet of another parity or length takes over at the second header that shows it") {
+  const Sender first(80, 0), other(80, 1), longer(500, 2);
+  PacketAssembler assembler(first.format);
+  for (std::size_t block = 0; block < 8; ++block) assembler.push(place_of_block(block), first.blocks(block, 1));
+  CHECK(blocks_needed(assembler, other, 32, 40) == 11);  // the first one waits for the second
+  for (std::size_t block = 64; block < 70; ++block) assembler.push(place_of_block(block), other.blocks(block, 1));
+  CHECK(blocks_needed(assembler, longer, 192, 200) > 0);
+}
+
+TEST_CASE("one header of another packet does no harm") {
+  const Sender sender(80, 0), other(80, 1), longer(1300, 0);
+  for (const Sender* stranger : {&other, &longer}) {
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 8; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    assembler.push(place_of_block(8), stranger->soft(8 * kBlock, kStart));
+    CHECK(blocks_needed(assembler, sender, 9, 3) == 3);
+  }
+}
+
+TEST_CASE("two packets of one parity and length are not mixed into a third") {
+  const Sender first(80, 0);
+  Sender second(80, 2);
+  PacketAssembler assembler(first.format);
+  for (std::size_t block = 0; block < 6; ++block) assembler.push(place_of_block(block), first.blocks(block, 1));
+  for (std::size_t block = 6; block < 150; ++block) {
+    const auto report = assembler.push(place_of_block(block), second.blocks(block, 1));
+    if (!report.payload) continue;
+    CHECK(report.payload->bytes == second.payload);
+    CHECK(report.payload->number == 2);
+    return;
+  }
+  FAIL("no payload");
+}
+
+TEST_CASE("a stretch that begins before the end of the last one is left out") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  auto report = assembler.push(place_of_block(4) - 1, sender.soft(4 * kBlock - 1, 100));
+  CHECK(report.outcome == StretchOutcome::repeated);
+  CHECK(report.blocks == 0);
+  CHECK(report.bytes + report.cut == 0);
+  CHECK(report.share == doctest::Approx(32 / 85.0));
+  // Within four standard errors it may well follow.
+  report = assembler.push(place_of_block(4) - 3, sender.blocks(4, 1), {.offset = 0, .scatter = 0.6, .slip = 0.5});
+  CHECK(report.outcome == StretchOutcome::placed);
+  report = assembler.push(place_of_block(5) - 13, sender.blocks(5, 1), {.offset = 0, .scatter = 0.6, .slip = 0.5});
+  CHECK(report.outcome == StretchOutcome::repeated);
+}
+
+TEST_CASE("chips that were not seen are unreadable, and no number is refused") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  CHECK(assembler.push(0, Soft(50)).outcome == StretchOutcome::unreadable);
+  CHECK(assembler.push(50, Soft{}).outcome == StretchOutcome::unreadable);
+  Soft llr(50);
+  llr[49] = -3;
+  CHECK(assembler.push(100, llr).outcome == StretchOutcome::waiting);
+  llr[7] = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_AS((void)assembler.push(200, llr), std::invalid_argument);
+  CHECK_THROWS_AS((void)assembler.push(200, Soft(9, 1.0), {.offset = 0, .scatter = -1, .slip = 0}),
+                  std::invalid_argument);
+  const std::array names{"placed", "waiting", "repeated", "unreadable"};
+  for (int k = 0; k < 4; ++k)
+    CHECK(ocisac::outcome_name(static_cast<StretchOutcome>(k)) == names[static_cast<std::size_t>(k)]);
+}
+
+TEST_CASE("a header across the border of two stretches counts where they follow each other") {
+  const Sender sender(80);
+  for (const std::size_t border : {1U, 7U, 14U, 45U}) {
+    CAPTURE(border);
+    PacketAssembler assembler(sender.format);
+    auto report = assembler.push(0, sender.soft(0, 4 * kBlock + border));
+    CHECK(report.blocks == 4);
+    report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(border),
+                            sender.soft(4 * kBlock + border, kBlock - border));
+    CHECK(report.blocks == 1);
+    CHECK(report.share == doctest::Approx((40 - (border > kStart ? 1 : 0)) / 85.0));
+
+    PacketAssembler apart(sender.format);
+    apart.push(0, sender.soft(0, 4 * kBlock + border));
+    report = apart.push(place_of_block(4) + static_cast<std::ptrdiff_t>(border) + 1,
+                        sender.soft(4 * kBlock + border, kBlock - border));
+    CHECK(report.blocks == 0);
+  }
+}
+
+TEST_CASE("stretches without a header have their place from the clock") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  std::size_t bytes = 32;
+  for (std::size_t block = 4; block < 10; ++block) {
+    const auto report = assembler.push(place_of_block(block) + static_cast<std::ptrdiff_t>(kStart),
+                                       sender.soft(block * kBlock + kStart, 8 * kByte));
+    CHECK(report.outcome == StretchOutcome::placed);
+    CHECK(report.blocks == 0);
+    bytes += report.bytes;
+    CHECK(report.share == doctest::Approx(static_cast<double>(bytes) / 85));
+  }
+  CHECK(bytes == 80);
+  CHECK(blocks_needed(assembler, sender, 10, 1) == 1);
+}
+
+TEST_CASE("the next header corrects a slip of two chips; of more, the second one that agrees") {
+  const Sender sender(80);
+  for (const std::ptrdiff_t slip : {-2, -1, 1, 2}) {
+    CAPTURE(slip);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 13; ++block) {  // seven bytes each: a slip makes no overlap
+      const auto report =
+          assembler.push(place_of_block(block) + (block < 6 ? 0 : slip), sender.soft(block * kBlock, kBlock - kByte));
+      CHECK(report.outcome == (block < 3 ? StretchOutcome::waiting : StretchOutcome::placed));
+      CHECK(report.payload.has_value() == (block == 12));
+    }
+  }
+  for (const std::ptrdiff_t slip : {3, 50, 5000}) {
+    CAPTURE(slip);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 6; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    auto report = assembler.push(place_of_block(6) + slip, sender.blocks(6, 1));
+    CHECK(report.outcome == StretchOutcome::waiting);
+    CHECK(report.share == doctest::Approx(48 / 85.0));
+    report = assembler.push(place_of_block(7) + slip, sender.blocks(7, 1));
+    CHECK(report.outcome == StretchOutcome::placed);
+    CHECK(report.share >= 56 / 85.0);
+    for (std::size_t block = 8; block < 11; ++block)
+      report = assembler.push(place_of_block(block) + slip, sender.blocks(block, 1));
+    if (!report.payload) report = assembler.push(place_of_block(11) + slip, sender.blocks(11, 1));
+    CHECK(report.payload.has_value());
+  }
+}
+
+TEST_CASE("a lost clock keeps the symbols and waits for a header") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 8; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  assembler.lose_clock();
+  auto report = assembler.push(-70'000, sender.soft(8 * kBlock + kStart, 8 * kByte));
+  CHECK(report.outcome == StretchOutcome::waiting);
+  CHECK(report.share == doctest::Approx(64 / 85.0));
+  report = assembler.push(-70'000 + 8 * 16, sender.blocks(9, 1));  // the bytes of block 8 wait for it
+  CHECK(report.outcome == StretchOutcome::placed);
+  CHECK(report.bytes == 16);
+  assembler.lose_clock();
+  report = assembler.push(5, sender.blocks(10, 1));
+  CHECK(report.payload.has_value());
+
+  PacketAssembler other(sender.format);  // what waited on the old clock has no place on the new one
+  for (std::size_t block = 0; block < 3; ++block) other.push(place_of_block(block), sender.blocks(block, 1));
+  other.lose_clock();
+  report = other.push(0, sender.blocks(3, 1));
+  CHECK(report.outcome == StretchOutcome::placed);
+  CHECK(report.bytes == 8);
+}
+
+TEST_CASE("preamble, header and line code show the place of a stretch whose clock has slipped") {
+  const Sender sender(80);
+  for (const std::ptrdiff_t slip : {-3, -1, 0, 1, 3}) {
+    CAPTURE(slip);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    const auto report = assembler.push(place_of_block(4) + 4 + slip, sender.soft(4 * kBlock + 4, kBlock - 4),
+                                       {.offset = 0, .scatter = 1, .slip = 0});
+    CHECK(report.blocks == 0);
+    CHECK(report.outcome == StretchOutcome::placed);
+    CHECK(report.bytes == 8);
+    CHECK(report.cut == 0);
+    CHECK(report.violations == 0);
+    CHECK(report.share == doctest::Approx(40 / 85.0));
+  }
+}
+
+TEST_CASE("a stretch that fits at several places waits, and eight of them at most") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  Soft alternating(40, kSure);  // words of the code, shifted by two chips as well
+  for (std::size_t chip = 0; chip < alternating.size(); chip += 2) alternating[chip] = -kSure;
+  for (std::size_t block = 4; block < 16; ++block) {
+    const auto report = assembler.push(place_of_block(block) + static_cast<std::ptrdiff_t>(kStart), alternating,
+                                       {.offset = 0, .scatter = 3, .slip = 0});
+    CHECK(report.outcome == StretchOutcome::waiting);
+    CHECK(report.share == doctest::Approx(32 / 85.0));
+  }
+  // A header of the sure clock comes through beside them.
+  const auto report = assembler.push(place_of_block(16), sender.blocks(16, 1));
+  CHECK(report.outcome == StretchOutcome::placed);
+}
+
+TEST_CASE("the offset of a place counts as the clock does") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  const auto report =
+      assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(kStart) + 6,
+                     sender.soft(4 * kBlock + kStart, 8 * kByte), {.offset = -6, .scatter = 0, .slip = 0});
+  CHECK(report.outcome == StretchOutcome::placed);
+  CHECK(report.bytes == 8);
+  CHECK(report.violations == 0);
+}
+
+TEST_CASE("no more than 2^17 chips wait for the length") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  // Bytes without headers, then a cycle with them: only the last 2^17 chips, and of these eight stretches, can be
+  // placed.
+  std::ptrdiff_t first = 0;
+  const std::size_t parts = 3 * 131'072 / kBlock;
+  for (std::size_t k = 0; k < parts; ++k, first += static_cast<std::ptrdiff_t>(kBlock)) {
+    auto llr = sender.blocks(k, 1);
+    for (std::size_t chip = 0; chip < kStart; ++chip) llr[chip] = 0;
+    CHECK(assembler.push(first, llr).outcome == StretchOutcome::waiting);
+  }
+  std::size_t placed = 0;
+  for (std::size_t k = parts; k < parts + 4; ++k, first += static_cast<std::ptrdiff_t>(kBlock)) {
+    const auto report = assembler.push(first, sender.blocks(k, 1));
+    placed += report.bytes;
+  }
+  CHECK(placed > 0);
+  CHECK(placed <= 8 * (131'072 / kBlock + 4));
+}
+
+TEST_CASE("payloads of all lengths and numbers come back, whatever the format") {
+  std::mt19937 random(21);
+  for (int trial = 0; trial < 60; ++trial) {
+    const std::array names{"none", "manchester", "4b6b", "8b10b"};
+    const PacketFormat format{ocisac::LineCode::named(names[random() % 4]), 1 + random() % 255,
+                              random() % 2 != 0 ? ocisac::Preamble::standard : ocisac::Preamble::lengthened};
+    const std::size_t bytes = 1 + random() % std::min<std::size_t>(ocisac::longest_payload(format), 700);
+    const unsigned number = random() % 256;
+    const Sender sender(bytes, number, format);
+    PacketAssembler assembler(format);
+    const std::size_t begin = random() % sender.chips.size();
+    CAPTURE(bytes);
+    CAPTURE(format.block_bytes);
+    std::optional<ocisac::Payload> payload;
+    for (std::size_t at = begin; at < begin + 2 * sender.chips.size() && !payload; at += 600)
+      payload = assembler.push(static_cast<std::ptrdiff_t>(at) - 1'000'000, sender.soft(at, 600)).payload;
+    REQUIRE(payload);
+    CHECK(payload->bytes == sender.payload);
+    CHECK(payload->number == number);
+    CHECK(payload->corrected == 0);
+  }
+}
