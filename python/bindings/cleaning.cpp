@@ -24,7 +24,7 @@ py::tuple run_refine_row_light(const Doubles& light, const Doubles& variance, co
                                const Doubles& row_light, int steps, const std::optional<Doubles>& basis,
                                double deviation) {
   const BandedPicture picture = picture_of(light, variance);
-  const RowModel model{basis ? span_of(*basis) : std::span<const double>{}, deviation};
+  const RowLightPrior model{basis ? span_of(*basis) : std::span<const double>{}, deviation};
   const RowLight result =
       unlocked([&] { return refine_row_light(picture, span_of(share), span_of(row_light), steps, model); });
   return py::make_tuple(array_of(result.light, {light.shape(1)}), array_of(result.information, {light.shape(1)}));

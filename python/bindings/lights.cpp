@@ -1,5 +1,8 @@
 #include "bindings.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
+#include "tones.hpp"
 
 namespace ocisac::bindings {
 
@@ -7,9 +10,9 @@ namespace {
 
 // In the order of ocisac_fast.sources.LightSource.
 py::tuple as_tuple(const LightSource& s) {
-  return py::make_tuple(s.frame, s.box, s.frequency, s.frequency_std, s.gain, s.gain_std, s.phase, s.mean, s.snr,
-                        s.amplitude, s.share, s.carries_data, s.reflection_of, s.reflection_by_phase, s.merged,
-                        s.joined, s.flags);
+  return py::make_tuple(s.frame, s.box, s.probability, s.frequency, s.frequency_std, s.gain, s.gain_std, s.phase,
+                        s.mean, s.snr, s.amplitude, s.share, s.carries_data, s.reflection_of, s.reflection_by_phase,
+                        s.merged, s.joined, s.flags);
 }
 
 py::list as_list(const std::vector<LightSource>& sources) {
@@ -24,6 +27,15 @@ py::list detect(const py::array& frames, const Camera& camera, double false_alar
   return as_list(unlocked([&] { return detect_sources(view, camera, {false_alarms, min_cycles, max_sources}); }));
 }
 
+// In the order of LightCandidate.
+py::list candidates(const py::array& frame, const Camera& camera, bool data) {
+  const AnyFramesView view = any_view(frame);
+  py::list list;
+  for (const LightCandidate& one : unlocked([&] { return light_candidates(view, camera, data); }))
+    list.append(py::make_tuple(one.box, one.frequency, one.probability, one.features));
+  return list;
+}
+
 // In the order of ExpectedLight.
 using Expected = std::tuple<Region, double, Region, bool, bool>;
 
@@ -36,14 +48,38 @@ py::list follow(const py::array& frame, const Camera& camera, const std::vector<
   return as_list(unlocked([&] { return follow_sources(view, camera, lights, {false_alarms, min_cycles}); }));
 }
 
+// Row time (s), its standard error (s) and the tone as of find(). Bounds: cycles per row.
+py::tuple row_time_of(const py::array& columns, double frequency, const Bounds& bounds, const std::string& waveform,
+                      bool select_columns) {
+  const AnyFramesView view = any_view(columns);
+  Camera per_row;
+  per_row.row_time = 1;
+  FrequencySearch search = search_of(per_row, bounds, waveform, select_columns);
+  search.saturation = saturation_level(view, per_row.tone_curve);
+  const Calibration result = unlocked([&] { return calibrate(view, frequency, search); });
+  return py::make_tuple(result.row_time, result.row_time_std, tuple_of(result.found));
+}
+
+std::size_t colour_of(const std::vector<py::array>& colours, const Camera& camera, const Bounds& bounds,
+                      const std::string& waveform) {
+  const auto views = views_of(colours);
+  FrequencySearch search = search_of(camera, bounds, waveform, true);
+  if (!views.empty()) search.saturation = saturation_level(views.front(), camera.tone_curve);
+  return unlocked([&] { return pick_colour(views, search); });
+}
+
 }  // namespace
 
 void register_lights(py::module_& module) {
   using py::arg;
   module.def("detect_sources", &detect, arg("frames"), arg("camera"), arg("false_alarms"), arg("min_cycles"),
              arg("max_sources"));
+  module.def("light_candidates", &candidates, arg("frame"), arg("camera"), arg("data"));
   module.def("follow_sources", &follow, arg("frame"), arg("camera"), arg("expected"), arg("false_alarms"),
              arg("min_cycles"));
+  module.def("calibrate", &row_time_of, arg("columns"), arg("frequency"), arg("bounds"), arg("waveform"),
+             arg("select_columns"));
+  module.def("pick_colour", &colour_of, arg("colours"), arg("camera"), arg("bounds"), arg("waveform"));
 }
 
 }  // namespace ocisac::bindings

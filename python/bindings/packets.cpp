@@ -22,7 +22,9 @@ py::tuple transmit_tuple(const Bytes& payload, const CodeName& line_code, std::s
 }
 
 py::tuple decode_tuple(const Doubles& llr, const CodeName& line_code) {
-  const auto decoded = line_code_of(line_code).decode(span_of(llr));
+  const auto code = line_code_of(line_code);
+  const auto chips = span_of(llr);
+  const auto decoded = unlocked([&] { return code.decode(chips); });
   return py::make_tuple(array_of(decoded.llr), array_of(decoded.violations));
 }
 

@@ -69,8 +69,10 @@ void register_reference(py::module_& module) {
       arg("signals"), arg("rows"), arg("lowest"), arg("highest"));
   module.def(
       "without_square_wave",
-      [](const Doubles& signal, double frequency) { return array_of(without_square_wave(span_of(signal), frequency)); },
-      arg("signal"), arg("frequency"));
+      [](const Doubles& signal, double frequency, double exposure_rows) {
+        return array_of(without_square_wave(span_of(signal), frequency, exposure_rows));
+      },
+      arg("signal"), arg("frequency"), arg("exposure_rows"));
   module.def(
       "lamp_slope",
       [](const Doubles& swings, const Doubles& centres) { return lamp_slope(span_of(swings), span_of(centres)); },

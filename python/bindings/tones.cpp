@@ -1,7 +1,8 @@
+#include "tones.hpp"
+
 #include "bindings.hpp"
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/tones/calibrate.hpp"
 #include "ocisac/tones/equalize.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/projection.hpp"
@@ -100,8 +101,6 @@ std::uint64_t read_array(const py::array_t<std::uint8_t>& array, int threads) {
   return unlocked([&] { return read_bytes(bytes, threads); });
 }
 
-using Bounds = std::optional<std::tuple<double, double>>;
-
 Harmonics harmonics_of(const std::string& waveform) {
   if (waveform == "auto") return Harmonics::automatic;
   if (waveform == "tone") return Harmonics::fundamental;
@@ -109,7 +108,15 @@ Harmonics harmonics_of(const std::string& waveform) {
   refuse("waveform", waveform, "auto, tone or square");
 }
 
-// Bounds in Hz, converted to cycles per row.
+py::tuple columns_as_arrays(const ToneColumns& columns) {
+  py::array_t<bool> used(static_cast<py::ssize_t>(columns.used.size()));
+  for (std::size_t i = 0; i < columns.used.size(); ++i)
+    used.mutable_at(static_cast<py::ssize_t>(i)) = columns.used[i] != 0;
+  return py::make_tuple(used, array_of(columns.strength), columns.saturated);
+}
+
+}  // namespace
+
 FrequencySearch search_of(const Camera& camera, const Bounds& bounds, const std::string& waveform,
                           bool select_columns) {
   FrequencySearch search;
@@ -122,19 +129,12 @@ FrequencySearch search_of(const Camera& camera, const Bounds& bounds, const std:
   return search;
 }
 
-py::tuple columns_as_arrays(const ToneColumns& columns) {
-  py::array_t<bool> used(static_cast<py::ssize_t>(columns.used.size()));
-  for (std::size_t i = 0; i < columns.used.size(); ++i)
-    used.mutable_at(static_cast<py::ssize_t>(i)) = columns.used[i] != 0;
-  return py::make_tuple(used, array_of(columns.strength), columns.saturated);
-}
-
-// Cycles per row, its standard error, signal-to-noise ratio, highest harmonic, flags, columns (used, strength,
-// saturated).
 py::tuple tuple_of(const FoundFrequency& found) {
   return py::make_tuple(found.frequency, found.frequency_std, found.snr, found.harmonics, found.flags,
                         columns_as_arrays(found.columns));
 }
+
+namespace {
 
 py::tuple find(const py::array& columns, const Camera& camera, const Bounds& bounds, const std::string& waveform,
                bool select_columns) {
@@ -144,30 +144,10 @@ py::tuple find(const py::array& columns, const Camera& camera, const Bounds& bou
   return tuple_of(unlocked([&] { return find_frequency(view, search); }));
 }
 
-// Row time (s), its standard error (s) and the tone as of find(). Bounds: cycles per row.
-py::tuple row_time_of(const py::array& columns, double frequency, const Bounds& bounds, const std::string& waveform,
-                      bool select_columns) {
-  const AnyFramesView view = any_view(columns);
-  Camera per_row;
-  per_row.row_time = 1;
-  FrequencySearch search = search_of(per_row, bounds, waveform, select_columns);
-  search.saturation = saturation_level(view, per_row.tone_curve);
-  const Calibration result = unlocked([&] { return calibrate(view, frequency, search); });
-  return py::make_tuple(result.row_time, result.row_time_std, tuple_of(result.found));
-}
-
 py::tuple columns_of_tone(const py::array& columns, const Camera& camera, double frequency) {
   const AnyFramesView view = any_view(columns);
   return columns_as_arrays(unlocked(
       [&] { return tone_columns(view, frequency * camera.row_time, saturation_level(view, camera.tone_curve)); }));
-}
-
-std::size_t colour_of(const std::vector<py::array>& colours, const Camera& camera, const Bounds& bounds,
-                      const std::string& waveform) {
-  const auto views = views_of(colours);
-  FrequencySearch search = search_of(camera, bounds, waveform, true);
-  if (!views.empty()) search.saturation = saturation_level(views.front(), camera.tone_curve);
-  return unlocked([&] { return pick_colour(views, search); });
 }
 
 // (rows, columns)
@@ -223,11 +203,8 @@ void register_tones(py::module_& module) {
   module.def("force_simd_target", &force_simd_target, arg("name"));
   module.def("find_frequency", &find, arg("columns"), arg("camera"), arg("bounds"), arg("waveform"),
              arg("select_columns"));
-  module.def("calibrate", &row_time_of, arg("columns"), arg("frequency"), arg("bounds"), arg("waveform"),
-             arg("select_columns"));
   module.def("tone_columns", &columns_of_tone, arg("columns"), arg("camera"), arg("frequency"));
   module.def("tone_design", &design_of, arg("rows"), arg("cycles_per_row"), arg("trend_degree"));
-  module.def("pick_colour", &colour_of, arg("colours"), arg("camera"), arg("bounds"), arg("waveform"));
   module.def("equalize", &run_equalize, arg("columns"), arg("camera"), arg("method"), arg("noise"), arg("max_boost"),
              arg("out"));
   module.def(

@@ -25,8 +25,10 @@ from ocisac_fast.light import (
 )
 from ocisac_fast.lights import (
     SourceTracker as SourceTracker,
+    calibrate as calibrate,
     detect_sources as detect_sources,
     locate_camera as locate_camera,
+    pick_colour as pick_colour,
 )
 from ocisac_fast.packets import (
     longest_payload as longest_payload,
@@ -42,10 +44,8 @@ from ocisac_fast.sensing import (
     sense_region as sense_region,
 )
 from ocisac_fast.tones import (
-    calibrate as calibrate,
     equalize as equalize,
     find_frequency as find_frequency,
-    pick_colour as pick_colour,
     tone_columns as tone_columns,
     tone_gain as tone_gain,
     varying_tone_gain as varying_tone_gain,

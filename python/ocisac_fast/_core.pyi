@@ -101,23 +101,9 @@ def find_frequency(
     waveform: str,
     select_columns: bool,
 ) -> tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]: ...
-def calibrate(
-    columns: npt.NDArray[Any],
-    frequency: float,
-    bounds: tuple[float, float] | None,
-    waveform: str,
-    select_columns: bool,
-) -> tuple[
-    float,
-    float,
-    tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]],
-]: ...
 def tone_columns(
     columns: npt.NDArray[Any], camera: Camera, frequency: float
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]: ...
-def pick_colour(
-    colours: list[npt.NDArray[Any]], camera: Camera, bounds: tuple[float, float] | None, waveform: str
-) -> int: ...
 def receive(
     colours: Sequence[npt.NDArray[Any]], camera: Camera, chip_rate: float | None
 ) -> list[tuple[int, int, int, str, float, float, float, float, Any, Any, Any, Any, int]]: ...
@@ -212,6 +198,9 @@ def pool_estimates(values: npt.NDArray[np.float64], errors: npt.NDArray[np.float
 def detect_sources(
     frames: npt.NDArray[Any], camera: Camera, false_alarms: float, min_cycles: float, max_sources: int
 ) -> list[tuple[Any, ...]]: ...
+def light_candidates(
+    frame: npt.NDArray[Any], camera: Camera, data: bool
+) -> list[tuple[tuple[int, int, int, int], float, float, list[float]]]: ...
 def follow_sources(
     frame: npt.NDArray[Any],
     camera: Camera,
@@ -219,6 +208,20 @@ def follow_sources(
     false_alarms: float,
     min_cycles: float,
 ) -> list[tuple[Any, ...]]: ...
+def calibrate(
+    columns: npt.NDArray[Any],
+    frequency: float,
+    bounds: tuple[float, float] | None,
+    waveform: str,
+    select_columns: bool,
+) -> tuple[
+    float,
+    float,
+    tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]],
+]: ...
+def pick_colour(
+    colours: list[npt.NDArray[Any]], camera: Camera, bounds: tuple[float, float] | None, waveform: str
+) -> int: ...
 
 class RowWeights:
     def __init__(self, weights: npt.ArrayLike, rows: int, row_group: int, limbs: int) -> None: ...
@@ -378,5 +381,5 @@ def remove_nuisance(
     signal: npt.ArrayLike, slow: float, tones: Sequence[float], exposed: npt.ArrayLike
 ) -> tuple[Any, float] | None: ...
 def strongest_tone(signals: npt.ArrayLike, rows: int, lowest: float, highest: float) -> tuple[float, float]: ...
-def without_square_wave(signal: npt.ArrayLike, frequency: float) -> npt.NDArray[np.float64]: ...
+def without_square_wave(signal: npt.ArrayLike, frequency: float, exposure_rows: float) -> npt.NDArray[np.float64]: ...
 def lamp_slope(swings: npt.ArrayLike, centres: npt.ArrayLike) -> float: ...

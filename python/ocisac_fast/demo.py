@@ -16,9 +16,11 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.files import read_frames, write_frames
 from ocisac_fast.light.response import exposure_response
-from ocisac_fast.light.waveforms import Chips, SquareWave, Waveform, integrate_exposure
+from ocisac_fast.light.waveforms import Chips, Constant, SquareWave, Tone, Waveform, integrate_exposure
+from ocisac_fast.packets.transmission import transmit
 from ocisac_fast.receiver.blind import Received, receive
-from ocisac_fast.scene.simulation import simulate_frames
+from ocisac_fast.scene import Ambient, Cosine, Pinhole, Pose, Rectangle, Scene, Sensor, Source, Surface, render
+from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
 from ocisac_fast.tones.gain import tone_gain
 
 # Table 2 of the paper, and values that it does not state: swing, noise and dark level, DN.
@@ -35,6 +37,9 @@ MESSAGE = "OC-ISAC!"
 CHIP_RATE = 10e3
 CHIP_CAMERA = Camera(ROW_TIME, 60e-6, dark_level=DARK_LEVEL)
 MARKER = "1" * 8  # precedes the message: ASCII bytes begin with 0 and contain no such run
+
+PAYLOAD = b"Hello, world"
+PACKET_CHIP_RATE = 15e3
 
 
 def periods_on_ring(grating: float) -> int:
@@ -127,18 +132,60 @@ def settings() -> list[Setting]:
 
 
 def run(directory: str | os.PathLike[str]) -> Demonstration:
-    """Write ``testbed.mkv`` (one frame per setting) and ``chips.png`` to the directory, read and decode them."""
+    """Write ``testbed.mkv`` (one frame per setting) and ``chips.png`` to the directory, read and decode them.
+
+    ``lamp.mkv``, ``video.mkv`` and ``banded.png`` are recordings for first steps, as README and docs use them.
+    """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     write_frames(folder / "testbed.mkv", _testbed_frames(), frame_rate=1 / FRAME_TIME)
     light = Chips(MARKER + to_bits(MESSAGE), CHIP_RATE, repeat=True)
     write_frames(folder / "chips.png", _simulated(light, CHIP_CAMERA, start=1.7e-3))
+    write_frames(folder / "lamp.mkv", lamp_frames(), frame_rate=FRAMES_PER_SECOND)
+    write_frames(folder / "video.mkv", video_frames(), frame_rate=FRAMES_PER_SECOND)
+    write_frames(folder / "banded.png", [banded_picture()])
 
     frames = read_frames(folder / "testbed.mkv").frames
     measurements = [_measure(setting, frame) for setting, frame in zip(settings(), frames, strict=True)]
     chips = read_frames(folder / "chips.png").frames
     received = receive(chips, CHIP_CAMERA)[0]
     return Demonstration(measurements, frames, chips[0], received, *message_in(received.bits))
+
+
+def lamp_frames() -> Iterator[npt.NDArray[Any]]:
+    """30 frames of 1080 rows of a lamp that sends ``PAYLOAD`` as packets of the default format."""
+    chips = "".join(map(str, transmit(PAYLOAD).chips.tolist()))
+    light, camera = Chips(chips, PACKET_CHIP_RATE, repeat=True), Camera(ROW_TIME, 100e-6, frame_time=FRAME_TIME)
+    lamp = lamp_bar(1080, 160, width=25.0)
+    return simulate_frames(light, camera, 1080, 160, 30, swing=180.0, lamp=lamp, dark_level=DARK_LEVEL, noise=NOISE)
+
+
+def video_frames() -> Iterator[npt.NDArray[Any]]:
+    """12 frames of 720 rows: on the left a lamp of 500 Hz, on the right stripes of 100 /m that pass at 2 m/s."""
+    distance, pitch = 0.5, 0.5e-3  # m; m between neighbouring pixels at that distance
+    lens = Pinhole(columns=640, rows=ROWS, focal_length=4e-3, pixel_pitch=4e-3 * pitch / distance)
+    lamp = Source(Rectangle(0.12, 0.5), Pose(position=(-0.1, 0.0, distance)), SquareWave(500.0))
+    wall = Pose(position=(0.05, 0.0, 1.001 * distance))  # behind the lamp
+    stripes = Surface(Rectangle(0.4, 0.5), wall, pattern=Cosine(100.0), speed=2.0)
+    sensor = Sensor(gain=1.6e5, bit_depth=8, full_well=8000, read_noise=10, shot_noise=True)
+    camera = Camera(ROW_TIME, EXPOSURES[1], frame_time=FRAME_TIME)
+    scene = Scene(lens, camera, sensor, sources=[lamp], surfaces=[stripes], ambient=Ambient(0.8))
+    return render(scene.plan(frames=12), noise=True, seed=1)
+
+
+def banded_picture() -> npt.NDArray[Any]:
+    """(720, 960): three balls at an exposure of 1/2000 s, under steady light and a lamp that ripples at 700 Hz."""
+    rows, columns = ROWS, 960
+    y, x = np.mgrid[:rows, :columns]
+    reflectance = np.where(y < 520, 0.55 + 0.25 * x / columns, 0.35)
+    for left, top, radius, brightness in ((250, 330, 150, 0.9), (520, 420, 110, 0.45), (745, 300, 120, 0.7)):
+        from_light = ((x - left + 0.4 * radius) ** 2 + (y - top + 0.4 * radius) ** 2) / (2.6 * radius**2)
+        shade = brightness * (0.35 + 0.65 * np.sqrt(np.clip(1.0 - from_light, 0.0, 1.0)))
+        reflectance = np.where((x - left) ** 2 + (y - top) ** 2 < radius**2, shade, reflectance)
+    reflectance *= texture(rows, columns, 0.06, seed=3)
+    lamp, camera = Tone(700.0), Camera(ROW_TIME, 1 / 2000)
+    surroundings: dict[str, Any] = {"ambient": Constant(0.4), "reflectance": reflectance}
+    return next(simulate_frames(lamp, camera, rows, columns, swing=150.0, noise=1.0, **surroundings))
 
 
 def _testbed_frames() -> Iterator[npt.NDArray[Any]]:

@@ -27,7 +27,7 @@ class Progress:
     """State of a run.
 
     Attributes:
-        recordings: all that are asked for.
+        recordings: number of all.
         finished: those with all rows, those skipped included.
         skipped: those finished before.
         frames: measured in this run.

@@ -94,7 +94,7 @@ def _next_ended(ended: queue.SimpleQueue[Any], client: Any) -> list[Any]:
 
 
 def _reports(future: Any, jobs: Jobs, client: Any) -> list[Report] | None:
-    """Reports of a group of jobs; None if it killed its workers and has to be taken apart."""
+    """Reports of a group of jobs; None if it killed its workers and has to be split."""
     from distributed import KilledWorker, TimeoutError as StillRunning
 
     try:
@@ -134,7 +134,7 @@ def thread_count(client: Any) -> int:
 
 
 def _require_same_version(client: Any) -> None:
-    """Ask all workers for their version by a call that any of them understands, also without the package."""
+    """Versions of all workers, by a call that works without the package too."""
     here = importlib.metadata.version("ocisac-fast")
     try:
         found = client.run(importlib.metadata.version, "ocisac-fast", on_error="return")

@@ -50,6 +50,7 @@ _GIVEN = Field("background_given", "bool", "", "true if a background was given")
 
 _LIGHT = (
     *_BOX,
+    Field("probability", "float64", "", "probability that it is a light"),
     *_tone(),
     _PHASE,
     _MEAN,
@@ -220,10 +221,10 @@ def _require_known(rows: Iterable[Mapping[str, Any]], fields: Iterable[Field]) -
 
 
 def documentation() -> str:
-    """The tables of docs/scale.md."""
+    """A table of the columns of each command, for the reference."""
     text = []
     for command, fields in FIELDS.items():
-        text += [f"### {command}", "", "| column | type | unit | meaning |", "|---|---|---|---|"]
+        text += [f"## {command}", "", "| column | type | unit | meaning |", "|---|---|---|---|"]
         for name, kind, unit, meaning in _flat((PATH, *fields)):
             text.append(f"| `{name}` | {kind} | {unit} | {meaning} |")
         text.append("")

@@ -159,7 +159,7 @@ def _gain_options(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def _frame_count(command: str, rows: list[Mapping[str, Any]]) -> int | None:
-    """Frames with an answer; None: the command does not say."""
+    """Frames with an answer; None: not stated by the command."""
     if command in ("sense", "calibrate"):
         return sum(int(row["frames"]) for row in rows)
     return len({row["frame"] for row in rows if row["frame"] is not None})

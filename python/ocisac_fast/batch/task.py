@@ -13,10 +13,12 @@ import click
 from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.core.checks import shown
 from ocisac_fast.files import LightResponse
 
 IN_STRETCHES = ("gain", "detect")  # each frame has an answer of its own
-_NOT_FOR_MANY = ("plot", "as_json", "marks", "pulses", "force")  # output and input of a single call
+# Output and input of a single call.
+_NOT_FOR_MANY = ("plot", "as_json", "csv", "per_column", "marks", "pulses", "force")
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Task:
 
     def __post_init__(self) -> None:
         if self.command not in FIELDS:
-            raise ValueError(f"command: got {self.command!r}, allowed: {', '.join(FIELDS)}")
+            raise ValueError(f"command: got {shown(self.command)}, allowed: {', '.join(FIELDS)}")
         try:
             arguments, picture = self.arguments()
             picture.camera(LightResponse())

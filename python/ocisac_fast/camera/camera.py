@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Literal
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked_class
+from ocisac_fast.core.checks import checked_class, shown
 
 
 @checked_class
@@ -51,7 +51,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         if self.scan_axis not in ("y", "-y", "x", "-x"):
-            raise ValueError(f"scan_axis: got {self.scan_axis!r}, allowed: 'y', '-y', 'x' or '-x'")
+            raise ValueError(f"scan_axis: got {shown(self.scan_axis)}, allowed: 'y', '-y', 'x' or '-x'")
         for name, value in (("exposure", self.exposure), ("frame_time", self.frame_time)):
             if self.row_time is None and value is not None:
                 raise ValueError(f"{name}: got {value}, allowed: None where row_time is None")

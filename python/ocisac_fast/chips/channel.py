@@ -152,7 +152,7 @@ class RefinedChannel:
 
     Attributes:
         channel: the channel.
-        chips: (chips,) 0 and 1, all chips that any row of the frame sees; only a few rows see the first and last ones.
+        chips: (chips,) 0 and 1, all chips whose light reaches any row of the frame; the first and last reach few.
         first: number of the first of them.
         settled: True if the last detection changed no chip.
         even: False if a part of the frame has a larger residual than the others: the clock was lost there.
@@ -538,7 +538,7 @@ def chip_llr(
         method: one of :data:`ocisac_fast.chips.DETECTORS`.
 
     Returns:
-        (count,) ln p(rows | bright) - ln p(rows | dark): above 0 for a bright chip; 0 for a chip that no row sees.
+        (count,) ln p(rows | bright) - ln p(rows | dark): above 0 for a bright chip; 0 for a chip that reaches no row.
 
     Raises:
         ValueError: an argument outside its range; the message names it.

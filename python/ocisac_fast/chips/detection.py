@@ -19,11 +19,11 @@ DETECTORS = tuple(_core.detector_names())  # of the list in cpp/src/chips/detect
 
 @dataclass(frozen=True, slots=True)
 class DetectedChips:
-    """All chips that any row of a frame sees; only a few rows see the first and last ones.
+    """All chips whose light reaches any row of a frame; the first and last ones reach only a few rows.
 
     Attributes:
         llr: (chips,), (chips, columns) or (frames, chips, columns): ln p(rows | bright) - ln p(rows | dark), above 0
-            for a bright chip, 0 for a chip that no row sees.
+            for a bright chip, 0 for a chip that reaches no row.
         first: number of the first chip, as the channel counts them.
         method: the detector used; for ``"auto"`` the selected one.
     """
@@ -97,14 +97,14 @@ def detect_chips(
 
 @checked
 def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: float) -> DetectorErrorRates:
-    """Theoretical error rate of each detector for a known channel; formulas in docs/receiver.md.
+    """Theoretical error rate of each detector for a known channel; formulas in docs/explanation/receiver.md.
 
     Exact for slicer, inverse and wiener: the mean of Q((g_0/2 + sum of +-g_j/2)/noise) over the signs, where g are the
     weights of the chips in the value that is compared. For dfe without the errors that follow from a wrong decision.
     For mlse a union bound over the closest pairs of sequences.
 
     Args:
-        rows_per_chip: above 0, at most 1000: the time that this takes grows with its square.
+        rows_per_chip: above 0, at most 1000: the computing time grows with its square.
         exposure_rows: rows, 0 to 24 chips.
         noise: standard deviation of a row over the swing from steady dark to steady bright, above 0.
 

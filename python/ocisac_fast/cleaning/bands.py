@@ -21,7 +21,7 @@ from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
 from ocisac_fast.cleaning.shares import colour_shares
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
 from ocisac_fast.core.arrays import as_frames, in_stored_order
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
@@ -110,7 +110,7 @@ class _Task:
         for name, values in allowed.items():
             got = getattr(self, name)
             if got not in values:
-                raise ValueError(f"{name}: got {got!r}, allowed: {', '.join(values)}")
+                raise ValueError(f"{name}: got {shown(got)}, allowed: {', '.join(values)}")
 
 
 @checked

@@ -12,9 +12,11 @@ import warnings
 from typing import Any
 
 import click
+from click.shell_completion import CompletionItem, shell_complete
 
 from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line, write_any_text
+from ocisac_fast.core.checks import shown
 
 _COMMANDS = {
     "calibrate": "Row time of a camera, from a light of known frequency.",
@@ -37,6 +39,9 @@ _COMMANDS = {
 _ROOM_OF = {"batch": "ocisac_fast.batch.command"}
 
 
+_COMPLETION = "_OCISAC_COMPLETE"  # variable of click's scripts: bash_source, bash_complete, zsh_source, ...
+
+
 def any_case(word: str) -> str:
     """Options and choices in any case."""
     return word.lower()
@@ -46,10 +51,10 @@ class _LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args[0].lower() not in _COMMANDS:
+        if args[0].lower() not in _COMMANDS and not ctx.resilient_parsing:
             near = difflib.get_close_matches(args[0].lower(), _COMMANDS, 1)
             allowed = near[0] if near else ", ".join(_COMMANDS)
-            raise click.UsageError(f"command: got {args[0]!r}, allowed: {allowed}")
+            raise click.UsageError(f"command: got {shown(args[0])}, allowed: {allowed}")
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -62,6 +67,12 @@ class _LazyGroup(click.Group):
         command = getattr(importlib.import_module(module), cmd_name)
         assert isinstance(command, click.Command)
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Commands with their descriptions, without an import of their modules, and options."""
+        begun = [name for name in _COMMANDS if name.startswith(incomplete.lower())]
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        return [CompletionItem(name, help=_COMMANDS[name]) for name in begun] + options
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -96,6 +107,8 @@ def ocisac(ctx: click.Context) -> None:
 
 def run(arguments: list[str], command: click.Command = ocisac) -> int:
     """Run a command; errors are one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
+    if instruction := os.environ.get(_COMPLETION):
+        return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
     warnings.showwarning = _warn
     write_any_text()
     terminate = signal.getsignal(signal.SIGTERM)

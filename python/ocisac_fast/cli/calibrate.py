@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import click
@@ -10,18 +11,21 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.cli.columns import frequency_waveform, one_colour
+from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
+from ocisac_fast.cli.doubts import warn_of_texture
 from ocisac_fast.cli.lights import SHARES
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, quantity, with_spread
-from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options
+from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options
 from ocisac_fast.cli.units import FREQUENCY, Quantity
 
 
 @click.command(short_help="Row time of a camera, from a light of known frequency.")
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FILE_PATH)
 @click.option("--frequency", type=FREQUENCY, required=True, help="Frequency of the light, below half the row rate.")
 @click.option("--pulses", type=SHARES, help="Duty of a lamp lit once per frame, one for each FILE: 5%,10%.")
 @picture_options
+@writes()
 @json_option
 def calibrate(
     files: tuple[str, ...],
@@ -42,14 +46,17 @@ def calibrate(
         return
     if len(files) > 1:
         raise click.UsageError(f"FILE: got {len(files)}, allowed: one without --pulses")
-    from ocisac_fast.tones import calibrate as measure
+    from ocisac_fast.lights import calibrate as measure
 
     with open_pictures(files[0], unknown) as pictures:
         camera, frames = pictures.camera.in_time_order, next(pictures.row_batches())
     waveform = frequency_waveform(picture)
     columns, _ = one_colour(frames, camera, waveform)
+    per_row = dataclasses.replace(camera, row_time=1.0, exposure=None)
     result = measure(columns, float(frequency), waveform=waveform)
     found, flags = result.found, flag_names(result.flags)
+    if math.isfinite(found.cycles_per_row):
+        warn_of_texture(columns[..., some_columns(found.columns.used)], per_row, found.cycles_per_row)
     if as_json:
         facts = {"row_time_s": result.row_time, "row_time_std_s": result.row_time_std, "frames": len(columns)}
         emit_json({**facts, "rows": columns.shape[1], "columns": int(found.columns.used.sum()), "flags": flags})

@@ -12,7 +12,7 @@ import numpy as np
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_table, progress, rate
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import PictureOptions, json_option, picture_options, select, stack
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
 
@@ -20,8 +20,8 @@ _HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturate
 
 
 @click.command(short_help="The picture without the light's bands, or the bands alone.")
-@click.argument("source", metavar="IN")
-@click.argument("target", metavar="OUT")
+@click.argument("source", metavar="IN", type=FILE_PATH)
+@click.argument("target", metavar="OUT", type=FILE_PATH)
 @click.option("--keep", type=click.Choice(["picture", "bands"]), default="picture", show_default=True)
 @click.option(
     "--model",

@@ -21,7 +21,7 @@ def one_colour(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int
     Returns:
         (frames, rows, columns) and the colour's index; None: there is only one.
     """
-    from ocisac_fast.tones import pick_colour
+    from ocisac_fast.lights import pick_colour
 
     if frames.shape[-1] == 1:
         return frames[..., 0], None

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
 from ocisac_fast.cli.output import emit_json, emit_table, quantity
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option
 
 
@@ -19,6 +23,7 @@ from ocisac_fast.cli.pictures import json_option
     show_default=True,
     help="Folder of the recordings and the picture.",
 )
+@writes()
 @json_option
 def demo(directory: Path, as_json: bool) -> None:
     """Record the paper's testbed (simulated, as video), read it back, and compare gains with theory and bits."""
@@ -44,6 +49,28 @@ def demo(directory: Path, as_json: bool) -> None:
     click.echo(f"{len(result.received.bits)} chips received from {directory / 'chips.png'}: {result.received.bits}")
     click.echo(f"message: {result.text or 'not found'}")
     click.echo(f"picture: {picture}")
+    _show_what_next(directory)
+
+
+_TO_TRY = {
+    "the text that the lamp sends": "receive lamp.mkv --packets --chip-rate 15kHz --row-time 22.2us",
+    "how much of a lamp's flicker the exposure leaves": "gain video.mkv --frequency 500Hz --row-time 22.2us "
+    "--exposure 1202us --waveform square",
+    "a picture without the bands of its lamp": "clean banded.png clean.png --row-time 22.2us",
+}
+
+
+def _show_what_next(directory: Path) -> None:
+    """Print where the command is, and three commands for the recordings of the demo."""
+    program = Path(sys.argv[0]).absolute()
+    activate = program.parent / "activate"
+    click.echo(f"\nocisac is {program}")
+    click.echo("Three things to try:\n")
+    if shutil.which("ocisac") is None and activate.is_file():
+        click.echo(f"  . {os.path.relpath(activate)}")
+    click.echo(f"  cd {directory}")
+    for what, command in _TO_TRY.items():
+        click.echo(f"\n  # {what}\n  ocisac {command}")
 
 
 def _facts(measured: Any) -> dict[str, Any]:

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
 import click
 import numpy as np
 
-from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, progress, quantity, rate
+from ocisac_fast.cli.output import decibels, emit_json, emit_table, flag_names, number, progress, quantity, rate
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 
-_HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "data", "remark")
+_HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "gain", "SNR", "data", "remark")
 
 
 @click.command(short_help="Modulated lights in a recording.")
-@click.argument("file")
+@click.argument("file", type=FILE_PATH)
 @click.option(
     "--false-alarms",
     type=float,
@@ -27,7 +26,7 @@ _HEADER = ("light", "x", "y", "width", "height", "frequency", "gain", "SNR", "da
     show_default=True,
     help="Max. expected number in a picture without a light; up to 1.",
 )
-@click.option("--min-cycles", type=float, default=3.0, show_default=True, help="Min. cycles in a light's box.")
+@click.option("--min-cycles", type=float, default=2.5, show_default=True, help="Min. cycles in a light's box.")
 @picture_options
 @plot_option("the first frame with the boxes of its lights")
 @writes("plot")
@@ -88,13 +87,14 @@ def grey_of(frame: Frame) -> Frame:
 def _facts(source: Any, picture: PictureOptions) -> dict[str, Any]:
     facts = {
         **picture.in_picture(source.region)._asdict(),
+        "probability": source.probability,
         "frequency_hz": source.frequency,
         "frequency_std_hz": source.frequency_std,
         "gain": source.gain,
         "gain_std": source.gain_std,
         "phase_rad": source.phase,
         "mean": source.mean,
-        "snr_db": 10.0 * math.log10(source.snr) if source.snr > 0.0 else math.nan,
+        "snr_db": decibels(source.snr),
         "carries_data": source.carries_data,
         "reflection_of": source.reflection_of,
         "reason": source.reason,
@@ -113,6 +113,7 @@ def _row(index: int, source: dict[str, Any], picture: PictureOptions) -> list[st
     return [
         str(index),
         *(str(source[name]) for name in ("x", "y", "width", "height")),
+        f"{source['probability']:.2f}",
         rate(source[f"frequency_{unit}"], source[f"frequency_std_{unit}"], picture.in_hertz, 5),
         quantity(source["gain"], "", 3),
         number(source["snr_db"], "dB", 3),

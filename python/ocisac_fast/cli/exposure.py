@@ -10,26 +10,10 @@ from ocisac_fast.cli.lights import LIGHTS, SHARE, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
-from ocisac_fast.cli.units import FREQUENCY, TIME, ParameterType, Quantity
+from ocisac_fast.cli.units import FREQUENCY, TIME, Quantity, Several
 
 if TYPE_CHECKING:
     from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight
-
-
-class _Pair(ParameterType):
-    """Two quantities separated by a comma."""
-
-    def __init__(self, single: ParameterType, name: str) -> None:
-        self.name = name
-        self._single = single
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        parts = str(value).split(",")
-        if len(parts) != 2:
-            self.fail(f"got {value!r}, allowed: {self.name}")
-        return tuple(float(self._single.convert(part, param, ctx)) for part in parts)
 
 
 @click.command(short_help="Best exposure time for communication and sensing, or without bands of lights.")
@@ -43,9 +27,9 @@ class _Pair(ParameterType):
     help="exact, or from the paper: closed-form, search.",
 )
 @click.option(
-    "--weights", type=_Pair(click.FLOAT, "COMM,SENSE"), default="1,1", help="Weights of the sum; default 1,1."
+    "--weights", type=Several(click.FLOAT, "COMM,SENSE", 2), default="1,1", help="Weights of the sum; default 1,1."
 )
-@click.option("--bounds", type=_Pair(TIME, "MIN,MAX"), help="Default: 0 to 1/min(f_c, f_s), with --avoid to 0.1 s.")
+@click.option("--bounds", type=Several(TIME, "MIN,MAX", 2), help="Default: 0 to 1/min(f_c, f_s); --avoid: to 0.1 s.")
 @click.option("--step", type=TIME, help="Only multiples of it, for example the row time.")
 @click.option("--avoid", type=LIGHTS, help="Lights: 100Hz, 90Hz+-1%, 1kHz:square, 90Hz:0.1, mains.")
 @click.option("--below", type=SHARE, default="2%", help="Max. (max-min)/(max+min) of them; default 2%.")
@@ -70,7 +54,7 @@ def exposure(
     front: str | None,
     as_json: bool,
 ) -> None:
-    """Find the exposure time T that maximises Y = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s).
+    """Find the T of largest Y = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s).
 
     With --avoid: the shortest T without bands of other lights; with --comm too, the one of largest Y; with
     --keep, the shortest that keeps the gain.

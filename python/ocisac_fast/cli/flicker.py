@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from ocisac_fast.cli.lights import LIGHTS, SHARE, TIMES, light_name
+from ocisac_fast.cli.lights import LIGHTS, SHARE, light_name
 from ocisac_fast.cli.output import emit_json, emit_table, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
+from ocisac_fast.cli.units import TIMES
 
 if TYPE_CHECKING:
     from ocisac_fast.exposure import FlickeringLight

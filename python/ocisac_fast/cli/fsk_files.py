@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
+from ocisac_fast.cli.sent_files import c_header_bytes, csv_bytes, npy_bytes
 from ocisac_fast.packets.fsk import FskTransmission
 
 
@@ -24,23 +24,16 @@ def _csv(sent: FskTransmission, frame_rate: float | None) -> bytes:
 
 def _c_header(sent: FskTransmission, frame_rate: float | None) -> bytes:
     symbols = list(map(str, sent.symbols.tolist()))
-    rows = [", ".join(symbols[k : k + 24]) for k in range(0, len(symbols), 24)]
-    rate = [] if frame_rate is None else [f"#define OCISAC_SYMBOL_RATE_HZ {frame_rate!r}"]
-    lines = [
-        f"/* A packet of {len(sent.payload)} bytes: send a tone for each symbol, one after the other, over and over.",
-        "   Symbol k: ocisac_tones_hz[ocisac_symbols[k]]. */",
-        "#ifndef OCISAC_SYMBOLS_H",
-        "#define OCISAC_SYMBOLS_H",
-        "#include <stdint.h>",
-        *rate,
+    comment = [
+        f"A packet of {len(sent.payload)} bytes: send a tone for each symbol, one after the other, over and over.",
+        "Symbol k: ocisac_tones_hz[ocisac_symbols[k]].",
+    ]
+    definitions = [
+        *([] if frame_rate is None else [f"#define OCISAC_SYMBOL_RATE_HZ {frame_rate!r}"]),
         f"#define OCISAC_SYMBOL_COUNT {len(symbols)}UL",
         f"static const double ocisac_tones_hz[{len(sent.tones)}] = {{{', '.join(map(repr, sent.tones))}}};",
-        f"static const uint8_t ocisac_symbols[{len(symbols)}] = {{",
-        *(f"    {row}," for row in rows),
-        "};",
-        "#endif",
     ]
-    return "\n".join(lines).encode() + b"\n"
+    return c_header_bytes("symbols", symbols, comment, definitions)
 
 
 SYMBOL_WRITERS: dict[str, Callable[[Any, float | None], bytes]] = {

@@ -14,9 +14,22 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
-from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, number, progress, quantity, rate, with_spread
+from ocisac_fast.cli.csv_files import write_csv
+from ocisac_fast.cli.doubts import warn_of_gain, warn_of_texture
+from ocisac_fast.cli.output import (
+    decibels,
+    emit_facts,
+    emit_json,
+    flag_names,
+    number,
+    plain,
+    progress,
+    quantity,
+    rate,
+    with_spread,
+)
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options, plot_option
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
@@ -24,14 +37,20 @@ from ocisac_fast.light.response import exposure_response
 
 
 @click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
-@click.argument("file")
+@click.argument("file", type=FILE_PATH)
 @click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Frequency of the light; auto: estimated.")
 @click.option("--method", type=click.Choice(["fit", "robust", "dft"]), default="fit", show_default=True)
 @click.option("--background", type=float, help="Light of other origin, in stored values above dark.")
 @click.option("--threads", type=int, default=1, show_default=True)
+@click.option(
+    "--per-column",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Write the gain of every column and frame to a CSV file.",
+)
 @picture_options
 @plot_option("the spectrum with the fitted tone, and the column before and after equalisation")
-@writes("plot")
+@writes("plot", "per_column")
 @json_option
 def gain(
     file: str,
@@ -39,6 +58,7 @@ def gain(
     method: str,
     background: float | None,
     threads: int,
+    per_column: str | None,
     picture: PictureOptions,
     plot: str | None,
     as_json: bool,
@@ -49,8 +69,10 @@ def gain(
     brightness. Each frame gives a gain; the result is the mean weighted by inverse variance.
     """
     options = {"method": method, "background": background or 0.0, "threads": threads}
-    measured = frame_gains(file, picture, frequency, options)
+    measured = frame_gains(file, picture, frequency, options, per_column=per_column is not None)
     light, mean = measured.light, measured.mean()
+    if per_column is not None:
+        write_csv(per_column, measured.every_column(picture))
     if plot is not None:
         from ocisac_fast.plots import plot_gain
 
@@ -62,7 +84,10 @@ def gain(
             gain=mean["gain"],
             waveform=picture.waveform,
         )
-    facts = picture.in_units({**measured.facts(mean, background is not None), "frames": measured.frame_count})
+    facts = {**measured.facts(mean, background is not None), "frames": measured.frame_count}
+    if not warn_of_gain(facts, picture.region is None) and not math.isnan(light.frequency):
+        warn_of_texture(measured.columns[np.newaxis], measured.camera, light.frequency)
+    facts = picture.in_units(facts)
     if as_json:
         emit_json(facts)
         return
@@ -116,6 +141,7 @@ class FrameGains:
         values: arrays (frames,) of gain, gain_std, phase, mean, snr and flags; empty where no tone was found.
         columns: (rows, columns) of the first frame, those used.
         frame_count: number of frames read.
+        column_values: the same arrays (frames, columns) for all columns, where requested.
     """
 
     camera: Camera
@@ -123,6 +149,7 @@ class FrameGains:
     values: dict[str, npt.NDArray[Any]]
     columns: Frame
     frame_count: int
+    column_values: dict[str, npt.NDArray[Any]] = dataclasses.field(default_factory=dict)
 
     def facts(self, frame: dict[str, Any], background_given: bool) -> dict[str, Any]:
         """The JSON object of a frame, or of a mean of frames, with these values."""
@@ -134,7 +161,7 @@ class FrameGains:
             "gain": frame["gain"],
             "gain_std": frame["gain_std"],
             "theory": None if exposure is None else float(abs(exposure_response(light.frequency, exposure))),
-            "snr_db": 10.0 * math.log10(frame["snr"]) if frame["snr"] > 0.0 else math.nan,
+            "snr_db": decibels(frame["snr"]),
             "rows": self.columns.shape[0],
             "columns": self.columns.shape[1],
             "flags": light.flags + [name for name in flags if name not in light.flags],
@@ -151,6 +178,27 @@ class FrameGains:
         for index in range(len(self.values["gain"])):
             frame = {name: values[index] for name, values in self.values.items()}
             yield {"frame": first + index, **self.facts(frame, background_given)}
+
+    def every_column(self, picture: PictureOptions) -> list[dict[str, Any]]:
+        """The JSON object of each frame and column; columns are counted in the stored picture."""
+        values, first = self.column_values, picture.first_column
+        names = {mask: flag_names(mask) for mask in np.unique(values["flags"]).tolist()} if values else {}
+        return [
+            plain(
+                {
+                    "frame": frame,
+                    "column": first + column,
+                    "used": self.light.used[column],
+                    "gain": values["gain"][frame, column],
+                    "gain_std": values["gain_std"][frame, column],
+                    "phase_rad": values["phase"][frame, column],
+                    "mean": values["mean"][frame, column],
+                    "snr_db": decibels(float(values["snr"][frame, column])),
+                    "flags": names[int(values["flags"][frame, column])],
+                }
+            )
+            for frame, column in (np.ndindex(values["gain"].shape) if values else ())
+        ]
 
     def mean(self) -> dict[str, Any]:
         """Values of all frames together, weighted by inverse variance."""
@@ -178,6 +226,7 @@ def frame_gains(
     options: dict[str, Any],
     part: Part | None = None,
     light: Light | None = None,
+    per_column: bool = False,
 ) -> FrameGains:
     """Gains of all frames of a recording, or of a part.
 
@@ -195,12 +244,18 @@ def frame_gains(
         columns = light.columns(first)[0]
         if math.isnan(light.frequency):
             return FrameGains(camera, light, {name: np.zeros(0) for name in _FRAME_VALUES}, columns, len(first))
-        gains = [
-            tone_gain(light.columns(batch), camera, light.frequency, **options)
-            for batch in _shown(itertools.chain([first], batches), pictures.frame_count, len(first))
-        ]
-    values = {name: np.concatenate([getattr(each, name) for each in gains]) for name in _FRAME_VALUES}
-    return FrameGains(camera, light, values, columns, len(values["gain"]))
+        gains, of_columns = [], []
+        for batch in _shown(itertools.chain([first], batches), pictures.frame_count, len(first)):
+            gains.append(tone_gain(light.columns(batch), camera, light.frequency, **options))
+            if per_column:
+                every = batch[..., light.colour or 0]
+                of_columns.append(tone_gain(every, camera, light.frequency, **{**options, "pooled": False}))
+    values = _joined(gains)
+    return FrameGains(camera, light, values, columns, len(values["gain"]), _joined(of_columns) if of_columns else {})
+
+
+def _joined(gains: list[Any]) -> dict[str, npt.NDArray[Any]]:
+    return {name: np.concatenate([getattr(each, name) for each in gains]) for name in _FRAME_VALUES}
 
 
 def find_light(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> Light:

@@ -6,11 +6,11 @@ from typing import Any
 
 import click
 
-from ocisac_fast.cli.lights import SHARE, TIMES
+from ocisac_fast.cli.lights import SHARE
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
-from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
+from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, TIMES, Quantity
 
 
 @click.command(short_help="Frequencies, duties and chip rates of a lamp for given exposures.")

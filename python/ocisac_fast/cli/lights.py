@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ocisac_fast.cli.units import TIME, ParameterType, Quantity
+from ocisac_fast.cli.units import ParameterType, Quantity, Several
+from ocisac_fast.core.checks import shown
 
 if TYPE_CHECKING:
     from ocisac_fast.exposure import FlickeringLight
@@ -47,7 +48,9 @@ class _Lights(ParameterType):
                 lights += mains_lights(_MAINS[text]) if text in _MAINS else [_light(text)]
             except (ValueError, ZeroDivisionError, OverflowError) as error:
                 reason = f" ({error})" if ": got" in str(error) else ""
-                self.fail(f"got {text!r}{reason}, allowed: 100Hz, 100Hz+-1%, 90Hz:square, 90Hz:0.1 (its duty), mains")
+                self.fail(
+                    f"got {shown(text)}{reason}, allowed: 100Hz, 100Hz+-1%, 90Hz:square, 90Hz:0.1 (its duty), mains"
+                )
         return tuple(lights)
 
 
@@ -60,31 +63,12 @@ class _Share(ParameterType):
         try:
             return percentage(str(value))
         except ValueError:
-            self.fail(f"got {value!r}, allowed: a share such as 0.02 or 2%")
-
-
-class _Times(ParameterType):
-    name = "TIME,..."
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        return tuple(float(TIME.convert(part.strip(), param, ctx)) for part in str(value).split(","))
-
-
-class _Shares(ParameterType):
-    name = "SHARE,..."
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        return tuple(SHARE.convert(part.strip(), param, ctx) for part in str(value).split(","))
+            self.fail(f"got {shown(value)}, allowed: a share such as 0.02 or 2%")
 
 
 LIGHTS = _Lights()
 SHARE = _Share()
-SHARES = _Shares()
-TIMES = _Times()
+SHARES = Several(SHARE, "SHARE,...")
 
 
 def light_name(light: FlickeringLight) -> str:

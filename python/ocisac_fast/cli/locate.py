@@ -9,7 +9,9 @@ from typing import Any
 import click
 
 from ocisac_fast.cli.output import emit_facts, emit_json
+from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.core.checks import shown
 
 _File = click.Path(exists=True, dir_okay=False, path_type=Path)
 
@@ -20,7 +22,7 @@ def _numbers(_: click.Context, parameter: click.Parameter, text: str | None) -> 
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError as error:
-        raise click.BadParameter(f"got {text!r}, allowed: numbers with commas between", param=parameter) from error
+        raise click.BadParameter(f"got {shown(text)}, allowed: numbers with commas between", param=parameter) from error
 
 
 @click.command(short_help="Position of the camera from lights at known places.")
@@ -33,6 +35,7 @@ def _numbers(_: click.Context, parameter: click.Parameter, text: str | None) -> 
     "--noise", type=float, default=1.0, show_default=True, help="Standard error of a light's position, pixels."
 )
 @click.option("--inside", callback=_numbers, help="Bounds XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of the position, metres.")
+@writes()
 @json_option
 def locate(
     lights: Path,

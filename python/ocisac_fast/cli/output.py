@@ -21,6 +21,8 @@ _SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file n
 _UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
 _Item = TypeVar("_Item")
 _collected: ContextVar[list[Any] | None] = ContextVar("collected", default=None)
+_csv: ContextVar[list[Any] | None] = ContextVar("csv", default=None)
+_printed: ContextVar[bool] = ContextVar("printed", default=True)
 
 
 def plain(value: Any) -> Any:
@@ -52,13 +54,36 @@ def collected_objects() -> Iterator[list[dict[str, Any]]]:
         _collected.reset(token)
 
 
-def emit_json(record: Mapping[str, Any]) -> None:
-    """Print one JSON object on a line of standard output."""
-    records = _collected.get()
-    if records is not None:
-        records.append(plain(record))
+@contextlib.contextmanager
+def csv_of_objects(path: str | None, as_json: bool) -> Iterator[None]:
+    """Write the objects of ``emit_json`` to a CSV file at the end; they are printed only if ``as_json``.
+
+    After an interrupt or an error the file has the objects up to there, if there are any.
+    """
+    if path is None:
+        yield
         return
-    click.echo(json.dumps(plain(record), allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)))
+    from ocisac_fast.cli.csv_files import write_csv
+
+    records: list[dict[str, Any]] = []
+    tokens = _csv.set(records), _printed.set(as_json)
+    try:
+        yield
+    finally:
+        _csv.reset(tokens[0])
+        _printed.reset(tokens[1])
+        if records:
+            write_csv(path, records)
+
+
+def emit_json(record: Mapping[str, Any]) -> None:
+    """Print one JSON object on a line of standard output, or keep it for a file of ``csv_of_objects``."""
+    record = plain(record)
+    for records in (_collected.get(), _csv.get()):
+        if records is not None:
+            records.append(record)
+    if _collected.get() is None and _printed.get():
+        click.echo(json.dumps(record, allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)))
 
 
 def emit_summary(text: str, as_json: bool) -> None:
@@ -108,6 +133,11 @@ def quantity(value: float | None, unit: str, digits: int = 6) -> str:
             rounded = float(f"{value / scale:.{digits}g}")
             return f"{rounded:.{max(digits, 4)}g} {prefix}{unit}"
     raise AssertionError("unreachable")
+
+
+def decibels(ratio: float) -> float:
+    """A ratio of powers in dB; NaN where it is not above 0."""
+    return 10.0 * math.log10(ratio) if ratio > 0.0 else math.nan
 
 
 def number(value: float | None, unit: str, digits: int = 5) -> str:

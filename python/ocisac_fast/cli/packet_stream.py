@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any, Literal
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import flag_names, quantity
+from ocisac_fast.cli.output import decibels, flag_names, quantity
 from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
@@ -38,7 +38,7 @@ class PacketStream:
         self._picture = picture
         self._receiver: Any = None
         self._camera: Camera | None = None
-        self._rows = self._frames = self._payloads = self._payload_bytes = 0
+        self._rows = self._frames = self._payloads = self._payload_bytes = self._with_data = self._blocks = 0
         self._share = 0.0
         self._chip_rate = math.nan
 
@@ -52,9 +52,12 @@ class PacketStream:
         if self._options.tones:
             result = self._receiver.push(frame)
             self._count(result)
+            self._with_data += result.outcome == "received"
             yield self._picture.in_units(self._tone_facts(result, number))
             return
-        for result in self._receiver.push(frame):
+        lights = self._receiver.push(frame)
+        self._with_data += any(light.received.outcome == "received" for light in lights)
+        for result in lights:
             self._count(result.received)
             if math.isfinite(result.received.chip_rate):
                 self._chip_rate = result.received.chip_rate
@@ -63,7 +66,7 @@ class PacketStream:
     def summary(self) -> str:
         """Number of payloads, and the goodput with its bounds by the gap between frames and by the code."""
         if not self._payloads:
-            return f"no payload; {100.0 * min(self._share, 1.0):.0f} % of the bytes that one needs{self._hint()}"
+            return f"no payload in {self._frames} frame{'s' * (self._frames > 1)}: {self._reason()}"
         count = f"{self._payloads} payload{'s' if self._payloads > 1 else ''} in {self._frames} frames"
         camera = self._camera
         if camera is None or camera.frame_time is None:
@@ -84,8 +87,19 @@ class PacketStream:
         through = quantity(possible.gap, "bit/s", 4)
         return f"{count}; a light's chips through the gap: {through}, as packets: {quantity(possible.code, 'bit/s', 4)}"
 
+    def _reason(self) -> str:
+        """Why no payload was received; as in ocisac-rx."""
+        if not self._with_data:
+            return "no light with chips was found; --row-time, --exposure and --chip-rate may be wrong or missing"
+        blocks = (
+            f"headers of {self._blocks} blocks, {100.0 * min(self._share, 1.0):.0f} % of the bytes that a payload needs"
+        )
+        senders = "--line-code, --block-bytes, --preamble, --chip-rate or --row-time may differ from the sender's"
+        found = blocks if self._blocks else f"but no header of a packet; {senders}"
+        return f"chips in {self._with_data} of them, {found}{self._hint()}"
+
     def _hint(self) -> str:
-        """Hint that a frame shows less than one block, so that no block is complete."""
+        """Hint that a frame shows less than one block."""
         if self._camera is None or self._options.tones or not math.isfinite(self._chip_rate):
             return ""
         options = self._options
@@ -93,9 +107,9 @@ class PacketStream:
         shown = int(self._rows * self._camera.row_period * self._chip_rate)
         if sent.block_chips <= shown:
             return ""
-        size = options.format.block_bytes
         return (
-            f"; a block of {size} bytes is {sent.block_chips} chips, a frame shows {shown}: send smaller --block-bytes"
+            f"; a block of {options.format.block_bytes} bytes is {sent.block_chips} chips, a frame shows {shown}: "
+            "smaller blocks show more headers"
         )
 
     def _make(self, camera: Camera) -> Any:
@@ -120,7 +134,8 @@ class PacketStream:
 
     def _count(self, received: Any) -> None:
         if received.stretch is not None:
-            self._share = received.stretch.share
+            self._share = max(self._share, received.stretch.share)
+            self._blocks += received.stretch.blocks
         if received.payload is not None:
             self._payloads += 1
             self._payload_bytes += len(received.payload.data)
@@ -136,7 +151,7 @@ class PacketStream:
             "bits": received.bits,
             "rows_per_chip": received.rows_per_chip,
             "chip_rate_hz": received.chip_rate,
-            "snr_db": _decibels(received.snr),
+            "snr_db": decibels(received.snr),
             "exposure_s": received.exposure,
             "error_rate": received.error_rate,
             "outcome": received.outcome,
@@ -148,7 +163,7 @@ class PacketStream:
                 "frequency_std_hz": light.gain.frequency_std,
                 "gain": light.gain.gain,
                 "gain_std": light.gain.gain_std,
-                "gain_snr_db": _decibels(light.gain.snr),
+                "gain_snr_db": decibels(light.gain.snr),
                 "gain_flags": flag_names(light.gain.flags),
             }
         if light.suggestion is not None:
@@ -164,15 +179,11 @@ class PacketStream:
             "bits": "" if seen is None else "".join("1" if llr > 0.0 else "0" for llr in seen.llr),
             "symbol": None if seen is None else seen.symbol,
             "tone_hz": None if seen is None else self._options.tones[seen.symbol],
-            "snr_db": math.nan if seen is None else _decibels(seen.snr),
+            "snr_db": math.nan if seen is None else decibels(seen.snr),
             "error_rate": math.nan if seen is None else seen.error_rate,
             "outcome": result.outcome,
         }
         return {**facts, **_packet_facts(result), "flags": flag_names(result.flags)}
-
-
-def _decibels(ratio: float) -> float:
-    return 10.0 * math.log10(ratio) if ratio > 0.0 else math.nan
 
 
 def _packet_facts(received: Any) -> dict[str, Any]:

@@ -15,8 +15,10 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.output import csv_of_objects
 from ocisac_fast.cli.units import ROW_TIME, TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
+from ocisac_fast.core.checks import shown
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import LightResponse, Part, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame
@@ -34,11 +36,12 @@ class _Region(ParameterType):
             return value
         match = re.fullmatch(r"\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", str(value))
         if match is None:
-            self.fail(f"got {value!r}, allowed: four whole numbers x,y,w,h in pixels, such as 0,0,640,480")
+            self.fail(f"got {shown(value)}, allowed: four whole numbers x,y,w,h in pixels, such as 0,0,640,480")
         return Region(*(int(number) for number in match.groups()))
 
 
 REGION = _Region()
+FILE_PATH = click.Path(readable=False)  # for shell completion; checked where it is opened
 
 
 class _ToneCurve(ParameterType):
@@ -53,7 +56,7 @@ class _ToneCurve(ParameterType):
                 return curve, float(power or 2.2)
             except ValueError:
                 pass
-        self.fail(f"got {value!r}, allowed: linear, srgb, gamma or gamma:POWER")
+        self.fail(f"got {shown(value)}, allowed: linear, srgb, gamma or gamma:POWER")
 
 
 class _Channel(ParameterType):
@@ -65,7 +68,7 @@ class _Channel(ParameterType):
             return word
         if re.fullmatch(r"\d{1,3}", word):
             return int(word)
-        self.fail(f"got {value!r}, allowed: auto, r, g, b, y or an index from 0")
+        self.fail(f"got {shown(value)}, allowed: auto, r, g, b, y or an index from 0")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -113,7 +116,7 @@ class PictureOptions:
     def in_units(self, facts: dict[str, Any]) -> dict[str, Any]:
         """The JSON object with keys that name the units of `camera`: without a row time, rows instead of seconds.
 
-        ``chip_rate_hz`` is left out then, since ``rows_per_chip`` says the same.
+        ``chip_rate_hz`` is left out then, since ``rows_per_chip`` has the same content.
         """
         if self.in_hertz:
             return facts
@@ -136,6 +139,13 @@ class PictureOptions:
     def rows_and_columns(self, shape: tuple[int, ...]) -> tuple[int, int]:
         """Rows and columns of the camera in pictures of ``shape``, (height, width) first."""
         return (shape[1], shape[0]) if self.scan_axis.endswith("x") else (shape[0], shape[1])
+
+    @property
+    def first_column(self) -> int:
+        """Column of the stored picture at which the region begins; with read-out along x, columns are its rows."""
+        if self.region is None:
+            return 0
+        return self.region.y if self.scan_axis.endswith("x") else self.region.x
 
     def check_frequency(self, name: str, value: Any) -> float | None:
         """A frequency in the units of `camera`: Hz, or cycles per row without a row time; None for auto."""
@@ -308,9 +318,21 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def json_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--json``."""
+    """Add ``--json``, and ``--csv FILE`` for the same objects as rows; both give the function ``as_json``."""
+
+    @functools.wraps(function)
+    def wrapped(*, as_json: bool, csv: str | None, **arguments: Any) -> Any:
+        with csv_of_objects(csv, as_json):
+            return function(as_json=as_json or csv is not None, **arguments)
+
+    wrapped = click.option(
+        "--csv",
+        type=click.Path(dir_okay=False),
+        metavar="FILE",
+        help="Write what --json prints as a table; -: print it.",
+    )(wrapped)
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line, nothing else.")(
-        function
+        wrapped
     )
 
 

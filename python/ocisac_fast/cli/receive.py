@@ -9,10 +9,18 @@ from typing import Any
 import click
 
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
-from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, flag_names, number, progress, quantity
+from ocisac_fast.cli.output import decibels, emit_json, emit_summary, emit_table, flag_names, number, progress, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
-from ocisac_fast.cli.pictures import REGION, PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.pictures import (
+    FILE_PATH,
+    REGION,
+    PictureOptions,
+    json_option,
+    open_pictures,
+    picture_options,
+    plot_option,
+)
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.core.regions import Region
@@ -20,7 +28,7 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 
 
 @click.command(short_help="Bits of the lights in a recording.")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=FILE_PATH)
 @click.option("--chip-rate", type=FREQUENCY, help="Chips per second; default: estimated in every frame.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), help="Line code of packets  [default: manchester]")
 @click.option("--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by --line-code.")
@@ -103,13 +111,9 @@ def receive(
     except KeyboardInterrupt:  # earlier results are printed
         stopped = True
     if not as_json:
-        header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER]
-        emit_table("", header, [_row(facts, picture.in_hertz) for facts in every], left=("flags",))
-        for facts in every:
-            if stream is None:
-                click.echo(facts["bits"] or "no bits")
-            elif "payload" in facts:
-                click.echo(f"frame {facts['frame']}, packet {facts['packet']}: {facts['payload']}")
+        header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *(["payload"] if packets else [])]
+        table = [_row(facts, picture.in_hertz) + _payload_cell(facts, packets) for facts in every]
+        emit_table("", header, table, left=("flags", "bits", "payload"))
     if stream is not None:
         emit_summary(stream.summary(), as_json)
     if stopped:
@@ -118,7 +122,7 @@ def receive(
         raise click.exceptions.Exit(SOME_FAILED)
 
 
-_HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags")
+_HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags", "bits")
 
 
 def _positive(name: str, value: float) -> float:
@@ -166,7 +170,7 @@ def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:
         "bits": result.bits,
         "rows_per_chip": result.rows_per_chip,
         "chip_rate_hz": result.chip_rate,
-        "snr_db": 10.0 * math.log10(result.snr) if result.snr > 0.0 else math.nan,
+        "snr_db": decibels(result.snr),
         "flags": flag_names(result.flags),
     }
 
@@ -187,4 +191,11 @@ def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
         rate,
         number(facts["snr_db"], "dB", 3),
         ", ".join(facts["flags"]) or "none",
+        facts["bits"] or "no bits",
     ]
+
+
+def _payload_cell(facts: dict[str, Any], packets: bool) -> list[str]:
+    if not packets:
+        return []
+    return [f"packet {facts['packet']}: {one_line(facts['payload'])}" if "payload" in facts else ""]

@@ -11,9 +11,17 @@ import click
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.detect import grey_of
-from ocisac_fast.cli.output import emit_json, emit_table, flag_names, number, quantity, rate, with_spread
+from ocisac_fast.cli.output import decibels, emit_json, emit_table, flag_names, number, quantity, rate, with_spread
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import PictureOptions, json_option, open_pictures, picture_options, plot_option, stack
+from ocisac_fast.cli.pictures import (
+    FILE_PATH,
+    PictureOptions,
+    json_option,
+    open_pictures,
+    picture_options,
+    plot_option,
+    stack,
+)
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
 from ocisac_fast.files.recording import Frame
 
@@ -26,7 +34,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 
 
 @click.command(short_help="Moving textures and lights in a recording: gain, motion, speed.")
-@click.argument("file")
+@click.argument("file", type=FILE_PATH)
 @click.option(
     "--frames", type=click.IntRange(1), default=8, show_default=True, help="Number of successive frames used."
 )
@@ -132,7 +140,7 @@ def _facts(region: SensedRegion, picture: PictureOptions) -> dict[str, Any]:
         "spatial_frequency_std_per_m": region.spatial_frequency_std,
         "cycles_per_column": region.cycles_per_column,
         "cycles_per_frame": region.cycles_per_frame,
-        "snr_db": 10.0 * math.log10(region.snr) if region.snr > 0.0 else math.nan,
+        "snr_db": decibels(region.snr),
         "flags": flag_names(region.flags),
     }
     return picture.in_units(facts)

@@ -23,3 +23,18 @@ def csv_bytes(index: str, column: str, values: Sequence[object], rate: float | N
     else:
         lines = [f"time_s,{column}", *(f"{k / rate!r},{value}" for k, value in enumerate(values))]
     return "\n".join(lines).encode() + b"\n"
+
+
+def c_header_bytes(name: str, values: Sequence[str], comment: Sequence[str], definitions: Sequence[str]) -> bytes:
+    """A C header with ``definitions`` and the bytes ``values`` as ``ocisac_NAME``."""
+    guard = f"OCISAC_{name.upper()}_H"
+    rows = [", ".join(values[k : k + 20]) for k in range(0, len(values), 20)]
+    lines = ["/* " + "\n   ".join(comment) + " */"]
+    lines += [f"#ifndef {guard}", f"#define {guard}", "#include <stdint.h>", *definitions]
+    lines += [
+        f"static const uint8_t ocisac_{name}[{len(values)}] = {{",
+        *(f"    {row}," for row in rows),
+        "};",
+        "#endif",
+    ]
+    return "\n".join(lines).encode() + b"\n"

@@ -13,7 +13,7 @@ from click.core import ParameterSource
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.pictures import FILE_PATH, json_option
 from ocisac_fast.cli.units import FREQUENCY, ROW_TIME, TIME
 from ocisac_fast.files import write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
@@ -56,7 +56,9 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal files.")
 @click.option("--tolerance", type=float, default=0.5, show_default=True, help="Scene: largest error in DN.")
 @click.option("--noise-off", is_flag=True, help="Scene: without the sensor's noise.")
-@click.option("-o", "--output", required=True, help="FILE.png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy.")
+@click.option(
+    "-o", "--output", required=True, type=FILE_PATH, help=".png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy."
+)
 @writes("output")
 @json_option
 def simulate(
@@ -78,7 +80,7 @@ def simulate(
     if scene is not None:
         others = sorted(set(given) - {"frames", "start", "seed"})
         if others:
-            raise click.UsageError(f"--{others[0].replace('_', '-')}: SCENE says this in its file")
+            raise click.UsageError(f"--{others[0].replace('_', '-')}: the file of SCENE defines it")
         _simulate_scene(scene, as_json, output, tolerance, noise_off, options)
         return
     for name in ("row_time", "exposure"):

@@ -13,8 +13,8 @@ import numpy as np
 from ocisac_fast.cli.fsk_files import SYMBOL_WRITERS, symbols_text
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import json_option
-from ocisac_fast.cli.sent_files import csv_bytes, npy_bytes
+from ocisac_fast.cli.pictures import FILE_PATH, json_option
+from ocisac_fast.cli.sent_files import c_header_bytes, csv_bytes, npy_bytes
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.packets.fsk import fsk_transmit
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, Transmission, transmit as transmit_payload
@@ -37,22 +37,12 @@ def _csv(sent: Transmission, chip_rate: float | None) -> bytes:
 def _c_header(sent: Transmission, chip_rate: float | None) -> bytes:
     """Chips packed eight per byte, the first one most significant."""
     packed = [f"0x{byte:02x}" for byte in np.packbits(sent.chips).tolist()]
-    rows = [", ".join(packed[k : k + 20]) for k in range(0, len(packed), 20)]
     rate = [] if chip_rate is None else [f"#define OCISAC_CHIP_RATE_HZ {chip_rate!r}"]
-    lines = [
-        f"/* A packet of {len(sent.payload)} bytes: send the chips one after the other, over and over.",
-        "   Chip k: ocisac_chips[k >> 3] >> (7 - (k & 7)) & 1, 1 = bright. */",
-        "#ifndef OCISAC_CHIPS_H",
-        "#define OCISAC_CHIPS_H",
-        "#include <stdint.h>",
-        *rate,
-        f"#define OCISAC_CHIP_COUNT {len(sent.chips)}UL",
-        f"static const uint8_t ocisac_chips[{len(packed)}] = {{",
-        *(f"    {row}," for row in rows),
-        "};",
-        "#endif",
+    comment = [
+        f"A packet of {len(sent.payload)} bytes: send the chips one after the other, over and over.",
+        "Chip k: ocisac_chips[k >> 3] >> (7 - (k & 7)) & 1, 1 = bright.",
     ]
-    return "\n".join(lines).encode() + b"\n"
+    return c_header_bytes("chips", packed, comment, [*rate, f"#define OCISAC_CHIP_COUNT {len(sent.chips)}UL"])
 
 
 _WRITERS: dict[str, _Writer] = {
@@ -64,7 +54,7 @@ _WRITERS: dict[str, _Writer] = {
 
 
 @click.command(short_help="Chips that carry a payload.")
-@click.argument("file", required=False, metavar="[FILE]")
+@click.argument("file", required=False, metavar="[FILE]", type=FILE_PATH)
 @click.option("--text", help="The payload, instead of a file's bytes.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), default="manchester", show_default=True)
 @click.option("--code-table", metavar="WORDS", help="Custom line code: 2, 4, 16 or 256 words, such as 01,10.")
@@ -74,7 +64,9 @@ _WRITERS: dict[str, _Writer] = {
 @click.option("--chip-rate", type=FREQUENCY, help="For the times in a .csv and a note in a .h.")
 @click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one per frame, such as 1kHz,1.2kHz (CM-FSK).")
 @click.option("--frame-rate", type=FREQUENCY, help="With --fsk: for the times in a .csv and a note in a .h.")
-@click.option("-o", "--output", help="FILE.txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte).")
+@click.option(
+    "-o", "--output", type=FILE_PATH, help=".txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte)."
+)
 @writes("output")
 @json_option
 def transmit(
@@ -93,8 +85,8 @@ def transmit(
 ) -> None:
     """Encode the bytes of FILE (- for standard input) as one cycle of chips, to be sent repeatedly; 1 is bright.
 
-    Without -o the chips are printed. The format is in docs/packets.md. With --fsk the output is one cycle of tones,
-    printed as indices from 0.
+    Without -o the chips are printed. The format is in docs/reference/packets.md. With --fsk the output is one cycle of
+    tones, printed as indices from 0.
     """
     if fsk is not None:
         if line_code != "manchester" or code_table is not None or chip_rate is not None:

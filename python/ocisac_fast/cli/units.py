@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ocisac_fast.core.checks import shown
+
 if TYPE_CHECKING:
     ParameterType = click.ParamType[Any]
 else:  # generic only for type checkers
@@ -68,7 +70,7 @@ class QuantityType(ParameterType):
             quantity = Quantity.parse(str(value), self._unit)
         except (ValueError, ZeroDivisionError, OverflowError):
             auto = " or auto" if self._automatic else ""
-            self.fail(f"got {value!r}, allowed: a number with or without unit, such as {self._example}{auto}")
+            self.fail(f"got {shown(value)}, allowed: a number with or without unit, such as {self._example}{auto}")
         if self._most is not None and quantity > self._most:
             hint = "" if quantity.has_unit else f"; {value} without a unit is in {self._unit}, {value}us may be meant"
             self.fail(f"got {float(quantity):g} {self._unit}, allowed: at most {self._most:g} {self._unit}{hint}")
@@ -82,13 +84,22 @@ FREQUENCY = QuantityType("Hz", "4.95kHz")
 FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)
 
 
-class _Frequencies(ParameterType):
-    name = "Hz,Hz,..."
+class Several(ParameterType):
+    """Values of one type, separated by commas; ``count``: how many, if not any number."""
+
+    def __init__(self, single: ParameterType, name: str, count: int | None = None) -> None:
+        self.name = name
+        self._single = single
+        self._count = count
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        return tuple(FREQUENCY.convert(part.strip(), param, ctx) for part in str(value).split(","))
+        parts = str(value).split(",")
+        if self._count is not None and len(parts) != self._count:
+            self.fail(f"got {shown(value)}, allowed: {self.name}")
+        return tuple(self._single.convert(part.strip(), param, ctx) for part in parts)
 
 
-FREQUENCIES = _Frequencies()
+FREQUENCIES = Several(FREQUENCY, "Hz,Hz,...")
+TIMES = Several(TIME, "TIME,...")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.checks import shown
 from ocisac_fast.core.regions import Region
 
 Columns = npt.NDArray[Any]
@@ -32,7 +33,7 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
     try:
         array = np.asarray(columns)
     except ValueError:  # rows of different lengths
-        raise ValueError(f"{name}: got {columns!r:.80}, allowed: rows of one length") from None
+        raise ValueError(f"{name}: got {shown(columns)}, allowed: rows of one length") from None
     if np.ma.is_masked(columns):
         raise ValueError(f"{name}: got masked values, allowed: an array without them")
     if array.dtype.kind not in "buif":
@@ -46,8 +47,8 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
     flags = array.flags
     if not (array.dtype in _KINDS and flags.aligned and (flags.c_contiguous or _whole_strides(array))):
         array = np.array(array, dtype=np.float64 if array.dtype not in _KINDS else array.dtype.newbyteorder("="))
-    if not isinstance(scan_axis, str) or scan_axis not in ("y", "-y", "x", "-x"):
-        raise ValueError(f"scan_axis: got {scan_axis!r}, allowed: y, -y, x, -x")
+    if not _is_axis(scan_axis):
+        raise ValueError(f"scan_axis: got {shown(scan_axis)}, allowed: y, -y, x, -x")
     return array if scan_axis == "y" else in_time_order(array, scan_axis)
 
 
@@ -110,6 +111,10 @@ def split_colours(stack: Columns, colour: int | None) -> list[Columns]:
     if not 0 <= colour < stack.shape[3]:
         raise ValueError(f"colour: got {colour}, allowed: 0 to {stack.shape[3] - 1}")
     return [stack[..., colour]]
+
+
+def _is_axis(value: Any) -> bool:
+    return isinstance(value, str) and value in ("y", "-y", "x", "-x")
 
 
 def in_time_order(array: Columns, scan_axis: str) -> Columns:

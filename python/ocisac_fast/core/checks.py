@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
+import reprlib
 import sys
 import types
 import typing
@@ -20,12 +21,28 @@ _Class = TypeVar("_Class")
 
 _NUMBERS = (float, int, np.floating, np.integer)
 _WHOLE = (int, np.integer)
+_MOST_SHOWN = 80
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = _MOST_SHOWN
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = _SHORT.maxarray = 24  # items
+
+
+def shown(value: Any) -> str:
+    """A value as messages show it: on one line, at most 80 characters."""
+    text = " ".join((str(value) if isinstance(value, _NUMBERS) else _SHORT.repr(value)).split())
+    return text if len(text) <= _MOST_SHOWN else f"{text[: _MOST_SHOWN - 3]}..."
+
+
+def one_of(texts: Iterable[str]) -> str:
+    """Alternatives as messages list them: ``a, b or c``."""
+    *others, last = dict.fromkeys(texts)
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 def count(name: str, value: Any, minimum: int, maximum: int = 255) -> int:
     """Return a whole number in the range from ``minimum`` to ``maximum``, else raise ValueError."""
     if isinstance(value, bool) or not isinstance(value, _WHOLE) or not minimum <= value <= maximum:
-        raise ValueError(f"{name}: got {value!r}, allowed: {minimum} to {maximum}")
+        raise ValueError(f"{name}: got {shown(value)}, allowed: {minimum} to {maximum}")
     return int(value)
 
 
@@ -95,7 +112,7 @@ def _test_of(hint: Any) -> _Test:
             if kind in _ALIKE or kind.__module__.startswith("ocisac_fast"):
                 accepted.add(kind)
         else:
-            got = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else f"{value!r:.80}"
+            got = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else shown(value)
             raise ValueError(f"{name}: got {got}, allowed: {text}")
 
     return test
@@ -110,7 +127,7 @@ def _rule_of(hint: Any) -> _Rule | None:
         return _SIMPLE[hint]
     if origin is Literal:
         kinds = tuple({type(option) for option in inner})
-        return (lambda value: isinstance(value, kinds)), " or ".join(repr(option) for option in inner)
+        return (lambda value: isinstance(value, kinds)), one_of(map(repr, inner))
     if origin is np.ndarray:
         return (lambda value: isinstance(value, (np.ndarray, np.floating)) and _is_real(np.asanyarray(value))), _NUMPY
     if origin is os.PathLike:
@@ -132,7 +149,7 @@ def _any_of(rules: list[_Rule | None]) -> _Rule | None:
     known = [rule for rule in rules if rule is not None]
     if len(known) < len(rules):
         return None
-    return (lambda value: any(fits(value) for fits, _ in known)), " or ".join(dict.fromkeys(text for _, text in known))
+    return (lambda value: any(fits(value) for fits, _ in known)), one_of(text for _, text in known)
 
 
 def _each(options: tuple[Any, ...]) -> _Rule | None:
@@ -193,7 +210,7 @@ def _is_real(array: npt.NDArray[Any]) -> bool:
     return array.dtype.kind in "buif" and not masked
 
 
-_ALIKE = (float, bool, str, type(None))  # the rules do not tell their values apart
+_ALIKE = (float, bool, str, type(None))  # the rules treat all their values alike
 _NUMPY = "a NumPy array of real numbers"
 _LARGEST = int(np.finfo(np.float64).max)
 _TRUE: _Rule = (lambda value: True), "any value"

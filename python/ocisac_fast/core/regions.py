@@ -14,7 +14,7 @@ class Region(NamedTuple):
     """A rectangle of pixels; equal to the tuple (x, y, width, height).
 
     Attributes:
-        x, y: first column and first row; rows are in time order, unless a name says stored.
+        x, y: first column and first row; rows are in time order, unless a name contains ``stored``.
         width, height: columns and rows.
     """
 

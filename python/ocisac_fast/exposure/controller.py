@@ -42,7 +42,7 @@ _TEXTS = {
     ExposureReason.BRIGHTNESS_FLOOR: "not shorter, or the picture is too dark",
     ExposureReason.CEILING: "not longer, or the brightest parts saturate",
     ExposureReason.SATURATION: "not longer, since pixels were saturated",
-    ExposureReason.TOO_DARK: "the camera cannot reach the brightness asked for",
+    ExposureReason.TOO_DARK: "the camera cannot reach the requested brightness",
     ExposureReason.TOO_BRIGHT: "the camera cannot avoid saturation",
     ExposureReason.FLOOR_GIVEN_UP: "bright and dark parts cannot both be kept: the bright ones are",
     ExposureReason.NO_TONES: "no tone to choose by, brightness alone",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.exposure.flicker import FlickeringLight
 
 Float64s = npt.NDArray[np.float64]
@@ -63,7 +63,7 @@ def flicker_indices(
     """
     times = np.asarray(exposure, dtype=np.float64)
     if not np.all(np.isfinite(times) & (times > 0.0)):
-        raise ValueError(f"exposure: got {exposure!r}, allowed: finite, above 0 (s)")
+        raise ValueError(f"exposure: got {shown(exposure)}, allowed: finite, above 0 (s)")
     for name, value in (("background", background), ("contrast", contrast)):
         if not 0.0 <= value < math.inf:
             raise ValueError(f"{name}: got {value}, allowed: 0 or above")

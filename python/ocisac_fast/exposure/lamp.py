@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.exposure.flicker import (
     FlickeringLight,
     clipped,
@@ -159,5 +159,5 @@ def flicker_free_chip_rate(exposures: Sequence[float], below: float, *, digital_
 def _checked_exposures(exposures: Sequence[float]) -> Float64s:
     times = np.asarray(exposures, dtype=np.float64)
     if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times) & (times > 0.0)):
-        raise ValueError(f"exposures: got {exposures}, allowed: at least one, each finite and above 0 (s)")
+        raise ValueError(f"exposures: got {shown(exposures)}, allowed: at least one, each finite and above 0 (s)")
     return times

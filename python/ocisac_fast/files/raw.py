@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from ocisac_fast.core.checks import shown
 from ocisac_fast.files.parts import counted, every_frame
 from ocisac_fast.files.recording import FileError, FileWarning, Frame, KeyFrames, LightResponse, Part, RecordingStream
 
@@ -38,7 +39,7 @@ class RawFormat:
         match = _FORMAT.fullmatch(text.strip())
         name = match[3] or "gray8" if match else ""
         if match is None or name not in _FORMATS or 0 in (int(match[1]), int(match[2])):
-            raise ValueError(f"raw: got {text!r}, allowed: WIDTHxHEIGHT[:gray8|gray16le], such as 1920x1080:gray8")
+            raise ValueError(f"raw: got {shown(text)}, allowed: WIDTHxHEIGHT[:gray8|gray16le], such as 1920x1080:gray8")
         return cls(int(match[1]), int(match[2]), _FORMATS[name])
 
     @property

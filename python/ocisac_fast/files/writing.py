@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.files.extras import pillow, pyav
 from ocisac_fast.files.recording import FileError, Frame
 
@@ -104,7 +104,7 @@ def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame
                 _write_video(temporary, frames, _VIDEOS[suffix], frame_rate)
             else:
                 allowed = ", ".join([*_PICTURES, *_VIDEOS, ".npy"])
-                raise FileError(f"suffix: got {suffix!r}, allowed: {allowed}")
+                raise FileError(f"suffix: got {shown(suffix)}, allowed: {allowed}")
     except FileError as error:
         raise FileError(f"{os.fspath(path)}: {error}") from error.__cause__
 

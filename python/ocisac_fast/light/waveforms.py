@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import checked, checked_class, shown
 
 _MAX_VALUES = 2**28
 
@@ -219,7 +219,7 @@ class Chips(Waveform):
     ) -> None:
         if isinstance(levels, str):
             if set(levels) - {"0", "1"}:
-                raise ValueError(f"levels: got {levels!r}, allowed: a string of 0 and 1")
+                raise ValueError(f"levels: got {shown(levels)}, allowed: a string of 0 and 1")
             levels = [int(level) for level in levels]
         values = (_as_levels(levels, "levels"), chip_rate, start, bool(repeat), amplitude, rise, fall)
         names = ("levels", "chip_rate", "start", "repeat", "amplitude", "rise", "fall")
@@ -325,10 +325,12 @@ def _as_numbers(numbers: int | npt.ArrayLike, name: str) -> npt.NDArray[np.int64
     """Row or frame numbers: 0 .. N-1 from N, or the array itself."""
     array = np.asarray(numbers)
     if array.dtype.kind not in "ui":
-        raise ValueError(f"{name}: got {numbers!r}, allowed: a whole number or an array of whole numbers")
+        raise ValueError(f"{name}: got {shown(numbers)}, allowed: a whole number or an array of whole numbers")
     if array.ndim == 0:
         if not 1 <= array <= _MAX_VALUES:
-            raise ValueError(f"{name}: got {numbers!r}, allowed: from 1 to {_MAX_VALUES}, or an array of whole numbers")
+            raise ValueError(
+                f"{name}: got {shown(numbers)}, allowed: from 1 to {_MAX_VALUES}, or an array of whole numbers"
+            )
         return np.arange(int(array), dtype=np.int64)
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: one dimension and at least one number")
@@ -337,7 +339,7 @@ def _as_numbers(numbers: int | npt.ArrayLike, name: str) -> npt.NDArray[np.int64
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
-def _as_out(out: npt.NDArray[np.float64] | None, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+def _as_out(out: Any, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
     if out is None:
         return np.empty(shape)
     if not isinstance(out, np.ndarray) or out.shape != shape:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, shown
 
 Float64s = npt.NDArray[np.float64]
 
@@ -107,13 +107,13 @@ class _Lens:
     def of(focal: float | tuple[float, float], centre: tuple[float, float], distortion: Sequence[float]) -> _Lens:
         both = np.broadcast_to(np.asarray(focal, np.float64), 2)
         if not np.all((both >= 1) & (both <= 1e7)):
-            raise ValueError(f"focal: got {focal}, allowed: 1 to 1e7 (pixels)")
+            raise ValueError(f"focal: got {shown(focal)}, allowed: 1 to 1e7 (pixels)")
         middle = np.asarray(centre, np.float64)
         if middle.shape != (2,) or not np.all(np.isfinite(middle)):
-            raise ValueError(f"centre: got {centre}, allowed: two finite numbers (pixels)")
+            raise ValueError(f"centre: got {shown(centre)}, allowed: two finite numbers (pixels)")
         bent = np.asarray(distortion, np.float64)
         if bent.shape not in ((0,), (4,), (5,), (8,)) or not np.all(np.isfinite(bent)):
-            raise ValueError(f"distortion: got {distortion}, allowed: none, 4, 5 or 8 finite coefficients")
+            raise ValueError(f"distortion: got {shown(distortion)}, allowed: none, 4, 5 or 8 finite coefficients")
         matrix = np.array([[both[0], 0.0, middle[0]], [0.0, both[1], middle[1]], [0.0, 0.0, 1.0]])
         return _Lens(matrix, bent if bent.size else np.zeros(4))
 

@@ -24,6 +24,7 @@ class LightSource:
         x, y: top left corner of its box, pixels as stored.
         width, height: of its box, pixels as stored: where the swing is above 15 % of its maximum. For a light in
             several parts, the box contains all of them and the other values are those of the strongest part.
+        probability: that it is a light and no texture, from what one picture shows.
         frequency: Hz, below half the row rate; that of the strongest tone for a light that carries data.
         frequency_std: its standard error, Hz.
         gain, gain_std: of the light in the box, as in :func:`tone_gain`, without subtraction of a background.
@@ -47,6 +48,7 @@ class LightSource:
     y: int
     width: int
     height: int
+    probability: float
     frequency: float
     frequency_std: float
     gain: float
@@ -74,7 +76,7 @@ def detect_sources(
     camera: Camera,
     *,
     false_alarms: float = 0.02,
-    min_cycles: float = 3.0,
+    min_cycles: float = 2.5,
     max_sources: int = 64,
 ) -> list[LightSource]:
     """Detect every modulated light in a picture, frame by frame.
@@ -89,10 +91,11 @@ def detect_sources(
         frames: (rows, columns) or (frames, rows, columns), rows in time order, DN; nothing is detected in fewer than
             32 rows.
         camera: row time; exposure, tone curve, dark and white level where known.
-        false_alarms: upper bound of the expected number of false lights in a picture without lights, above 0 up to 1.
-            At 0.1 and below it is nearly reached on the most critical texture (overlapping boxes; 720 x 960 pixels);
-            noise, clouds and text give fewer. In a single picture a grating of bars is detected as a light.
-        min_cycles: min. cycles of the light in its box, 2 or above; below 3, edges and blinds are false lights.
+        false_alarms: upper bound of the expected number of false lights in a picture without lights, above 0 up to 1,
+            on overlapping boxes of 720 x 960 pixels, the most critical texture; noise, clouds and text give fewer. It
+            sets the ``probability`` required: 0.5 at 0.02, more below. Photographs of regular things, such as text or
+            rows of pins, may show more. In a single picture a grating of bars is detected as a light.
+        min_cycles: min. cycles of the light in its box, 2 or above; with fewer, edges and blinds resemble lights.
         max_sources: max. lights per frame, the strongest; 1 or above.
 
     Returns:

@@ -80,7 +80,7 @@ class SourceTracker:
         reach: float = 1.5,
         full_every: int = 1,
         false_alarms: float = 0.02,
-        min_cycles: float = 3.0,
+        min_cycles: float = 2.5,
     ) -> None:
         if patience < 0:
             raise ValueError(f"patience: got {patience}, allowed: 0 or above")

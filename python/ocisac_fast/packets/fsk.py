@@ -137,9 +137,12 @@ def fsk_demodulate(
     rows = np.asarray(column)
     if rows.ndim != 1 or rows.dtype.kind not in "buif":
         raise ValueError(f"column: got shape {rows.shape} of {rows.dtype}, allowed: (rows,) of real numbers")
+    largest = float(np.abs(rows).max(initial=0.0))
+    if not largest <= 1e100:
+        raise ValueError(f"column: got {largest}, allowed: finite numbers of at most 1e100")
     given = None if amplitude is None else float(amplitude)
-    if given is not None and not (math.isfinite(given) and given >= 0.0):
-        raise ValueError(f"amplitude: got {given}, allowed: a finite number, 0 or above")
+    if given is not None and not 0.0 <= given <= 1e100:
+        raise ValueError(f"amplitude: got {given}, allowed: 0 to 1e100")
     return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), rows.astype(np.float64), given))
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, shown
 
 
 @checked
@@ -50,17 +50,17 @@ def _read(line: str | Mapping[str, Any], number: int) -> dict[str, Any]:
     try:
         record = json.loads(line) if isinstance(line, str) else dict(line)
     except json.JSONDecodeError as error:
-        raise ValueError(f"line {number}: got {line!r:.60}, allowed: a JSON object") from error
+        raise ValueError(f"line {number}: got {shown(line)}, allowed: a JSON object") from error
     if not isinstance(record, dict):
-        raise ValueError(f"line {number}: got {line!r:.60}, allowed: a JSON object")
+        raise ValueError(f"line {number}: got {shown(line)}, allowed: a JSON object")
     light, time, snr = (record.get(name) for name in ("light", "time_s", "snr_db"))
     if isinstance(light, bool) or not isinstance(light, (str, int)):
-        raise ValueError(f"line {number}: light: got {light!r}, allowed: a string or a whole number")
+        raise ValueError(f"line {number}: light: got {shown(light)}, allowed: a string or a whole number")
     for name, value in (("time_s", time), ("snr_db", 0.0 if snr is None else snr)):
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise ValueError(f"line {number}: {name}: got {value!r}, allowed: a finite number")
+            raise ValueError(f"line {number}: {name}: got {shown(value)}, allowed: a finite number")
     if snr is not None and abs(snr) > 300.0:
-        raise ValueError(f"line {number}: snr_db: got {snr!r}, allowed: -300 to 300")
+        raise ValueError(f"line {number}: snr_db: got {shown(snr)}, allowed: -300 to 300")
     return record
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked, checked_class, count
+from ocisac_fast.core.checks import checked, checked_class, count, shown
 from ocisac_fast.light.waveforms import Chips
 
 LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
@@ -21,7 +21,7 @@ ByteArray = npt.NDArray[np.uint8]
 @checked_class
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PacketFormat:
-    """The parameters that sender and receiver of packets share. See docs/packets.md.
+    """The parameters that sender and receiver of packets share. See docs/reference/packets.md.
 
     Args:
         line_code: "none" (NRZ), "manchester", "4b6b", "8b10b", or a table: 2, 4, 16 or 256 words of 0 and 1.
@@ -39,7 +39,7 @@ class PacketFormat:
     def __post_init__(self) -> None:
         object.__setattr__(self, "line_code", as_line_code(self.line_code)[0])
         count("block_bytes", self.block_bytes, 1)
-        _core.longest_payload(**self._for_core())  # refuses values outside their range
+        _core.longest_payload(**self._for_core())  # raises ValueError outside of their range
 
     def _for_core(self) -> dict[str, Any]:
         code = as_line_code(self.line_code)[1]
@@ -48,7 +48,7 @@ class PacketFormat:
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """A packet as the light sends it: one cycle of blocks, repeated. See docs/packets.md.
+    """A packet as the light sends it: one cycle of blocks, repeated. See docs/reference/packets.md.
 
     Attributes:
         chips: (chips,) uint8, 1 = bright, read-only.
@@ -237,7 +237,7 @@ def as_line_code(line_code: str | Sequence[str]) -> tuple[str | tuple[str, ...],
         return line_code, line_code
     words = tuple(line_code)
     if not all(isinstance(word, str) for word in words):
-        raise ValueError(f"line_code: got {line_code!r}, allowed: a name or words of 0 and 1")
+        raise ValueError(f"line_code: got {shown(line_code)}, allowed: a name or words of 0 and 1")
     return words, list(words)
 
 

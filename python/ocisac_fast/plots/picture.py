@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ocisac_fast.core.checks import shown
 from ocisac_fast.files import FileError, atomic_path
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def picture(path: str | os.PathLike[str], width: float, height: float) -> Iterat
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _SUFFIXES:
-        raise FileError(f"{os.fspath(path)}: suffix: got {suffix!r}, allowed: {', '.join(_SUFFIXES)}")
+        raise FileError(f"{os.fspath(path)}: suffix: got {shown(suffix)}, allowed: {', '.join(_SUFFIXES)}")
     try:
         import matplotlib
         from matplotlib.figure import Figure

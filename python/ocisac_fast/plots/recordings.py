@@ -27,12 +27,15 @@ def plot_recordings(
         label: name of the value.
         flags: number of recordings by name of the flag.
     """
-    with picture(path, 9.0, 6.0) as figure:
-        top, bottom = figure.subplots(2, height_ratios=(2, 1))
+    names = sorted(flags, key=lambda name: flags[name])
+    with picture(path, 9.0, 6.0 if names else 4.0) as figure:
+        axes = figure.subplots(2 if names else 1, height_ratios=(2, 1) if names else None, squeeze=False)[:, 0]
         place = np.arange(1, len(values) + 1)
         errors = np.where(np.isfinite(spreads), spreads, 0.0)
-        top.errorbar(place, values, yerr=errors, fmt=".", color=BLUE, ms=4, lw=0.8)
-        top.set(xlabel="recording, in the order of paths", ylabel=label, title="Recordings, with standard errors")
-        names = sorted(flags, key=lambda name: flags[name])
-        bottom.barh(names, [flags[name] for name in names], color=ORANGE)
-        bottom.set(xlabel="recordings", title="Flags" if names else "Flags: none")
+        axes[0].errorbar(place, values, yerr=errors, fmt=".", color=BLUE, ms=4, lw=0.8)
+        axes[0].set(xlabel="recording, in the order of paths", ylabel=label, title="Recordings, with standard errors")
+        axes[0].xaxis.get_major_locator().set_params(integer=True)
+        if names:
+            axes[1].barh(names, [flags[name] for name in names], color=ORANGE)
+            axes[1].set(xlabel="recordings", title="Flags")
+            axes[1].xaxis.get_major_locator().set_params(integer=True)

@@ -72,7 +72,7 @@ def receive(
 
     Columns are combined with the weights that maximise the signal-to-noise ratio, without saturated ones. The chip
     lattice is the one of minimum description length for the signal's edges. Each chip is compared with a threshold half
-    way between the levels of its dark and bright neighbours. See docs/receiver.md.
+    way between the levels of its dark and bright neighbours. See docs/explanation/receiver.md.
 
     Args:
         frames: (rows,), (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour;

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_frames, box_in_time_order, split_colours, stored_box
-from ocisac_fast.core.checks import checked, checked_class, count
+from ocisac_fast.core.checks import checked, checked_class, count, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.exposure.choice import BestExposure
@@ -171,7 +171,7 @@ class GainOptions:
         if self.frequency is not None and not (math.isfinite(self.frequency) and self.frequency > 0.0):
             raise ValueError(f"frequency: got {self.frequency}, allowed: a finite number above 0")
         if self.waveform not in ("tone", "square"):
-            raise ValueError(f"waveform: got {self.waveform!r}, allowed: 'tone' or 'square'")
+            raise ValueError(f"waveform: got {shown(self.waveform)}, allowed: 'tone' or 'square'")
         if not 0.0 < self.duty < 1.0:
             raise ValueError(f"duty: got {self.duty}, allowed: above 0 and below 1")
         if not math.isfinite(self.background):
@@ -336,20 +336,20 @@ def _gain_options(gain: GainOptions | None) -> dict[str, Any]:
 def _turned(region: Region, shape: tuple[int, ...], scan_axis: str) -> Region:
     box = box_in_time_order(region, shape, scan_axis)
     if min(box) < 0:
-        raise ValueError(f"regions: got {region}, allowed: boxes within the picture")
+        raise ValueError(f"regions: got {shown(region)}, allowed: boxes within the picture")
     return box
 
 
-def _region(region: tuple[int, int, int, int]) -> Region:
+def _region(region: tuple[Any, ...]) -> Region:
     box = tuple(region)
     if len(box) != 4 or not all(isinstance(value, (int, np.integer)) and value >= 0 for value in box):
-        raise ValueError(f"regions: got {region!r}, allowed: (x, y, width, height), whole numbers from 0")
+        raise ValueError(f"regions: got {shown(region)}, allowed: (x, y, width, height), whole numbers from 0")
     return Region(*(int(value) for value in box))
 
 
 def frame_number(number: int | None) -> int | None:
     if number is not None and (isinstance(number, bool) or not isinstance(number, (int, np.integer))):
-        raise ValueError(f"number: got {number!r}, allowed: a whole number, or None")
+        raise ValueError(f"number: got {shown(number)}, allowed: a whole number, or None")
     return None if number is None else int(number)
 
 

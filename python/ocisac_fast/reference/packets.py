@@ -136,7 +136,7 @@ def longest_payload(*, format: PacketFormat | None = None) -> int:
 
 
 def transmit(payload: bytes | npt.ArrayLike, *, format: PacketFormat | None = None, number: int = 0) -> Transmission:
-    """Encode the format of docs/packets.md step by step."""
+    """Encode the format of docs/reference/packets.md step by step."""
     format = format or PacketFormat()
     block_bytes = format.block_bytes
     content = bytes(payload) if isinstance(payload, bytes) else np.asarray(payload, np.uint8).tobytes()
@@ -146,7 +146,7 @@ def transmit(payload: bytes | npt.ArrayLike, *, format: PacketFormat | None = No
     size = -(-len(data) // codewords)
     data = data.ljust(codewords * size, b"\0")
     words = [_codeword(data[word::codewords]) for word in range(codewords)]
-    blocks = -(-255 * codewords // block_bytes)
+    blocks = max(-(-255 * codewords // block_bytes), 4)
     white = _pn9(8 * blocks * block_bytes)
     marks = {"standard": [0], "lengthened": [0, 1, 0]}[format.preamble]
     start = "".join(str(int(chip) ^ inverted) for inverted in marks for chip in _PREAMBLE)

@@ -92,26 +92,46 @@ def remove_nuisance(
     return rest, float(np.sum((values - model @ fitted) ** 2))
 
 
-def without_square_wave(signal: npt.ArrayLike, frequency: float) -> FloatArray:
-    """Signal minus the square wave of duty 1/2 with the smallest residual.
+def without_square_wave(signal: npt.ArrayLike, frequency: float, exposure_rows: float = 0.0) -> FloatArray:
+    """Signal minus the square wave of duty 1/2, exposed for ``exposure_rows``, with the smallest residual.
 
     Exhaustive: 25 frequencies within 0.6 spectral lines of the frame of ``frequency`` (cycles per row), phases half a
-    row apart; heights above 0.
+    row apart; heights above 0. Then the eight neighbours of the best, four times, with steps halved each time.
     """
     values = np.asarray(signal, dtype=np.float64)
     row = np.arange(len(values))
-    best, rest = 0.0, values
+    best, rest, place = 0.0, values, (frequency, 0.0)
+
+    def integral(cycles: npt.ArrayLike) -> FloatArray:
+        share = np.mod(np.asarray(cycles, dtype=np.float64), 1)
+        return np.asarray(0.5 * np.minimum(share, 1 - share), dtype=np.float64)
+
+    def try_wave(tried: float, phase: float) -> None:
+        nonlocal best, rest, place
+        cycles, part = tried * row + phase, tried * exposure_rows
+        if part <= 1e-6:
+            wave = np.where(np.mod(cycles, 1) < 0.5, 0.5, -0.5)
+        else:
+            wave = (integral(cycles + 0.5 * part) - integral(cycles - 0.5 * part)) / part
+        away = wave - wave.mean()
+        height = away @ values / (away @ away)
+        gain = height**2 * (away @ away)
+        if height > 0 and gain > best * (1 + 1e-12):
+            best, rest, place = gain, values - height * wave, (tried, phase)
+
+    frequency_step, phase_step = 0.6 / (12 * len(values)), 0.5 * frequency
     for step in range(-12, 13):
-        tried = frequency + 0.6 * step / (12 * len(values))
+        tried = frequency + step * frequency_step
         phase = 0.0
         while phase < 1:
-            wave = np.where(np.mod(tried * row + phase, 1) < 0.5, 0.5, -0.5)
-            away = wave - wave.mean()
-            height = away @ values / (away @ away)
-            gain = height**2 * (away @ away)
-            if height > 0 and gain > best * (1 + 1e-12):
-                best, rest = gain, values - height * wave
+            try_wave(tried, phase)
             phase += 0.5 * tried
+    for _ in range(4):
+        frequency_step, phase_step = 0.5 * frequency_step, 0.5 * phase_step
+        near, at = place
+        for f in (-1, 0, 1):
+            for p in (-1, 0, 1):
+                try_wave(near + f * frequency_step, at + p * phase_step - 0.5 * len(values) * f * frequency_step)
     return rest
 
 

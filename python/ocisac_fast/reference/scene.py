@@ -133,7 +133,7 @@ def render_scene(scene: Scene, frames: int = 1, start: float = 0.0, subexposures
     """Linear light v = A * T_e * p of eq. 4 (DN above dark), float64 (frames, rows, columns).
 
     Eqs. 1-3 and 5-7 for every pixel at the middles of ``subexposures`` equal parts of its row's exposure, averaged: no
-    bounding boxes, no gain maps, no closed-form integrals. A pixel sees the nearest object along the ray through its
+    bounding boxes, no gain maps, no closed-form integrals. A pixel shows the nearest object along the ray through its
     centre; masks in front of it multiply.
     """
     lens, camera = scene.lens, scene.camera

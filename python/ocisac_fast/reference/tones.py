@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -416,7 +416,7 @@ def equalize(
 ) -> FloatArray:
     """Subtract the line, extend the ends by linear prediction, multiply the DFT by G, add the shifted line.
 
-    Uses np.fft, np.linalg and np.polynomial; see docs/tones.md.
+    Uses np.fft, np.linalg and np.polynomial; see docs/explanation/tones.md.
     """
     light = linear_light(np.asarray(columns), camera)
     assert camera.exposure is not None
@@ -495,21 +495,24 @@ def _equalize_column(
     n = np.arange(rows)
     line = np.polynomial.Polynomial.fit(n, column, 1) if rows > 1 else np.polynomial.Polynomial([column[0]])
     residual = column - line(n)
+    largest = float(np.abs(residual).max())
+    unit = 2.0 ** np.floor(np.log2(largest)) if largest >= np.finfo(float).tiny else 1.0
+    residual, noise = residual / unit, noise / unit
     predicted, used = weights.shape
     length = optimal_length(rows + 2 * predicted)
     f = np.arange(length // 2 + 1) / length
     h = np.sinc(f * exposure_rows)
     gain = (h / np.maximum(h**2, max_boost**-2)).astype(complex)
     light = line(n + exposure_rows / 2)
+    course = np.zeros(rows)
     if noise != 0 and rows >= 16:
         residual, course, gain = _without_course(residual, exposure_rows, length, noise)
-        light = light + course
         gain = gain * np.minimum(1, max_boost / np.maximum(np.abs(gain), 1e-300))
     after = weights @ residual[::-1][:used]
     before = (weights @ residual[:used])[::-1]
     extended = np.concatenate([residual, after, np.zeros(length - rows - 2 * predicted), before])
     spectrum = np.fft.rfft(extended) * gain * np.exp(1j * np.pi * f * exposure_rows)
-    return np.asarray(np.fft.irfft(spectrum, length)[:rows] + light)
+    return np.asarray(unit * (np.fft.irfft(spectrum, length)[:rows] + course) + light)
 
 
 def _densities(f: FloatArray) -> FloatArray:
@@ -527,7 +530,7 @@ def _fit_spectrum(values: FloatArray, seen: FloatArray, noise: float) -> tuple[f
     seen = seen[:, : groups * group].reshape(len(seen), groups, group).mean(axis=2)
     known, mean = not np.isnan(noise), float(values.mean())
     nothing = (0.0, noise**2 if known else mean, 0)
-    if not mean > 1e-280:
+    if mean == 0:
         return nothing
     ratios = 4.0 ** np.arange(-12, 9)
     powers = seen[:, np.newaxis] + ratios[:, np.newaxis]
@@ -567,10 +570,18 @@ def _without_course(
         return np.asarray(np.abs(np.fft.rfft(values * window, length)) ** 2)
 
     def waves(frequencies: list[float], later: float) -> FloatArray:
-        angle = 2 * np.pi * np.outer(n + later - (rows - 1) / 2, frequencies)
-        return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+        centred = n + later - (rows - 1) / 2
+        angle = 2 * np.pi * np.outer(centred, frequencies)
+        return np.concatenate([np.cos(angle), np.sin(angle), np.ones((rows, 1)), centred[:, np.newaxis]], axis=1)
 
-    x, course = _without_trend(x, exposure_rows, noise, lambda rest: _fit_spectrum(spectrum_of(rest), seen, noise)[0])
+    def trend_of(values: FloatArray) -> _Trend:
+        def light_left(rest: FloatArray) -> bool:
+            light, power, _ = _fit_spectrum(spectrum_of(rest), seen, noise)
+            return light > power
+
+        return _find_trend(values, exposure_rows, noise, light_left)
+
+    smooth = trend_of(x)
     tones: list[float] = []
     rest: FloatArray = x
     amplitudes: FloatArray = np.empty(0)
@@ -578,11 +589,13 @@ def _without_course(
     for step in range(6):
         values = spectrum_of(rest)
         light, power, shape = _fit_spectrum(values, seen, noise)
-        if step == 5:
+        if step == (1 if smooth.found else 5):
             break
+        if smooth.found:  # or else a single tone
+            light, power = 0.0, smooth.noise
         is_peak = (values[1:-1] > threshold * (light * seen[shape] + power)[1:-1]) & (values[1:-1] >= values[:-2])
         is_peak &= (values[1:-1] > values[2:]) & (f[1:-1] > apart) & (f[1:-1] < 0.5 - apart)
-        peaks = np.flatnonzero(is_peak & (np.abs(np.sinc(f[1:-1] * exposure_rows)) > 0.1)) + 1
+        peaks = np.flatnonzero(is_peak & (np.abs(np.sinc(f[1:-1] * exposure_rows)) > 0.08)) + 1
         peaks = peaks[np.argsort(-values[peaks], kind="stable")]
         found: list[float] = []
         for k in peaks:
@@ -592,49 +605,106 @@ def _without_course(
             candidate = float((k + np.clip(0.5 * (low - high) / (low - 2 * at + high), -0.5, 0.5)) / length)
             if all(abs(candidate - other) > apart for other in tones + found):
                 found.append(candidate)
+            if smooth.found:
+                break
         if not found:
             break
         tones += found
         for _ in range(2):
             basis = waves(tones, 0)
             amplitudes = np.asarray(np.linalg.lstsq(basis, x, rcond=None)[0])
-            cosines, sines = np.split(amplitudes, 2)
+            cosines, sines = np.split(amplitudes[:-2], 2)
             turn = 2 * np.pi * (n - (rows - 1) / 2)[:, np.newaxis]
-            slopes = turn * (sines * basis[:, : len(tones)] - cosines * basis[:, len(tones) :])
+            slopes = turn * (sines * basis[:, : len(tones)] - cosines * basis[:, len(tones) : -2])
             moves = np.linalg.lstsq(np.concatenate([basis, slopes], axis=1), x - basis @ amplitudes, rcond=None)[0]
             moved = np.array(tones) + np.clip(moves[-len(tones) :], -0.5 / rows, 0.5 / rows)
             tones = [float(tone) for tone in np.clip(moved, 1 / rows, 0.5 - 1 / rows)]
         basis = waves(tones, 0)
         amplitudes = np.asarray(np.linalg.lstsq(basis, x, rcond=None)[0])
         rest = x - basis @ amplitudes
+    beside = trend_of(rest) if tones else smooth
+    if smooth.found and not (beside.white and beside.score + 3 * len(tones) * np.log(rows - 2) < smooth.score):
+        tones, beside, rest = [], smooth, x
+    course = np.zeros(rows)
     if tones:
-        course = course + waves(tones, exposure_rows / 2) @ (
-            amplitudes / np.tile(np.sinc(np.array(tones) * exposure_rows), 2)
-        )
+        responses = np.tile(np.sinc(np.array(tones) * exposure_rows), 2)
+        responses = np.copysign(np.maximum(np.abs(responses), 0.1), responses)
+        course = waves(tones, exposure_rows / 2) @ (amplitudes / np.concatenate([responses, [1, 1]]))
+    if beside.found:
+        rest, course = rest - beside.seen, course + beside.light
+        light, power, shape = _fit_spectrum(spectrum_of(rest), seen, noise)
     gain = light * wanted[shape] / (light * seen[shape] + power) if light > 0 else np.zeros(len(f), complex)
     return rest, course, np.asarray(gain)
 
 
-def _without_trend(
-    x: FloatArray, exposure_rows: float, noise: float, light_left: Callable[[FloatArray], float]
-) -> tuple[FloatArray, FloatArray]:
-    """A polynomial taken off where it leaves nothing but noise, and its light at the ends of the exposures."""
-    legendre, rows = np.polynomial.legendre, len(x)
-    n, terms = np.arange(rows), min(25, rows // 8 + 1)
-    scale, middle = (rows - 1 + exposure_rows) / 2, (rows - 1 - exposure_rows) / 2
-    end, begin = (n - middle) / scale, (n - exposure_rows - middle) / scale
-    each = [np.eye(terms)[k] for k in range(terms)]
-    light = np.stack([legendre.legval(end, c) for c in each], axis=1)
-    integrals = [legendre.legint(c) for c in each]
-    seen = np.stack([legendre.legval(end, c) - legendre.legval(begin, c) for c in integrals], axis=1)
-    q, r = np.linalg.qr(seen * scale / exposure_rows)
-    parts, whole = q.T @ x, x @ x
-    left = np.maximum(whole - np.cumsum(parts**2), 1e-28 * whole)
+class _Trend(NamedTuple):
+    """Smooth light in a column: what the rows see of it, and the light at the ends of the exposures."""
+
+    score: float  # -2 ln of the evidence
+    found: bool  # there is smooth light, and no more light than noise beside it
+    white: bool  # there is no more light than noise beside it, whether found or not
+    seen: FloatArray
+    light: FloatArray
+    noise: float  # variance that is left
+
+
+def _find_trend(x: FloatArray, exposure_rows: float, noise: float, light_left: Callable[[FloatArray], bool]) -> _Trend:
+    """Light with a Gaussian spectrum, of the most probable width and power, beside any straight line.
+
+    Its frequencies are those of a period of two columns, up to 36 cycles a column; lines do not enter the evidence.
+    """
+    rows, whole = len(x), float(x @ x)
+    zero = np.zeros(rows)
     if whole == 0:
-        return x, np.zeros(rows)
-    kept = int(np.argmin((rows * np.log(left) + 2 * np.log(rows) * np.arange(terms))[1:])) + 2
-    allowed = 1.3 * (noise**2 if not np.isnan(noise) else np.mean(np.diff(x, 2) ** 2) / 6)
-    rest = x - q[:, :kept] @ parts[:kept]
-    if kept <= 2 or left[kept - 1] / (rows - kept) > allowed or light_left(rest) > 0:
-        return x, np.zeros(rows)
-    return rest, np.asarray(np.linalg.solve(r.T, light.T).T[:, :kept] @ parts[:kept])
+        return _Trend(-np.inf, False, True, zero, zero, 0.0)
+    cycles = min(36.0, rows / 8)
+    f = np.arange(int(2 * cycles) + 1) / (2 * rows)
+    highest = cycles / (3.5 * rows)
+    centred = np.arange(rows) - (rows - 1) / 2
+    line = np.stack([np.ones(rows) / np.sqrt(rows), centred / np.linalg.norm(centred)], axis=1)
+    line_light = line + np.array([0, exposure_rows / 2 / np.linalg.norm(centred)])
+
+    def waves(later: float) -> FloatArray:
+        angle = 2 * np.pi * np.outer(centred + later, f)
+        return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+
+    def density(corner: float) -> FloatArray:
+        return np.asarray(np.tile(np.exp(-((f / corner) ** 2)), 2))
+
+    waves_seen = waves(-exposure_rows / 2) * np.tile(np.sinc(f * exposure_rows), 2)
+    beside_lines = waves_seen - line @ (line.T @ waves_seen)
+    basis, sizes, _ = np.linalg.svd(beside_lines * np.sqrt(density(highest)), full_matrices=False)
+    basis = basis[:, sizes > 1e-8 * sizes[0]]
+    projected = basis.T @ waves_seen
+    parts = basis.T @ x
+    outside = max(whole - float(parts @ parts), 1e-28 * whole)
+    count, known = rows - 2, not np.isnan(noise)
+    ratios = 4.0 ** np.arange(-6, 15)
+    alone = whole / noise**2 + count * np.log(noise**2) if known else count * (np.log(whole / count) + 1)
+    best: Any = None
+    for half_octaves in range(12):
+        power = density(highest * 2 ** (-half_octaves / 2))
+        among = (projected * power) @ projected.T
+        power, among = power * rows / np.trace(among), among * rows / np.trace(among)
+        values, vectors = np.linalg.eigh(among)
+        values = np.maximum(values, 0)
+        weights = 1 + np.outer(ratios, values)
+        left = ((vectors.T @ parts) ** 2 / weights).sum(axis=1) + outside
+        own = left / noise**2 + count * np.log(noise**2) if known else count * (np.log(left / count) + 1)
+        scores = own + np.log(weights).sum(axis=1)
+        k = int(np.argmin(scores))
+        if best is None or scores[k] < best[0]:
+            best = float(scores[k]), ratios[k], power, values, vectors
+    score, ratio, power, values, vectors = best
+    allowed = 1.3 * (noise**2 if known else np.mean(np.diff(x, 2) ** 2) / 6)
+    gains = ratio * values / (1 + ratio * values)
+    seen = basis @ (vectors @ (gains * (vectors.T @ parts)))
+    rest = x - seen
+    if alone - score < 12:
+        return _Trend(alone, False, not light_left(x), zero, zero, whole / count)
+    power_left = float(rest @ rest / (count - gains.sum()))
+    if power_left > allowed or light_left(rest):
+        return _Trend(score, False, False, zero, zero, power_left)
+    amplitudes = power * (projected.T @ (vectors @ (ratio / (1 + ratio * values) * (vectors.T @ parts))))
+    light = waves(0) @ amplitudes - line_light @ (line.T @ (waves_seen @ amplitudes))
+    return _Trend(score, True, True, seen, np.asarray(light), power_left)

@@ -96,7 +96,7 @@ class Voxels:
 
 @dataclass(frozen=True)
 class SceneDescription:
-    """A camera and its scene; a pixel sees the nearest source or surface on the ray through its centre.
+    """A camera and its scene; a pixel shows the nearest source or surface on the ray through its centre.
 
     Args:
         lens: geometry of the camera.

@@ -12,7 +12,7 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.scene.checks import hold, number, numbers, whole
 
 Array = npt.NDArray[np.float64]
@@ -210,7 +210,7 @@ class Ring:
         hold(self, diameter=number("diameter", self.diameter, 0, open_low=True))
         hold(self, width=number("width", self.width, 0, self.diameter, open_low=True))
         if self.width == self.diameter:
-            raise ValueError(f"width: got {self.width!r}, allowed: below the diameter")
+            raise ValueError(f"width: got {shown(self.width)}, allowed: below the diameter")
 
     @checked
     def contains(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:

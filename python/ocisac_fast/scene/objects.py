@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast.core.checks import checked, checked_class, is_real_array
+from ocisac_fast.core.checks import checked, checked_class, is_real_array, shown
 from ocisac_fast.light.waveforms import Waveform
 from ocisac_fast.scene.checks import hold, instance, number
 from ocisac_fast.scene.course import check_light
@@ -109,7 +109,7 @@ class Grating:
         hold(self, frequency=number("frequency", self.frequency, 0, open_low=True))
         hold(self, duty=number("duty", self.duty, 0, 1, open_low=True))
         if self.duty == 1:
-            raise ValueError(f"duty: got {self.duty!r}, allowed: above 0 and below 1")
+            raise ValueError(f"duty: got {shown(self.duty)}, allowed: above 0 and below 1")
 
 
 @checked_class
@@ -130,7 +130,7 @@ class Picture:
 
     def __post_init__(self) -> None:
         if not is_real_array(self.levels):
-            raise ValueError(f"levels: got {self.levels!r:.80}, allowed: real numbers")
+            raise ValueError(f"levels: got {shown(self.levels)}, allowed: real numbers")
         levels = np.array(self.levels, dtype=np.float64)
         if levels.ndim != 2 or levels.size == 0:
             raise ValueError(f"levels: got shape {levels.shape}, allowed: (rows, columns)")

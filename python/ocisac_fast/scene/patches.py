@@ -74,7 +74,7 @@ def _rays(lens: Pinhole, window: tuple[slice, slice]) -> Array:
 
 
 def patches(scene: SceneDescription, lens: Pinhole) -> Iterator[Patch]:
-    """All patches that ``lens`` sees."""
+    """All patches in view of ``lens``."""
     shape = (lens.rows, lens.columns)
     origin = np.array(lens.pose.position)
     depth = np.full(shape, np.inf)

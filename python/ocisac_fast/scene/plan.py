@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import shown
 from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.blur import left_out, spread, widened
 from ocisac_fast.scene.course import Course, course
@@ -120,8 +121,8 @@ def make_plan(
     scene: SceneDescription, tolerance: float, unit: Literal["DN", "noise"], frames: int, start: float
 ) -> Plan:
     """`Scene.plan`."""
-    if not (isinstance(tolerance, (int, float)) and math.isfinite(tolerance) and tolerance > 0):
-        raise ValueError(f"tolerance: got {tolerance!r}, allowed: above 0")
+    if not (math.isfinite(tolerance) and tolerance > 0):
+        raise ValueError(f"tolerance: got {shown(tolerance)}, allowed: above 0")
     if frames < 1:
         raise ValueError(f"frames: got {frames}, allowed: 1 or more")
     if not math.isfinite(start):

@@ -50,7 +50,7 @@ def simulate_frames(
         swing: stored values (DN) from no light to light 1; finite.
         dark_level: stored value (DN) of no light; finite.
         noise: standard deviation of the noise, DN, normal, independent in every pixel; 0 or above.
-        lamp: share of the light that a pixel sees, broadcast to (rows, columns), such as `lamp_bar`; finite.
+        lamp: share of the light that reaches a pixel, broadcast to (rows, columns), such as `lamp_bar`; finite.
         ambient: light on the whole picture, such as mains hum, in units of the light; None: none.
         reflectance: factor on all light in a pixel, broadcast to (rows, columns), such as `texture`; finite.
         jitter: frames start up to so many seconds early or late, uniformly distributed; 0 or above.
@@ -103,7 +103,7 @@ def simulate_frames(
 
 
 def lamp_bar(rows: int, columns: int, width: float, *, tilt: float = 0.0) -> FloatArray:
-    """Share of its light that each pixel sees of a bar along the rows through the middle of the picture.
+    """Share of its light that reaches each pixel from a bar along the rows through the middle of the picture.
 
     Args:
         rows, columns: of the picture.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-import sys
+import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, TriangleWave
 from ocisac_fast.scene.description import Ambient, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
@@ -96,10 +96,6 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
         SceneFileError: a ValueError: not TOML, unknown or missing keys, bad values; names the file, line and key.
         OSError: the file cannot be read.
     """
-    if sys.version_info >= (3, 11):
-        import tomllib
-    else:
-        import tomli as tomllib
     data = Path(path).read_bytes()
     try:
         text = data.decode("utf-8")
@@ -217,7 +213,7 @@ def _fields(maker: Callable[..., Any]) -> dict[str, dataclasses.Field[Any]]:
 def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: _Folder) -> Any:
     """Construct an object from its table."""
     if not isinstance(table, dict):
-        raise _BadKey(keys, f"got {table!r}, allowed: a table")
+        raise _BadKey(keys, f"got {shown(table)}, allowed: a table")
     fields = _fields(maker)
     posed = "pose" in fields
     allowed = [name for name in fields if name != "pose"] + (["position", "rotation"] if posed else [])
@@ -259,11 +255,11 @@ def _value(item: dataclasses.Field[Any] | None, name: str, value: Any, keys: Key
     kind = str(item.type) if item else "list"
     numeric = isinstance(value, (int, float)) and not isinstance(value, bool)
     if kind in ("float", "float | None") and not numeric:
-        raise _BadKey(keys, f"got {value!r}, allowed: a number")
+        raise _BadKey(keys, f"got {shown(value)}, allowed: a number")
     if kind == "bool" and not isinstance(value, bool):
-        raise _BadKey(keys, f"got {value!r}, allowed: true or false")
+        raise _BadKey(keys, f"got {shown(value)}, allowed: true or false")
     if kind == "str" and not isinstance(value, str):
-        raise _BadKey(keys, f"got {value!r}, allowed: a string")
+        raise _BadKey(keys, f"got {shown(value)}, allowed: a string")
     return value
 
 
@@ -271,7 +267,7 @@ def _choice(name: str, table: Any, keys: Keys, folder: _Folder) -> Any:
     kinds = _CHOICES[name]
     if not isinstance(table, dict) or table.get("kind") not in kinds:
         got = table.get("kind") if isinstance(table, dict) else table
-        raise _BadKey((*keys, "kind"), f"got {got!r}, allowed: {', '.join(kinds)}")
+        raise _BadKey((*keys, "kind"), f"got {shown(got)}, allowed: {', '.join(kinds)}")
     rest = {key: value for key, value in table.items() if key != "kind"}
     return _made(kinds[table["kind"]], rest, keys, folder)
 
@@ -281,16 +277,16 @@ def _picture(name: Any, keys: Keys, folder: _Folder) -> Any:
     from ocisac_fast.files.pictures import grey_levels
 
     if not isinstance(name, str):
-        raise _BadKey(keys, f"got {name!r}, allowed: the name of a picture")
+        raise _BadKey(keys, f"got {shown(name)}, allowed: the name of a picture")
     path = Path(os.path.realpath(folder.path / name))
     if not (folder.any_folder or path.is_relative_to(os.path.realpath(folder.path))):
-        raise _BadKey(keys, f"got {name!r}, allowed: a picture in the scene's folder or below it")
+        raise _BadKey(keys, f"got {shown(name)}, allowed: a picture in the scene's folder or below it")
     if path.exists() and not path.is_file():
-        raise _BadKey(keys, f"got {name!r}, allowed: a file")
+        raise _BadKey(keys, f"got {shown(name)}, allowed: a file")
     try:
         return grey_levels(path, _MAX_PICTURE_PIXELS)
     except (OSError, ValueError) as error:
-        raise _BadKey(keys, f"got {name!r}: {error}") from error
+        raise _BadKey(keys, f"got {shown(name)}: {error}") from error
 
 
 def _plain(item: Any) -> Any:

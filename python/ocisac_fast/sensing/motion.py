@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.core.flags import Flag
 
 _MAX_CANDIDATES = 16
@@ -70,7 +70,7 @@ class KnownMotion:
 
     def __post_init__(self) -> None:
         if self.axis not in (None, "across", "along"):
-            raise ValueError(f"axis: got {self.axis!r}, allowed: 'across', 'along' or None")
+            raise ValueError(f"axis: got {shown(self.axis)}, allowed: 'across', 'along' or None")
         if self.direction not in (-1, 0, 1):
             raise ValueError(f"direction: got {self.direction}, allowed: -1, 0 or 1")
         for name in ("pitch", "spatial_frequency", "speed"):
@@ -78,10 +78,10 @@ class KnownMotion:
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
         if self.bounds is not None and not (0.0 <= self.bounds[0] < self.bounds[1] < math.inf):
-            raise ValueError(f"bounds: got {self.bounds}, allowed: (low, high), 0 <= low < high, finite")
+            raise ValueError(f"bounds: got {shown(self.bounds)}, allowed: (low, high), 0 <= low < high, finite")
         times = self.frame_times
         if times is not None and not (all(map(math.isfinite, times)) and all(a < b for a, b in pairwise(times))):
-            raise ValueError(f"frame_times: got {times}, allowed: finite and ascending")
+            raise ValueError(f"frame_times: got {shown(times)}, allowed: finite and ascending")
         if not 0.0 < self.timing_tolerance <= 0.01:
             raise ValueError(f"timing_tolerance: got {self.timing_tolerance}, allowed: above 0 up to 0.01")
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, stored_box
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.sensing.fit import (
@@ -153,7 +153,7 @@ class Request:
 
     def __post_init__(self) -> None:
         if self.waveform not in ("tone", "square"):
-            raise ValueError(f"waveform: got {self.waveform!r}, allowed: 'tone' or 'square'")
+            raise ValueError(f"waveform: got {shown(self.waveform)}, allowed: 'tone' or 'square'")
         if not 0.0 < self.duty < 1.0:
             raise ValueError(f"duty: got {self.duty}, allowed: above 0 and below 1")
         if not 1e-9 <= self.depth <= 1e9:
@@ -192,7 +192,7 @@ def sense_region(
     the rows and the motion-induced frequency f_x v has s = f_x pitch, d = f_x v T_f and c = f_x v T_r + f_y pitch. d is
     known modulo 1. So a moving texture differs from a light in s, or in d if its stripes are parallel to the rows.
     Motion along the rows needs the pitch and either the texture or the speed, or frames and bounds that leave one
-    solution; otherwise it is flagged AMBIGUOUS_MOTION. See docs/sensing.md.
+    solution; otherwise it is flagged AMBIGUOUS_MOTION. See docs/explanation/sensing.md.
 
     Args:
         frames: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, successive frames.
@@ -309,7 +309,7 @@ def background_light(
 def _frequencies(name: str, given: npt.ArrayLike) -> tuple[float, ...]:
     values = np.atleast_1d(np.asarray(given, dtype=np.float64))
     if values.ndim != 1 or not np.all(np.isfinite(values) & (values > 0.0)):
-        raise ValueError(f"{name}: got {given!r:.80}, allowed: finite frequencies above 0")
+        raise ValueError(f"{name}: got {shown(given)}, allowed: finite frequencies above 0")
     return tuple(float(value) for value in values)
 
 

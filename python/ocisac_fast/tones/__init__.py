@@ -6,12 +6,9 @@ from ocisac_fast.tones.equalization import (
     lost_frequencies as lost_frequencies,
 )
 from ocisac_fast.tones.frequency import (
-    Calibration as Calibration,
     FoundFrequency as FoundFrequency,
     ToneColumns as ToneColumns,
-    calibrate as calibrate,
     find_frequency as find_frequency,
-    pick_colour as pick_colour,
     tone_columns as tone_columns,
 )
 from ocisac_fast.tones.gain import ToneGain as ToneGain, tone_gain as tone_gain

@@ -79,8 +79,8 @@ def equalize(
     and gets its line back, half an exposure earlier. For ``"inverse"`` the noise term is 0, so that G = 1/H wherever
     |H| >= 1/max_boost, and G falls to 0 at the nulls of H. For ``"wiener"`` a polynomial that leaves nothing but noise,
     or tones, are taken off as well and come back as their light; S(f), the light's power density in what is left, and
-    the noise are estimated together (docs/tones.md). Constants and ramps are exact where the exposure is shorter than
-    the frame.
+    the noise are estimated together (docs/explanation/tones.md). Constants and ramps are exact where the exposure is
+    shorter than the frame.
 
     The result estimates the light at t_n; where it changes within a row, ``"wiener"`` estimates its mean over a row
     time about t_n.

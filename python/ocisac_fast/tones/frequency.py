@@ -1,10 +1,8 @@
-"""Estimation of the frequency of a periodic light and of the row time from pictures."""
+"""Estimation of the frequency of a periodic light."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +14,7 @@ from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 
 # Cycles per row, standard error, signal-to-noise ratio, highest harmonic, flags, (used, strength, saturated).
-_CoreFound = tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]
+CoreFound = tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,23 +61,6 @@ class FoundFrequency:
     flags: Flag
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibration:
-    """A row time measured with a light of known frequency.
-
-    Attributes:
-        row_time: T_r in seconds.
-        row_time_std: its standard error in seconds, for an exact frequency.
-        found: the estimated tone, in cycles per row.
-        flags: those of ``found``.
-    """
-
-    row_time: float
-    row_time_std: float
-    found: FoundFrequency
-    flags: Flag
-
-
 @checked
 def find_frequency(
     columns: npt.ArrayLike,
@@ -122,10 +103,11 @@ def find_frequency(
             half the row rate, or an unknown waveform.
     """
     array = as_columns(columns, scan_axis=camera.scan_axis)
-    return _found(_core.find_frequency(array, camera._handle, bounds, waveform, select), camera.row_period)
+    return found_of(_core.find_frequency(array, camera._handle, bounds, waveform, select), camera.row_period)
 
 
-def _found(values: _CoreFound, row_period: float) -> FoundFrequency:
+def found_of(values: CoreFound, row_period: float) -> FoundFrequency:
+    """Convert the core's values."""
     cycles, cycles_std, snr, harmonics, flags, (used, strength, saturated) = values
     return FoundFrequency(
         frequency=cycles / row_period,
@@ -137,40 +119,6 @@ def _found(values: _CoreFound, row_period: float) -> FoundFrequency:
         columns=ToneColumns(used, strength, saturated),
         flags=Flag(flags),
     )
-
-
-@checked
-def calibrate(
-    columns: npt.ArrayLike,
-    frequency: float,
-    *,
-    bounds: tuple[float, float] | None = None,
-    waveform: str = "auto",
-    select: bool = True,
-    scan_axis: Literal["y", "-y", "x", "-x"] = "y",
-) -> Calibration:
-    """Estimate the row time from a light of known frequency: T_r = (cycles per row) / frequency.
-
-    Args:
-        columns: as for :func:`find_frequency`; the columns that show the light are selected among them.
-        frequency: of the light, Hz, above 0 and below half the row rate.
-        bounds: shortest and longest row time, seconds; None: two cycles or more in the frame, one to two only where no
-            tone is found there (the outline of a lamp resembles one cycle).
-        waveform: as for :func:`find_frequency`.
-        select: as for :func:`find_frequency`.
-        scan_axis: direction of the read-out, as in :class:`ocisac_fast.Camera`.
-
-    Returns:
-        The row time with its standard error; flags mark unreliable results.
-
-    Raises:
-        ValueError: a frequency that is not finite and above 0, or as for :func:`find_frequency`.
-    """
-    array = as_columns(columns, scan_axis=scan_axis)
-    per_row = None if bounds is None else (bounds[0] * frequency, bounds[1] * frequency)
-    row_time, row_time_std, values = _core.calibrate(array, frequency, per_row, waveform, select)
-    found = _found(values, 1.0)
-    return Calibration(row_time=row_time, row_time_std=row_time_std, found=found, flags=found.flags)
 
 
 @checked
@@ -192,31 +140,3 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
     if frequency is None:
         return find_frequency(columns, camera).columns
     return ToneColumns(*_core.tone_columns(as_columns(columns, scan_axis=camera.scan_axis), camera._handle, frequency))
-
-
-@checked
-def pick_colour(
-    colours: Sequence[npt.ArrayLike],
-    camera: Camera,
-    *,
-    bounds: tuple[float, float] | None = None,
-    waveform: str = "auto",
-) -> int:
-    """Index of the picture, among several of one scene (such as its colours), with the most precise frequency.
-
-    Args:
-        colours: one or more arrays as for :func:`find_frequency`. For a picture of shape (rows, columns, colours):
-            ``np.moveaxis(picture, -1, 0)``.
-        camera: as for :func:`find_frequency`.
-        bounds: as for :func:`find_frequency`.
-        waveform: as for :func:`find_frequency`.
-
-    Returns:
-        The index of the colour whose frequency has the smallest relative standard error, searched as in
-        :func:`calibrate`; colours flagged ``FEW_CYCLES`` or ``AT_BOUND`` come last; 0 if none shows a tone.
-
-    Raises:
-        ValueError: no colours, or as for :func:`find_frequency`.
-    """
-    arrays = [as_columns(colour, name="colours", scan_axis=camera.scan_axis) for colour in colours]
-    return _core.pick_colour(arrays, camera._handle, bounds, waveform)

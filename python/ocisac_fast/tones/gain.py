@@ -63,7 +63,8 @@ def tone_gain(
 
     Method ``"fit"`` solves mean + tone + harmonics by least squares at the exact frequency (cf. IEEE Std 1057).
     ``"robust"`` also fits other tones that the strongest columns of a frame show, such as mains hum or another lamp,
-    and flags distortion and clipping at black (docs/tones.md); a clean frame takes 12 % longer, others many times.
+    and flags distortion and clipping at black (docs/explanation/tones.md). A clean frame takes 12 % longer, others many
+    times as long.
     ``"dft"`` is the paper's: the DFT's bin nearest to the tone (eqs. 24-25, figure 8), biased unless the tone completes
     whole cycles in the frame (flag OFF_BIN); it is computed by OpenCV. Both assume a mean and a tone that are constant
     along the column; :func:`varying_tone_gain` tests this.
@@ -111,7 +112,7 @@ def result_shape(columns: npt.NDArray[Any]) -> tuple[int, ...]:
     return columns.shape[:-2] + columns.shape[-1:] * (columns.ndim > 1)
 
 
-def background_values(background: npt.ArrayLike, columns: npt.NDArray[Any]) -> FloatArray:
+def background_values(background: npt.ArrayLike | float, columns: npt.NDArray[Any]) -> FloatArray:
     """The background in the form that the core reads: empty for none, one value, or one per column and frame."""
     if isinstance(background, float):
         return np.array((background,)) if background else _NO_BACKGROUND
