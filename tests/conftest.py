@@ -1,5 +1,6 @@
 """What all tests share: real recordings where they are to be had, and how hard hypothesis tries."""
 
+import multiprocessing
 import os
 import pathlib
 
@@ -20,3 +21,12 @@ def recordings() -> pathlib.Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}")
     return folder
+
+
+@pytest.fixture(scope="session")
+def process_semaphores() -> None:
+    """Semaphores between processes, which process pools and Dask's local workers need."""
+    try:
+        multiprocessing.get_context("fork").Lock()
+    except OSError as error:
+        pytest.skip(f"no semaphores between processes here, is /dev/shm writable? ({error})")

@@ -19,7 +19,7 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
 from ocisac_fast.files import read_frames
-from ocisac_fast.tones import pick_colour
+from ocisac_fast.lights import pick_colour
 
 STORED = pathlib.Path(__file__).parent / "stored_answers.json"
 Picture = npt.NDArray[Any]

@@ -83,6 +83,7 @@ def connected(processes, workers):
         yield client
 
 
+@pytest.mark.usefixtures("process_semaphores")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_local_cluster_gives_the_same_table(workers, campaign, task, truth, tmp_path):
     with cluster(workers=workers) as client:
@@ -128,6 +129,7 @@ def test_workers_and_a_scheduler_are_killed_and_each_row_is_there_once(campaign,
     assert read_results(results).equals(truth)
 
 
+@pytest.mark.usefixtures("process_semaphores")
 def test_the_whole_run_is_killed_and_started_again(campaign, truth, tmp_path):
     results = tmp_path / "results"
     command = [sys.executable, "-m", "ocisac_fast.cli", "batch", str(campaign.folder), "-o", str(results)]
@@ -145,6 +147,7 @@ def test_the_whole_run_is_killed_and_started_again(campaign, truth, tmp_path):
     assert read_results(results).equals(truth)
 
 
+@pytest.mark.usefixtures("process_semaphores")
 def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, task, truth, tmp_path):
     """As a terminal sends it: to the process and its workers."""
     results = tmp_path / "results"

@@ -98,7 +98,7 @@ def test_motion_reports_both_tables():
     paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     printed = subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout
     rows = [json.loads(line) for line in printed.splitlines()]
-    assert all(0.9 < row["told_over_bound"] < 1.2 for row in rows[:3])
+    assert all(0.9 < row["stated_over_bound"] < 1.2 for row in rows[:3])
     assert all(abs(row["after"] - row["expected"]) < 5 * row["after_std"] for row in rows[3:])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from calibration import DECADES, Counts
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "field.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "measured" / "field.md"
 
 
 def test_a_clean_lamp_has_no_wrong_chip_and_is_sure(monkeypatch):

@@ -20,7 +20,7 @@ from studies.limits import LIMITS, plain_methods
 from studies.limits.__main__ import limits as command
 from studies.limits.reporting import entry_text
 
-DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "limits.md"
+DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "measured" / "limits.md"
 NAMES = [limit.name for limit in LIMITS]
 ENTRY = {limit.name: limit for limit in LIMITS}
 
@@ -49,10 +49,10 @@ def test_the_library_is_right_or_honest_or_says_so(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_standard_errors_are_not_blown_up_to_look_honest(name):
-    """Where nothing is flagged, what is told is at most three times what happens, or as good as nothing."""
+    """Where nothing is flagged, what is stated is at most three times what happens, or as good as nothing."""
     for point in points(name):
-        if not point.flags and point.told > 1e-4:
-            assert point.told < 3 * point.library
+        if not point.flags and point.stated > 1e-4:
+            assert point.stated < 3 * point.library
 
 
 def test_names_are_unique_and_spots_are_measured():

@@ -15,7 +15,7 @@ from studies.command import run
 from studies.reproduction import choices, gains, testbed
 from studies.reproduction.__main__ import reproduce
 
-DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "paper.md"
+DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "measured" / "paper.md"
 
 
 def test_ring_takes_whole_periods_and_says_its_true_grating():

@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings, strategies as st
+from hypothesis import HealthCheck, assume, example, given, settings, strategies as st
 
 import ocisac_fast.chips as ocisac
 from ocisac_fast import Camera, Chips, integrate_exposure, reference
@@ -109,6 +109,14 @@ def test_an_exposed_chip_is_a_waveform_seen_by_a_camera(exposure_known):
     degrees=st.tuples(st.integers(0, 3), st.integers(0, 2)),
     exposure_known=st.booleans(),
 )
+@example(
+    seed=3509,
+    rows_per_chip=2.559590221499623,
+    exposure=5.19140625,
+    rows=360,
+    degrees=(3, 0),
+    exposure_known=False,
+)
 def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, rows, degrees, exposure_known):
     column = Column(seed, rows_per_chip, exposure, rows=rows)
     options = dict(zip(("dark_degree", "swing_degree"), degrees, strict=True), exposure_known=exposure_known)
@@ -126,10 +134,11 @@ def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, 
         got.rows_per_chip - want.rows_per_chip,
         got.exposure_rows - want.exposure_rows,
     ]
-    assert got.noise == pytest.approx(want.noise, rel=2e-4)
+    # The model has kinks, at which either fit may stop within half a standard error of the bottom: chi^2 higher by 1/4.
+    assert 2 * rows * abs(got.noise / want.noise - 1) < 0.25
+    assert np.all(np.abs(difference) < 0.5 * spread)
     assert got.rows == want.rows
-    if want.noise < got.noise * (1 + 1e-5):  # else a kink of the model stopped the reference short of the bottom
-        assert np.all(np.abs(difference) < 0.2 * spread)
+    if want.noise < got.noise * (1 + 1e-5):
         np.testing.assert_allclose(got.levels(rows), want.levels(rows), atol=0.02)
     bounds = [
         of.clock_bounds(column.chips, column.swing, column.clock, noise=column.noise, **options)

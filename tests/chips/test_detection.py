@@ -167,6 +167,14 @@ def test_channels_without_meaning_are_refused(change, message):
         ocisac.detect_chips(np.ones(100), CAMERA, channel, method="wiener")
 
 
+def test_an_exposure_of_the_most_chips_is_not_refused_by_rounding():
+    row_time, chip_rate = 22.2e-6, 3007.0
+    channel = make_channel(1 / (chip_rate * row_time), 24 / chip_rate / row_time)
+    assert channel.exposure_rows > 24 * channel.rows_per_chip
+    chips = ocisac.detect_chips(np.ones(1080), CAMERA, channel, method="reduced")
+    assert chips.llr.shape[0] > 0
+
+
 def test_other_bad_input_is_refused():
     channel = make_channel(4.0, 8.0)
     with pytest.raises(ValueError, match="method: got best, allowed: slicer, wiener"):

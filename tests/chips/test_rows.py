@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from ocisac_fast import Camera, Chips, _core, integrate_exposure, reference
+from ocisac_fast import Camera, Chips, SquareWave, _core, integrate_exposure, reference
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -121,14 +121,27 @@ def test_hum_and_tones_are_removed_and_the_chips_stay():
 
 
 @settings(deadline=None, max_examples=15)
-@given(seed=SEEDS, rows=st.integers(100, 600), frequency=st.floats(0.015, 0.08), height=st.floats(0, 50))
-def test_a_square_wave_is_removed_as_by_the_reference(seed, rows, frequency, height):
+@given(
+    seed=SEEDS,
+    rows=st.integers(100, 600),
+    frequency=st.floats(0.015, 0.08),
+    height=st.floats(0, 50),
+    exposure=st.sampled_from([0.0, 1.5, 6.0]),
+)
+def test_a_square_wave_is_removed_as_by_the_reference(seed, rows, frequency, height, exposure):
     random = np.random.default_rng(seed)
     wave = np.mod(frequency * (1 + 0.2 / rows) * np.arange(rows) + random.uniform(), 1) < 0.5
     signal = height * wave + 40 * chip_light(random, rows) + random.normal(0, 1, rows)
-    got, want = (module.without_square_wave(signal, frequency) for module in (_core, reference))
+    got, want = (module.without_square_wave(signal, frequency, exposure) for module in (_core, reference))
     assert np.sum((got - got.mean()) ** 2) == pytest.approx(np.sum((want - want.mean()) ** 2), rel=1e-9)
     np.testing.assert_allclose(got, want, atol=1e-9 * max(height, 40))
+
+
+def test_an_exposed_square_wave_is_removed_to_a_fraction_of_its_ramps():
+    wave = integrate_exposure(SquareWave(0.02221, amplitude=1.0), Camera(1.0, 3.0), 1080, start=17.3)
+    rest = _core.without_square_wave(45 * wave, 0.0223, 3.0)
+    assert np.std(rest) < 0.03 * np.std(45 * wave)
+    assert np.std(rest) < 0.3 * np.std(_core.without_square_wave(45 * wave, 0.0223, 0.0))
 
 
 @settings(deadline=None, max_examples=25)

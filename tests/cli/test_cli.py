@@ -18,7 +18,6 @@ pytest.importorskip("PIL.Image")
 pytest.importorskip("av")
 
 from ocisac_fast.chips import DETECTORS
-from ocisac_fast.cli import main
 from ocisac_fast.cli.output import plain, quantity, with_spread
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, select
 from ocisac_fast.cli.units import Quantity
@@ -27,35 +26,6 @@ from ocisac_fast.files import read_frames, write_frames
 
 TESTBED = ("--row-time", "22.2us", "--exposure", "622us")
 DARK = ("--dark-level", "16")  # so that noise is not clipped at 0
-
-
-@pytest.fixture
-def run(capsys, monkeypatch):
-    """Runs the command line in this process: code, lines of standard output, lines of standard error."""
-    import warnings
-
-    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # put back after each run
-
-    def call(*arguments):
-        with warnings.catch_warnings():
-            warnings.simplefilter("default")
-            code = main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out.splitlines(), captured.err.splitlines()
-
-    return call
-
-
-@pytest.fixture
-def facts(run):
-    """Runs a command with --json, which must succeed: its objects."""
-
-    def call(*arguments):
-        code, out, err = run(*arguments, "--json")
-        assert (code, err) == (0, [])
-        return [json.loads(line, parse_constant=pytest.fail) for line in out]
-
-    return call
 
 
 # Units
@@ -301,18 +271,6 @@ def test_a_simulation_without_meaning_is_refused(run, tmp_path, arguments, messa
 # Results of the commands
 
 
-@pytest.fixture
-def square(facts, tmp_path):
-    """A recording of a 500 Hz square wave at 622 us as a file of any kind."""
-
-    def make(name, *more):
-        light = ("--waveform", "square", "--frequency", "500Hz", "--phase", "1", "--noise", "2", "--columns", 64)
-        facts("simulate", *light, *TESTBED, *DARK, *more, "-o", tmp_path / name)
-        return tmp_path / name
-
-    return make
-
-
 THEORY = abs(np.sinc(500 * 622e-6))
 
 
@@ -491,6 +449,14 @@ def test_receive_gives_an_object_a_frame(facts, chips):
         assert each["snr_db"] > 20
 
 
+def test_the_table_of_receive_shows_the_bits(run, facts, chips):
+    options = (chips, "--row-time", "22.2us", "--exposure", "60us")
+    code, out, err = run("receive", *options)
+    assert (code, err) == (0, [])
+    for each in facts("receive", *options):
+        assert any(line.split()[:1] == [str(each["frame"])] and each["bits"] in line for line in out)
+
+
 def test_receive_takes_several_files_and_a_known_rate(facts, chips):
     options = ("--row-time", "22.2us", "--exposure", "60us", "--chip-rate", "8kHz")
     got = facts("receive", chips, chips, *options)
@@ -541,7 +507,22 @@ def test_the_demo_decodes_its_recordings_in_time(facts, tmp_path):
     assert len(got["settings"]) == 24
     for setting in got["settings"]:
         assert setting["gain"] == pytest.approx(setting["theory"], abs=5 * setting["gain_std"])
-    assert sorted(os.listdir(tmp_path / "demo")) == ["chips.png", "demo.png", "testbed.mkv"]
+    recordings = ["banded.png", "chips.png", "demo.png", "lamp.mkv", "testbed.mkv", "video.mkv"]
+    assert sorted(os.listdir(tmp_path / "demo")) == recordings
+
+
+def test_the_demo_ends_with_commands_that_run(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run("demo")
+    assert (code, err) == (0, [])
+    assert any(line.startswith("ocisac is ") for line in out)
+    commands = [line.split()[1:] for line in out if line.startswith("  ocisac ")]
+    assert len(commands) == 3
+    monkeypatch.chdir(tmp_path / "demo")
+    for words in commands:
+        code, out, err = run(*words)
+        assert (code, err) == (0, [])
+        assert len(out) >= 3
 
 
 def test_tables_for_people_hold_the_same_numbers(run, square):
@@ -783,3 +764,13 @@ def test_standard_output_may_be_ascii(square, facts):
         assert (done.returncode, done.stderr) == (0, b"")
         assert len(done.stdout.decode("ascii").splitlines()) >= lines
     assert json.loads(done.stdout) == wanted[0]
+
+
+def test_the_reason_is_given_where_there_is_no_payload(run, chips):
+    code, out, err = run("receive", chips, "--row-time", "22.2us", "--exposure", "60us", "--packets", "--json")
+    assert (code, len(out)) == (0, 3)
+    assert err == [
+        "no payload in 3 frames: chips in 3 of them, but no header of a packet; --line-code, --block-bytes, "
+        "--preamble, --chip-rate or --row-time may differ from the sender's; a block of 16 bytes is 302 chips, a frame "
+        "shows 127: smaller blocks show more headers"
+    ]

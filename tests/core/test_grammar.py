@@ -17,7 +17,8 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"), re.MULTILINE)
+ARCHITECTURE = ROOT / "docs" / "reference" / "architecture.md"
+ROOMS = re.findall(r"^\| `(\w+)` \|", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE)
 
 MAX_ARGUMENTS = 10  # tone_gain has 10, all in the table of names that others rely on
 MAX_POSITIONAL = 3  # data, camera, and what the function is named after: a frequency, a channel, rows

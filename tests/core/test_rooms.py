@@ -13,7 +13,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "python" / "ocisac_fast"
 INCLUDE = ROOT / "cpp" / "include"
-ROOMS = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"), re.MULTILINE)
+ARCHITECTURE = ROOT / "docs" / "reference" / "architecture.md"
+ROOMS = re.findall(r"^\| `(\w+)` \|", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE)
 PUBLIC_HEADERS = (ROOT / "cpp" / "public_headers.txt").read_text().split()
 
 Arrows = dict[str, set[str]]  # what a module needs, by name

@@ -231,6 +231,7 @@ with multiprocessing.get_context("fork").Pool(2) as pool:
 """
 
 
+@pytest.mark.usefixtures("process_semaphores")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
 def test_a_forked_child_computes_in_threads_too():
     subprocess.run([sys.executable, "-c", FORKED], check=True, timeout=120)

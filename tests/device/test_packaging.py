@@ -1,4 +1,4 @@
-"""Files beside the program: the service example of docs/device.md, and the package's copyright file."""
+"""Files beside the program: the service example of docs/howto/raspberry-pi.md, and the package's copyright file."""
 
 import configparser
 import re
@@ -13,8 +13,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def examples():
-    """The unit and the journal's configuration, as docs/device.md shows them."""
-    text = (ROOT / "docs" / "device.md").read_text(encoding="utf-8")
+    """The unit and the journal's configuration, as docs/howto/raspberry-pi.md shows them."""
+    text = (ROOT / "docs" / "howto" / "raspberry-pi.md").read_text(encoding="utf-8")
     return re.findall(r"```ini\n(.*?)```", text, re.DOTALL)
 
 

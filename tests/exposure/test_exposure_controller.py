@@ -169,7 +169,7 @@ def check_brightness(
 class TestController:
     @pytest.mark.parametrize("options", OPTIONS)
     def test_every_suggestion_obeys_the_rules(self, options: dict[str, float]) -> None:
-        """docs/exposure.md: what is maximised, within which bounds, when the last exposure stays, how bright it is."""
+        """docs/explanation/exposure.md: what is maximised, its bounds, when the last exposure stays, the brightness."""
         controller = of.ExposureController(CAMERA, **options)
         last: ExposureSuggestion | None = None
         clipped = False

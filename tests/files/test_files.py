@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import re
+import select
 import stat
 import struct
 import subprocess
@@ -400,18 +401,72 @@ def files_of_every_kind(tmp_path_factory):
     return [path.read_bytes() for path in sorted(folder.iterdir())]
 
 
+class Reader:
+    """A child process that reads files: a crash or a hang there does not end the run."""
+
+    CODE = """
+import sys, warnings
+from ocisac_fast.files import FileError, FileWarning, read_frames
+warnings.simplefilter("ignore", FileWarning)
+for line in sys.stdin:
+    try:
+        print("read" if read_frames(line[:-1]).frames.size else "nothing", flush=True)
+    except FileError:
+        print("refused", flush=True)
+    except Exception as error:
+        print(repr(error), flush=True)
+"""
+    LONGEST = 30.0  # s
+
+    def __init__(self):
+        self.child = None
+
+    def outcome(self, path):
+        if self.child is None:
+            command = [sys.executable, "-W", "error", "-c", self.CODE]
+            self.child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.child.stdin.write(f"{path}\n")
+        self.child.stdin.flush()
+        if not select.select([self.child.stdout], [], [], self.LONGEST)[0]:
+            self.end()
+            return "no end"
+        return self.child.stdout.readline().strip() or f"ended with {self.end()}"
+
+    def end(self):
+        child, self.child = self.child, None
+        if child is None:
+            return None
+        child.kill()
+        with child:
+            return child.wait()
+
+
+@pytest.fixture(scope="module")
+def reader():
+    reader = Reader()
+    yield reader
+    reader.end()
+
+
 @given(st.data())
 @settings(max_examples=200, deadline=None)
-@pytest.mark.filterwarnings("ignore::ocisac_fast.files.FileWarning")
-def test_damage_is_survived_or_refused(files_of_every_kind, tmp_path_factory, data):
+def test_damage_is_survived_or_refused(files_of_every_kind, reader, tmp_path_factory, data):
     damaged = bytearray(data.draw(st.sampled_from(files_of_every_kind)))
     span = data.draw(st.sampled_from([min(300, len(damaged)), len(damaged)]))
     for place, value in data.draw(st.lists(st.tuples(st.integers(0, span - 1), st.integers(0, 255)), max_size=12)):
         damaged[place] = value
     path = tmp_path_factory.getbasetemp() / "damaged"
     path.write_bytes(damaged[: data.draw(st.sampled_from([len(damaged), len(damaged) // 2, len(damaged) - 1]))])
-    with contextlib.suppress(FileError):
-        assert read_frames(path).frames.size > 0
+    assert reader.outcome(path) in ("read", "refused")
+
+
+def test_a_reader_that_crashes_or_hangs_is_replaced(tmp_path, reader, monkeypatch):
+    monkeypatch.setattr(Reader, "CODE", Reader.CODE.replace("    try:", "    eval(line)\n    try:", 1))
+    monkeypatch.setattr(Reader, "LONGEST", 5.0)
+    reader.end()
+    assert reader.outcome("__import__('os').kill(__import__('os').getpid(), 7)") == "ended with -7"
+    assert reader.outcome("__import__('time').sleep(60)") == "no end"
+    reader.end()
 
 
 def test_missing_files_and_directories_are_refused(tmp_path):

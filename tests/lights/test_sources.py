@@ -142,7 +142,7 @@ def test_parts_of_a_light_that_sends_data_become_one(seed):
     frame = data_light(seed)
     sources = detect_sources(frame, CAMERA)
     (light,) = sources
-    assert light.reason == "waveform"
+    assert light.reason in ("waveform", "overlap")  # joined, or found whole by its waveform
     assert light.carries_data
     assert light.merged >= 1
     assert light.height > 170
@@ -224,6 +224,26 @@ def test_lamps_that_touch_side_by_side_are_told_apart(first, second):
 def test_small_frames_of_noise_hold_nothing(shape):
     frame = np.random.default_rng(1).integers(90, 110, shape).astype(np.uint8)
     assert detect_sources(frame, CAMERA) == []
+
+
+def test_clear_lamps_are_more_probable_than_faint_ones():
+    probabilities = []
+    for swing in (150.0, 9.0):
+        picture, _ = scene()
+        add_lamp(picture, 240, 300, 40, SquareWave(8000.0), swing=swing)
+        (source,) = detect_sources(stored(picture), CAMERA)
+        probabilities.append(source.probability)
+    assert 1 >= probabilities[0] > 0.95
+    assert probabilities[0] > probabilities[1] > 0.5
+
+
+@pytest.mark.parametrize("cycles", [3.0, 3.5])
+def test_a_clear_lamp_of_three_cycles_is_found(cycles):
+    picture, _ = scene()
+    add_lamp(picture, 240, 300, 30, SquareWave(cycles / (60 * ROW_TIME)))
+    (source,) = detect_sources(stored(picture), CAMERA)
+    assert source.frequency == pytest.approx(cycles / (60 * ROW_TIME), rel=0.04)
+    assert source.probability > 0.8
 
 
 def test_a_light_that_fills_the_frame_is_found():

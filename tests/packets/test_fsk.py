@@ -184,7 +184,12 @@ def test_tones_by_files_and_commands(tmp_path, capsys):
             "tones: got 1e.05, allowed: frequencies below",
         ),
         (lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [100.0, 2e3]), "rows: got 100, allowed: 8 or more"),
-        (lambda: fsk_demodulate(np.full(100, np.inf), Camera(1e-5), [2e3, 3e3]), "signal: got inf"),
+        (
+            lambda: fsk_demodulate(np.full(100, np.inf), Camera(1e-5), [2e3, 3e3]),
+            "column: got inf, allowed: finite numbers of at most",
+        ),
+        (lambda: fsk_demodulate(1e300 * np.arange(100), Camera(1e-5), [2e3, 3e3]), "column: got 9.9"),
+        (lambda: fsk_demodulate(np.arange(100), Camera(1e-5), [2e3, 3e3], amplitude=1e300), "amplitude: got 1e"),
         (lambda: fsk_demodulate(np.zeros((9, 9)), Camera(1e-5), [2e3, 3e3]), "column: got shape"),
         (lambda: fsk_demodulate(np.zeros(100), Camera(1e-5), [2e3, 3e3], amplitude=-1.0), "amplitude: got -1.0"),
         (

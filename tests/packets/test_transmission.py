@@ -19,7 +19,7 @@ from ocisac_fast.packets import PacketFormat, decode_line_code, encode_line_code
 from ocisac_fast.packets.transmission import PacketAssembler
 from ocisac_fast.reference.packets import _codeword
 
-DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "packets.md"
+DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "reference" / "packets.md"
 TABLE = ("00110", "01010", "01100", "10010")
 CODES = ("none", "manchester", "4b6b", "8b10b", TABLE)
 CERTAIN = 20.0  # nats
@@ -91,7 +91,7 @@ def test_a_missing_half_of_a_manchester_bit_costs_nothing():
 @given(
     payload=st.binary(min_size=1, max_size=60),
     code=st.sampled_from(CODES),
-    block_bytes=st.integers(1, 40),
+    block_bytes=st.integers(1, 255),
     preamble=st.sampled_from(["standard", "lengthened"]),
     number=st.integers(0, 255),
 )

@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import math
 import pickle
 import sys
 
@@ -184,12 +185,56 @@ def test_a_stream_that_begins_anew_is_believed_after_eight_frames():
 def test_searches_in_vain_become_rare_and_the_light_is_found_again():
     light = Light(b"later", seed=10, noise=0.01)
     receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
-    outcomes = [receiver.push(light.random.standard_normal(1080)).outcome for _ in range(40)]
+    fences = np.diff(light.random.standard_normal(40 * 1080 + 1)).reshape(40, 1080)  # opposite from row to row
+    outcomes = [receiver.push(rows).outcome for rows in fences]
     assert set(outcomes) == {"no_signal", "unsearched"}
     assert 5 <= outcomes.count("no_signal") <= 10
     outcomes = [receiver.push(light.frame(index)).outcome for index in range(10)]
     assert "received" in outcomes[:8]
     assert outcomes[8:] == ["received", "received"]
+
+
+@pytest.mark.parametrize("rounding", [False, True])
+def test_noise_is_not_searched_and_the_light_after_it_is_received_at_once(rounding):
+    """Noise on a level that varies along the rows; or a dark frame's rounding alone."""
+    light = Light(b"later", seed=10, noise=0.01)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    level = np.linspace(2, 1, 1080)
+    for _ in range(20):
+        noise = light.random.standard_normal(1080)
+        frame = np.full(1080, 20.3) + 1e-14 * np.cumsum(noise) if rounding else level + 0.1 * noise
+        assert receiver.push(frame).outcome == "no_signal"
+    assert receiver.push(light.frame(0)).outcome == "received"
+
+
+def test_frames_below_the_dark_level_do_not_scale_the_exposure():
+    light = Light(PAYLOAD, seed=12, noise=0.01)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    for index in range(3):
+        assert receiver.push(light.frame(index)).outcome == "received"
+    for index in range(3, 9):
+        receiver.push(light.frame(index) - 5 + np.sin(np.arange(1080) / 7))
+    assert "received" in [receiver.push(light.frame(index)).outcome for index in range(9, 18)]
+
+
+def test_rows_displaced_by_a_stabiliser_are_received():
+    """A sine of two cycles in the frame, one row high, of another phase in each frame."""
+    light, finer = Light(b"displaced", seed=13), 20
+    fine = Camera(ROW_TIME / finer, light.camera.exposure)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    row = np.arange(1080)
+    for index in range(10):
+        warp = np.sin(2 * np.pi * (2 * row / 1080 + light.random.uniform()))
+        start = light.start + index * FRAME_TIME - 2 * ROW_TIME
+        rows = ocisac.integrate_exposure(light.waveform, fine, finer * 1084, start=start)
+        shown = rows[np.rint(finer * (row + 2 + warp)).astype(int)]
+        result = receiver.push(20 + 100 * shown + light.random.standard_normal(1080))
+        assert result.outcome == "received"
+        assert result.flags == 0
+        if result.payload is not None:
+            break
+    assert result.payload is not None
+    assert result.payload.data == b"displaced"
 
 
 def test_a_search_ends_where_its_passes_are_used_up():
@@ -202,6 +247,28 @@ def test_a_search_ends_where_its_passes_are_used_up():
     assert outcomes == ["no_signal", "received", "received", "received"]
     lights = MultiReceiver(light.camera, chip_rate=CHIP_RATE, search_passes=1)
     assert lights.push(np.repeat(frame[:, np.newaxis], 8, axis=1))[0].received.outcome == "no_signal"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_lamp_that_ends_within_a_row_inverts_no_chip(seed):
+    """A lamp over a third of the rows, blurred by a row: its first rows leave residuals as large as the light."""
+    rows, rate, row_time = 1080, 20e3, 15e-6
+    camera = Camera(row_time, 150e-6, frame_time=FRAME_TIME)
+    packet = ocisac.transmit(bytes(range(16)), format=PacketFormat(block_bytes=1))
+    waveform, random = packet.waveform(rate), np.random.default_rng(seed)
+    receiver = Receiver(camera, chip_rate=rate, format=packet.format)
+    steps = [
+        [math.erf((n - end) / math.sqrt(2)) for n in range(rows)]
+        for end in np.add((360, 719), random.uniform(-1, 1, 2))
+    ]
+    lit = 0.5 * (np.array(steps[0]) - steps[1])
+    for index in range(30):
+        light = ocisac.integrate_exposure(waveform, camera, rows, start=index * FRAME_TIME)
+        frame = receiver.push(10 + 180 * lit * light + 0.5 * random.standard_normal(rows))
+        bits = np.frombuffer(frame.bits.encode(), np.uint8) - ord("0")
+        first = round((index * FRAME_TIME + frame.phase * row_time - frame.exposure / 2) * rate)
+        sent = [packet.chips[(first + np.arange(bits.size) + shift) % packet.chips.size] for shift in (-1, 0, 1)]
+        assert min(np.mean(bits != chips) for chips in sent) <= 0.05
 
 
 def test_what_the_gap_and_the_code_leave():
@@ -275,7 +342,7 @@ def test_the_command_gives_payloads(tmp_path, capsys, monkeypatch):
     assert main([*options[:-2], "--packets"]) == 0  # the sender's default code is the receiver's
     assert "over the air" in capsys.readouterr().out
     assert main([*options, "--block-bytes", "200"]) == 0
-    assert "a block of 200 bytes is 3246 chips, a frame shows 191: send smaller" in capsys.readouterr().out
+    assert "a block of 200 bytes is 3246 chips, a frame shows 191: smaller" in capsys.readouterr().out
     assert main([*options[:2], "--frame-rate", "30", "--packets"]) == 2
     assert "--frame-rate: needs --row-time" in capsys.readouterr().err
 
@@ -302,6 +369,25 @@ def test_two_lights_side_by_side_are_two_streams():
     ]:
         with pytest.raises(ValueError, match=message):
             MultiReceiver(lights[0].camera, **wrong)
+
+
+@pytest.mark.parametrize("share", [1 / 4, 1 / 3, 1 / 2])
+def test_lamps_that_begin_and_end_on_the_same_rows_are_several_streams(share):
+    """The columns have the lamps' ends in common, which are steps larger than those of the chips."""
+    rate, camera = 20e3, Camera(15e-6, 150e-6, frame_time=FRAME_TIME)
+    packets = [ocisac.transmit(name, format=PacketFormat(block_bytes=1)) for name in (b"a", b"b", b"c")]
+    random, rows = np.random.default_rng(34), round(1080 * share)
+    receiver = MultiReceiver(camera, chip_rate=rate, format=packets[0].format)
+    for index in range(4):
+        picture = np.full((1080, 240), 10.0)
+        for k, packet in enumerate(packets):
+            start = index * FRAME_TIME + 0.3 * k
+            light = ocisac.integrate_exposure(packet.waveform(rate), camera, rows, start=start)
+            picture[400 : 400 + rows, 30 + 80 * k : 50 + 80 * k] += 180 * light[:, np.newaxis]
+        noisy = picture + 2 * random.standard_normal(picture.shape)
+        results = receiver.push(np.clip(noisy, 0, 255).astype(np.uint8))
+    places = sorted(result.region.x + result.region.width / 2 for result in results)
+    assert places == pytest.approx([40, 120, 200], abs=8)
 
 
 @pytest.mark.parametrize(

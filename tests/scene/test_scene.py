@@ -413,7 +413,7 @@ def test_files_that_are_not_toml_are_refused(tmp_path):
         (lambda: Pinhole(columns=10, rows=0, focal_length=1, pixel_pitch=1), "rows: got 0"),
         (lambda: Source(Disc(1), Pose((0, 0, 1)), Tone(1, amplitude=-1)), "waveform: got light down to -1"),
         (lambda: Sensor(1, read_noise=2), "full_well: got None"),
-        (lambda: Source(3, Pose(), Tone(1)), "shape: got 3, allowed: a Rectangle or a Disc or a Ring"),
+        (lambda: Source(3, Pose(), Tone(1)), "shape: got 3, allowed: a Rectangle, a Disc or a Ring"),
         (lambda: scene_of(Surface(Disc(1), Pose((0, 0, -1)))), r"surfaces\[0\].position: got .*before the camera"),
         (lambda: scene_of(camera=Camera(1e-5)), "exposure: got None"),
         (lambda: scene_of().plan(tolerance=0), "tolerance: got 0"),

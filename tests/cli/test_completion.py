@@ -1,0 +1,38 @@
+"""Completion of commands, options, values and file names by the shell."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("click")
+
+
+@pytest.mark.parametrize(
+    ("words", "want"),
+    [
+        ("ocisac rec", ["plain,receive"]),
+        ("ocisac receive --line", ["plain,--line-code"]),
+        ("ocisac receive --line-code man", ["plain,manchester"]),
+        ("ocisac gain lamp", ["file,lamp"]),
+    ],
+)
+def test_the_shell_completes(run, monkeypatch, words, want):
+    monkeypatch.setenv("_OCISAC_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
+    assert run() == (0, want, [])
+
+
+def test_completion_in_bash():
+    path = f"{os.path.dirname(sys.executable)}:{os.environ['PATH']}"
+    script = """
+        eval "$(_OCISAC_COMPLETE=bash_source ocisac)"
+        COMP_WORDS=(ocisac de) COMP_CWORD=1 COMPREPLY=()
+        _ocisac_completion ocisac
+        echo "${COMPREPLY[@]}"
+    """
+    environment = {**os.environ, "PATH": path}
+    done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True)
+    assert (done.stdout.split(), done.stderr) == (["detect", "demo"], "")

@@ -1,0 +1,79 @@
+"""Tables of commands as CSV files."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("click")
+pytest.importorskip("rich")
+pytest.importorskip("av")
+
+import click
+
+import ocisac_fast
+from ocisac_fast.cli.application import ocisac
+from ocisac_fast.cli.csv_files import csv_text
+
+TESTBED = ("--row-time", "22.2us", "--exposure", "622us")
+DARK = ("--dark-level", "16")  # so that noise is not clipped at 0
+
+
+def rows_of(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def test_csv_has_a_row_for_each_object_of_a_list():
+    records = [
+        {"frame": 0, "bits": "01", "flags": ["weak", "aliased"], "lights": [{"x": 1, "frame": 5}, {"x": 2, "y": None}]},
+        {"frame": 1, "flags": [], "versions": {"numpy": "2"}, "places": [[1, 2], [3]], "holds": True},
+    ]
+    assert csv_text(records).splitlines() == [
+        "frame,bits,flags,x,lights.frame,y,versions.numpy,places,holds",
+        "0,01,weak aliased,1,5,,,,",
+        "0,01,weak aliased,2,,,,,",
+        '1,,,,,,2,"[[1, 2], [3]]",true',
+    ]
+
+
+def test_every_command_writes_csv():
+    context = click.Context(ocisac)
+    for name in ocisac.list_commands(context):
+        command = ocisac.get_command(context, name)
+        assert {"--json", "--csv", "--force"} <= {word for param in command.params for word in param.opts}, name
+
+
+def test_csv_holds_what_json_prints(run, facts, square, tmp_path):
+    command = ("gain", square("s.mkv", "--frames", 2), *TESTBED, *DARK, "--frequency", "500")
+    (want,) = facts(*command)
+    code, out, err = run(*command, "--csv", tmp_path / "gain.csv")
+    assert (code, out, err) == (0, [], [])
+    (row,) = rows_of(tmp_path / "gain.csv")
+    assert float(row["gain"]) == want["gain"]
+    assert (row["flags"], row["frequency_std_hz"], row["frames"]) == ("", "", "2")
+    assert run(*command, "--csv", tmp_path / "gain.csv")[0] == 2  # it exists
+    code, out, _ = run(*command, "--csv", "-", "--json")
+    assert (code, json.loads(out[0]), out[2].split(",")[2]) == (0, want, row["gain"])
+
+
+def test_gain_writes_a_value_for_each_column_and_frame(run, square, tmp_path):
+    path = square("s.npy", "--frames", 3)
+    command = ("gain", path, *TESTBED, *DARK, "--frequency", "500", "--region", "5,0,7,720")
+    assert run(*command, "--per-column", tmp_path / "columns.csv")[0] == 0
+    rows = rows_of(tmp_path / "columns.csv")
+    assert [(row["frame"], row["column"]) for row in rows] == [
+        (str(frame), str(column)) for frame in range(3) for column in range(5, 12)
+    ]
+    camera = ocisac_fast.Camera(22.2e-6, 622e-6, dark_level=16)
+    want = ocisac_fast.tone_gain(np.load(path)[..., 5:12], camera, 500.0)
+    assert np.array([float(row["gain"]) for row in rows]) == pytest.approx(want.gain.ravel(), rel=1e-12)
+    assert {row["used"] for row in rows} == {"true"}
+
+
+def test_an_error_after_some_results_leaves_their_csv(run, square, tmp_path):
+    missing = tmp_path / "missing.png"
+    assert run("receive", square("s.png"), missing, *TESTBED, "--csv", tmp_path / "bits.csv")[0] == 3
+    assert len((tmp_path / "bits.csv").read_text().splitlines()) >= 2
+    assert run("receive", missing, *TESTBED, "--csv", tmp_path / "none.csv")[0] == 2
+    assert not (tmp_path / "none.csv").exists()

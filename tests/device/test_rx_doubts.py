@@ -1,0 +1,166 @@
+"""ocisac-rx where a result is missing or the stream may not be what was stated: why, on standard error."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Chips, SquareWave
+
+ROW_TIME, EXPOSURE, ROWS, COLUMNS = 22.2e-6, 100e-6, 720, 40
+PAYLOAD = b"ab\ncd"
+PACKETS = ("--chip-rate", "11.7kHz", "--payload")
+
+
+def run(receiver, frames, *options, width=COLUMNS):
+    command = [receiver, "--size", f"{width}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *options]
+    return subprocess.run(command, input=frames, capture_output=True, timeout=60, check=False)
+
+
+def recording(waveform, frames, swing=150.0, columns=COLUMNS):
+    light = ocisac.integrate_exposure(waveform, Camera(ROW_TIME, EXPOSURE, frame_time=1 / 30), ROWS, frames=frames)
+    noise = np.random.default_rng(2).standard_normal((frames, ROWS, columns))
+    return np.rint(15 + swing * light[:, :, None] + 1.5 * noise).clip(0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def packets():
+    sent = ocisac.transmit(PAYLOAD)
+    return recording(Chips(sent.chips, 11700.0, repeat=True), 40).tobytes()
+
+
+# Payloads
+
+
+def test_payloads_end_with_a_newline(receiver, packets):
+    done = run(receiver, packets, *PACKETS, "--frame-rate", "30", "--delimiter", "newline")
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert set(done.stdout.split(PAYLOAD + b"\n")) == {b""}
+
+
+def test_payloads_begin_with_their_length(receiver, packets):
+    done = run(receiver, packets, *PACKETS, "--frame-rate", "30", "--delimiter", "length")
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert set(done.stdout.split(len(PAYLOAD).to_bytes(4, "big") + PAYLOAD)) == {b""}
+
+
+def test_a_delimiter_is_of_payloads_alone(receiver):
+    done = run(receiver, b"", "--delimiter", "newline")
+    assert (done.returncode, done.stderr) == (2, b"ocisac-rx: --delimiter: got no --payload, allowed: --payload\n")
+
+
+@pytest.mark.parametrize(
+    ("frames", "options", "why"),
+    [
+        (1, ("--frame-rate", "30"), "headers of 1 blocks, "),
+        (6, ("--line-code", "8b10b"), "but no header of a packet; --line-code, --block-bytes, --lengthened"),
+        (6, ("--line-code", "8b10b"), "packets are joined over frames with --frame-rate only"),
+        (6, ("--frame-rate", "30", "--block-bytes", "200"), "a block of 200 bytes is 3246 chips, a frame shows 187"),
+    ],
+)
+def test_why_there_is_no_payload(receiver, packets, frames, options, why):
+    done = run(receiver, packets[: frames * ROWS * COLUMNS], *PACKETS, *options)
+    assert (done.returncode, done.stdout) == (3, b"")
+    begin = f"ocisac-rx: no payload in {frames} frame{'s' * (frames > 1)}: chips in {frames} of them, "
+    assert done.stderr.decode().startswith(begin)
+    assert why in done.stderr.decode()
+
+
+def test_without_a_light_there_is_no_payload(receiver):
+    done = run(receiver, bytes(3 * ROWS * COLUMNS), *PACKETS)
+    assert (done.returncode, done.stdout) == (3, b"")
+    assert done.stderr.decode().startswith("ocisac-rx: no payload in 3 frames: no light with chips was found; ")
+
+
+# Size and format of raw frames
+
+
+def scene(frames, rng, columns=240, texture=30.0):
+    """(frames, rows, columns) of a tone's bands on a still texture; (rows, columns / 2) of its two colour planes."""
+    picture = rng.normal(0, texture, (ROWS // 16, columns // 8)).repeat(16, 0).repeat(8, 1)
+    bands = recording(SquareWave(500.0, phase=rng.uniform(0, 6)), frames, 100.0, columns).astype(float)
+    colour = rng.normal(128, texture / 2, (2, ROWS // 16, columns // 16)).repeat(8, 1).repeat(8, 2)
+    return (bands + 40 + picture).clip(0, 255).astype(np.uint8), colour.clip(0, 255).astype(np.uint8)
+
+
+def gray8(luma, _):
+    return luma.tobytes()
+
+
+def yuv420p(luma, colour):
+    return b"".join(frame.tobytes() + colour.tobytes() for frame in luma)
+
+
+def nv12(luma, colour):
+    return yuv420p(luma, np.moveaxis(colour, 0, -1))
+
+
+def yuyv(luma, colour):
+    pairs = np.moveaxis(colour, 0, -1).repeat(2, 0).reshape(luma.shape[1:])
+    return np.stack([luma, np.broadcast_to(pairs, luma.shape)], axis=-1).tobytes()
+
+
+def gray10le(luma, _):
+    return (luma.astype("<u2") * 4 + 1).tobytes()
+
+
+KINDS = {"gray8": gray8, "yuv420p": yuv420p, "nv12": nv12, "yuyv": yuyv, "gray10le": gray10le}
+
+
+@pytest.mark.parametrize("texture", [0.0, 10.0, 40.0])
+@pytest.mark.parametrize("sent", KINDS)
+@pytest.mark.parametrize("stated", ["gray8", "yuv420p"])
+def test_a_format_that_was_forgotten_is_warned_of(receiver, stated, sent, texture):
+    luma, colour = scene(12, np.random.default_rng(0), texture=texture)
+    done = run(receiver, KINDS[sent](luma, colour), "--no-bits", "--format", stated, width=240)
+    same = sent == stated or {sent, stated} == {"yuv420p", "nv12"}
+    found = [line for line in done.stderr.decode().splitlines() if "may be meant" in line]
+    if same:
+        assert found == []
+    elif texture > 0.0:  # a light that fills the picture evenly hides other formats, but not grey chroma
+        assert len(found) == 1
+        assert sent in found[0]
+
+
+def test_grey_chroma_is_noticed_where_the_light_fills_the_picture(receiver):
+    luma, _ = scene(12, np.random.default_rng(0), texture=0.0)
+    chroma = np.full((2, ROWS // 2, 120), 128, np.uint8)
+    done = run(receiver, yuv420p(luma, chroma), "--no-bits", width=240)
+    assert done.stderr == (
+        b"ocisac-rx: warning: successive frames of 240x720 in gray8 differ as parts of other frames do: "
+        b"--format yuv420p or nv12 may be meant\n"
+    )
+
+
+def test_a_still_dark_scene_is_not_warned_of(receiver):
+    frames = np.random.default_rng(0).normal(16, 1.5, (8, ROWS, 240)).clip(0, 255).astype(np.uint8)
+    assert run(receiver, frames.tobytes(), "--no-bits", width=240).stderr == b""
+
+
+def test_a_file_that_is_no_whole_number_of_frames_is_warned_of(receiver, tmp_path):
+    path = tmp_path / "lamp.raw"
+    path.write_bytes(bytes(3 * COLUMNS * ROWS // 2))
+    done = run(receiver, b"", path, "--no-bits")
+    first, *_ = done.stderr.decode().splitlines()
+    assert first == (
+        "ocisac-rx: warning: 43200 bytes are no whole number of frames of 40x720 in gray8 (28800 bytes each): "
+        "--size or --format may be wrong; gray12p, yuv420p or nv12 would fit"
+    )
+
+
+def test_names_are_of_any_case(receiver, packets):
+    upper = (
+        "--CHIP-RATE",
+        "11.7KHZ",
+        "--Payload",
+        "--Format",
+        "GRAY8",
+        "--line-code",
+        "Manchester",
+        "--frame-rate",
+        "30",
+    )
+    done = run(receiver, packets, *upper, "--Tone-Curve", "LINEAR", "--delimiter", "NEWLINE")
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert set(done.stdout.split(PAYLOAD + b"\n")) == {b""}

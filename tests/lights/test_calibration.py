@@ -1,0 +1,110 @@
+"""Frequency of the lamp in a picture, the row time from it, and the choice of the colour that shows it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ocisac_fast as oc
+from ocisac_fast import Camera, Flag
+
+PER_ROW = Camera(row_time=1.0)
+
+
+def tone(frequency, rows, phase=0.0):
+    return np.cos(2 * np.pi * frequency * np.arange(rows) + phase)
+
+
+def test_row_times_of_real_pictures(recordings):
+    image = pytest.importorskip("PIL.Image")
+    for entry in json.loads((recordings / "recordings.json").read_text()):
+        if "calibrate" not in entry:
+            continue
+        picture = np.asarray(image.open(recordings / entry["file"]).convert("RGB"))
+        colours = list(np.moveaxis(picture, -1, 0))
+        best = colours[oc.pick_colour(colours, PER_ROW)]
+        want = entry["calibrate"]
+        got = oc.calibrate(best, want["frequency_hz"])
+        assert got.row_time == pytest.approx(want["row_time_s"], rel=want["tolerance"]), entry["file"]
+        at_white = entry["file"] == "leica_q2_500hz.jpg"  # its lamp saturates
+        assert got.flags == (Flag.SATURATED if at_white else 0), entry["file"]
+        assert 0 < got.row_time_std < want["tolerance"] * want["row_time_s"]
+
+
+def test_channel_with_the_light_is_picked():
+    random = np.random.default_rng(6)
+    dark, dim, bright = (10 + a * (1 + tone(0.03, 300))[:, np.newaxis] * np.ones(20) for a in (0, 2, 30))
+    colours = [c + random.normal(0, 3, c.shape) for c in (dark, bright, dim)]
+    assert oc.pick_colour(colours, PER_ROW) == 1
+    found = [oc.find_frequency(colour, PER_ROW) for colour in colours]
+    spreads = [each.frequency_std / each.frequency for each in found]
+    assert spreads[1] < spreads[2]
+    assert oc.pick_colour(colours[:1], PER_ROW) == 0
+
+
+def test_the_outline_of_a_lamp_is_not_taken_for_one_cycle():
+    rows = np.arange(1000)
+    lamp = np.exp(-0.5 * ((rows - 500) / 350) ** 2)  # near one cycle of the frame
+    light = 20 + 100 * lamp * (1 + 0.5 * np.cos(2 * np.pi * 3.4 / 1000 * rows))
+    picture = light[:, np.newaxis] + np.random.default_rng(3).normal(0, 1, (1000, 40))
+    assert oc.find_frequency(picture, PER_ROW).frequency < 2 / 1000
+    got = oc.calibrate(picture, 100.0)
+    assert got.found.cycles_per_row >= 2 / 1000
+    assert got.row_time == pytest.approx(got.found.cycles_per_row / 100.0, rel=1e-15)
+    assert got.row_time == pytest.approx(3.4e-5, rel=0.02)
+
+
+def test_calibration_is_cycles_per_row_over_frequency():
+    random = np.random.default_rng(3)
+    columns = 5 + tone(1000 * 1.46e-5, 1080)[:, np.newaxis] * np.ones(5) + random.normal(0, 0.1, (1080, 5))
+    got = oc.calibrate(columns, 1000.0)
+    assert abs(got.row_time - 1.46e-5) < 4 * got.row_time_std
+    assert got.row_time_std == pytest.approx(got.found.cycles_per_row_std / 1000, rel=1e-15)
+    assert got.row_time == pytest.approx(got.found.cycles_per_row / 1000, rel=1e-15)
+    assert oc.calibrate(columns, 1000.0, bounds=(1e-5, 2e-5)).row_time == pytest.approx(got.row_time, rel=1e-9)
+
+
+def lamp_with_text(seed, cycles_per_row, radius):
+    """A disk lamp, (rows, columns), as in a photograph: bright core, text and ruled lines drawn over it."""
+    random = np.random.default_rng(seed)
+    rows, columns = 700, 600
+    y, x = np.mgrid[:rows, :columns]
+    away = np.hypot(y - 340, x - 300) / radius
+    light = 0.5 + 0.5 * tone(cycles_per_row, rows, random.uniform(0, 6.28))[:, np.newaxis]
+    picture = 12.0 + 190.0 * light * np.exp(-((away / 0.9) ** 2)) * (away < 1)
+    for top, left in zip(random.integers(20, 660, 6), random.integers(10, 350, 6), strict=True):
+        for at in range(left, left + 200, 14):
+            picture[top : top + 12, at : at + int(random.integers(3, 9))] = 255.0
+    for top in (200, 480):
+        picture[top : top + 3] = 255.0
+    noisy = picture + random.normal(0, 2, picture.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("cycles", "error"), [(4, 0.025), (7, 0.01), (15, 0.005)])
+def test_text_lines_and_outline_are_no_tone(seed, cycles, error):
+    radius = 230
+    frequency = cycles / (2 * radius) * (1 + 0.01 * seed)
+    got = oc.calibrate(lamp_with_text(seed, frequency, radius), 1000.0)
+    assert got.row_time == pytest.approx(frequency / 1000.0, rel=error)
+    assert abs(got.row_time - frequency / 1000.0) < 4 * got.row_time_std
+    assert not got.flags & ~Flag.SATURATED
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 7])
+def test_too_few_rows_are_flagged(rows):
+    found = oc.calibrate(np.arange(2.0 * rows).reshape(rows, 2), 500.0)
+    assert found.flags == Flag.NO_TONE
+    assert np.isnan(found.row_time)
+
+
+@pytest.mark.parametrize("frequency", [0.0, -5.0, float("nan"), float("inf")])
+def test_frequencies_without_meaning_are_refused(frequency):
+    with pytest.raises(ValueError, match="frequency: got"):
+        oc.calibrate(np.ones(20), frequency)
+
+
+def test_no_channels_are_refused():
+    with pytest.raises(ValueError, match="colours: got 0 colours"):
+        oc.pick_colour([], PER_ROW)
