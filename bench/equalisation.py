@@ -3,8 +3,10 @@
 python bench/equalisation.py [--columns N] [--rows N]
 
 The oracle is the dense linear estimate of least mean square error: covariances of light and rows over the ensemble that
-the columns are drawn from, from as many draws as it takes, the noise known. Errors are RMS over rows two exposures
-from the ends and over columns, against the light at t_n (tones, swells) or its mean over a row time about t_n (chips).
+the columns are drawn from, from as many draws as it takes, the noise known. It would know the frequency of a tone:
+there the bound is that of Cramér and Rao for light whose mean, slope, amplitude, phase and frequency are unknown.
+Errors are RMS over rows two exposures from the ends and over columns, against the light at t_n (tones, swells) or its
+mean over a row time about t_n (chips).
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ EXPOSURES = (3.0, 5.0, 12.0, 30.0)  # rows
 NOISES = (0.001, 0.01, 0.05)  # of full light
 LIGHTS = [("tone", f) for f in (0.005, 0.02, 0.06, 0.18, 0.2, 0.31)]  # cycles a row
 LIGHTS += [("swell", width) for width in (8.0, 20.0, 60.0)]  # rows, standard deviation of a Gaussian
+LIGHTS += [("swell at an end", width) for width in (8.0, 20.0, 60.0)]
 LIGHTS += [("chips", length) for length in (3.0, 9.0, 30.0)]  # rows a chip
 
 
@@ -34,8 +37,9 @@ def draw(kind: str, value: float, rows: int, exposure: float, random: np.random.
         angle = 2 * np.pi * (value * n + random.random())
         x = value * exposure
         return 0.5 + 0.5 * np.cos(angle), 0.5 + 0.5 * np.sinc(x) * np.cos(angle - np.pi * x)
-    if kind == "swell":
-        middle = rows * (0.15 + 0.7 * random.random())
+    if kind.startswith("swell"):
+        place = random.random()
+        middle = rows * (0.15 + 0.7 * place) if kind == "swell" else (120 * place - 60) % rows
         integral = np.vectorize(
             lambda t: value * math.sqrt(math.pi / 2) * math.erf((t - middle) / value / math.sqrt(2))
         )
@@ -54,10 +58,28 @@ def columns_of(
     return np.stack(light, axis=1), np.stack(seen, axis=1)
 
 
+def bound_of_tone(frequency: float, exposure: float, noise: float, rows: int, inside: slice) -> float:
+    """Least RMS error of unbiased estimates of mean, slope, amplitude, phase and frequency, over phases."""
+    n, response = np.arange(rows) - (rows - 1) / 2, float(np.sinc(frequency * exposure))
+
+    def derivatives(place: Floats, size: float, phase: float) -> Floats:
+        angle = 2 * np.pi * frequency * place + phase
+        tone = 0.5 * size * np.stack([np.cos(angle), np.sin(angle), place / rows * np.sin(angle)])
+        return np.stack([np.ones(rows), place / rows, *tone], axis=1)
+
+    variances = []
+    for phase in np.pi * np.arange(4) / 4:
+        seen = derivatives(n - exposure / 2, response, phase)
+        light = derivatives(n, 1.0, phase)
+        covariance = noise**2 * np.linalg.inv(seen.T @ seen)
+        variances.append(np.einsum("ni,ij,nj->n", light, covariance, light)[inside].mean())
+    return math.sqrt(float(np.mean(variances)))
+
+
 def errors(
     kind: str, value: float, exposure: float, noise: float, rows: int, count: int, draws: int = 0
 ) -> dict[str, float]:
-    """RMS error of each method; of the oracle where ``draws`` are above 0."""
+    """RMS error of each method; of the oracle, or of the bound of a tone, where ``draws`` are above 0."""
     random = np.random.default_rng([int(1000 * value), int(exposure), int(1000 * noise)])
     light, seen = columns_of(kind, value, rows, exposure, count, random)
     measured = seen + noise * random.standard_normal(seen.shape)
@@ -68,15 +90,18 @@ def errors(
         "inverse": equalize(measured, camera),
         "wiener": equalize(measured, camera, method="wiener"),
     }
-    if draws:
+    inside = slice(int(2 * exposure) + 10, -int(2 * exposure) - 10)
+    if draws and kind == "tone":
+        bound = bound_of_tone(value, exposure, noise, rows, inside)
+    elif draws:
         lights, rows_seen = columns_of(kind, value, rows, exposure, draws, random)
         means = lights.mean(axis=1, keepdims=True), rows_seen.mean(axis=1, keepdims=True)
         lights, rows_seen = lights - means[0], rows_seen - means[1]
         covariance = rows_seen @ rows_seen.T / draws + noise**2 * np.eye(rows)
         weights = np.linalg.solve(covariance, rows_seen @ lights.T / draws).T
         found["oracle"] = means[0] + weights @ (measured - means[1])
-    inside = slice(int(2 * exposure) + 10, -int(2 * exposure) - 10)
-    return {name: float(np.sqrt(np.mean((result - light)[inside] ** 2))) for name, result in found.items()}
+    result = {name: float(np.sqrt(np.mean((each - light)[inside] ** 2))) for name, each in found.items()}
+    return result | ({"oracle": bound} if draws and kind == "tone" else {})
 
 
 def cases() -> list[tuple[str, float, float, float]]:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The sheet of docs/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it.
+"""The sheet of docs/measured/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it.
 
 usage: bench/field_pictures.py [--picture FILE] [--text FILE]
 """

@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/exposure.md on flickering lights: ``python bench/flicker.py [-o docs]``."""
+"""Draws the pictures of docs/explanation/exposure.md on flickering lights: ``python bench/flicker.py [-o FOLDER]``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _DATA_LIGHT = 35.0  # Hz; suits exposures of 50 ms
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--directory", type=pathlib.Path, default=pathlib.Path("docs"))
+    parser.add_argument("-o", "--directory", type=pathlib.Path, default=pathlib.Path("docs/explanation"))
     directory = parser.parse_args().directory
     mains = mains_lights()
     plot_modulation(mains, 0.02, path=directory / "exposure-bands.png", found=flicker_free_exposure(mains, 0.02))

@@ -44,9 +44,9 @@ def frequencies(frames: int) -> list[dict[str, float]]:
         ]
         seconds = (time.perf_counter() - start) / frames
         error = float(np.sqrt(np.mean([(one.motion_frequency - f) ** 2 for one in found])))
-        told = float(np.mean([one.motion_frequency_std for one in found]))
+        stated = float(np.mean([one.motion_frequency_std for one in found]))
         row = {"f_x_v_hz": f, "bound_hz": float(bound), "rms_error_over_bound": error / bound}
-        report.append({**row, "told_over_bound": told / bound, "seconds": seconds})
+        report.append({**row, "stated_over_bound": stated / bound, "seconds": seconds})
     return report
 
 

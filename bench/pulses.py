@@ -1,4 +1,4 @@
-"""Figures and picture of docs/pulses.md: ``python bench/pulses.py --recordings FOLDER [-o docs]``.
+"""Figures and picture of docs/measured/pulses.md: ``python bench/pulses.py --recordings FOLDER [-o docs/measured]``.
 
 FOLDER contains logitech_30.1hz_duty_*.mkv: a webcam's recordings of a laser of 30.1 Hz.
 """
@@ -20,7 +20,7 @@ _FREQUENCY = 30.1  # Hz
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=pathlib.Path, required=True)
-    parser.add_argument("-o", "--directory", type=pathlib.Path, default=pathlib.Path("docs"))
+    parser.add_argument("-o", "--directory", type=pathlib.Path, default=pathlib.Path("docs/measured"))
     arguments = parser.parse_args()
     bands = {}
     for path in arguments.recordings.glob("logitech_30.1hz_duty_*.mkv"):

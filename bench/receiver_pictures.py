@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws the pictures of docs/receiver.md: eye diagrams, and the trellis of an exposure of two chips.
+"""Draws the pictures of docs/explanation/receiver.md: eye diagrams, and the trellis of an exposure of two chips.
 
 usage: bench/receiver_pictures.py [--directory DIRECTORY]
 """
@@ -99,7 +99,7 @@ def _draw_rows(axes: Axes, chips: np.ndarray, colour: str, style: str) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
-    parser.add_argument("--directory", type=Path, default=Path("docs"))
+    parser.add_argument("--directory", type=Path, default=Path("docs/explanation"))
     directory = parser.parse_args().directory
     for name, draw in (("eye.png", draw_eyes), ("trellis.png", draw_trellis)):
         draw(directory / name)

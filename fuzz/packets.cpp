@@ -23,7 +23,7 @@ struct Packet {
 
 Packet make_packet(std::array<std::size_t, 5> choice) {
   constexpr std::array names{"none", "manchester", "4b6b", "8b10b"};
-  constexpr std::array<std::size_t, 4> block_bytes{16, 1, 7, 60}, payload_bytes{4, 1, 60, 500};
+  constexpr std::array<std::size_t, 4> block_bytes{16, 1, 7, 120}, payload_bytes{4, 1, 60, 500};
   constexpr std::array<unsigned, 2> numbers{6, 255};
   const auto preamble = choice[1] % 2 == 0 ? Preamble::standard : Preamble::lengthened;
   Packet packet{{LineCode::named(names[choice[0]]), block_bytes[choice[2]], preamble}, {}, {}, numbers[choice[4] % 2]};

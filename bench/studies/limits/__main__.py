@@ -12,7 +12,7 @@ from ocisac_fast.cli.output import emit_json, emit_table
 from ocisac_fast.cli.pictures import json_option
 from studies import limits as catalogue
 from studies.command import run
-from studies.limits.reporting import number, told
+from studies.limits.reporting import number, stated
 
 
 @click.command
@@ -46,7 +46,7 @@ def limits(directory: Path, text: Path | None, as_json: bool) -> None:
     for limit, points in measured:
         point = limit.point_at_spot(points)
         spot = f"{limit.sweep} = {point.x:g}"
-        rows.append([limit.title, spot, limit.error, number(point.plain), number(point.library), told(point)])
+        rows.append([limit.title, spot, limit.error, number(point.plain), number(point.library), stated(point)])
     header = ["limit", "at", "error", "plain", "library", "it reports"]
     emit_table("", header, rows, left=("at", "error", "it reports"))
     click.echo(f"picture: {picture}")
@@ -57,7 +57,7 @@ def _facts(limit: Any, point: Any) -> dict[str, Any]:
         "x": point.x,
         "plain": point.plain,
         "library": point.library,
-        "told": point.told,
+        "stated": point.stated,
         "flags": point.flags.names(),
         "answer": point.answered(limit),
     }

@@ -1,6 +1,7 @@
 """The catalogue of limits: each entry sweeps one quantity and compares a plain method and the library with the truth.
 
-One definition serves the tests, the picture and docs/limits.md. A new limit is one more function under ``@limit``.
+One definition serves the tests, the picture and docs/measured/limits.md. A new limit is one more function under
+``@limit``.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Point:
         x: the swept quantity.
         plain: error of the plain method, RMS over the columns; inf or NaN without a result.
         library: error of the library; NaN if it gives no estimate.
-        told: standard error that the library reports, RMS over the columns; 0 if it reports none.
+        stated: standard error that the library reports, RMS over the columns; 0 if it reports none.
         flags: those of at least half of the columns.
         lost: the equaliser's report lists the light's frequency as not restored.
     """
@@ -36,7 +37,7 @@ class Point:
     x: float
     plain: float
     library: float
-    told: float
+    stated: float
     flags: Flag = Flag(0)  # noqa: RUF009, a constant
     lost: bool = False
 
@@ -44,7 +45,7 @@ class Point:
         """``"good"``, ``"honest"`` (within twice the reported standard error), ``"flagged"`` or ``"silent"``."""
         if self.library <= limit.good:
             return "good"
-        if self.library <= 2.0 * self.told:
+        if self.library <= 2.0 * self.stated:
             return "honest"
         return "flagged" if self.flags & limit.flags or self.lost else "silent"
 

@@ -37,7 +37,7 @@ def _draw_panel(axes: Axes, limit: Limit, points: Sequence[Point]) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     x = np.array([point.x for point in points])
-    plain, library, told = (np.array([getattr(p, name) for p in points]) for name in ("plain", "library", "told"))
+    plain, library, stated = (np.array([getattr(p, name) for p in points]) for name in ("plain", "library", "stated"))
     axes.set_yscale("log")
     if x.min() > 0.0 and x.max() > 20.0 * x.min():
         axes.set_xscale("log")
@@ -46,9 +46,9 @@ def _draw_panel(axes: Axes, limit: Limit, points: Sequence[Point]) -> None:
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     top = 2.0 * max(np.nanmax(plain), np.nanmax(library))
-    values = np.concatenate([plain, library, told[told > 0.0]])
+    values = np.concatenate([plain, library, stated[stated > 0.0]])
     bottom = max(0.5 * np.nanmin(values[values > 0.0]), top * 10.0**-_DECADES)
-    axes.plot(x, np.maximum(told, bottom), color=BLUE, lw=4.0, alpha=0.25, solid_capstyle="round")
+    axes.plot(x, np.maximum(stated, bottom), color=BLUE, lw=4.0, alpha=0.25, solid_capstyle="round")
     axes.plot(x, np.maximum(plain, bottom), "s-", color=RED, ms=5.0, lw=2.2)
     axes.plot(x, np.maximum(library, bottom), "-", color=BLUE, lw=1.2)
     for point in points:

@@ -86,9 +86,9 @@ def _wall_texture() -> list[Point]:
         assert first is not None
         fitted = _core.fit_profile(list(signals), list(exposed), first[1], _SMOOTH, 0.01)
         assert fitted is not None
-        told = rms(_NOISE / swing / np.sqrt(np.sum((exposed - exposed.mean(axis=0)) ** 2, axis=0)))
+        stated = rms(_NOISE / swing / np.sqrt(np.sum((exposed - exposed.mean(axis=0)) ** 2, axis=0)))
         plain = float(np.std(swing / swing.mean()))
-        points.append(Point(contrast, plain, rms(np.asarray(fitted[1]) / swing - 1), told))
+        points.append(Point(contrast, plain, rms(np.asarray(fitted[1]) / swing - 1), stated))
     return points
 
 

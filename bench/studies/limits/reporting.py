@@ -1,4 +1,4 @@
-"""Texts and figures of the catalogue, for docs/limits.md."""
+"""Texts and figures of the catalogue, for docs/measured/limits.md."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def figures(measured: Measured) -> str:
     for limit, points in measured:
         point = limit.point_at_spot(points)
         cells = (limit.title, f"{limit.sweep} = {point.x:g}", limit.error, number(point.plain))
-        lines.append(f"| {' | '.join(cells)} | {number(point.library)} | {told(point)} |")
+        lines.append(f"| {' | '.join(cells)} | {number(point.library)} | {stated(point)} |")
     return "\n".join(lines)
 
 
-def told(point: Point) -> str:
+def stated(point: Point) -> str:
     """Standard error and flags that the library reports."""
-    parts = [] if math.isnan(point.told) else [f"± {number(point.told)}"]
+    parts = [] if math.isnan(point.stated) else [f"± {number(point.stated)}"]
     parts += [name.upper() for name in point.flags.names()]
     return ", ".join(parts + ["frequency reported lost"] * point.lost)
 

@@ -97,9 +97,9 @@ def _few_cycles_frequency() -> list[Point]:
         found = [find_frequency(frame, Camera(1.0), waveform="tone") for frame in frames]
         plain = np.array([np.median(peak_frequency(frame)) for frame in frames])
         flags = shared_flags(np.array([int(one.flags) for one in found], np.uint32))
-        told = scene.rows * rms([one.frequency_std for one in found])
+        stated = scene.rows * rms([one.frequency_std for one in found])
         error = rms(scene.rows * np.array([one.frequency for one in found]) - cycles)
-        points.append(Point(cycles, rms(scene.rows * plain - cycles), error, told, flags))
+        points.append(Point(cycles, rms(scene.rows * plain - cycles), error, stated, flags))
     return points
 
 

@@ -109,6 +109,6 @@ def _restored_contrast() -> list[Point]:
         found = [restore_contrast(columns, camera, frequency) for columns in pictures]
         divided = circular_inverse(pictures[0], camera, 1e12)
         plain = rms(tone_gain(divided, Camera(_ROW_TIME), frequency).gain - 1.0)
-        told = rms([np.hypot(one.after_std, one.expected - 1.0) for one in found])
-        points.append(Point(cycles, plain, rms([one.after - 1.0 for one in found]), told, found[0].flags))
+        stated = rms([np.hypot(one.after_std, one.expected - 1.0) for one in found])
+        points.append(Point(cycles, plain, rms([one.after - 1.0 for one in found]), stated, found[0].flags))
     return points

@@ -1,4 +1,4 @@
-"""Texts and tables of the reproduction: CSV next to the pictures, tables in docs/paper.md."""
+"""Texts and tables of the reproduction: CSV next to the pictures, tables in docs/measured/paper.md."""
 
 from __future__ import annotations
 

@@ -1,0 +1,231 @@
+#!/usr/bin/env python3
+"""Fit of the probability that a detected tone is a light, and its calibration on scenes that were not fitted.
+
+Scenes of light_scenes.py, half of them without a light, with lamps of 2.5 cycles and more; and crops of
+photographs in both directions, half of them with lamps put onto them. The
+printed coefficients, with scikit-image's sample photographs, are those of cpp/src/lights/light_probability.cpp;
+calibration is judged with fits to even seeds on odd seeds, which have other photographs, and the reverse.
+
+usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--only tones|data] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import light_scenes
+import numpy as np
+import photographs
+
+from ocisac_fast import Chips, SquareWave, Tone, Waveform, _core, integrate_exposure
+from ocisac_fast.packets import encode_line_code
+
+NAMES = (
+    "suspects", "cycles", "width", "texture", "uneven", "aperiodic", "uncommon", "depth", "contour"
+)  # fmt: skip
+DATA_NAMES = ("suspects", "edges", "clock", "width", "texture", "uncommon", "aperiodic")
+NARROW = 200  # columns of a frame that a light fills
+RIDGE = 1.0  # prior precision of a coefficient, of features in standard deviations
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Features (candidates, features), 1 for lights, and the seed of each candidate's picture."""
+
+    features: np.ndarray
+    light: np.ndarray
+    seed: np.ndarray
+    cycles: np.ndarray
+    told: np.ndarray  # probability by the code
+
+
+def wave_of(random: np.random.Generator, frequency: float, data: bool) -> Waveform:
+    """A tone, a square wave, or random data whose Manchester chips have twice the frequency."""
+    if data:
+        code = light_scenes.CODES[str(random.choice(list(light_scenes.CODES)))]
+        chips = encode_line_code(random.integers(0, 2, 1024), code)
+        return Chips(chips.astype(float).tolist(), 2 * frequency)
+    return Tone(frequency) if random.random() < 0.3 else SquareWave(frequency)
+
+
+def lamp(random: np.random.Generator, picture: np.ndarray, data: bool) -> dict[str, float]:
+    """Add a lamp to a picture: a disk, a soft spot, or the light of one on what lies there; its truth."""
+    rows, columns = picture.shape
+    size = float(np.exp(random.uniform(np.log(80.0 if data else 30.0), np.log(rows / (1.5 if data else 3)))))
+    cycles = float(np.exp(random.uniform(np.log(6.0 if data else 2.5), np.log(size / 4))))
+    frequency = cycles / size / light_scenes.ROW_TIME
+    row, column = random.uniform(size / 2, rows - size / 2), random.uniform(0.5, max(columns - size, 0.5)) + size / 2
+    wave = wave_of(random, frequency, data)
+    start = random.uniform(20, 40) / frequency
+    light = integrate_exposure(wave, light_scenes.CAMERA, rows, start=start)[:, None]
+    y, x = np.ogrid[:rows, :columns]
+    away = np.hypot(y - row, x - column) / (size / 2)
+    kind = 3 if columns < NARROW or random.random() < 0.02 else random.integers(0, 3)
+    swing = float(np.exp(random.uniform(np.log(15.0), np.log(200.0))))
+    if kind == 0:
+        picture[:] = np.where(away < 1, 15.0 + swing * light, picture)
+    elif kind == 1:
+        picture += swing * light * np.exp(-1.5 * away**2)
+    else:
+        picture *= np.where((away < 1) | (kind == 3), 1.0 + swing / 80.0 * light, 1.0)
+    if kind == 3:  # all that the camera sees
+        return {
+            "row": rows / 2,
+            "column": columns / 2,
+            "size": rows,
+            "frequency": frequency,
+            "cycles": cycles * rows / size,
+        }
+    return {"row": row, "column": column, "size": size, "frequency": frequency, "cycles": cycles}
+
+
+def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.ndarray, list[dict[str, float]]]:
+    """Bytes, and the truth of each light."""
+    random = np.random.default_rng(90_000 + seed)
+    lights = int(random.integers(1, 3 if data else 8)) if random.random() < 0.5 else 0
+    if photos and random.random() < 0.5:
+        # The photographs of even and of odd seeds are different ones.
+        own = photos[seed % 2 :: 2]
+        photo = own[int(random.integers(len(own)))].astype(np.float64)
+        photo = photo.T if random.random() < 0.5 else photo
+        for _ in range(int(random.integers(0, 2))):
+            photo = np.repeat(np.repeat(photo, 2, axis=0), 2, axis=1) if photo.shape[0] < 500 else photo[::2, ::2]
+        top, left = (
+            int(random.integers(0, max(n - most, 0) + 1)) for n, most in zip(photo.shape, (720, 960), strict=True)
+        )
+        picture = photo[top : top + 720, left : left + 960].copy()
+        noise = float(random.uniform(0.0, 2.0))
+    else:
+        kind = light_scenes.GROUNDS[int(random.integers(len(light_scenes.GROUNDS)))]
+        picture = light_scenes.ground(kind, random)
+        noise = float(np.exp(random.uniform(0.0, np.log(8.0))))
+    if random.random() < 0.1:  # few columns
+        picture = picture[:, : int(random.integers(16, NARROW))]
+    truth: list[dict[str, float]] = []
+    for _ in range(lights):
+        before = picture.copy()
+        one = lamp(random, picture, data)
+        if any(
+            np.hypot(one["row"] - t["row"], one["column"] - t["column"]) < (one["size"] + t["size"]) / 2 for t in truth
+        ):
+            picture = before
+            continue
+        truth.append(one)
+    noisy = picture + noise * random.standard_normal(picture.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8), truth
+
+
+def is_light(
+    box: tuple[int, int, int, int], frequency: float, truth: list[dict[str, float]], data: bool = False
+) -> bool:
+    """Whether a box is at a light, of its frequency within 5 %, or a quarter of a cycle in it, unless it sends data."""
+    x, y, width, height = box
+    return any(
+        abs(y + height / 2 - t["row"]) < t["size"] / 2
+        and abs(x + width / 2 - t["column"]) < t["size"] / 2
+        and (data or abs(frequency / t["frequency"] - 1) < max(0.05, 0.25 / t["cycles"]))
+        for t in truth
+    )
+
+
+def candidates(count: int, photos: list[np.ndarray], data: bool = False) -> Candidates:
+    rows: list[list[float]] = []
+    light, seeds, told, cycles = [], [], [], []
+    for seed in range(count):
+        frame, truth = scene(seed, photos, data)
+        found = _core.light_candidates(frame[None], light_scenes.CAMERA._handle, data)
+        for box, frequency, probability, features in found:
+            rows.append(features)
+            light.append(is_light(box, frequency, truth, data))
+            seeds.append(seed)
+            told.append(probability)
+            cycles.append(box[3] * frequency * light_scenes.ROW_TIME)
+    return Candidates(np.array(rows), np.array(light, float), np.array(seeds), np.array(cycles), np.array(told))
+
+
+def terms(features: np.ndarray) -> np.ndarray:
+    """The features and their squares."""
+    return np.concatenate([features, features**2], axis=1)
+
+
+def fitted(features: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """Logistic regression by Newton steps: the intercept, then a coefficient for each term.
+
+    The first feature, ln(suspects), has the coefficient -1 and no square: every suspect is a chance of a texture.
+    """
+    offset = -features[:, 0]
+    features = terms(features[:, 1:])
+    mean, spread = features.mean(axis=0), features.std(axis=0) + 1e-9
+    design = np.concatenate([np.ones((len(features), 1)), (features - mean) / spread], axis=1)
+    prior = np.diag([0.0] + [RIDGE] * features.shape[1])
+    values = np.zeros(design.shape[1])
+    values[0] = -offset.mean()
+    for _ in range(40):
+        told = 1 / (1 + np.exp(-(offset + design @ values)))
+        slope = design.T @ (light - told) - prior @ values
+        bend = (design * (told * (1 - told))[:, None]).T @ design + prior
+        step = np.linalg.solve(bend, slope)
+        values = values + step / max(1.0, float(np.abs(step).max()))
+    of_features = values[1:] / spread
+    linear, square = np.split(of_features, 2)
+    return np.concatenate([[values[0] - of_features @ mean, -1.0], linear, [0.0], square])
+
+
+def calibration(told: np.ndarray, light: np.ndarray) -> list[dict[str, float]]:
+    """By tenths of the probability: number, mean probability, share of lights."""
+    bins = []
+    for low in np.arange(0.0, 1.0, 0.1):
+        inside = (told >= low) & ((told < low + 0.1) | (low > 0.85))
+        if inside.any():
+            bins.append(
+                {"count": int(inside.sum()), "told": float(told[inside].mean()), "lights": float(light[inside].mean())}
+            )
+    return bins
+
+
+def fit(found: Candidates, names: tuple[str, ...]) -> dict[str, Any]:
+    """Coefficients fitted to all candidates; calibration of fits to even seeds over odd ones and the reverse."""
+    fresh = np.empty(len(found.light))
+    for judged in (found.seed % 2 == 0, found.seed % 2 == 1):
+        half = fitted(found.features[~judged], found.light[~judged])
+        fresh[judged] = 1 / (1 + np.exp(-(half[0] + terms(found.features[judged]) @ half[1:])))
+    values = fitted(found.features, found.light)
+    return {
+        "candidates": len(found.light),
+        "lights": int(found.light.sum()),
+        "intercept": round(float(values[0]), 3),
+        "linear": dict(zip(names, np.round(values[1 : 1 + len(names)], 3).tolist(), strict=True)),
+        "square": dict(zip(names, np.round(values[1 + len(names) :], 3).tolist(), strict=True)),
+        "calibration": calibration(fresh, found.light),
+        "calibration_of_the_code": calibration(found.told, found.light),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    photographs.add_option(parser)
+    parser.add_argument("--scenes", type=int, default=1500)
+    parser.add_argument("--only", choices=("tones", "data"))
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    pictures = photographs.read(options.photographs)
+    report: dict[str, Any] = {"photographs": len(pictures)}
+    for kind, names in (("tones", NAMES), ("data", DATA_NAMES)):
+        if options.only in (None, kind):
+            report[kind] = fit(candidates(options.scenes, pictures, kind == "data"), names)
+    if options.json:
+        print(json.dumps(report))
+        return
+    print("photographs", report["photographs"])
+    for kind in set(report) - {"photographs"}:
+        for name, value in report[kind].items():
+            print(kind, name, value if not isinstance(value, list) else "")
+            for row in value if isinstance(value, list) else ():
+                print("   ", {k: round(v, 3) for k, v in row.items()})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""Tables of docs/measured/distance.md."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Mapping, Sequence
+from statistics import NormalDist
+
+import numpy as np
+
+from ocisac_fast.chips import closest_pair_distance
+from studies.distance import published
+from studies.distance.links import LinkResult
+from studies.distance.sweeps import Sweep
+from studies.reporting import fill_markers
+
+_LONG_EXPOSURES = ((7.0, 400_000), (14.0, 400_000))  # chips of exposure, chips counted
+_Q = 1e-7  # Q(d/2 sigma) at which they are measured
+_ONE_ROW_NOISE = 0.15
+
+
+def update_text(path: str | os.PathLike[str], blocks: Mapping[str, str]) -> None:
+    """Update a Markdown file between ``<!-- distance: NAME -->`` and ``<!-- distance: end -->``."""
+    fill_markers(path, "distance", blocks)
+
+
+def table(sweep: Sweep, results: Sequence[LinkResult]) -> str:
+    """Markdown table of a sweep."""
+    lines = [
+        f"| {sweep.label} | rows on a lamp | payloads | everything known | chips read | wrong | everything known |",
+        "|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for value, link, counts in zip(sweep.values, sweep.links, results, strict=True):
+        cells = (
+            f"{value:g}",
+            f"{link.rows:.0f}",
+            f"{counts.received} of {counts.packets}",
+            f"{counts.bound} of {counts.packets}",
+            f"{100 * counts.read / max(counts.chips, 1):.0f} %",
+            _rate(counts.read_errors, counts.read),
+            _rate(counts.bound_errors, counts.chips),
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _rate(wrong: int, chips: int) -> str:
+    if not chips:
+        return "–"
+    return f"{wrong / chips:.1e}" if wrong else f"0 of {chips}"
+
+
+def comparison() -> dict[str, str]:
+    """Blocks ``correlation``, ``exposure``, ``lights`` and ``row``: what others published, measured here."""
+    return {"correlation": _correlation(), "exposure": _exposure(), "lights": _lights(), "row": _row()}
+
+
+def _correlation() -> str:
+    random = np.random.default_rng(1)
+    chips = tuple(int(chip) for chip in random.integers(0, 2, 4000))
+    periodic = [s for n in range(2, 9) for s in itertools.product((0, 1), repeat=n) if 0 < sum(s) < n]
+    of = published.correlation_after_exposure
+    shares = tuple(published.MATUS)
+    near = min(
+        periodic,
+        key=lambda s: max(
+            abs(of(s, published.MATUS_CHIP, published.MATUS_EXPOSURE, c) - published.MATUS[c]) for c in shares
+        ),
+    )
+    lines = [
+        "| clipped at, of the peak | published | random chips | chips "
+        + "".join(map(str, near))
+        + " |\n|---:|---:|---:|---:|"
+    ]
+    for share in shares:
+        values = [of(s, published.MATUS_CHIP, published.MATUS_EXPOSURE, share) for s in (chips, near)]
+        name = "not clipped" if share == 1.0 else f"{share:g}"
+        lines.append(f"| {name} | {published.MATUS[share]:.3f} | {values[0]:.3f} | {values[1]:.3f} |")
+    return "\n".join(lines)
+
+
+def _exposure() -> str:
+    lines = [
+        "| exposure / chips | noise / swing | wrong chips | error rate below (95 %) | Q(d/2σ) |",
+        "|---:|---:|---:|---:|---:|",
+    ]
+    for exposure, chips in _LONG_EXPOSURES:
+        noise = _noise_for(exposure)
+        counted, predicted = published.long_exposure_errors(exposure, noise, chips)
+        lines.append(
+            f"| {exposure:g} | {noise:.4f} | {counted.wrong} of {counted.chips} | {counted.bound:.1e} "
+            f"| {predicted:.1e} |"
+        )
+    return "\n".join(lines)
+
+
+def _noise_for(exposure: float) -> float:
+    """Noise at which Q(d/2 sigma) of the two closest sequences is ``_Q``."""
+    return closest_pair_distance(4.0, 4.0 * exposure) / (-2.0 * NormalDist().inv_cdf(_Q))
+
+
+def _lights() -> str:
+    counts = [published.simultaneous_lights(published.RAJAGOPAL, seed=seed) for seed in range(4)]
+    found, false = (sum(count[k] for count in counts) for k in (0, 1))
+    lights = published.RAJAGOPAL
+    return (
+        f"{len(lights)} lights from {lights[0]:.0f} to {lights[-1]:.0f} Hz in one picture, four pictures with other "
+        f"phases and noise: {found} of {4 * len(lights)} found, {false} false."
+    )
+
+
+def _row() -> str:
+    result = published.one_row_symbol_errors(_ONE_ROW_NOISE)
+    lines = [
+        "| offset / rows | maximum likelihood | three zero-forcing taps |",
+        "|---:|---:|---:|",
+    ]
+    for k in range(0, result.offsets.size, 2):
+        lines.append(f"| {result.offsets[k]:.1f} | {result.detected[k]:.1e} | {result.three_taps[k]:.1e} |")
+    return "\n".join(lines)
