@@ -10,11 +10,30 @@ import itertools
 import pathlib
 import re
 
-from ocisac_fast.exposure import calibrate_pulses, pulse_bands
+import numpy as np
+
+from ocisac_fast.exposure import PulseBands, calibrate_pulses, pulse_bands
 from ocisac_fast.files import read_frames
 from ocisac_fast.plots import plot_pulses
 
 _FREQUENCY = 30.1  # Hz
+_LARGEST_STEP = 40  # rows that a band moves from frame to frame
+
+
+def rows_moved(light: np.ndarray) -> float:
+    """Rows by which a band moves from one frame to the next: mean over the bands whose beginning is in both frames."""
+    dark, lit = np.percentile(light, [5.0, 99.0], axis=0)
+    above = light > 0.5 * (dark + lit)
+    begins = [np.flatnonzero(~row[:-1] & row[1:]) for row in above]
+    steps = [
+        after[0] - before[0] for before, after in itertools.pairwise(begins) if before.size == 1 and after.size == 1
+    ]
+    return float(np.mean([step for step in steps if abs(step) < _LARGEST_STEP]))
+
+
+def rows_between_frames(bands: PulseBands) -> float:
+    """Rows that pass unseen: lit rows of a pulse within a frame less those of one split across two frames."""
+    return float(bands.whole.mean() - bands.split.mean())
 
 
 def main() -> None:
@@ -22,10 +41,16 @@ def main() -> None:
     parser.add_argument("--recordings", type=pathlib.Path, required=True)
     parser.add_argument("-o", "--directory", type=pathlib.Path, default=pathlib.Path("docs/measured"))
     arguments = parser.parse_args()
-    bands = {}
+    bands, periods = {}, {}
     for path in arguments.recordings.glob("logitech_30.1hz_duty_*.mkv"):
         duty = int(re.findall(r"duty_(\d+)", path.name)[0]) / 100
-        bands[duty] = pulse_bands(read_frames(path).frames.mean(axis=2))
+        light = read_frames(path).frames.mean(axis=2)
+        bands[duty] = pulse_bands(light)
+        unseen, moved = rows_between_frames(bands[duty]), rows_moved(light)
+        periods[duty] = light.shape[1] + unseen + moved
+        print(f"{duty:.0%}  {unseen:.2f} rows between frames, {moved:+.2f} rows a frame, {periods[duty]:.1f} a period")
+    period, scatter = np.mean(list(periods.values())), np.std(list(periods.values()))
+    print(f"a period of the lamp: {period:.1f} ± {scatter:.1f} rows, T_r = {1e6 / _FREQUENCY / period:.2f} µs")
     for count in (len(bands), 2, 1):
         for duties in itertools.combinations(sorted(bands), count):
             found = calibrate_pulses([bands[duty] for duty in duties], _FREQUENCY, duties)
