@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <new>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -26,10 +27,20 @@ void keep_memory() {
 #endif
 }
 
-// The parser of the command line allocates in functions that must not throw: without memory the program ends in them.
+const std::terminate_handler usual_end = std::get_terminate();
+
+// Libraries allocate in functions that must not throw, the parser of the command line and the destructor of JSON values:
+// without memory the program ends in them.
 [[noreturn]] void end_without_memory() {
-  std::fputs("ocisac-rx: std::bad_alloc\n", stderr);
-  std::_Exit(ocisac::apps::kFailed);
+  try {
+    if (const auto problem = std::current_exception()) std::rethrow_exception(problem);
+  } catch (const std::bad_alloc&) {
+    std::fputs("ocisac-rx: std::bad_alloc\n", stderr);
+    std::_Exit(ocisac::apps::kFailed);
+  } catch (...) {  // NOLINT(bugprone-empty-catch): the usual end names it
+  }
+  usual_end();
+  std::abort();
 }
 
 }  // namespace
@@ -37,6 +48,7 @@ void keep_memory() {
 int main(int argc, char** argv) {
   using namespace ocisac::apps;
   const double began = seconds_now();
+  std::set_terminate(end_without_memory);
   keep_memory();
   open_standard_descriptors();
   const auto fail = [](const std::exception& problem, ExitCode code) {
@@ -44,9 +56,7 @@ int main(int argc, char** argv) {
     return code;
   };
   try {
-    const auto usual_end = std::set_terminate(end_without_memory);
     const auto settings = read_settings(argc, argv);
-    std::set_terminate(usual_end);
     return settings ? run(*settings, began) : kDone;
   } catch (const std::invalid_argument& problem) {
     return fail(problem, kRefused);
