@@ -222,6 +222,14 @@ bool is_interpolated(std::span<const double> signal) {
   return std::min(squares[0], squares[1]) < kInterpolated * std::max(squares[0], squares[1]);
 }
 
+// Changes of chips in lit rows.
+std::size_t changes_of(const SlicedChips& seen) {
+  std::size_t changes = 0;
+  for (std::size_t k = 1; k < seen.bits.size(); ++k)
+    changes += seen.bits[k] != seen.bits[k - 1] && seen.relative_levels[k] != 0 && seen.relative_levels[k - 1] != 0;
+  return changes;
+}
+
 // Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
 bool decode(const CombinedColumn& column, const Search& what, Received& received) {
   check_interrupt();
@@ -241,6 +249,8 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
       if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
     if (decoded && snr_of(decoded->detection.relative_levels) >= kMinSnr) {
       decoded->grid.clock.phase += static_cast<double>(begin);
+      // Edges of noise may outnumber those of the light.
+      if (changes_of(decoded->detection) < what.sure_edges) received.flags |= flag::too_few_edges;
       fill(received, spread_over(column.signal, std::move(*decoded)), what.exposure_rows);
       return true;
     }
