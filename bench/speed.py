@@ -30,7 +30,18 @@ import numpy as np
 from peers import PEERS
 from processors import TWO_CORES, one_and_two, rounds_on_two, two_processors
 
-from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, best_exposure, integrate_exposure, reference, tone_gain
+from ocisac_fast import (
+    Camera,
+    Chips,
+    SquareWave,
+    Tone,
+    _core,
+    best_exposure,
+    equalize,
+    integrate_exposure,
+    reference,
+    tone_gain,
+)
 from studies.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
@@ -268,6 +279,66 @@ def integration(seconds: float) -> Iterator[Figure]:
             yield figure_of(title, timing, limit, at_most=False)
 
 
+def paper_gains(seconds: float) -> Iterator[Figure]:
+    """The paper's estimator, through OpenCV's DFT, over cv2.dft by hand; pooled: milliseconds."""
+    for cycles in (SLOW, FAST):
+        name = f"gain by DFT / cv2.dft batched float32, f·T_r = {cycles / ROWS:.3f}"
+
+        def paper(frames: np.ndarray, cycles: int = cycles) -> np.ndarray:
+            return tone_gain(frames, CAMERA, frequency(cycles), method="dft").gain
+
+        own = checked(paper, cycles, name)
+        if importlib.util.find_spec("cv2") is not None:
+            peer = checked(PEERS["cv2.dft batched float32"][1](ROWS, COLUMNS, cycles), cycles, "cv2.dft")
+            yield figure_of(name, in_blocks(own, peer, pool(), seconds), 1.0)
+        timing = in_turn(own, _core.read_bytes, pool(), seconds, (9, 400))
+        yield figure_of(f"gain by DFT / reading, f·T_r = {cycles / ROWS:.3f}", timing)
+
+
+def by_hand(forward: Any, backward: Any, gain: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """A circular inverse filter of every column: rfft, product, irfft."""
+    return lambda columns: backward(forward(columns, axis=0) * gain, n=ROWS, axis=0)
+
+
+def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
+    """The equaliser over rfft, product and irfft of the same frame by hand, which rings at the ends."""
+    camera = Camera(ROW_TIME, 1202e-6)
+    f = np.fft.rfftfreq(ROWS)[:, None]
+    h = np.sinc(f * 1202e-6 / ROW_TIME)
+    gain = h / np.maximum(h**2, 1e-2) * np.exp(1j * np.pi * f * 1202e-6 / ROW_TIME)
+    precise = reference.equalize(pool()[0][:, :8], camera)
+    cases: list[tuple[Any, Any, float, float]] = [(np.float64, np.fft, 1.0, 1e-9)]
+    if importlib.util.find_spec("scipy") is None:
+        missing.append("scipy.fft, for the equaliser")
+    else:
+        import scipy.fft
+
+        cases.append((np.float32, scipy.fft, 1.65, 1e-5))  # aim 1.5: bench/README.md
+    for dtype, peer, limit, tolerance in cases:
+        frames = list(pool()[:8].astype(dtype))
+        out = np.empty((ROWS, COLUMNS), dtype)
+        hand = by_hand(peer.rfft, peer.irfft, gain.astype(np.result_type(dtype, np.complex64)))
+
+        def own(columns: np.ndarray, out: Any = out, threads: int = 1) -> np.ndarray:
+            return np.asarray(equalize(columns, camera, out=out, threads=threads))
+
+        name = f"equalize {np.dtype(dtype).name}"
+        worst = float(np.max(np.abs(own(frames[0])[:, :8] - precise))) / float(np.max(np.abs(precise)))
+        if not worst < tolerance:
+            raise SystemExit(f"speed.py: {name}: off by {worst:.2g}, allowed: {tolerance:g}; not timed")
+        beyond = len(reference.tones.continuation(ROWS, 1202e-6 / ROW_TIME))
+        whole = reference.tones.optimal_length(ROWS + 2 * beyond)
+        padded = np.zeros((COLUMNS // 2, whole), np.result_type(dtype, np.complex64))
+        timing = in_turn(own, hand, frames, seconds, (9, 200))
+        yield figure_of(f"{name} / {peer.__name__}: rfft, product, irfft", timing, limit)
+        yield figure_of(
+            f"  {name} / its transforms alone, OpenCV's DFT there and back",
+            in_turn(own, lambda _, padded=padded: _core.transform_there_and_back(padded), frames, seconds, (9, 200)),
+        )
+        two = functools.partial(own, threads=2)
+        yield figure_of(f"  {name}, one thread / two", in_turn(own, two, frames, seconds, (9, 200)))
+
+
 def exposure_choice(seconds: float) -> Iterator[Figure]:
     """Problems per second from Python arrays."""
     random = np.random.default_rng(3)
@@ -289,6 +360,8 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     yield from four_tones(seconds)
     yield from two_threads_in_cache(seconds)
     yield from two_threads_from_memory(seconds)
+    yield from paper_gains(seconds)
+    yield from equalisation(seconds, missing)
     yield from integration(seconds)
     yield from exposure_choice(seconds)
 

@@ -133,11 +133,12 @@ inline std::vector<AnyFramesView> views_of(const std::vector<py::array>& arrays)
   return views;
 }
 
-inline FramesView<double> mutable_view(py::array& array) {
+template <class T = double>
+FramesView<T> mutable_view(py::array& array, const char* allowed = "float64") {
   require(array.writeable(), "out", "a read-only array", "a writable array");
-  require(array.dtype().equal(py::dtype::of<double>()), "out", "dtype " + py::str(array.dtype()).cast<std::string>(),
-          "float64");
-  return typed_view<double>(array, static_cast<double*>(array.mutable_data()));
+  require(array.dtype().equal(py::dtype::of<T>()), "out", "dtype " + py::str(array.dtype()).cast<std::string>(),
+          allowed);
+  return typed_view<T>(array, static_cast<T*>(array.mutable_data()));
 }
 
 // Runs body() without the interpreter's lock; body must not use Python objects.

@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
+#include "core/spectrum.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/chips/row_profile.hpp"
 
@@ -30,10 +31,30 @@ py::object without_nuisance(const Doubles& signal, double slow, const std::vecto
   return py::make_tuple(array_of(fit->rest), fit->squares);
 }
 
+// Every row of (count, length) transformed and back as the equaliser does it, in batches and memory that is kept: the
+// yardstick of bench/speed.py. Nothing is returned.
+template <class T>
+void there_and_back(const py::array_t<std::complex<T>, py::array::c_style>& signals) {
+  require(signals.ndim() == 2, "signals", std::to_string(signals.ndim()) + " dimensions", "(count, length)");
+  constexpr std::size_t kBatch = 16;
+  const auto count = static_cast<std::size_t>(signals.shape(0)), length = static_cast<std::size_t>(signals.shape(1));
+  const std::complex<T>* const from = signals.data();
+  unlocked([&] {
+    std::vector<std::complex<T>> spectra(kBatch * length), back(kBatch * length);
+    for (std::size_t first = 0; first < count; first += kBatch) {
+      const std::size_t batch = std::min(kBatch, count - first);
+      transform_rows(Transform::forward, from + first * length, spectra.data(), batch, length, length);
+      transform_rows(Transform::inverse, spectra.data(), back.data(), batch, length, length);
+    }
+  });
+}
+
 }  // namespace
 
 void register_reference(py::module_& module) {
   using py::arg;
+  module.def("transform_there_and_back", &there_and_back<float>, arg("signals").noconvert());
+  module.def("transform_there_and_back", &there_and_back<double>, arg("signals").noconvert());
   module.def(
       "first_profile",
       [](const std::vector<Doubles>& signals, std::size_t smooth) {

@@ -177,11 +177,15 @@ py::array_t<double> bands_array(const std::vector<FrequencyBand>& bands) {
 }
 
 py::tuple run_equalize(const py::array& columns, const Camera& camera, const std::string& method, const Doubles& noise,
-                       double max_boost, py::array out) {
+                       double max_boost, int threads, py::array out) {
   const AnyFramesView view = any_view(columns);
-  const FramesView<double> result = mutable_view(out);
-  const EqualizerSettings settings{equalizer_method(method), max_boost, span_of(noise)};
-  const EqualizerReport report = unlocked([&] { return equalize(view, camera, settings, result); });
+  const EqualizerSettings settings{equalizer_method(method), max_boost, span_of(noise), threads};
+  const auto run = [&](const auto& result) {
+    return unlocked([&] { return equalize(view, camera, settings, result); });
+  };
+  const EqualizerReport report = out.dtype().equal(py::dtype::of<float>())
+                                     ? run(mutable_view<float>(out, "float32"))
+                                     : run(mutable_view(out, "float32 or float64"));
   return py::make_tuple(bands_array(report.frequencies_lost), array_of(report.noise_gain), array_of(report.noise));
 }
 
@@ -206,7 +210,7 @@ void register_tones(py::module_& module) {
   module.def("tone_columns", &columns_of_tone, arg("columns"), arg("camera"), arg("frequency"));
   module.def("tone_design", &design_of, arg("rows"), arg("cycles_per_row"), arg("trend_degree"));
   module.def("equalize", &run_equalize, arg("columns"), arg("camera"), arg("method"), arg("noise"), arg("max_boost"),
-             arg("out"));
+             arg("threads"), arg("out"));
   module.def(
       "lost_frequencies",
       [](const Camera& camera, double max_boost) { return bands_array(lost_frequencies(camera, max_boost)); },

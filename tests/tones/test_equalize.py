@@ -327,6 +327,43 @@ class TestAgreesWithNumPy:
             expected = reference.equalize(seen, camera(exposure_rows), method)
             assert np.abs(result - expected).max() <= 1e-10 * np.abs(expected).max()
 
+    @settings(deadline=None, max_examples=30)
+    @given(
+        st.sampled_from([1, 2, 31, 97, 720]),
+        st.integers(1, 70),
+        st.floats(0, 1.1),
+        st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
+        st.sampled_from(["dense", "reversed", "gaps", "transposed"]),
+        st.sampled_from([{"method": "inverse"}, {"method": "wiener"}]),
+        st.integers(0, 2**32 - 1),
+    )
+    def test_float32(self, rows: int, columns: int, share: float, dtype: Any, layout: str, how: Any, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        array = strided((200 * rng.random((rows, columns))).astype(dtype), layout)
+        out = np.empty(array.shape, np.float32)
+        assert of.equalize(array, camera(share**3 * rows), **how, out=out) is out
+        exact = of.equalize(array, camera(share**3 * rows), **how)
+        assert np.all(np.abs(out - exact).max(axis=0) <= 1e-5 * (np.abs(exact).max(axis=0) + np.abs(array).max(axis=0)))
+
+    @pytest.mark.parametrize("method", ["inverse", "wiener"])
+    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+    def test_threads_change_nothing(self, method: Any, dtype: Any) -> None:
+        columns = np.random.default_rng(1).random((2, 97, 70))
+        one, four = (np.empty(columns.shape, dtype) for _ in range(2))
+        first = of.equalize(columns, camera(8.5), method=method, out=one, report=True)[1]
+        second = of.equalize(columns, camera(8.5), method=method, out=four, report=True, threads=4)[1]
+        assert np.array_equal(one, four)
+        assert np.array_equal(first.frequencies_lost, second.frequencies_lost)
+        assert np.array_equal(first.noise, second.noise)
+
+    def test_a_faint_column_beside_a_bright_one(self) -> None:
+        """Two columns share a transform, and no rounding errors."""
+        faint = 1e-12 * np.random.default_rng(1).random(300)
+        bright = 1e12 * np.random.default_rng(2).random(300)
+        together = of.equalize(np.stack([faint, bright, np.full(300, 1e-30)], axis=1), camera(8.5))
+        assert np.allclose(together[:, 0], of.equalize(faint, camera(8.5)), rtol=0, atol=1e-13 * 1e-12)
+        assert np.array_equal(together[:, 2], np.full(300, 1e-30))
+
     def test_one_dimension_and_out(self) -> None:
         columns = np.random.default_rng(1).random((97, 4))
         expected = of.equalize(columns, camera(8.5))
@@ -359,7 +396,8 @@ class TestRefusals:
             ({"method": "wiener", "noise": np.nan}, "noise: got nan"),
             ({"method": "wiener", "noise": [1.0, 2.0]}, r"noise: got shape \(2,\)"),
             ({"out": np.empty((50, 2))}, r"out: got shape \(50, 2\), allowed: \(50, 3\)"),
-            ({"out": np.empty((50, 3), np.float32)}, "out: got dtype float32, allowed: float64"),
+            ({"out": np.empty((50, 3), np.float16)}, "out: got dtype float16, allowed: float32 or float64"),
+            ({"threads": 0}, "threads: got 0, allowed: 1 to 1024"),
         ],
     )
     def test_arguments(self, arguments: dict[str, Any], message: str) -> None:

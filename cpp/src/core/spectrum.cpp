@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <opencv2/core.hpp>
+#include <type_traits>
 
 #include "ocisac/core/require.hpp"
 
@@ -63,5 +64,22 @@ std::vector<double> signals_of_half_spectra(std::span<const std::complex<double>
   require(output.ptr<double>() == signals.data(), "length", length, "an output of its own");  // dft may not reallocate
   return signals;
 }
+
+template <class T>
+void transform_rows(Transform direction, const std::complex<T>* in, std::complex<T>* out, std::size_t count,
+                    std::size_t length, std::size_t pitch) {
+  const int rows = checked_int("count", count), columns = checked_int("length", length);
+  const std::size_t step = pitch * sizeof(std::complex<T>);
+  const cv::Mat from(rows, columns, std::is_same_v<T, float> ? CV_32FC2 : CV_64FC2, const_cast<std::complex<T>*>(in),
+                     step);
+  cv::Mat to(rows, columns, from.type(), out, step);
+  cv::dft(from, to, cv::DFT_ROWS | (direction == Transform::inverse ? cv::DFT_INVERSE : 0));
+  require(to.data == static_cast<void*>(out), "length", length, "an output of its own");  // dft may not reallocate
+}
+
+template void transform_rows(Transform, const std::complex<float>*, std::complex<float>*, std::size_t, std::size_t,
+                             std::size_t);
+template void transform_rows(Transform, const std::complex<double>*, std::complex<double>*, std::size_t, std::size_t,
+                             std::size_t);
 
 }  // namespace ocisac

@@ -1,4 +1,4 @@
-// Spectra of many real signals by OpenCV's DFT, float64, one plan for all (DFT_ROWS).
+// Spectra of many signals by OpenCV's DFT, one plan for all (DFT_ROWS).
 #pragma once
 
 #include <complex>
@@ -17,5 +17,12 @@ std::vector<std::complex<double>> half_spectra(std::span<const double> signals, 
 // The inverse, scaled by 1/length: `spectra` (count × (length/2 + 1)) → (count × length).
 // The imaginary parts at k = 0 and k = length/2 do not count.
 std::vector<double> signals_of_half_spectra(std::span<const std::complex<double>> spectra, std::size_t length);
+
+// Complex signals in the caller's memory: (count × length), rows `pitch` apart, without overlap of `in` and `out`.
+// inverse: not scaled. T: float or double.
+enum class Transform { forward, inverse };
+template <class T>
+void transform_rows(Transform direction, const std::complex<T>* in, std::complex<T>* out, std::size_t count,
+                    std::size_t length, std::size_t pitch);
 
 }  // namespace ocisac

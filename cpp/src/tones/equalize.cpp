@@ -1,18 +1,24 @@
 #include "ocisac/tones/equalize.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <list>
+#include <memory>
+#include <mutex>
 #include <numbers>
 #include <numeric>
 #include <optional>
 #include <string>
+#include <tuple>
+#include <type_traits>
 
+#include "columns/continuation.hpp"
+#include "columns/equalizer_kernels.hpp"
 #include "columns/light_and_noise.hpp"
 #include "core/check_interrupt.hpp"
-#include "core/linear_algebra.hpp"
+#include "core/parallel.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -22,74 +28,11 @@ namespace ocisac {
 
 namespace {
 
-using Matrix = Eigen::MatrixXd;
-using Eigen::Index;
-
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMinAnalysedRows = 16;  // fewer rows do not determine a spectrum: wiener is the inverse
 
 void check_max_boost(double max_boost) {
   require(max_boost >= 1 && max_boost <= 1e6, "max_boost", max_boost, "1 to 1e6");
-}
-
-// ---- The ends of the column ----------------------------------------------------------------------------------------
-// Rows beyond the ends are predicted from the nearest rows. The prediction is the conditional mean under a model of
-// white-noise light after the exposure, plus a smooth component of 100 times its variance, and row noise of 1/1000 of
-// its variance.
-constexpr double smooth_share = 100;
-constexpr double noise_share = 0.001;
-constexpr double longest_reach = 1024;  // rows; bounds the run time for very long exposures
-
-double covariance(double rows_apart, double exposure_rows) {
-  const double reach = rows_apart / (2 * exposure_rows + 16);
-  return std::max(0.0, 1 - rows_apart / std::max(exposure_rows, 1.0)) + smooth_share / (1 + reach * reach);
-}
-
-// (predicted rows × used rows); row 0 predicts the first row beyond the end, column 0 weights the last row before it.
-// Predictions decay to zero, so that both ends join in the period of the DFT.
-Matrix continuation(std::size_t rows, double exposure_rows) {
-  const auto reach = [&](double beyond) {
-    return static_cast<Index>(
-        std::min({std::ceil(4 * exposure_rows) + beyond, longest_reach, static_cast<double>(rows)}));
-  };
-  const Index used = reach(16), predicted = reach(32);
-  const auto of_distance = [&](Index distance) { return covariance(static_cast<double>(distance), exposure_rows); };
-  const Matrix seen = Matrix::NullaryExpr(used, used, [&](Index i, Index j) {
-    return of_distance(std::abs(i - j)) + (i == j ? noise_share * std::max(exposure_rows, 1.0) : 0);
-  });
-  const Matrix ahead = Matrix::NullaryExpr(used, predicted, [&](Index i, Index j) { return of_distance(i + j + 1); });
-  Matrix weights = solve_positive_definite(seen, ahead).transpose();
-  for (Index i = 0; i < predicted; ++i)
-    weights.row(i) *=
-        0.5 + 0.5 * std::cos(std::numbers::pi * static_cast<double>(i + 1) / static_cast<double>(predicted + 1));
-  return weights;
-}
-
-// ---- One column ----------------------------------------------------------------------------------------------------
-
-struct Line {
-  double mean = 0, slope = 0, middle = 0;  // value at row n: mean + slope·(n − middle)
-  [[nodiscard]] double at(double row) const { return mean + slope * (row - middle); }
-};
-
-Line least_squares_line(std::span<const double> signal) {
-  const double count = static_cast<double>(signal.size());
-  Line line{std::accumulate(signal.begin(), signal.end(), 0.0) / count, 0, (count - 1) / 2};
-  double products = 0, squares = 0;
-  for (std::size_t n = 0; n < signal.size(); ++n) {
-    const double from_middle = static_cast<double>(n) - line.middle;
-    products += from_middle * (signal[n] - line.mean);
-    squares += from_middle * from_middle;
-  }
-  if (squares > 0) line.slope = products / squares;
-  return line;
-}
-
-// A power of two of the size of the signal, with which squares neither overflow nor vanish.
-double unit_of(std::span<const double> signal) {
-  double largest = 0;
-  for (const double value : signal) largest = std::max(largest, std::abs(value));
-  return std::isnormal(largest) ? std::exp2(std::ilogb(largest)) : 1.0;
 }
 
 // Response of the exposure at k/length cycles per row, k = 0 … length/2: |H| with its sign, and its delay.
@@ -109,8 +52,6 @@ struct Response {
   std::vector<std::complex<double>> advance;
 };
 
-// ---- All columns ---------------------------------------------------------------------------------------------------
-
 // A gain per bin of the DFT as it is applied, with the delay corrected; the fraction of the amplitude that it restores.
 struct Filter {
   std::vector<std::complex<double>> gain;
@@ -118,164 +59,379 @@ struct Filter {
   double noise_gain = 0;
 };
 
-class Equalizer {
+Filter filter_of(std::vector<std::complex<double>> gain, const Response& response) {
+  Filter filter{std::move(gain), {}, 0};
+  double power = 0;
+  for (std::size_t k = 0; k < filter.gain.size(); ++k) {
+    power += std::norm(filter.gain[k]);
+    filter.restored.push_back(filter.gain[k].real() * response.sinc_at[k]);
+    filter.gain[k] *= response.advance[k];
+  }
+  filter.noise_gain = std::sqrt(power / static_cast<double>(filter.gain.size()));
+  return filter;
+}
+
+// G = H/max(|H|², 1/max_boost²) with H without its delay.
+Filter inverse_filter(const Response& response, double max_boost) {
+  const double floor = 1 / (max_boost * max_boost);
+  std::vector<std::complex<double>> gain;
+  for (const double h : response.sinc_at) gain.emplace_back(h / std::max(h * h, floor));
+  return filter_of(std::move(gain), response);
+}
+
+// (length) Both halves of a real filter for a DFT that is not scaled: real parts, then imaginary parts.
+template <class T>
+std::vector<T> both_halves(const Filter& filter, std::size_t length) {
+  std::vector<T> all(2 * length);
+  const double scale = 1 / static_cast<double>(length);
+  for (std::size_t k = 0; k < filter.gain.size(); ++k) {
+    const bool real = k == 0 || 2 * k == length;
+    const auto gain = scale * filter.gain[k];
+    all[k] = static_cast<T>(gain.real());
+    all[length + k] = static_cast<T>(real ? 0 : gain.imag());
+    if (real) continue;
+    all[length - k] = all[k];
+    all[2 * length - k] = -all[length + k];
+  }
+  return all;
+}
+
+// What does not depend on the columns.
+struct Plan {
+  // The factors of the continuation and the inverse filter, in the precision of the columns.
+  template <class T>
+  struct Tables {
+    std::vector<T> terms, smooth, gain;
+  };
+
+  Plan(std::size_t row_count, double exposure, double max_boost, EqualizerMethod method)
+      : rows(row_count),
+        exposure_rows(exposure),
+        ends(continuation(rows, exposure_rows)),
+        response(optimal_dft_length(rows + 2 * ends.predicted), exposure_rows),
+        inverse(inverse_filter(response, max_boost)),
+        in_float(tables<float>()),
+        in_double(tables<double>()) {
+    if (method == EqualizerMethod::wiener && rows >= kMinAnalysedRows)
+      analysis.emplace(rows, exposure_rows, response.length);
+  }
+
+  template <class T>
+  [[nodiscard]] const Tables<T>& in() const {
+    if constexpr (std::is_same_v<T, float>)
+      return in_float;
+    else
+      return in_double;
+  }
+
+  std::size_t rows;
+  double exposure_rows;
+  Continuation ends;
+  Response response;
+  Filter inverse;
+  std::optional<ColumnAnalysis> analysis;  // for wiener
+  Tables<float> in_float;
+  Tables<double> in_double;
+
+ private:
+  template <class T>
+  [[nodiscard]] Tables<T> tables() const {
+    const auto of = [](const Continuation::Matrix& matrix) {
+      std::vector<T> values(static_cast<std::size_t>(matrix.size()));
+      std::transform(matrix.data(), matrix.data() + matrix.size(), values.begin(),
+                     [](double value) { return static_cast<T>(value); });
+      return values;
+    };
+    return {of(ends.terms), of(ends.smooth), both_halves<T>(inverse, response.length)};
+  }
+};
+
+using PlanKey = std::tuple<std::size_t, double, double, EqualizerMethod>;
+
+constexpr std::size_t kKeptPlans = 4;  // frames of one camera need the same plan
+
+std::shared_ptr<const Plan> plan_of(const PlanKey& key) {
+  static std::mutex mutex;
+  static std::list<std::pair<PlanKey, std::shared_ptr<const Plan>>> kept;  // most recently used first
+  {
+    const std::lock_guard lock(mutex);
+    const auto found = std::ranges::find(kept, key, [](const auto& each) { return each.first; });
+    if (found != kept.end()) {
+      kept.splice(kept.begin(), kept, found);
+      return found->second;
+    }
+  }
+  auto made = std::apply([](const auto&... of) { return std::make_shared<const Plan>(of...); }, key);
+  const std::lock_guard lock(mutex);
+  kept.emplace_front(key, made);
+  if (kept.size() > kKeptPlans) kept.pop_back();
+  return made;
+}
+
+// ---- Blocks of columns ---------------------------------------------------------------------------------------------
+
+constexpr std::size_t kColumnsPerBlock = 32;  // of float: the block and its spectra fit the second-level cache
+
+// Memory of a thread, reused from call to call.
+template <class T>
+struct Memory {
+  std::vector<T> block, terms;                           // (length × width), (terms × width)
+  std::vector<std::complex<T>> signals, spectra;         // (width/2 × length): two columns are one complex signal
+  std::vector<double> mean, slope, reach, units, scale;  // (width)
+  std::vector<double> column;                            // (rows)
+};
+
+// One view for samples of every type: (rows × width) linear light; columns beyond `count` are 0.
+template <class T>
+void load(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count, const ToneCurve& curve,
+          std::size_t width, T* block) {
+  if (curve.kind != ToneCurve::Kind::linear) {
+    const auto signals = column_signals(frames, frame, first, count, curve);
+    const std::size_t rows = signals.size() / count;
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t c = 0; c < width; ++c)
+        block[row * width + c] = c < count ? static_cast<T>(signals[c * rows + row]) : T{0};
+    return;
+  }
+  const T dark = static_cast<T>(curve.dark_level);
+  std::visit(
+      [&]<class S>(const FramesView<const S>& view) {
+        for (std::size_t row = 0; row < view.rows; ++row) {
+          const S* const samples = view.at(frame, row, first);
+          T* const to = block + row * width;
+          if (view.column_stride == 1)
+            for (std::size_t c = 0; c < count; ++c) to[c] = static_cast<T>(samples[c]) - dark;
+          else
+            for (std::size_t c = 0; c < count; ++c) to[c] = static_cast<T>(view(frame, row, first + c)) - dark;
+          std::fill(to + count, to + width, T{0});
+        }
+      },
+      frames);
+}
+
+template <class T>
+void store(const T* block, std::size_t width, std::size_t frame, std::size_t first, std::size_t count,
+           const FramesView<T>& out) {
+  for (std::size_t row = 0; row < out.rows; ++row) {
+    const T* const from = block + row * width;
+    if (out.column_stride == 1)
+      std::copy_n(from, count, out.at(frame, row, first));
+    else
+      for (std::size_t c = 0; c < count; ++c) out(frame, row, first + c) = from[c];
+  }
+}
+
+constexpr std::size_t kTile = 8;  // rows: whole cache lines are written
+
+// (rows × pairs) to (pairs × pitch) and back.
+template <class T>
+void pairs_of_rows(const std::complex<T>* block, std::size_t rows, std::size_t pairs, std::size_t stride,
+                   std::complex<T>* signals, std::size_t pitch) {
+  for (std::size_t first = 0; first < rows; first += kTile)
+    for (std::size_t pair = 0; pair < pairs; ++pair)
+      for (std::size_t row = first; row < std::min(first + kTile, rows); ++row)
+        signals[pair * pitch + row] = block[row * stride + pair];
+}
+
+template <class T>
+void rows_of_pairs(const std::complex<T>* signals, std::size_t pitch, std::size_t rows, std::size_t pairs,
+                   std::size_t stride, std::complex<T>* block) {
+  for (std::size_t first = 0; first < rows; first += kTile)
+    for (std::size_t pair = 0; pair < pairs; ++pair)
+      for (std::size_t row = first; row < std::min(first + kTile, rows); ++row)
+        block[row * stride + pair] = signals[pair * pitch + row];
+}
+
+// Z = X₁ + j·X₂ of two real columns becomes G₁·X₁ + j·G₂·X₂, with X₁ = (Z(k) + Z*(−k))/2 and j·X₂ = (Z(k) − Z*(−k))/2.
+template <class T>
+void filter_pair(const Filter& one, const Filter& two, std::size_t length, std::complex<T>* values) {
+  const auto first = both_halves<T>(one, length), second = both_halves<T>(two, length);
+  const auto filtered = [&](std::size_t k, std::complex<T> own, std::complex<T> opposite) {
+    const std::complex<T> sum = own + std::conj(opposite), difference = own - std::conj(opposite);
+    const std::complex<T> of_one(first[k], first[length + k]), of_two(second[k], second[length + k]);
+    return T{0.5} * (of_one * sum + of_two * difference);
+  };
+  for (std::size_t k = 0; 2 * k <= length; ++k) {
+    const std::size_t opposite = k == 0 ? 0 : length - k;
+    const auto here = values[k], there = values[opposite];
+    values[k] = filtered(k, here, there);
+    values[opposite] = filtered(opposite, there, here);
+  }
+}
+
+template <class T>
+class BlockEqualizer {
  public:
-  Equalizer(std::size_t rows, double exposure_rows, const EqualizerSettings& settings)
-      : rows_(rows),
-        exposure_rows_(exposure_rows),
-        settings_(settings),
-        continuation_(continuation(rows, exposure_rows)),
-        response_(optimal_dft_length(rows + 2 * static_cast<std::size_t>(continuation_.rows())), exposure_rows),
-        inverse_(filter_of(inverse_gain())),
-        restored_(response_.sinc_at.size(), 0.0) {
-    if (settings.method == EqualizerMethod::wiener && rows >= kMinAnalysedRows)
-      analysis_.emplace(rows, exposure_rows, response_.length);
+  BlockEqualizer(const Plan& plan, std::size_t count, double max_boost)
+      : plan_(plan),
+        count_(count),
+        max_boost_(max_boost),
+        width_((count + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment),
+        pairs_((count + 1) / 2) {
+    const std::size_t length = plan.response.length;
+    memory_.block.resize(length * width_);
+    memory_.terms.resize(static_cast<std::size_t>(plan.ends.terms.rows()) * width_);
+    memory_.signals.resize(length * pairs_);
+    memory_.spectra.resize(length * pairs_);
+    for (auto* values : {&memory_.mean, &memory_.slope, &memory_.reach, &memory_.units, &memory_.scale})
+      values->resize(width_);
+    memory_.column.resize(plan.rows);
   }
 
-  // Equalises `signals` (count × rows) in place; `noise` (count, or empty: estimated).
-  void run(std::span<double> signals, std::span<const double> noise, EqualizerReport& report) {
-    const std::size_t count = signals.size() / rows_;
-    std::vector<Line> lines(count);
-    std::vector<double> units(count);
-    for (std::size_t c = 0; c < count; ++c) {
-      const auto signal = signals.subspan(c * rows_, rows_);
-      lines[c] = least_squares_line(signal);
-      for (std::size_t n = 0; n < rows_; ++n) signal[n] -= lines[c].at(static_cast<double>(n));
-      units[c] = unit_of(signal);
-      for (double& value : signal) value /= units[c];
-    }
-    std::vector<ColumnAnalysis::Result> analysed(count);
-    for (std::size_t c = 0; c < count && analysis_; ++c) {
-      check_interrupt();
-      const auto known = noise.empty() ? std::nullopt : std::optional(std::pow(noise[c] / units[c], 2));
-      if (known != 0.0) analysed[c] = analysis_->take_off_course(signals.subspan(c * rows_, rows_), known);
-    }
-    auto spectra = half_spectra(extended(signals, count), response_.length);
-    const std::size_t bins = response_.sinc_at.size();
-    for (std::size_t c = 0; c < count; ++c) {
-      report.noise.push_back(units[c] * std::sqrt(analysed[c].rest.noise));
-      const auto spectrum = std::span(spectra).subspan(c * bins, bins);
-      const bool is_inverse = analysed[c].course.empty();
-      const Filter own = is_inverse ? Filter{} : filter_of(bounded(analysis_->gain(analysed[c].rest)));
-      report.noise_gain.push_back(apply(is_inverse ? inverse_ : own, spectrum));
-    }
-    const auto equalised = signals_of_half_spectra(spectra, response_.length);
-    for (std::size_t c = 0; c < count; ++c)
-      for (std::size_t n = 0; n < rows_; ++n)
-        signals[c * rows_ + n] = units[c] * (equalised[c * response_.length + n] +
-                                             (analysed[c].course.empty() ? 0 : analysed[c].course[n])) +
-                                 lines[c].at(static_cast<double>(n) + exposure_rows_ / 2);
-  }
+  [[nodiscard]] T* block() { return memory_.block.data(); }  // (rows × width)
+  [[nodiscard]] std::size_t width() const { return width_; }
 
-  // Bands (cycles per row) whose restored amplitude, averaged over the columns so far, is below 1/2.
-  [[nodiscard]] std::vector<FrequencyBand> bands_lost(double columns) const {
-    std::vector<FrequencyBand> bands;
-    const auto excess = [&](std::size_t k) { return restored_[k] / columns - 0.5; };
-    bool inside = false;
-    for (std::size_t k = 0; k < restored_.size(); ++k) {
-      const bool lost = excess(k) < 0;
-      if (lost == inside) continue;
-      const double crossing = k == 0 ? 0 : static_cast<double>(k) - excess(k) / (excess(k) - excess(k - 1));
-      if (lost)
-        bands.push_back({response_.frequency(crossing), infinity});
-      else
-        bands.back().high = response_.frequency(crossing);
-      inside = lost;
+  // Equalises the block in place. noise (count, or empty: estimated), noise_gain and assumed (count). restored: sum
+  // over the columns of the restored fraction of the amplitude (bins, or empty).
+  void run(std::span<const double> noise, std::span<double> noise_gain, std::span<double> assumed,
+           std::span<double> restored) {
+    const kernels::ColumnLines lines{memory_.mean.data(), memory_.slope.data(), memory_.reach.data()};
+    kernels::column_lines(block(), plan_.rows, width_, lines);
+    for (std::size_t c = 0; c < width_; ++c) {
+      memory_.units[c] = unit_of(memory_.reach[c]);
+      memory_.scale[c] = memory_.units[c] > 0 ? 1 / memory_.units[c] : 1;
     }
-    if (!inside) bands.push_back({0.5, infinity});
-    return bands;
+    kernels::take_lines_off(block(), plan_.rows, width_, lines, memory_.scale.data());
+    const auto analysed = analyse(noise);
+    extend();
+    filter(analysed, noise_gain, restored);
+    for (std::size_t c = 0; c < analysed.size(); ++c) {
+      assumed[c] = std::sqrt(analysed[c].rest.noise) / memory_.scale[c];
+      for (std::size_t n = 0; n < analysed[c].course.size(); ++n)
+        memory_.block[n * width_ + c] += static_cast<T>(analysed[c].course[n]);
+    }
+    kernels::put_lines_back(block(), plan_.rows, width_, lines, memory_.units.data(), plan_.exposure_rows / 2);
   }
 
  private:
-  // (count × length): each signal, its continuation after the end, zeros, its continuation before the start.
-  [[nodiscard]] std::vector<double> extended(std::span<const double> signals, std::size_t count) const {
-    const Index used = continuation_.cols(), predicted = continuation_.rows();
-    const auto columns = static_cast<Index>(count), rows = static_cast<Index>(rows_);
-    const Eigen::Map<const Matrix> inside(signals.data(), rows, columns);
-    std::vector<double> result(count * response_.length, 0.0);
-    Eigen::Map<Matrix> all(result.data(), static_cast<Index>(response_.length), columns);
-    all.topRows(rows) = inside;
-    all.middleRows(rows, predicted) = product(continuation_, inside.bottomRows(used).colwise().reverse());
-    all.bottomRows(predicted) = product(continuation_, inside.topRows(used)).colwise().reverse();
-    return result;
+  // A power of two of the size of the columns: squares neither overflow nor vanish, and two columns in one complex
+  // signal share no rounding errors. 0 for a steady column.
+  static double unit_of(double reach) {
+    if (!(reach > 0)) return 0;
+    return std::exp2(std::max(std::ilogb(reach), std::numeric_limits<T>::min_exponent));
   }
 
-  // G = H/max(|H|², 1/max_boost²) with H without its delay.
-  [[nodiscard]] std::vector<std::complex<double>> inverse_gain() const {
-    const double floor = 1 / (settings_.max_boost * settings_.max_boost);
-    std::vector<std::complex<double>> gain;
-    for (const double h : response_.sinc_at) gain.emplace_back(h / std::max(h * h, floor));
-    return gain;
+  // Takes the course of each column off; empty for the inverse.
+  std::vector<ColumnAnalysis::Result> analyse(std::span<const double> noise) {
+    if (!plan_.analysis) return {};
+    std::vector<ColumnAnalysis::Result> analysed(count_);
+    for (std::size_t c = 0; c < count_; ++c) {
+      check_interrupt();
+      const double scaled = noise.empty() ? 1 : noise[c] * memory_.scale[c];
+      if (scaled == 0) continue;
+      for (std::size_t n = 0; n < plan_.rows; ++n)
+        memory_.column[n] = static_cast<double>(memory_.block[n * width_ + c]);
+      analysed[c] = plan_.analysis->take_off_course(memory_.column,
+                                                    noise.empty() ? std::nullopt : std::optional(scaled * scaled));
+      for (std::size_t n = 0; n < plan_.rows; ++n) memory_.block[n * width_ + c] = static_cast<T>(memory_.column[n]);
+    }
+    return analysed;
   }
 
-  [[nodiscard]] std::vector<std::complex<double>> bounded(std::vector<std::complex<double>> gain) const {
+  // Behind the rows: their continuation after the end, zeros, their continuation before the start.
+  void extend() {
+    const auto& tables = plan_.template in<T>();
+    const Continuation& ends = plan_.ends;
+    const std::size_t length = plan_.response.length;
+    const auto stride = static_cast<std::ptrdiff_t>(width_);
+    const auto row = [&](std::size_t n) { return block() + n * width_; };
+    const auto end = [&](const T* nearest, std::ptrdiff_t inwards, T* next) {
+      const auto terms = static_cast<std::size_t>(ends.terms.rows());
+      T* const of_terms = memory_.terms.data();
+      kernels::matrix_times_rows(tables.terms.data(), terms, ends.used, nearest, inwards, of_terms, stride, width_);
+      kernels::matrix_times_rows(tables.smooth.data(), ends.predicted, terms - ends.near, of_terms + ends.near * width_,
+                                 stride, next, -inwards, width_);
+      for (std::size_t i = 0; i < ends.near; ++i, next -= inwards)
+        for (std::size_t c = 0; c < width_; ++c) next[c] += of_terms[i * width_ + c];
+    };
+    end(row(plan_.rows - 1), -stride, row(plan_.rows));
+    end(row(0), stride, row(length - 1));
+    std::fill(row(plan_.rows + ends.predicted), row(length - ends.predicted), T{0});
+  }
+
+  void filter(const std::vector<ColumnAnalysis::Result>& analysed, std::span<double> noise_gain,
+              std::span<double> restored) {
+    const std::size_t length = plan_.response.length;
+    std::complex<T>* const signals = memory_.signals.data();
+    std::complex<T>* const spectra = memory_.spectra.data();
+    auto* const block_of_pairs = reinterpret_cast<std::complex<T>*>(block());  // two neighbours are one number
+    pairs_of_rows(block_of_pairs, length, pairs_, width_ / 2, signals, length);
+    transform_rows(Transform::forward, signals, spectra, pairs_, length, length);
+    for (std::size_t pair = 0; pair < pairs_; ++pair) {
+      const Filter one = filter_of_column(analysed, 2 * pair), two = filter_of_column(analysed, 2 * pair + 1);
+      for (std::size_t c = 2 * pair; c < std::min(2 * pair + 2, count_); ++c) {
+        const Filter& own = c == 2 * pair ? one : two;
+        const Filter& used = own.gain.empty() ? plan_.inverse : own;
+        noise_gain[c] = used.noise_gain;
+        for (std::size_t k = 0; k < restored.size(); ++k) restored[k] += used.restored[k];
+      }
+      std::complex<T>* const values = spectra + pair * length;
+      if (one.gain.empty() && two.gain.empty())
+        kernels::multiply_complex(reinterpret_cast<T*>(values), plan_.template in<T>().gain.data(), length);
+      else
+        filter_pair(one.gain.empty() ? plan_.inverse : one, two.gain.empty() ? plan_.inverse : two, length, values);
+    }
+    transform_rows(Transform::inverse, spectra, signals, pairs_, length, length);
+    rows_of_pairs(signals, length, plan_.rows, pairs_, width_ / 2, block_of_pairs);
+  }
+
+  // Empty for the inverse.
+  [[nodiscard]] Filter filter_of_column(const std::vector<ColumnAnalysis::Result>& analysed, std::size_t c) const {
+    if (c >= analysed.size() || analysed[c].course.empty()) return {};
+    auto gain = plan_.analysis->gain(analysed[c].rest);
     for (auto& value : gain)
-      if (const double size = std::abs(value); size > settings_.max_boost) value *= settings_.max_boost / size;
-    return gain;
+      if (const double size = std::abs(value); size > max_boost_) value *= max_boost_ / size;
+    return filter_of(std::move(gain), plan_.response);
   }
 
-  [[nodiscard]] Filter filter_of(std::vector<std::complex<double>> gain) const {
-    Filter filter{std::move(gain), {}, 0};
-    double power = 0;
-    for (std::size_t k = 0; k < filter.gain.size(); ++k) {
-      power += std::norm(filter.gain[k]);
-      filter.restored.push_back(filter.gain[k].real() * response_.sinc_at[k]);
-      filter.gain[k] *= response_.advance[k];
-    }
-    filter.noise_gain = std::sqrt(power / static_cast<double>(filter.gain.size()));
-    return filter;
+  static Memory<T>& kept() {
+    thread_local Memory<T> memory;
+    return memory;
   }
 
-  // Returns the noise gain.
-  double apply(const Filter& filter, std::span<std::complex<double>> spectrum) {
-    for (std::size_t k = 0; k < spectrum.size(); ++k) {
-      spectrum[k] *= filter.gain[k];
-      restored_[k] += filter.restored[k];
-    }
-    return filter.noise_gain;
-  }
-
-  std::size_t rows_;
-  double exposure_rows_;
-  EqualizerSettings settings_;
-  Matrix continuation_;
-  Response response_;
-  Filter inverse_;
-  std::optional<ColumnAnalysis> analysis_;  // for wiener
-  std::vector<double> restored_;            // sum over columns of the restored fraction of the amplitude
+  const Plan& plan_;
+  std::size_t count_;
+  double max_boost_;
+  std::size_t width_, pairs_;
+  Memory<T>& memory_ = kept();
 };
 
-void write(const FramesView<double>& out, std::size_t frame, std::size_t first, std::span<const double> signals) {
-  const std::size_t count = signals.size() / out.rows;
-  for (std::size_t row = 0; row < out.rows; ++row)
-    for (std::size_t c = 0; c < count; ++c) out(frame, row, first + c) = signals[c * out.rows + row];
-}
-
-// Calls work(frame, first column, signals) for blocks of columns, and writes the resulting `signals`.
-template <class Work>
-void for_each_block(const AnyFramesView& frames, const Camera& camera, std::size_t block, const FramesView<double>& out,
-                    Work work) {
-  for (std::size_t frame = 0; frame < out.frames; ++frame)
-    for (std::size_t first = 0; first < out.columns; first += block) {
-      check_interrupt();
-      const std::size_t count = std::min(block, out.columns - first);
-      auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
-      work(frame, first, std::span(signals));
-      write(out, frame, first, signals);
-    }
+// Bands (cycles per row) whose restored amplitude is below 1/2.
+std::vector<FrequencyBand> bands_lost(std::span<const double> restored, const Response& response) {
+  std::vector<FrequencyBand> bands;
+  const auto excess = [&](std::size_t k) { return restored[k] - 0.5; };
+  bool inside = false;
+  for (std::size_t k = 0; k < restored.size(); ++k) {
+    const bool lost = excess(k) < 0;
+    if (lost == inside) continue;
+    const double crossing = k == 0 ? 0 : static_cast<double>(k) - excess(k) / (excess(k) - excess(k - 1));
+    if (lost)
+      bands.push_back({response.frequency(crossing), infinity});
+    else
+      bands.back().high = response.frequency(crossing);
+    inside = lost;
+  }
+  if (!inside) bands.push_back({0.5, infinity});
+  return bands;
 }
 
 // No exposure: identity. An exposure of the whole frame or more: only the mean remains.
-EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, const FramesView<double>& out) {
+template <class T>
+EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, const FramesView<T>& out) {
   const bool identity = *camera.exposure == 0;
   const std::size_t columns = out.frames * out.columns;
-  for_each_block(frames, camera, 64, out, [&](std::size_t, std::size_t, std::span<double> signals) {
-    if (identity) return;
-    for (std::size_t start = 0; start < signals.size(); start += out.rows) {
-      const auto signal = signals.subspan(start, out.rows);
-      std::ranges::fill(signal, least_squares_line(signal).mean);
+  for (std::size_t frame = 0; frame < out.frames; ++frame)
+    for (std::size_t first = 0; first < out.columns; first += kColumnsPerBlock) {
+      check_interrupt();
+      const std::size_t count = std::min(kColumnsPerBlock, out.columns - first);
+      const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
+      for (std::size_t c = 0; c < count; ++c) {
+        const auto signal = std::span(signals).subspan(c * out.rows, out.rows);
+        const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(out.rows);
+        for (std::size_t row = 0; row < out.rows; ++row)
+          out(frame, row, first + c) = static_cast<T>(identity ? signal[row] : mean);
+      }
     }
-  });
   EqualizerReport report;
   report.frequencies_lost = {{identity ? 0.5 / camera.row_time : 0, infinity}};
   report.noise_gain.assign(columns, identity ? 1 : 1 / std::sqrt(static_cast<double>(out.rows)));
@@ -332,8 +488,11 @@ std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boo
   return bands;
 }
 
-EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
-                         const FramesView<double>& out) {
+namespace {
+
+template <class T>
+EqualizerReport equalize_as(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
+                            const FramesView<T>& out) {
   check(camera);
   check(frames);
   const Shape shape = shape_of(frames);
@@ -344,25 +503,46 @@ EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, cons
           "the shape of columns");
   if (exposure_rows == 0 || exposure_rows >= static_cast<double>(shape.rows)) return without_dft(frames, camera, out);
 
-  Equalizer equalizer(shape.rows, exposure_rows, settings);
-  EqualizerReport report;
-  const std::size_t block = std::clamp<std::size_t>(65536 / shape.rows, 4, 64);
-  for_each_block(frames, camera, block, out, [&](std::size_t frame, std::size_t first, std::span<double> signals) {
-    const std::size_t count = signals.size() / shape.rows;
-    const std::vector<double> noise = settings.noise.empty() ? std::vector<double>{}
-                                      : settings.noise.size() == 1
-                                          ? std::vector<double>(count, settings.noise[0])
-                                          : std::vector<double>(&settings.noise[frame * shape.columns + first],
-                                                                &settings.noise[frame * shape.columns + first] + count);
-    equalizer.run(signals, noise, report);
+  const auto plan = plan_of({shape.rows, exposure_rows, settings.max_boost, settings.method});
+  EqualizerReport report{{}, std::vector<double>(columns), std::vector<double>(columns)};
+  const std::size_t per_frame = (shape.columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
+  const std::size_t blocks = shape.frames * per_frame;
+  const bool inverse = settings.method == EqualizerMethod::inverse;
+  const std::size_t bins = inverse ? 0 : plan->inverse.restored.size();
+  std::vector<double> restored(blocks * bins);  // of each block: their sum does not depend on the threads
+  for_each_block(blocks, settings.threads, [&](std::size_t index) {
+    const std::size_t frame = index / per_frame, first = index % per_frame * kColumnsPerBlock;
+    const std::size_t count = std::min(kColumnsPerBlock, shape.columns - first), at = frame * shape.columns + first;
+    std::vector<double> noise;
+    if (settings.noise.size() == 1) noise.assign(count, settings.noise[0]);
+    if (settings.noise.size() > 1) noise.assign(&settings.noise[at], &settings.noise[at] + count);
+    BlockEqualizer<T> block(*plan, count, settings.max_boost);
+    load(frames, frame, first, count, camera.tone_curve, block.width(), block.block());
+    block.run(noise, std::span(report.noise_gain).subspan(at, count), std::span(report.noise).subspan(at, count),
+              std::span(restored).subspan(index * bins, bins));
+    store(block.block(), block.width(), frame, first, count, out);
   });
-  if (settings.method == EqualizerMethod::inverse) {
+  if (inverse) {
     report.frequencies_lost = lost_frequencies(camera, settings.max_boost);
-  } else {
-    report.frequencies_lost = equalizer.bands_lost(static_cast<double>(columns));
-    for (auto& band : report.frequencies_lost) band = {band.low / camera.row_time, band.high / camera.row_time};
+    return report;
   }
+  std::vector<double> mean(bins);
+  for (std::size_t i = 0; i < restored.size(); ++i) mean[i % bins] += restored[i] / static_cast<double>(columns);
+  report.frequencies_lost = bands_lost(mean, plan->response);
+  for (auto& band : report.frequencies_lost) band = {band.low / camera.row_time, band.high / camera.row_time};
   return report;
+}
+
+}  // namespace
+
+EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
+                         const FramesView<double>& out) {
+  return equalize_as(frames, camera, settings, out);
+}
+
+EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
+                         const FramesView<float>& out) {
+  return equalize_as(frames, camera, settings, out);
 }
 
 }  // namespace ocisac

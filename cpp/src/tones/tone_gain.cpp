@@ -10,6 +10,7 @@
 #include <string>
 #include <type_traits>
 
+#include "columns/pruned_dft.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
 #include "core/spectrum.hpp"
@@ -284,7 +285,7 @@ std::unique_ptr<Estimator> fit_estimator(Context& context) {
   return std::make_unique<FitEstimator>(std::move(model));
 }
 
-std::unique_ptr<Estimator> dft_estimator(Context& context) {
+std::vector<Bin> bins_of(Context& context) {
   const auto rows = static_cast<double>(context.shape.rows);
   std::vector<Bin> bins;
   for (Tone& tone : context.tones) {
@@ -297,7 +298,11 @@ std::unique_ptr<Estimator> dft_estimator(Context& context) {
       tone.flags |= flag::unresolvable;
     bins.push_back(bin);
   }
-  return std::make_unique<DftEstimator>(context.shape.rows, std::move(bins));
+  return bins;
+}
+
+std::unique_ptr<Estimator> dft_estimator(Context& context) {
+  return std::make_unique<DftEstimator>(context.shape.rows, bins_of(context));
 }
 
 void check_options(const ToneGainOptions& options, const Shape& shape) {
@@ -522,10 +527,63 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
   return pooled;
 }
 
+// Samples of the columns from `first` on that reach the level, row by row.
+std::vector<Flags> saturated_flags(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+                                   double level) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        std::vector<T> highest(count, std::numeric_limits<T>::lowest());
+        for (std::size_t row = 0; row < view.rows; ++row) {
+          const T* const samples = view.at(frame, row, first);
+          if (view.column_stride == 1)
+            for (std::size_t i = 0; i < count; ++i) highest[i] = std::max(highest[i], samples[i]);
+          else
+            for (std::size_t i = 0; i < count; ++i) highest[i] = std::max(highest[i], view(frame, row, first + i));
+        }
+        std::vector<Flags> flags(count);
+        for (std::size_t i = 0; i < count; ++i)
+          flags[i] = static_cast<double>(highest[i]) >= level ? flag::saturated : 0;
+        return flags;
+      },
+      frames);
+}
+
+// Steps 1–4 of the paper for whole frames; noise is all energy outside of the mean and the bin.
+void dft_gains(const AnyFramesView& frames, const Context& context, std::span<const Bin> bins,
+               const ToneGainView& result) {
+  const std::size_t rows = context.shape.rows, columns = context.shape.columns;
+  const auto length = static_cast<double>(rows);
+  std::vector<std::size_t> lines;
+  for (const Bin bin : bins) lines.push_back(bin.conjugate ? (rows - bin.index) % rows : bin.index);
+  const PrunedDft dft(rows, std::move(lines));
+  const double level = saturation_level(frames, context.camera->tone_curve);
+  const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
+  for_each_block(context.shape.frames * blocks, context.options->threads, [&](std::size_t block) {
+    const std::size_t frame = block / blocks, first = block % blocks * kColumnsPerBlock;
+    const std::size_t count = std::min(kColumnsPerBlock, columns - first);
+    thread_local PrunedDft::Columns found;
+    dft.transform(frames, frame, first, count, context.camera->tone_curve, found);
+    const auto of_pixels = saturated_flags(frames, frame, first, count, level);
+    for (std::size_t k = 0; k < context.tones.size(); ++k) {
+      OwnEstimates of_tone{found.mean, {}, {}, {}, {1 / length, 2 / length, 2 / length, 0}};
+      for (std::size_t c = 0; c < count; ++c) {
+        const auto line = 2.0 / length * found.lines[k * count + c];
+        of_tone.cosine.push_back(line.real());
+        of_tone.sine.push_back(-line.imag());
+        const double rest = std::max(found.squares[c] - std::norm(line) * length / 2, 0.0);
+        of_tone.noise_variance.push_back(rows > 3 ? rest / (length - 3) : kNaN);
+      }
+      take_off_background(context, frame, first, of_tone.mean);
+      write_result(context, context.tones[k], of_tone.view(), of_pixels, index_of(context, k, frame) + first, result);
+    }
+  });
+}
+
 // Gains of all columns by one model.
 void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
+  if (context.options->method == GainMethod::dft) return dft_gains(frames, context, bins_of(context), result);
   const auto estimator = make_estimator(context);
   const double level = saturation_level(frames, context.camera->tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;

@@ -30,10 +30,13 @@ std::vector<KernelCase> projection_cases();
 std::vector<KernelCase> gain_cases();
 std::vector<KernelCase> screening_cases();
 std::vector<KernelCase> refinement_cases();
+std::vector<KernelCase> equalizer_cases();
+std::vector<KernelCase> folding_cases();
 
 inline std::vector<KernelCase> all() {
   std::vector<KernelCase> cases;
-  for (const auto& some : {projection_cases, gain_cases, screening_cases, refinement_cases})
+  for (const auto& some :
+       {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases, folding_cases})
     for (auto& one : some()) cases.push_back(std::move(one));
   return cases;
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, overload
+from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from ocisac_fast.core.arrays import as_columns, in_time_order
 from ocisac_fast.core.checks import checked
 
 Float64s = npt.NDArray[np.float64]
+Light = TypeVar("Light", Float64s, npt.NDArray[np.float32])
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,8 @@ def equalize(
     method: Literal["inverse", "wiener"] = ...,
     noise: npt.ArrayLike | None = ...,
     max_boost: float = ...,
-    out: Float64s | None = ...,
+    threads: int = ...,
+    out: None = ...,
     report: Literal[False] = ...,
 ) -> Float64s: ...
 @overload
@@ -55,9 +57,34 @@ def equalize(
     method: Literal["inverse", "wiener"] = ...,
     noise: npt.ArrayLike | None = ...,
     max_boost: float = ...,
-    out: Float64s | None = ...,
+    threads: int = ...,
+    out: Light,
+    report: Literal[False] = ...,
+) -> Light: ...
+@overload
+def equalize(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    *,
+    method: Literal["inverse", "wiener"] = ...,
+    noise: npt.ArrayLike | None = ...,
+    max_boost: float = ...,
+    threads: int = ...,
+    out: None = ...,
     report: Literal[True],
 ) -> tuple[Float64s, EqualizerReport]: ...
+@overload
+def equalize(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    *,
+    method: Literal["inverse", "wiener"] = ...,
+    noise: npt.ArrayLike | None = ...,
+    max_boost: float = ...,
+    threads: int = ...,
+    out: Light,
+    report: Literal[True],
+) -> tuple[Light, EqualizerReport]: ...
 @checked
 def equalize(
     columns: npt.ArrayLike,
@@ -66,9 +93,10 @@ def equalize(
     method: Literal["inverse", "wiener"] = "inverse",
     noise: npt.ArrayLike | None = None,
     max_boost: float = 10.0,
-    out: Float64s | None = None,
+    threads: int = 1,
+    out: npt.NDArray[Any] | None = None,
     report: bool = False,
-) -> Float64s | tuple[Float64s, EqualizerReport]:
+) -> npt.NDArray[Any] | tuple[npt.NDArray[Any], EqualizerReport]:
     """Light at the end of every row's exposure, from rows that hold its mean over the exposure.
 
     The least-squares line of each column is subtracted. The rest is extended beyond its ends by linear prediction and
@@ -94,12 +122,15 @@ def equalize(
             a column ((columns,) or (frames, columns)); None: estimated with the light's spectrum, for each column.
             0, or fewer than 16 rows, gives the inverse.
         max_boost: largest factor at any frequency, 1 to 1e6: 20 log10(max_boost) dB.
-        out: float64 array of the same shape for the result; it may be ``columns`` itself.
+        threads: number of threads, 1 to 1024; the result does not depend on it.
+        out: float64 or float32 array of the same shape for the result; it may be ``columns`` itself. With float32 all
+            is computed in float32, which is exact to 1e-5 of a column's largest light (at ``max_boost`` 10).
         report: also return an :class:`EqualizerReport`.
 
     Returns:
-        float64 array of the same shape: linear light above the dark level on the scale of DN, row n at the time n T_r
-        when its exposure ends. The last half exposure is extrapolated. With ``report`` a tuple (array, report).
+        ``out``, or a float64 array of the same shape: linear light above the dark level on the scale of DN, row n at
+        the time n T_r when its exposure ends. The last half exposure is extrapolated. With ``report`` a tuple (array,
+        report).
 
     Raises:
         ValueError: no exposure in ``camera``, columns that are not finite, an argument outside its range or shape.
@@ -113,7 +144,7 @@ def equalize(
         array = array.copy()
     per_column = (*array.shape[:-2], *array.shape[-1:]) if array.ndim > 1 else ()
     values = _noise(noise, per_column) if method == "wiener" else np.empty(0)
-    lost, gain, used = _core.equalize(array, camera._handle, method, values, max_boost, result)
+    lost, gain, used = _core.equalize(array, camera._handle, method, values, max_boost, threads, result)
     if not report:
         return stored
     rows = array.shape[0 if array.ndim < 3 else 1]

@@ -16,7 +16,8 @@ struct EqualizerSettings {
   double max_boost = 10;  // maximum gain at any frequency, 1 … 1e6 (20·log10 of it in dB)
   // RMS noise of a row in linear light, for wiener: empty (estimated per column), one value for all columns, or frames
   // × columns values.
-  std::span<const double> noise;
+  std::span<const double> noise = {};
+  int threads = 1;
 };
 
 struct FrequencyBand {
@@ -33,6 +34,9 @@ struct EqualizerReport {
 // linear light above dark. Method: docs/explanation/tones.md. Exposures of a whole frame and longer leave the mean.
 EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
                          const FramesView<double>& out);
+// The same in float32, which keeps 10⁻⁵ of a column's largest light at max_boost 10.
+EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, const EqualizerSettings& settings,
+                         const FramesView<float>& out);
 
 // Bands in which the bounded inverse restores less than half of the amplitude: |sinc(f·T_e)| < 1/(√2·max_boost), and
 // all frequencies above half the row rate, which alias.

@@ -1,0 +1,242 @@
+#include "columns/equalizer_kernels.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "columns/equalizer_kernels.cpp"
+#include <hwy/foreach_target.h>  // compiles the rest once for each target
+//
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ocisac::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+constexpr std::size_t kGroup = 16;  // rows summed in T before they are added in double
+
+template <class T>
+void lines_of_columns(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {
+  const hn::ScalableTag<T> d;
+  const std::size_t lanes = hn::Lanes(d);
+  const double count = static_cast<double>(rows), middle = (count - 1) / 2;
+  const double squares = count * (count * count - 1) / 12;
+  for (std::size_t c = 0; c < width; c += lanes) {
+    const auto start = hn::LoadU(d, block + c);
+    auto reach = hn::Zero(d);
+    std::array<double, kBlockAlignment> sums{}, moments{};
+    for (std::size_t first = 0; first < rows; first += kGroup) {
+      auto sum = hn::Zero(d), moment = hn::Zero(d);
+      for (std::size_t n = first; n < std::min(first + kGroup, rows); ++n) {
+        const auto value = hn::Sub(hn::LoadU(d, block + n * width + c), start);
+        reach = hn::Max(reach, hn::Abs(value));
+        sum = hn::Add(sum, value);
+        moment = hn::MulAdd(hn::Set(d, static_cast<T>(n - first)), value, moment);
+      }
+      std::array<T, kBlockAlignment> part, of_moment;
+      hn::StoreU(sum, d, part.data());
+      hn::StoreU(moment, d, of_moment.data());
+      for (std::size_t i = 0; i < lanes; ++i) {
+        sums[i] += static_cast<double>(part[i]);
+        moments[i] +=
+            static_cast<double>(of_moment[i]) + (static_cast<double>(first) - middle) * static_cast<double>(part[i]);
+      }
+    }
+    std::array<T, kBlockAlignment> reaches;
+    hn::StoreU(reach, d, reaches.data());
+    for (std::size_t i = 0; i < lanes; ++i) {
+      lines.mean[c + i] = static_cast<double>(block[c + i]) + sums[i] / count;
+      lines.slope[c + i] = squares > 0 ? moments[i] / squares : 0;
+      lines.reach[c + i] = static_cast<double>(reaches[i]);
+    }
+  }
+}
+
+// Line of a column at rows from the middle, in T.
+template <class T, class D>
+HWY_INLINE void load_line(const ColumnLines& lines, std::size_t c, D d, hn::Vec<D>& mean, hn::Vec<D>& slope) {
+  std::array<T, kBlockAlignment> means, slopes;
+  for (std::size_t i = 0; i < hn::Lanes(d); ++i) {
+    means[i] = static_cast<T>(lines.mean[c + i]);
+    slopes[i] = static_cast<T>(lines.slope[c + i]);
+  }
+  mean = hn::LoadU(d, means.data());
+  slope = hn::LoadU(d, slopes.data());
+}
+
+template <class T, class D>
+HWY_INLINE hn::Vec<D> load_as(const double* values, D d) {
+  std::array<T, kBlockAlignment> converted;
+  for (std::size_t i = 0; i < hn::Lanes(d); ++i) converted[i] = static_cast<T>(values[i]);
+  return hn::LoadU(d, converted.data());
+}
+
+template <class T>
+void take_off(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale) {
+  const hn::ScalableTag<T> d;
+  const double middle = (static_cast<double>(rows) - 1) / 2;
+  for (std::size_t c = 0; c < width; c += hn::Lanes(d)) {
+    hn::Vec<decltype(d)> mean, slope;
+    load_line<T>(lines, c, d, mean, slope);
+    const auto factor = load_as<T>(scale + c, d);
+    for (std::size_t n = 0; n < rows; ++n) {
+      T* const at = block + n * width + c;
+      const auto line = hn::MulAdd(slope, hn::Set(d, static_cast<T>(static_cast<double>(n) - middle)), mean);
+      hn::StoreU(hn::Mul(hn::Sub(hn::LoadU(d, at), line), factor), d, at);
+    }
+  }
+}
+
+template <class T>
+void put_back(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale,
+              double later) {
+  const hn::ScalableTag<T> d;
+  const double middle = (static_cast<double>(rows) - 1) / 2;
+  for (std::size_t c = 0; c < width; c += hn::Lanes(d)) {
+    hn::Vec<decltype(d)> mean, slope;
+    load_line<T>(lines, c, d, mean, slope);
+    const auto factor = load_as<T>(scale + c, d);
+    for (std::size_t n = 0; n < rows; ++n) {
+      T* const at = block + n * width + c;
+      const auto line = hn::MulAdd(slope, hn::Set(d, static_cast<T>(static_cast<double>(n) + later - middle)), mean);
+      hn::StoreU(hn::MulAdd(hn::LoadU(d, at), factor, line), d, at);
+    }
+  }
+}
+
+// kOutputs × kVectors sums stay in registers; in: (inputs × kVectors vectors) dense.
+template <std::size_t kOutputs, std::size_t kVectors, class T>
+HWY_INLINE void product_tile(const T* matrix, std::size_t inputs, const T* in, T* out, std::ptrdiff_t out_stride) {
+  const hn::ScalableTag<T> d;
+  const std::size_t lanes = hn::Lanes(d);
+  hn::Vec<decltype(d)> sum[kOutputs][kVectors];
+  for (std::size_t i = 0; i < kOutputs; ++i)
+    for (std::size_t v = 0; v < kVectors; ++v) sum[i][v] = hn::Zero(d);
+  for (std::size_t j = 0; j < inputs; ++j, in += kVectors * lanes) {
+    hn::Vec<decltype(d)> row[kVectors];
+    for (std::size_t v = 0; v < kVectors; ++v) row[v] = hn::LoadU(d, in + v * lanes);
+    for (std::size_t i = 0; i < kOutputs; ++i) {
+      const auto weight = hn::Set(d, matrix[i * inputs + j]);
+      for (std::size_t v = 0; v < kVectors; ++v) sum[i][v] = hn::MulAdd(weight, row[v], sum[i][v]);
+    }
+  }
+  for (std::size_t i = 0; i < kOutputs; ++i, out += out_stride)
+    for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[i][v], d, out + v * lanes);
+}
+
+// The columns' inputs are copied next to each other: rows of a block, a power of two apart, would evict one another
+// from the first-level cache.
+template <std::size_t kVectors, class T>
+HWY_INLINE void product_columns(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,
+                                std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride) {
+  constexpr std::size_t kOutputs = 4;
+  const hn::ScalableTag<T> d;
+  const std::size_t width = kVectors * hn::Lanes(d);
+  thread_local std::vector<T> packed;  // reused from call to call
+  packed.resize(inputs * width);
+  for (std::size_t j = 0; j < inputs; ++j)
+    std::copy_n(in + static_cast<std::ptrdiff_t>(j) * stride, width, &packed[j * width]);
+  const auto row = [&](std::size_t i) { return out + static_cast<std::ptrdiff_t>(i) * out_stride; };
+  std::size_t i = 0;
+  for (; i + kOutputs <= outputs; i += kOutputs)
+    product_tile<kOutputs, kVectors>(matrix + i * inputs, inputs, packed.data(), row(i), out_stride);
+  for (; i < outputs; ++i) product_tile<1, kVectors>(matrix + i * inputs, inputs, packed.data(), row(i), out_stride);
+}
+
+template <class T>
+void rows_product(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in, std::ptrdiff_t stride, T* out,
+                  std::ptrdiff_t out_stride, std::size_t width) {
+  const std::size_t lanes = hn::Lanes(hn::ScalableTag<T>());
+  std::size_t c = 0;
+  for (; c + 2 * lanes <= width; c += 2 * lanes)
+    product_columns<2>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
+  for (; c < width; c += lanes) product_columns<1>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
+}
+
+template <class T>
+void times_gain(T* values, const T* gain, std::size_t count) {
+  const hn::ScalableTag<T> d;
+  const std::size_t lanes = hn::Lanes(d);
+  std::size_t k = 0;
+  for (; k + lanes <= count; k += lanes) {
+    hn::Vec<decltype(d)> real, imaginary;
+    hn::LoadInterleaved2(d, values + 2 * k, real, imaginary);
+    const auto gain_real = hn::LoadU(d, gain + k), gain_imaginary = hn::LoadU(d, gain + count + k);
+    hn::StoreInterleaved2(hn::NegMulAdd(imaginary, gain_imaginary, hn::Mul(real, gain_real)),
+                          hn::MulAdd(imaginary, gain_real, hn::Mul(real, gain_imaginary)), d, values + 2 * k);
+  }
+  for (; k < count; ++k) {
+    const T real = values[2 * k], imaginary = values[2 * k + 1];
+    values[2 * k] = real * gain[k] - imaginary * gain[count + k];
+    values[2 * k + 1] = real * gain[count + k] + imaginary * gain[k];
+  }
+}
+
+#define OCISAC_OF_BOTH(T, NAME)                                                                             \
+  void ColumnLines##NAME(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {   \
+    lines_of_columns(block, rows, width, lines);                                                            \
+  }                                                                                                         \
+  void TakeLinesOff##NAME(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines,          \
+                          const double* scale) {                                                            \
+    take_off(block, rows, width, lines, scale);                                                             \
+  }                                                                                                         \
+  void PutLinesBack##NAME(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines,          \
+                          const double* scale, double later) {                                              \
+    put_back(block, rows, width, lines, scale, later);                                                      \
+  }                                                                                                         \
+  void MatrixTimesRows##NAME(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,         \
+                             std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride, std::size_t width) { \
+    rows_product(matrix, outputs, inputs, in, stride, out, out_stride, width);                              \
+  }                                                                                                         \
+  void MultiplyComplex##NAME(T* values, const T* gain, std::size_t count) { times_gain(values, gain, count); }
+
+OCISAC_OF_BOTH(float, Float)
+OCISAC_OF_BOTH(double, Double)
+#undef OCISAC_OF_BOTH
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ocisac::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ocisac::kernels {
+
+#define OCISAC_OF_BOTH(T, NAME)                                                                                        \
+  HWY_EXPORT(ColumnLines##NAME);                                                                                       \
+  HWY_EXPORT(TakeLinesOff##NAME);                                                                                      \
+  HWY_EXPORT(PutLinesBack##NAME);                                                                                      \
+  HWY_EXPORT(MatrixTimesRows##NAME);                                                                                   \
+  HWY_EXPORT(MultiplyComplex##NAME);                                                                                   \
+  template <>                                                                                                          \
+  void column_lines(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {                   \
+    HWY_DYNAMIC_DISPATCH(ColumnLines##NAME)(block, rows, width, lines);                                                \
+  }                                                                                                                    \
+  template <>                                                                                                          \
+  void take_lines_off(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale) {  \
+    HWY_DYNAMIC_DISPATCH(TakeLinesOff##NAME)(block, rows, width, lines, scale);                                        \
+  }                                                                                                                    \
+  template <>                                                                                                          \
+  void put_lines_back(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale,    \
+                      double later) {                                                                                  \
+    HWY_DYNAMIC_DISPATCH(PutLinesBack##NAME)(block, rows, width, lines, scale, later);                                 \
+  }                                                                                                                    \
+  template <>                                                                                                          \
+  void matrix_times_rows(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in, std::ptrdiff_t stride, \
+                         T* out, std::ptrdiff_t out_stride, std::size_t width) {                                       \
+    HWY_DYNAMIC_DISPATCH(MatrixTimesRows##NAME)(matrix, outputs, inputs, in, stride, out, out_stride, width);          \
+  }                                                                                                                    \
+  template <>                                                                                                          \
+  void multiply_complex(T* values, const T* gain, std::size_t count) {                                                 \
+    HWY_DYNAMIC_DISPATCH(MultiplyComplex##NAME)(values, gain, count);                                                  \
+  }
+
+OCISAC_OF_BOTH(float, Float)
+OCISAC_OF_BOTH(double, Double)
+#undef OCISAC_OF_BOTH
+
+}  // namespace ocisac::kernels
+#endif

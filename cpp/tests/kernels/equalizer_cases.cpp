@@ -1,0 +1,179 @@
+#include "columns/equalizer_kernels.hpp"
+#include "columns/folding_kernels.hpp"
+#include "kernel_cases.hpp"
+
+namespace kernel_cases {
+
+namespace {
+
+using ocisac::kernels::ColumnLines;
+using ocisac::kernels::FoldedRows;
+
+template <class T>
+constexpr double kTolerance = std::is_same_v<T, float> ? 1e-4 : 1e-12;
+
+template <class T>
+std::string named(const std::string& kernel, const std::string& of) {
+  return kernel + (std::is_same_v<T, float> ? " float " : " double ") + of;
+}
+
+std::string size_of(std::size_t rows, std::size_t width) { return std::to_string(rows) + "x" + std::to_string(width); }
+
+// (3 × width) mean, slope, reach
+template <class T>
+void plain_lines(const T* block, std::size_t rows, std::size_t width, double* out) {
+  const double middle = (static_cast<double>(rows) - 1) / 2;
+  for (std::size_t c = 0; c < width; ++c) {
+    double sum = 0, products = 0, squares = 0, reach = 0;
+    for (std::size_t n = 0; n < rows; ++n) {
+      const auto value = static_cast<double>(block[n * width + c]), from_middle = static_cast<double>(n) - middle;
+      sum += value;
+      products += from_middle * value;
+      squares += from_middle * from_middle;
+      reach = std::max(reach, std::abs(value - static_cast<double>(block[c])));
+    }
+    out[c] = sum / static_cast<double>(rows);
+    out[width + c] = squares > 0 ? products / squares : 0;
+    out[2 * width + c] = reach;
+  }
+}
+
+template <class T>
+KernelCase lines_case(std::size_t rows, std::size_t width) {
+  auto block = std::make_shared<Misaligned<T>>(random_rows<T>(rows, width, width, 100, 5));
+  const auto run = [=](bool plain, double* out) {
+    if (plain) return plain_lines(block->data(), rows, width, out);
+    ocisac::kernels::column_lines<T>(block->data(), rows, width, {out, out + width, out + 2 * width});
+  };
+  return kernel_case<double>(named<T>("column_lines", size_of(rows, width)), kTolerance<T>, {3, width, width}, run,
+                             rows > 1000);
+}
+
+struct Lines {
+  Misaligned<double> mean, slope, reach, scale;
+};
+
+// The line taken off, or put back some rows later.
+template <class T>
+KernelCase line_case(std::size_t rows, std::size_t width, bool back) {
+  auto block = std::make_shared<Misaligned<T>>(random_rows<T>(rows, width, width, 100, 5));
+  auto lines =
+      std::make_shared<Lines>(Lines{random_rows<double>(1, width, width), random_rows<double>(1, width, width),
+                                    random_rows<double>(1, width, width), random_rows<double>(1, width, width)});
+  const double later = 3.25, middle = (static_cast<double>(rows) - 1) / 2;
+  const auto run = [=](bool plain, T* out) {
+    std::copy_n(block->data(), rows * width, out);
+    const ColumnLines of{lines->mean.data(), lines->slope.data(), lines->reach.data()};
+    if (!plain && back) return ocisac::kernels::put_lines_back<T>(out, rows, width, of, lines->scale.data(), later);
+    if (!plain) return ocisac::kernels::take_lines_off<T>(out, rows, width, of, lines->scale.data());
+    for (std::size_t i = 0; i < rows * width; ++i) {
+      const std::size_t c = i % width;
+      const double row = static_cast<double>(i / width) - middle, value = static_cast<double>(out[i]);
+      out[i] = static_cast<T>(back ? value * lines->scale.data()[c] + of.mean[c] + of.slope[c] * (row + later)
+                                   : (value - of.mean[c] - of.slope[c] * row) * lines->scale.data()[c]);
+    }
+  };
+  return kernel_case<T>(named<T>(back ? "put_lines_back" : "take_lines_off", size_of(rows, width)), kTolerance<T>,
+                        {1, rows * width, rows * width}, run, rows > 1000);
+}
+
+template <class T>
+KernelCase product_case(std::size_t outputs, std::size_t inputs, std::size_t width) {
+  auto matrix = std::make_shared<Misaligned<T>>(random_rows<T>(outputs, inputs, inputs));
+  auto rows = std::make_shared<Misaligned<T>>(random_rows<T>(inputs, width, width));
+  const auto run = [=](bool plain, T* out) {  // from the last row to the first
+    const T* const last = rows->data() + (inputs - 1) * width;
+    const auto stride = static_cast<std::ptrdiff_t>(width);
+    if (!plain)
+      return ocisac::kernels::matrix_times_rows<T>(matrix->data(), outputs, inputs, last, -stride, out, stride, width);
+    for (std::size_t i = 0; i < outputs; ++i)
+      for (std::size_t c = 0; c < width; ++c) {
+        double sum = 0;
+        for (std::size_t j = 0; j < inputs; ++j)
+          sum += static_cast<double>(matrix->data()[i * inputs + j]) *
+                 static_cast<double>(rows->data()[(inputs - 1 - j) * width + c]);
+        out[i * width + c] = static_cast<T>(sum);
+      }
+  };
+  return kernel_case<T>(named<T>("matrix_times_rows", size_of(outputs, inputs) + "x" + std::to_string(width)),
+                        kTolerance<T>, {1, outputs * width, outputs * width}, run, outputs > 50);
+}
+
+template <class T>
+KernelCase multiply_case(std::size_t count) {
+  auto values = std::make_shared<Misaligned<T>>(random_rows<T>(1, 2 * count, 2 * count));
+  auto gain = std::make_shared<Misaligned<T>>(random_rows<T>(1, 2 * count, 2 * count));
+  const auto run = [=](bool plain, T* out) {
+    std::copy_n(values->data(), 2 * count, out);
+    if (!plain) return ocisac::kernels::multiply_complex<T>(out, gain->data(), count);
+    for (std::size_t k = 0; k < count; ++k) {
+      const T real = out[2 * k], imaginary = out[2 * k + 1], a = gain->data()[k], b = gain->data()[count + k];
+      out[2 * k] = real * a - imaginary * b;
+      out[2 * k + 1] = real * b + imaginary * a;
+    }
+  };
+  return kernel_case<T>(named<T>("multiply_complex", std::to_string(count)), kTolerance<T>, {1, 2 * count, 2 * count},
+                        run, count > 1000);
+}
+
+// (2·length + 2) × count
+template <class T>
+KernelCase fold_case(std::size_t count, std::size_t folds, std::size_t length) {
+  const std::size_t rows = folds * length, stride = count + 5;
+  auto samples = std::make_shared<Misaligned<T>>(random_rows<T>(rows, count, stride, 100, 20));
+  auto weights = std::make_shared<Misaligned<double>>(random_rows<double>(1, 2 * folds, 2 * folds));
+  const auto run = [=](bool plain, double* out) {
+    const FoldedRows<T> from{samples->data(), static_cast<std::ptrdiff_t>(stride), count, folds, length};
+    double* const sums = out + 2 * length * count;
+    if (!plain) return ocisac::kernels::fold<T>(from, weights->data(), out, {sums, sums + count});
+    std::fill_n(out, (2 * length + 2) * count, 0.0);
+    for (std::size_t n = 0; n < rows; ++n)
+      for (std::size_t c = 0; c < count; ++c) {
+        const double value = static_cast<double>(from.rows[n * stride + c]) - static_cast<double>(from.rows[c]);
+        out[n % length * count + c] += weights->data()[n / length] * value;
+        out[(n % length + length) * count + c] += weights->data()[folds + n / length] * value;
+        sums[c] += value;
+        sums[count + c] += value * value;
+      }
+  };
+  return kernel_case<double>("fold " + std::to_string(sizeof(T)) + " bytes, " + std::to_string(count) + " columns",
+                             1e-12, {2 * length + 2, count, count}, run, count > 1000);
+}
+
+template <class T>
+void add_cases_of(std::vector<KernelCase>& cases) {
+  for (const std::size_t width : {16u, 32u, 48u}) {
+    for (const std::size_t rows : {1u, 2u, 17u, 70u, 1080u}) {
+      cases.push_back(lines_case<T>(rows, width));
+      cases.push_back(line_case<T>(rows, width, false));
+      cases.push_back(line_case<T>(rows, width, true));
+    }
+    for (const std::size_t outputs : {1u, 3u, 4u, 9u}) cases.push_back(product_case<T>(outputs, 7, width));
+  }
+  cases.push_back(product_case<T>(70, 233, 32));
+  for (const std::size_t count : kLengths) cases.push_back(multiply_case<T>(count));
+  cases.push_back(multiply_case<T>(1600));
+}
+
+}  // namespace
+
+std::vector<KernelCase> equalizer_cases() {
+  std::vector<KernelCase> cases;
+  add_cases_of<float>(cases);
+  add_cases_of<double>(cases);
+  return cases;
+}
+
+std::vector<KernelCase> folding_cases() {
+  std::vector<KernelCase> cases;
+  for (const std::size_t count : kLengths) {
+    cases.push_back(fold_case<std::uint8_t>(count, 5, 9));
+    cases.push_back(fold_case<std::uint16_t>(count, 1, 13));
+    cases.push_back(fold_case<float>(count, 4, 3));
+    cases.push_back(fold_case<double>(count, 3, 4));
+  }
+  cases.push_back(fold_case<std::uint8_t>(1920, 30, 36));
+  return cases;
+}
+
+}  // namespace kernel_cases
