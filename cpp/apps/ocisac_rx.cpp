@@ -29,18 +29,19 @@ void keep_memory() {
 
 const std::terminate_handler usual_end = std::get_terminate();
 
-// Libraries allocate in functions that must not throw, the parser of the command line and the destructor of JSON values:
-// without memory the program ends in them.
+// Libraries allocate in functions that must not throw, the parser of the command line and the destructor of JSON
+// values: without memory the program ends in them. An exception that no handler has seen yet does not tell its type.
 [[noreturn]] void end_without_memory() {
   try {
     if (const auto problem = std::current_exception()) std::rethrow_exception(problem);
+    if (std::uncaught_exceptions() == 0) usual_end();
+    std::fputs("ocisac-rx: ended by an exception, most likely std::bad_alloc\n", stderr);
   } catch (const std::bad_alloc&) {
     std::fputs("ocisac-rx: std::bad_alloc\n", stderr);
-    std::_Exit(ocisac::apps::kFailed);
-  } catch (...) {  // NOLINT(bugprone-empty-catch): the usual end names it
+  } catch (...) {
+    usual_end();
   }
-  usual_end();
-  std::abort();
+  std::_Exit(ocisac::apps::kFailed);
 }
 
 }  // namespace
