@@ -29,8 +29,11 @@ using namespace ocisac::faults;
 
 constexpr long kNever = std::numeric_limits<long>::max();
 
+// The C library ends a program that first touches a thread's own object without memory for the note to destroy it.
+constexpr std::string_view kEndOfLibrary = "Fatal glibc error: failed to register TLS destructor";
+
 struct Tally {
-  long runs = 0, failures = 0;
+  long runs = 0, failures = 0, ended_by_library = 0;
 };
 
 // What runs now, for the message of a crash.
@@ -189,6 +192,10 @@ void inject(const Program& program, Kind kind, double seconds, Tally& tally) {
   for (long n = 1; n <= sound.calls; n += step, ++runs) {
     current = name + " " + std::to_string(n);
     const Finished finished = program.run(kind, n);
+    if (finished.messages.starts_with(kEndOfLibrary)) {
+      ++tally.ended_by_library;
+      continue;
+    }
     if (!WIFEXITED(finished.status)) fail(tally, "signal " + std::to_string(WTERMSIG(finished.status)));
     if (finished.status != 0 && !finished.messages.starts_with("ocisac-rx: ")) fail(tally, "no message");
     if (!are_whole_lines(finished.output)) fail(tally, "half a line");
@@ -198,7 +205,8 @@ void inject(const Program& program, Kind kind, double seconds, Tally& tally) {
 }
 
 int finish(const Tally& tally) {
-  std::printf("%ld faults, %ld failures\n", tally.runs, tally.failures);
+  std::printf("%ld faults, %ld failures, %ld ended by the C library\n", tally.runs, tally.failures,
+              tally.ended_by_library);
   return tally.runs > 0 && tally.failures == 0 ? 0 : 1;
 }
 
