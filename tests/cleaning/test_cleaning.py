@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import pickle
 from pathlib import Path
 from typing import Any, Literal
@@ -340,6 +341,43 @@ def test_a_picture_without_light_stays() -> None:
         np.testing.assert_array_equal(remove_bands(picture, CAMERA).frames, picture)
 
 
+def under_a_tone(picture: Array, shift: npt.ArrayLike = 0.0, cycles: float = 12.0, depth: float = 0.8) -> npt.NDArray:
+    """Bytes of a picture (0 to 1) under a lamp whose bands are moved by rows for each column, and ambient light."""
+    rows = np.arange(len(picture))[:, None] + np.asarray(shift)
+    lamp = 1 + depth * np.cos(2 * np.pi * cycles * rows / len(picture))
+    noise = np.random.default_rng(1).standard_normal(picture.shape)
+    return np.clip(np.rint(picture * (40.0 + 60.0 * lamp) + noise), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_cleaning_leaves_is_measured(seed: int) -> None:
+    done = remove_bands(under_a_tone(boxes(seed)), CAMERA)
+    assert done.unchanged == ("",)
+    assert done.light_left[0] < 0.3
+    assert abs(done.texture_change[0]) < 1.0
+    assert done.slow_bands[0] == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("keep", ["picture", "bands"])
+def test_a_picture_that_cleaning_would_make_worse_stays(seed: int, keep: Literal["picture", "bands"]) -> None:
+    columns = np.arange(COLUMNS) / COLUMNS
+    tilted = under_a_tone(boxes(seed), 60.0 * columns)  # three cycles from side to side
+    for stored in (tilted, under_a_tone(boxes(seed), depth=0.0)):
+        done = remove_bands(stored, CAMERA, keep=keep)
+        assert done.unchanged[0]
+        np.testing.assert_array_equal(done.frames, stored if keep == "picture" else 0)
+        assert not done.share.any()
+
+
+def test_slow_bands_are_told() -> None:
+    """Bands of 200 rows per cycle cannot be told from the picture; that they are there can."""
+    picture = 0.4 + 0.2 * boxes(0, rows=400)
+    done = remove_bands(under_a_tone(picture, cycles=2.0), CAMERA)
+    assert done.slow_bands[0] == pytest.approx(0.6 * 0.8, rel=0.35)
+    assert remove_bands(under_a_tone(picture, cycles=20.0), CAMERA).slow_bands[0] == 0.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -416,12 +454,16 @@ def test_command(tmp_path: Path, name: str) -> None:
     assert result.exit_code == 0
     assert result.output.count('"model": "tone"') == len(frames)
     assert result.output.count('"toe": 0.0') == len(frames)
+    assert result.output.count('"unchanged": ""') == len(frames)
+    assert all(json.loads(row)["light_left"] < 0.5 for row in result.output.splitlines())
     cleaned = read_frames(target, colour=True).frames
     expected = remove_bands(frames.swapaxes(1, 2)[:, ::-1], Camera(1e-5)).frames[:, ::-1].swapaxes(1, 2)
     np.testing.assert_array_equal(cleaned, expected)
     assert read_frames(marks).frames.shape == frames.shape[:3]
     told = CliRunner().invoke(ocisac, [*line, "--toe", "0.125", "--force"], catch_exceptions=False)
     assert told.output.count('"toe": 0.125') == len(frames)
+    bare = CliRunner().invoke(ocisac, [*[word for word in line if word != "--json"], "--force"], catch_exceptions=False)
+    assert "light left" in bare.output
     refused = CliRunner().invoke(ocisac, [*line, "--toe", "2", "--force"])
     assert str(refused.exception) == "toe: got 2.0, allowed: 0 to 1"
 

@@ -271,7 +271,61 @@ def test_frames_are_looked_at_one_by_one():
     frames = np.stack([three_lamps(0), stored(scene()[0]), three_lamps(1)])
     sources = detect_sources(frames, CAMERA)
     assert [s.frame for s in sources] == [0, 0, 0, 2, 2, 2]
-    assert_same([dataclasses.replace(s, frame=0) for s in sources if s.frame == 2], detect_sources(frames[2], CAMERA))
+    of_frame = [dataclasses.replace(s, frame=0, probability=0.0) for s in sources if s.frame == 2]
+    alone = [dataclasses.replace(s, probability=0.0) for s in detect_sources(frames[2], CAMERA)]
+    assert_same(sorted(of_frame, key=lambda s: s.x), sorted(alone, key=lambda s: s.x))
+
+
+def frames_of(phases, swing=60.0):
+    """A lamp of one frequency, with the phase of each frame, on one picture with noise of its own in each."""
+    pictures = []
+    for k, phase in enumerate(phases):
+        picture, _ = scene(seed=k)
+        add_lamp(picture, 240, 300, 30, Tone(5.0 / (60 * ROW_TIME), phase=phase), swing=swing)
+        pictures.append(stored(picture))
+    return np.stack(pictures)
+
+
+@pytest.mark.parametrize("count", [2, 3, 6])
+@pytest.mark.parametrize("swing", [12.0, 60.0])
+def test_a_phase_that_moves_with_the_frames_makes_a_light_more_probable(count, swing):
+    steps = np.arange(count)
+    for step, least, most in ((2.0, 2.0, 4.5), (0.0, 0.125, 0.3)):  # from 0.1/0.8 to 0.9/0.2
+        frames = frames_of(step * steps, swing)
+        found = detect_sources(frames, CAMERA)
+        assert [s.frame for s in found] == list(range(count))
+        for one in found:
+            (alone,) = detect_sources(frames[one.frame], CAMERA)
+            odds = [p / (1 - p) for p in (alone.probability, one.probability)]
+            assert 0.99 * least < odds[1] / odds[0] < 1.01 * most
+
+
+def test_bars_that_stay_where_they_are_are_less_probable():
+    """A blind resembles a light in a single picture, less so in three."""
+    picture, random = scene()
+    y, x = np.ogrid[:480, :640]
+    inside = (abs(y - 240) < 37) & (abs(x - 300) < 40)
+    bars = 10.0 * np.sin(2 * np.pi * y / 15.0) + 8.0 * random.standard_normal(picture.shape)
+    picture += np.where(inside, bars, 0.0)
+    frames = stored(picture + 2.0 * random.standard_normal((3, 480, 640)))
+    (alone,) = detect_sources(frames[0], CAMERA)
+    assert alone.probability > 0.9
+    assert all(s.probability < alone.probability - 0.1 for s in detect_sources(frames, CAMERA))
+
+
+def test_lights_are_sorted_by_their_probability():
+    picture, _ = scene()
+    add_lamp(picture, 100, 120, 20, SquareWave(9000.0), swing=15.0)
+    add_lamp(picture, 300, 400, 40, SquareWave(8000.0))
+    add_lamp(picture, 250, 150, 26, SquareWave(8000.0), swing=25.0)  # its reflection
+    sources = detect_sources(stored(picture), CAMERA)
+    assert len(sources) == 3
+    told = [s.probability for s in sources]
+    assert told == sorted(told, reverse=True)
+    (mirrored,) = [s for s in sources if s.reflection_of is not None]
+    assert nearest(sources, 300, 400) == sources[mirrored.reflection_of]
+    assert nearest(sources, 250, 150) == mirrored
+    assert detect_sources(stored(picture), CAMERA, max_sources=1) == [nearest(sources, 300, 400)]
 
 
 def test_a_mirrored_light_is_told_from_a_second_light():
@@ -388,7 +442,7 @@ def test_command_gives_boxes_in_stored_pixels(axis, tmp_path, capsys):
     arguments = ["detect", str(file), "--row-time", "10us", "--exposure", "30us", "--scan-axis", axis]
     assert main([*arguments, "--region", f"3,5,{width},{height}", "--json"]) == 0
     (found,) = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    strongest = found["sources"][0]
+    strongest = max(found["sources"], key=lambda s: s["width"] * s["height"])
     x, y = 400, 300
     if axis.startswith("-"):
         y = 479 - y

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "core/check_interrupt.hpp"
 #include "lights/data_light.hpp"
 #include "lights/light_probability.hpp"
 #include "lights/merging.hpp"
+#include "lights/phase_odds.hpp"
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -61,6 +63,10 @@ double flux(const RefinedLight& light) { return light.amplitude * static_cast<do
 
 double size_of(const RefinedLight& light) {
   return light.amplitude * std::sqrt(static_cast<double>(light.box.pixels()));
+}
+
+double with_odds(double probability, double factor) {
+  return probability * factor / (probability * factor + 1 - probability);
 }
 
 // Probability required of a light, so that pictures without lights have `false_alarms` on average.
@@ -181,6 +187,7 @@ void join_parts(std::vector<Found>& found, const Across& across, const Down& dow
         continue;
       }
       one.known = one.known || other.known;
+      one.probability = std::max(one.probability, other.probability);
       one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
       one.merged += 1 + other.merged;
       one.joined = true;
@@ -212,6 +219,20 @@ void find_reflections(std::vector<Found>& found) {
       found[i].reflection_of = k;
       found[i].by_phase = phase_known;
     }
+}
+
+// The most probable first, then the strongest.
+std::vector<Found> by_probability(const std::vector<Found>& found) {
+  std::vector<std::size_t> order(found.size()), place(found.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, std::greater{}, [&](std::size_t i) { return found[i].probability; });
+  for (std::size_t k = 0; k < order.size(); ++k) place[order[k]] = k;
+  std::vector<Found> sorted;
+  for (const std::size_t i : order) {
+    sorted.push_back(found[i]);
+    if (auto& of = sorted.back().reflection_of) of = place[*of];
+  }
+  return sorted;
 }
 
 LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Found& found) {
@@ -248,10 +269,10 @@ class Look {
        double least_probability)
       : frames_(frames),
         frame_(frame),
+        camera_(camera),
         options_(options),
         limits_{min_rows, options.min_cycles, min_amplitude(frames)},
-        least_probability_(least_probability),
-        row_time_(camera.row_time) {
+        least_probability_(least_probability) {
     // A memoryless curve preserves every period, and stored values resolve darkness best.
     stored_.dark_level = camera.tone_curve.dark_level;
     stored_.white_level = camera.tone_curve.white_level;
@@ -262,11 +283,11 @@ class Look {
   bool find_expected(const Region& box, double cycles_per_row) {
     const Suspect suspect{box, cycles_per_row, 1, 0};
     const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
-    if (!light || !is_light(*light)) return false;
-    Found one = found_of(*light);
-    one.known = true;
-    if (std::ranges::any_of(found_, [&](const Found& other) { return doubles(one, other); })) return false;
-    found_.push_back(one);
+    auto one = light ? found_light(*light) : std::nullopt;
+    if (!one) return false;
+    one->known = true;
+    if (std::ranges::any_of(found_, [&](const Found& other) { return doubles(*one, other); })) return false;
+    found_.push_back(*one);
     return true;
   }
 
@@ -295,7 +316,6 @@ class Look {
 
   std::vector<Found> lights() {
     auto found = without_doubles(std::move(found_));
-    found.resize(std::min(found.size(), options_.max_sources));
     const auto of = [&](auto same) {
       return [&, same](const LightPart& a, const LightPart& b) {
         return same(frames_, frame_, stored_.dark_level, floor_, a, b);
@@ -303,7 +323,8 @@ class Look {
     };
     join_parts(found, of(one_light_across), of(one_light_down));
     find_reflections(found);
-    return found;
+    found.resize(std::min(found.size(), options_.max_sources));
+    return by_probability(found);
   }
 
  private:
@@ -314,45 +335,42 @@ class Look {
         continue;
       if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
       const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (light && is_light(*light)) add_tone(*light);
+      if (const auto one = light ? found_light(*light) : std::nullopt) add_tone(*one);
     }
   }
 
   // Adds a light, or adjacent lamps that were detected as one, each refined in its own columns.
-  void add_tone(const RefinedLight& light) {
-    std::vector<RefinedLight> lamps;
-    for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, part_of(light))) {
+  void add_tone(const Found& light) {
+    std::vector<Found> lamps;
+    for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, light.part)) {
       const auto columns = part_of(frames_, {part.box.x, 0, part.box.width, shape_of(frames_).rows});
       const Suspect suspect{{0, part.box.y, part.box.width, part.box.height}, part.frequency, 1, 0};
       auto lamp = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (!lamp || !is_light(*lamp)) continue;
+      if (!lamp) continue;
       lamp->box.x += part.box.x;
-      lamps.push_back(*lamp);
+      if (const auto one = found_light(*lamp)) lamps.push_back(*one);
     }
     if (lamps.size() < 2) lamps.assign(1, light);
-    for (const RefinedLight& lamp : lamps) found_.push_back(found_of(lamp));
+    found_.insert(found_.end(), lamps.begin(), lamps.end());
   }
 
   template <class Features>
   [[nodiscard]] LightCandidate candidate(const RefinedLight& light, double probability,
                                          const Features& features) const {
-    return {light.box, light.frequency / row_time_, probability, {features.begin(), features.end()}};
+    return {light.box, light.frequency / camera_.row_time, probability, {features.begin(), features.end()}};
   }
 
-  [[nodiscard]] double probability(const RefinedLight& light) const {
-    return probability_of(features_of(light, suspects_));
-  }
-
-  [[nodiscard]] bool is_light(const RefinedLight& light) const {
-    if (!measurable(light, limits_)) return false;
-    const double own = probability(light);
+  // The tone if it is a light, with its probability.
+  [[nodiscard]] std::optional<Found> found_light(const RefinedLight& light) const {
+    if (!measurable(light, limits_)) return {};
+    const double odds = phase_odds(frames_, frame_, camera_, light.box, light.frequency / camera_.row_time);
+    const double own = with_odds(probability_of(features_of(light, suspects_)), odds);
     const bool clear = (own >= std::max(clear_probability, least_probability_) && light.periodic >= clear_periodic) ||
                        least_probability_ == 0;
-    return clear || (own >= least_probability_ && evidence(light) >= evidence_for(suspects_, options_.false_alarms));
-  }
-
-  [[nodiscard]] Found found_of(const RefinedLight& light) const {
-    return {.light = light, .part = part_of(light), .probability = probability(light)};
+    if (!clear &&
+        (own < least_probability_ || evidence(light) + std::log(odds) < evidence_for(suspects_, options_.false_alarms)))
+      return {};
+    return Found{.light = light, .part = part_of(light), .probability = own};
   }
 
   void find_data(const std::vector<Suspect>& suspects) {
@@ -371,7 +389,8 @@ class Look {
       const RefinedLight& light = data->light;
       if (!measurable(*data, limits_, min_evidence)) continue;
       const DataFeatures features = features_of(*data, suspects_);
-      const double probability = probability_of(features);
+      const double probability = with_odds(probability_of(features),
+                                           waveform_odds(frames_, frame_, stored_.dark_level, floor_, part_of(light)));
       data_candidates_.push_back(candidate(light, probability, features));
       // Odds nine times as high as for a tone: few photographs show what resembles data.
       if (probability < 9 * least_probability_ / (1 + 8 * least_probability_)) continue;
@@ -400,10 +419,11 @@ class Look {
 
   const AnyFramesView& frames_;
   std::size_t frame_;
+  const Camera& camera_;
   const DetectOptions& options_;
   LightLimits limits_;
   ToneCurve stored_;
-  double floor_ = 0, least_probability_, row_time_;
+  double floor_ = 0, least_probability_;
   std::size_t suspects_ = 1;  // in the last search
   std::vector<Found> found_;
   std::vector<LightCandidate> data_candidates_;

@@ -10,9 +10,9 @@ namespace {
 constexpr double rounding = 0.01;       // of shares near 0
 constexpr double clear_texture = 0.25;  // below it noise, which log light shows in dark rows, makes texture uneven
 
-constexpr double intercept = -14.515;
-constexpr ToneFeatures linear{-1, 6.458, 2.974, -1.633, -4.681, -2.153, -1.144, 3.258, 0.027};
-constexpr ToneFeatures square{0, -0.957, -0.603, -0.27, 6.976, -0.434, -0.118, -0.755, 1.947};
+constexpr double intercept = -16.408;
+constexpr ToneFeatures linear{-0.809, 6.336, 3.105, -1.556, -5.161, -2.867, -0.772, 3.194, 0.735};
+constexpr ToneFeatures square{0, -0.958, -0.52, -0.249, 6.319, -0.506, -0.008, -1.177, 1.044};
 constexpr double data_intercept = -6.959;
 constexpr DataFeatures data_linear{-1, 0.662, 0.131, 1.561, -1.526, 0.215, -9.803};
 constexpr DataFeatures data_square{0, 0.092, 0.288, 0.15, 0.148, 0.019, -6.611};

@@ -149,4 +149,13 @@ std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t fra
   return parts;
 }
 
+double likeness_of_frames(const AnyFramesView& frames, std::size_t frame, std::size_t other, double dark, double floor,
+                          const LightPart& part) {
+  const std::size_t length = mean_length(part, part);
+  const auto in = [&](std::size_t index) {
+    return swing({frames, index, dark, floor}, columns_of(part), rows_of(part), length);
+  };
+  return likeness(in(frame), in(other));
+}
+
 }  // namespace ocisac

@@ -32,4 +32,8 @@ bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark,
 std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
                                     const LightPart& light);
 
+// Correlation of the swing of a part's rows in two frames: 1 for a texture, or light in step with the frames.
+double likeness_of_frames(const AnyFramesView& frames, std::size_t frame, std::size_t other, double dark, double floor,
+                          const LightPart& part);
+
 }  // namespace ocisac

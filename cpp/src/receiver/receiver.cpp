@@ -40,7 +40,7 @@ std::size_t thinning_of(std::size_t columns) { return (columns + kSearchedColumn
 std::optional<Region> strongest_light(const AnyFramesView& frame, const Camera& camera) {
   const Shape shape = shape_of(frame);
   const std::size_t step = thinning_of(shape.columns);
-  for (const LightSource& light : detect_sources(thinned(frame, step), camera)) {
+  for (const LightSource& light : detect_sources(thinned(frame, step), camera, {.max_sources = 1})) {
     if (light.reflection_of) continue;
     const std::size_t margin = std::max(kMinMargin, light.box.width * step / 4);
     const std::size_t first = light.box.x * step - std::min(light.box.x * step, margin);

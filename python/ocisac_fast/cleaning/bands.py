@@ -20,6 +20,7 @@ from ocisac_fast.camera.linear_light import (
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
 from ocisac_fast.cleaning.shares import colour_shares
 from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
+from ocisac_fast.cleaning.verdict import Verdict, judged, mean_verdict
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
@@ -53,6 +54,12 @@ class CleanedFrames:
         model: for each frame ``"tone"``, ``"chips"``, ``"rows"``, or ``"given"``.
         frequency: (frames,) of the tone, or the chip rate, Hz; NaN for rows and given light.
         toe: (frames,) toe of the tone curve, as share of white; mostly 0.
+        light_left: (frames,) swing of the row light in the columns after cleaning, over that before.
+        texture_change: (frames,) energy of texture after cleaning over that before, dB.
+        slow_bands: (frames,) amplitude, relative to the light, of bands above 128 rows per cycle that are left; 0 if
+            none are significant.
+        unchanged: why a frame is left as it was, since cleaning would make it worse; "" for a frame that is cleaned.
+            ``share`` is 0 then, ``light_left`` and ``texture_change`` are those of the result that was rejected.
     """
 
     frames: npt.NDArray[Any]
@@ -62,6 +69,10 @@ class CleanedFrames:
     model: tuple[str, ...]
     frequency: FloatArray
     toe: FloatArray
+    light_left: FloatArray
+    texture_change: FloatArray
+    slow_bands: FloatArray
+    unchanged: tuple[str, ...]
 
 
 @checked_class
@@ -133,6 +144,9 @@ def remove_bands(
     1 + q (L_n - 1), with texture and edges modelled, averaged over surroundings that end at the edges of the picture.
     The result is v (1 + q (L_full - 1)) / (1 + q (L_n - 1)): fully lit rows are unchanged.
 
+    A result with an estimated light is measured: a frame stays as it was, with a reason in ``unchanged``, where its
+    rows would differ as much as before, or its bands tilt or curve.
+
     Args:
         frames: (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour; rows in
             time order, at least 8.
@@ -163,10 +177,11 @@ def remove_bands(
     lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
     done = [_clean(part, camera, None if lights is None else lights[k], task) for k, part in enumerate(parts)]
     dimensions = np.ndim(frames)
-    pictures = np.concatenate([one[0] for one in done])
-    marks = np.concatenate([one[1] for one in done])
-    shares = np.concatenate([one[2] for one in done])
-    found = [of_frame for one in done for of_frame in one[3]]
+    pictures = np.concatenate([one.pictures for one in done])
+    marks = np.concatenate([one.marks for one in done])
+    shares = np.concatenate([one.shares for one in done])
+    found = [of_frame for one in done for of_frame in one.lights]
+    verdicts = [verdict for one in done for verdict in one.verdicts]
     rows = np.stack([np.stack([own.light for own in of_frame], axis=-1) for of_frame in found])
     return CleanedFrames(
         frames=_as_given(pictures, camera.scan_axis, dimensions),
@@ -175,7 +190,11 @@ def remove_bands(
         share=_as_given(shares, camera.scan_axis, dimensions),
         model=tuple(of_frame[0].model for of_frame in found),
         frequency=np.array([of_frame[0].frequency for of_frame in found]),
-        toe=np.concatenate([np.full(len(one[0]), one[4]) for one in done]),
+        toe=np.concatenate([np.full(len(one.pictures), one.toe) for one in done]),
+        light_left=np.array([verdict.light_left for verdict in verdicts]),
+        texture_change=np.array([verdict.texture_change for verdict in verdicts]),
+        slow_bands=np.array([verdict.slow_bands for verdict in verdicts]),
+        unchanged=tuple(one.unchanged for one in done for _ in one.pictures),
     )
 
 
@@ -264,7 +283,19 @@ def _given_light(
     return [[RowLight(row / common, full, "given", float("nan"))] * colours for row in values]
 
 
-_Done = tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32], list[list[RowLight]], float]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Done:
+    """Frames of one scene: pictures, marks and shares (frames, rows, columns, colours); lights of each frame and
+    colour; toe; the verdict on each frame, and why all are left as they were, or "".
+    """
+
+    pictures: npt.NDArray[Any]
+    marks: npt.NDArray[np.uint8]
+    shares: npt.NDArray[np.float32]
+    lights: list[list[RowLight]]
+    toe: float
+    verdicts: list[Verdict]
+    unchanged: str
 
 
 def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] | None, task: _Task) -> _Done:
@@ -284,17 +315,26 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] 
             found = [find_colour_lights(light[k], variance[k], camera, "chips") for k in range(len(stack))]
     rows = np.stack([[own.light for own in of_frame] for of_frame in found])  # (frames, colours, rows)
     share = colour_shares(light, variance, rows)
+    verdicts = [
+        mean_verdict(
+            [judged(light[k, ..., c], variance[k, ..., c], rows[k, c], share[..., c]) for c in range(rows.shape[1])]
+        )
+        for k in range(len(stack))
+    ]
+    unchanged = "" if given else mean_verdict(verdicts).objection
+    if unchanged:
+        share = np.zeros_like(share)
     pictures, marks = np.empty_like(stack), np.empty(stack.shape, np.uint8)
     for colour in range(stack.shape[3]):
         for k, of_frame in enumerate(found):
             one = saturated[k, ..., colour]
             values, mark = _restored(light[k, ..., colour], one, share[..., colour], of_frame[colour], task)
             stored = stored_values(lowered(values, toe, white), camera, stack.dtype)
-            untouched = (mark == Mark.SATURATED) & (task.keep == "picture")
+            untouched = ((mark == Mark.SATURATED) | bool(unchanged)) & (task.keep == "picture")
             pictures[k, ..., colour] = np.where(untouched, stack[k, ..., colour], stored)
             marks[k, ..., colour] = mark
     shares = np.broadcast_to(share.astype(np.float32), stack.shape)
-    return pictures, marks, shares, found, toe
+    return _Done(pictures, marks, shares, found, toe, verdicts, unchanged)
 
 
 def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None) -> FloatArray:

@@ -10,13 +10,16 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import emit_json, emit_table, progress, rate
+from ocisac_fast.cli.output import emit_json, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
 
-_HEADER = ("frame", "light", "frequency or chip rate", "share", "toe", "saturated", "too dark")
+_HEADER = (
+    "frame", "light", "frequency or chip rate", "share", "toe", "saturated", "too dark", "light left", "texture",
+    "remark",
+)  # fmt: skip
 
 
 @click.command(short_help="The picture without the light's bands, or the bands alone.")
@@ -63,7 +66,8 @@ def clean(
     """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
     OUT is .png, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
-    unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ.
+    unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
+    is measured; a frame that cleaning would make worse stays as it is, and the reason is printed.
     """
     from ocisac_fast.cleaning import CleaningOptions
 
@@ -80,7 +84,7 @@ def clean(
         for facts in cleaner.facts:
             emit_json(facts)
     else:
-        emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts])
+        emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts], left=("remark",))
     if not cleaner.facts:
         raise click.ClickException(f"{source}: no frame in it")
 
@@ -134,6 +138,10 @@ class _Cleaner:
                         "toe": float(done.toe[k]),
                         "saturated": float((marks == Mark.SATURATED).mean()),
                         "too_dark": float((marks == Mark.DARK).mean()),
+                        "light_left": float(done.light_left[k]),
+                        "texture_change_db": float(done.texture_change[k]),
+                        "slow_bands": float(done.slow_bands[k]),
+                        "unchanged": done.unchanged[k],
                     }
                 )
             )
@@ -149,5 +157,14 @@ def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
         rate(facts["frequency_hz" if in_hertz else "frequency_cycles_per_row"], None, in_hertz, 5),
         f"{100 * facts['share']:.3g} %",
         f"{facts['toe']:.3g}",
-        *(f"{100 * facts[name]:.3g} %" for name in ("saturated", "too_dark")),
+        *(f"{100 * facts[name]:.3g} %" for name in ("saturated", "too_dark", "light_left")),
+        number(facts["texture_change_db"], "dB", 2),
+        _remark(facts),
     ]
+
+
+def _remark(facts: dict[str, Any]) -> str:
+    remarks = [f"unchanged ({facts['unchanged']})"] if facts["unchanged"] else []
+    if facts["slow_bands"] > 0:
+        remarks.append(f"bands above 128 rows left: {100 * facts['slow_bands']:.2g} % of the light")
+    return "; ".join(remarks)

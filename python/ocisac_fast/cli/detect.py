@@ -14,6 +14,7 @@ from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, ope
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 
+_GROUP = 4  # frames
 _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "gain", "SNR", "data", "remark")
 
 
@@ -37,7 +38,7 @@ def detect(
     """Detect every modulated light in FILE (a picture, a video, a .npy array, or -).
 
     Colours are averaged unless --channel selects one. x, y are the top left corner of a light's box in stored pixels.
-    Each frame gives one object; lights are in descending order of strength.
+    Each frame gives one object; the most probable light comes first.
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True
@@ -61,15 +62,33 @@ def detected_lights(
     first = 0 if part is None else part.first
     with open_pictures(file, picture, part) as pictures:
         count = pictures.frame_count
-        for index, frame in enumerate(progress(pictures.frames, "detecting", count), first):
-            grey = grey_of(frame)
-            found = detect_sources(grey, pictures.camera, **options)
-            sources = [_facts(source, picture) for source in found]
+        index = first
+        for greys in _groups(grey_of(frame) for frame in progress(pictures.frames, "detecting", count)):
+            found = detect_sources(np.stack(greys), pictures.camera, **options)
             if plot is not None and index == 0:
                 from ocisac_fast.plots import plot_sources
 
-                plot_sources(grey, pictures.camera, path=plot, sources=found)
-            yield {"frame": index, "frames": count, "sources": sources}
+                of_first = [source for source in found if source.frame == 0]
+                plot_sources(greys[0], pictures.camera, path=plot, sources=of_first)
+            for k in range(len(greys)):
+                sources = [_facts(source, picture) for source in found if source.frame == k]
+                yield {"frame": index + k, "frames": count, "sources": sources}
+            index += len(greys)
+
+
+def _groups(frames: Iterator[Frame]) -> Iterator[list[Frame]]:
+    """Frames of one shape and type in groups of 4, the last of up to 5: neighbours tell lights from textures."""
+    waiting: list[Frame] = []
+    for frame in frames:
+        if waiting and (frame.shape, frame.dtype) != (waiting[0].shape, waiting[0].dtype):
+            yield waiting
+            waiting = []
+        elif len(waiting) > _GROUP:
+            yield waiting[:_GROUP]
+            waiting = waiting[_GROUP:]
+        waiting.append(frame)
+    if waiting:
+        yield waiting
 
 
 def grey_of(frame: Frame) -> Frame:

@@ -24,7 +24,7 @@ class LightSource:
         x, y: top left corner of its box, pixels as stored.
         width, height: of its box, pixels as stored: where the swing is above 15 % of its maximum. For a light in
             several parts, the box contains all of them and the other values are those of the strongest part.
-        probability: that it is a light and no texture, from what one picture shows.
+        probability: that it is a light and no texture, from its frame and the phases in neighbouring frames.
         frequency: Hz, below half the row rate; that of the strongest tone for a light that carries data.
         frequency_std: its standard error, Hz.
         gain, gain_std: of the light in the box, as in :func:`tone_gain`, without subtraction of a background.
@@ -99,7 +99,8 @@ def detect_sources(
         max_sources: max. lights per frame, the strongest; 1 or above.
 
     Returns:
-        The lights of all frames; within a frame in descending order of strength.
+        The lights of all frames; within a frame the most probable first. Of two frames or more, the phase of a light
+        moves with the clock, that of a texture stays, which changes ``probability``.
 
     Raises:
         ValueError: wrong shape or type, samples that are not finite, or an option out of range.

@@ -39,8 +39,9 @@ struct LightSource {
   Flags flags = 0;
 };
 
-// The lights of each frame, the strongest first. Throws for options out of range and empty frames. A frame of fewer
-// than 32 rows has none.
+// The lights of each frame, the most probable first. Of several frames, neighbours decide on a tone's probability as
+// well: the phase of a light moves with the clock, that of a texture stays. Throws for options out of range and empty
+// frames. A frame of fewer than 32 rows has none.
 std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
                                         const DetectOptions& options = {});
 
