@@ -63,3 +63,38 @@ def test_the_rounded_bin_is_biased_off_the_bin(frequency, bias):
     columns += NOISE * random.standard_normal(columns.shape)
     result = ocisac.tone_gain(columns, Camera(ROW_TIME, 622e-6), frequency, method="dft", waveform="square")
     assert result.gain.mean() - abs(np.sinc(frequency * 622e-6)) == pytest.approx(bias, abs=2e-3)
+
+
+@pytest.mark.parametrize("waveform", ["tone", "square"])
+@pytest.mark.parametrize(
+    ("dtype", "white", "curve"),
+    [
+        ("uint8", 255, "linear"),
+        ("uint8", 255, "srgb"),
+        ("uint8", 255, "gamma"),
+        ("uint16", 1023, "linear"),
+        ("uint16", 4095, "srgb"),
+        ("uint16", 65535, "linear"),
+        ("float32", 1.0, "linear"),
+    ],
+)
+@pytest.mark.parametrize("efficiency", [1.0, 0.99])
+def test_what_cameras_store_is_read_without_bias_and_with_its_error(dtype, white, curve, waveform, efficiency):
+    """Noisy light behind a tone curve and rounding to a sample's steps."""
+    random = np.random.default_rng(11)
+    trials, contrast, noise = 3000, 0.4, 0.01
+    angle = 2 * np.pi * 500.0 * ROW_TIME * np.arange(ROWS)[:, None] + random.uniform(-np.pi, np.pi, trials)
+    light = 0.4 * (1 + contrast * np.cos(angle)) + noise * random.standard_normal(angle.shape)
+    if curve == "srgb":
+        light = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    if curve == "gamma":
+        light = light ** (1 / 2.2)
+    stored = light * white
+    pixels = (stored if dtype.startswith("float") else np.rint(stored)).astype(dtype)
+    camera = Camera(ROW_TIME, tone_curve=curve, white_level=white)
+    result = ocisac.tone_gain(pixels, camera, 500.0, waveform=waveform, efficiency=efficiency)
+    theory = contrast if waveform == "tone" else contrast * np.pi / 4
+    spread = result.gain.std()
+    assert abs(result.gain.mean() - theory) < 4 * spread / np.sqrt(trials) + 2e-6
+    assert result.gain_std.mean() == pytest.approx(spread, rel=0.05)
+    assert not result.flags.any()

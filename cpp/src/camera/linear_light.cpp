@@ -1,7 +1,10 @@
 #include "ocisac/camera/linear_light.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <list>
+#include <mutex>
 #include <string>
 
 #include "ocisac/core/require.hpp"
@@ -10,13 +13,41 @@ namespace ocisac {
 
 namespace {
 
-// Linear light of each value of an integer sample.
+void check_span(const ToneCurve& curve, double sample_maximum) {
+  const double white = white_level(curve, sample_maximum);
+  require(curve.kind == ToneCurve::Kind::linear || white > curve.dark_level, "dark_level", curve.dark_level,
+          "below the white level (" + std::to_string(white) + " for these samples)");
+}
+
 template <class T>
-std::vector<double> light_table(const ToneCurve& curve) {
-  std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
-  for (std::size_t value = 0; value < table.size(); ++value)
-    table[value] = linear_light(curve, static_cast<double>(value), sample_maximum<T>());
+std::shared_ptr<const LightTable> made_table(const ToneCurve& curve) {
+  auto table = std::make_shared<LightTable>();
+  table->light.resize(std::size_t{std::numeric_limits<T>::max()} + 1);
+  for (std::size_t value = 0; value < table->light.size(); ++value)
+    table->light[value] = linear_light(curve, static_cast<double>(value), sample_maximum<T>());
+  for (const double light : table->light) table->rounded.push_back(static_cast<float>(light));
   return table;
+}
+
+// 65536 powers take longer than a pass over a frame.
+template <class T>
+std::shared_ptr<const LightTable> kept_table(const ToneCurve& curve) {
+  struct Kept {
+    ToneCurve curve;
+    std::shared_ptr<const LightTable> table;
+  };
+  constexpr std::size_t kKept = 4;
+  static std::mutex mutex;
+  static std::list<Kept> kept;  // most recently used first
+  const std::lock_guard lock(mutex);
+  const auto found = std::ranges::find(kept, curve, &Kept::curve);
+  if (found != kept.end()) {
+    kept.splice(kept.begin(), kept, found);
+    return found->table;
+  }
+  kept.push_front({curve, made_table<T>(curve)});
+  if (kept.size() > kKept) kept.pop_back();
+  return kept.front().table;
 }
 
 // Reads along rows, the order in memory, and writes the transposed block.
@@ -36,18 +67,26 @@ std::vector<double> column_signals(const AnyFramesView& frames, std::size_t fram
                                    const ToneCurve& curve) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
-        const double white = white_level(curve, sample_maximum<T>());
-        require(curve.kind == ToneCurve::Kind::linear || white > curve.dark_level, "dark_level", curve.dark_level,
-                "below the white level (" + std::to_string(white) + " for these samples)");
+        check_span(curve, sample_maximum<T>());
         if (curve.kind == ToneCurve::Kind::linear)
           return gather(view, frame, first, count, [&](T v) { return static_cast<double>(v) - curve.dark_level; });
         if constexpr (std::is_integral_v<T>) {
-          const auto table = light_table<T>(curve);
-          return gather(view, frame, first, count, [&](T v) { return table[v]; });
+          const auto table = kept_table<T>(curve);
+          return gather(view, frame, first, count, [&, light = table->light.data()](T v) { return light[v]; });
         } else {
           return gather(view, frame, first, count,
                         [&](T v) { return linear_light(curve, static_cast<double>(v), sample_maximum<T>()); });
         }
+      },
+      frames);
+}
+
+std::shared_ptr<const LightTable> light_table(const AnyFramesView& frames, const ToneCurve& curve) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>&) -> std::shared_ptr<const LightTable> {
+        check_span(curve, sample_maximum<T>());
+        if constexpr (std::is_integral_v<T>) return kept_table<T>(curve);
+        return nullptr;
       },
       frames);
 }
@@ -68,19 +107,33 @@ bool holds_integers(const AnyFramesView& frames) {
   return std::visit([]<class T>(const FramesView<const T>&) { return std::is_integral_v<T>; }, frames);
 }
 
-void check(const AnyFramesView& frames) {
+void check_shape(const AnyFramesView& frames) {
   const Shape shape = shape_of(frames);
   require(shape.rows > 0, "columns", "0 rows", "at least one row");
   require(shape.columns > 0, "columns", "0 columns", "at least one column");
+}
+
+void check_samples(const AnyFramesView& frames) {
   std::visit(
       []<class T>(const FramesView<const T>& view) {
         if constexpr (std::is_floating_point_v<T>)
           for (std::size_t frame = 0; frame < view.frames; ++frame)
-            for (std::size_t row = 0; row < view.rows; ++row)
-              for (std::size_t column = 0; column < view.columns; ++column)
+            for (std::size_t row = 0; row < view.rows; ++row) {
+              bool finite = true;  // without a branch for each sample
+              for (std::size_t column = 0; column < view.columns; ++column) {
+                const T v = view(frame, row, column);
+                finite &= v - v == 0;
+              }
+              for (std::size_t column = 0; !finite && column < view.columns; ++column)
                 require_finite("columns", static_cast<double>(view(frame, row, column)));
+            }
       },
       frames);
+}
+
+void check(const AnyFramesView& frames) {
+  check_shape(frames);
+  check_samples(frames);
 }
 
 }  // namespace ocisac

@@ -5,18 +5,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <type_traits>
 
 #include "ocisac/core/require.hpp"
 #include "tones/projection_kernels.hpp"
+#include "tones/row_kernels.hpp"
 
 namespace ocisac {
 
 namespace {
-
-constexpr std::size_t kStagedRows = 16;  // a multiple of every row group
 
 // Writes a weight into its half of the word of a pair of groups.
 void put_weight(std::int32_t& pair, std::size_t group, int weight) {
@@ -116,7 +117,7 @@ void RowWeights::fold() {
 
 std::vector<double> RowWeights::byte_weights() const {
   std::vector<double> values(outputs_ * groups_);
-  const std::size_t limbs = units_.size() / outputs_;
+  const std::size_t limbs = outputs_ > 0 ? units_.size() / outputs_ : 0;
   for (std::size_t part = units_.size(); part-- > 0;)  // smallest limb of an output first
     for (std::size_t g = 0; g < groups_; ++g)
       values[part / limbs * groups_ + g] += units_[part] * integer_weight(part, g);
@@ -125,50 +126,144 @@ std::vector<double> RowWeights::byte_weights() const {
 
 namespace {
 
-// Visits blocks of whole row groups with dense rows: the frame's own memory, or a copy if its columns are strided.
-template <class T, class Visit>
-void for_each_dense_block(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
-                          std::size_t rows, std::size_t largest_block, Visit visit) {
-  if (view.column_stride == 1 || count == 1) {
-    for (std::size_t row = 0; row < rows; row += largest_block)
-      visit(view.at(frame, row, first), view.row_stride, row, std::min(largest_block, rows - row));
-    return;
-  }
-  std::vector<T> dense(kStagedRows * count);
-  for (std::size_t row = 0; row < rows; row += kStagedRows) {
-    const std::size_t here = std::min(kStagedRows, rows - row);
-    for (std::size_t r = 0; r < here; ++r)
-      for (std::size_t c = 0; c < count; ++c) dense[r * count + c] = view(frame, row + r, first + c);
-    visit(dense.data(), static_cast<std::ptrdiff_t>(count), row, here);
-  }
+// Largest blocks of copies: of bytes, both halves fit into the second-level cache; wider samples into the first.
+struct BlockSize {
+  std::size_t rows, columns;
+};
+constexpr BlockSize kCopied{128, 2048}, kTransposed{kernels::kRowsPerChunk, 192};
+constexpr std::size_t kConvertedColumns = 640;
+constexpr std::size_t kSampleRows = 32;  // and as many as the kernels take for more than one tone
+
+struct Columns {
+  std::size_t first, count;
+};
+
+template <class Visit>
+void for_each_part(Columns columns, std::size_t largest, Visit visit) {
+  const std::size_t end = columns.first + columns.count;
+  for (std::size_t first = columns.first; first < end; first += largest)
+    visit(Columns{first, std::min(largest, end - first)});
 }
 
-void add_folded(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                const RowWeights& weights, kernels::ProjectionSums sums) {
+template <class Sample>
+struct Rows {
+  const Sample* samples;
+  std::ptrdiff_t stride;
+};
+
+// Stored samples of any layout as dense rows: the frame's own memory or copies, or what a table says of each sample.
+template <class Stored, class Sample>
+class DenseRows {
+ public:
+  DenseRows(const FramesView<const Stored>& view, std::size_t frame, std::size_t columns, std::span<const float> light)
+      : view_(view), frame_(frame), dense_(view.column_stride == 1 || columns == 1), light_(light) {
+    if constexpr (kFromBytes) table_.emplace(light);
+  }
+
+  [[nodiscard]] bool in_place() const { return dense_ && !kConverted; }
+  // Read-out along the stored rows, of bytes.
+  [[nodiscard]] bool is_transposed() const {
+    return std::is_same_v<Stored, std::uint8_t> && !dense_ && std::abs(view_.row_stride) == 1;
+  }
+
+  // Valid until the next call, unless in place. `to_next`: offset to the samples that will be read next.
+  Rows<Sample> read(std::size_t row, std::size_t rows, Columns columns, std::ptrdiff_t to_next = 0) {
+    const Rows<Stored> stored =
+        dense_ ? Rows<Stored>{view_.at(frame_, row, columns.first), view_.row_stride} : copy(row, rows, columns);
+    if constexpr (!kConverted)
+      return stored;
+    else
+      return convert(stored, rows, columns.count, dense_ ? to_next : 0);
+  }
+
+ private:
+  static constexpr bool kConverted = !std::is_same_v<Stored, Sample>;
+  static constexpr bool kFromBytes = kConverted && std::is_same_v<Stored, std::uint8_t>;
+
+  Rows<Stored> copy(std::size_t row, std::size_t rows, Columns columns) {
+    copied_.resize(rows * columns.count);
+    const auto stride = static_cast<std::ptrdiff_t>(columns.count);
+    if constexpr (std::is_same_v<Stored, std::uint8_t>) {
+      if (is_transposed()) {
+        const bool backwards = view_.row_stride < 0;
+        kernels::transpose_bytes(view_.at(frame_, backwards ? row + rows - 1 : row, columns.first), view_.column_stride,
+                                 rows, columns.count, copied_.data());
+        if (!backwards) return {copied_.data(), stride};
+        return {copied_.data() + static_cast<std::ptrdiff_t>(rows - 1) * stride, -stride};
+      }
+      if (view_.column_stride > 1) {
+        for (std::size_t r = 0; r < rows; ++r)
+          kernels::take_every(view_.at(frame_, row + r, columns.first), static_cast<std::size_t>(view_.column_stride),
+                              columns.count, copied_.data() + r * columns.count);
+        return {copied_.data(), stride};
+      }
+    }
+    for (std::size_t r = 0; r < rows; ++r)
+      for (std::size_t c = 0; c < columns.count; ++c)
+        copied_[r * columns.count + c] = view_(frame_, row + r, columns.first + c);
+    return {copied_.data(), stride};
+  }
+
+  Rows<Sample> convert(const Rows<Stored>& stored, std::size_t rows, std::size_t count, std::ptrdiff_t to_next) {
+    converted_.resize(rows * count);
+    for (std::size_t r = 0; r < rows; ++r) {
+      const Stored* from = stored.samples + static_cast<std::ptrdiff_t>(r) * stored.stride;
+      Sample* to = converted_.data() + r * count;
+      if constexpr (kFromBytes)
+        kernels::look_up(from, to_next, count, *table_, to);
+      else
+        kernels::look_up(from, to_next, count, light_.data(), to);
+    }
+    return {converted_.data(), static_cast<std::ptrdiff_t>(count)};
+  }
+
+  const FramesView<const Stored>& view_;
+  std::size_t frame_;
+  bool dense_;
+  std::span<const float> light_;
+  std::optional<kernels::ByteTable> table_;
+  std::vector<Stored> copied_;
+  std::vector<Sample> converted_;
+};
+
+using ByteRows = DenseRows<std::uint8_t, std::uint8_t>;
+
+BlockSize block_of(const ByteRows& source, Columns columns) {
+  if (source.in_place()) return {kernels::kRowsPerChunk, columns.count};
+  return source.is_transposed() ? kTransposed : kCopied;
+}
+
+void add_folded(ByteRows& near, ByteRows& far, Columns columns, std::size_t most_rows, const RowWeights& weights,
+                kernels::ProjectionSums sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   const std::size_t half = weights.groups() / 2;
-  const std::size_t most = kernels::kRowsPerChunk / (2 * group);
+  const std::size_t most = most_rows / (2 * group);
   for (std::size_t g = 0; g < half; g += most) {
     sums.first = g == 0;
-    kernels::project_bytes({view.at(frame, g * group, first), view.at(frame, (weights.groups() - 1 - g) * group, first),
-                            view.row_stride, std::min(most, half - g), count},
+    const std::size_t here = std::min(most, half - g), rows = here * group;
+    const auto first = near.read(g * group, rows, columns);
+    const auto last = far.read((weights.groups() - g - here) * group, rows, columns);
+    kernels::project_bytes({first.samples, last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride,
+                            first.stride, here, columns.count},
                            {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
                             weights.folded_order(), weights.even_parts()},
                            sums);
   }
 }
 
-void add_plainly(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
-                 const RowWeights& weights, kernels::ProjectionSums sums) {
+void add_plainly(ByteRows& source, Columns columns, std::size_t most_rows, const RowWeights& weights,
+                 kernels::ProjectionSums sums) {
   const auto group = static_cast<std::size_t>(weights.row_group());
-  for_each_dense_block(view, frame, first, count, weights.groups() * group, kernels::kRowsPerChunk,
-                       [&](const std::uint8_t* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
-                         sums.first = row == 0;
-                         kernels::project_bytes({pixels, nullptr, stride, rows / group, count},
-                                                {weights.row_group(), weights.pairs().data() + row / (2 * group),
-                                                 weights.pair_count(), weights.order(), weights.order().size()},
-                                                sums);
-                       });
+  const std::size_t most = most_rows / group;
+  for (std::size_t g = 0; g < weights.groups(); g += most) {
+    sums.first = g == 0;
+    const std::size_t here = std::min(most, weights.groups() - g);
+    const auto rows = source.read(g * group, here * group, columns);
+    kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count},
+                           {weights.row_group(), weights.pairs().data() + g / 2, weights.pair_count(), weights.order(),
+                            weights.order().size()},
+                           sums);
+  }
 }
 
 // Resizes without initialisation.
@@ -183,12 +278,16 @@ void clear(std::size_t outputs, std::size_t count, Projection& result) {
   result.maximum.assign(count, -std::numeric_limits<double>::infinity());
 }
 
-kernels::ProjectionSums sums_of(Projection& result) {
-  return {result.sums.data(), {result.totals.data(), result.squares.data(), result.maximum.data()}};
+// Accumulators from column `first` of `count` on.
+kernels::ProjectionSums sums_of(Projection& result, std::size_t first, std::size_t count) {
+  return {result.sums.data() + first,
+          count,
+          {result.totals.data() + first, result.squares.data() + first, result.maximum.data() + first}};
 }
 
 // Combines the exact integer sums of parts into those of outputs, in place; smallest limb first.
 void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double>& sums) {
+  if (weights.outputs() == 0) return;
   const std::span units = weights.units();
   const std::size_t limbs = units.size() / weights.outputs();
   for (std::size_t o = 0; o < weights.outputs(); ++o) {
@@ -207,38 +306,62 @@ void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double
   sums.resize(weights.outputs() * count);
 }
 
-void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, std::size_t first, std::size_t count,
+void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, Columns columns,
                    const RowWeights& weights, Projection& result) {
-  make_room(weights.units().size(), count, result);
-  if (!weights.folded_pairs().empty() && (view.column_stride == 1 || count == 1))
-    add_folded(view, frame, first, count, weights, sums_of(result));
-  else
-    add_plainly(view, frame, first, count, weights, sums_of(result));
-  join_limbs(weights, count, result.sums);
+  make_room(weights.units().size(), columns.count, result);
+  ByteRows near(view, frame, columns.count, {}), far(view, frame, columns.count, {});
+  const BlockSize most = block_of(near, columns);
+  for_each_part(columns, most.columns, [&](Columns part) {
+    const auto sums = sums_of(result, part.first - columns.first, columns.count);
+    if (weights.folded_pairs().empty())
+      add_plainly(near, part, most.rows, weights, sums);
+    else
+      add_folded(near, far, part, most.rows, weights, sums);
+  });
+  join_limbs(weights, columns.count, result.sums);
+}
+
+template <class Sample, class Stored>
+void project_samples(const FramesView<const Stored>& view, std::size_t frame, Columns columns,
+                     const RowWeights& weights, std::span<const float> light, Projection& result) {
+  const auto group = static_cast<std::size_t>(weights.row_group());
+  clear(weights.outputs(), columns.count, result);
+  DenseRows<Stored, Sample> source(view, frame, columns.count, light);
+  const std::size_t most = (weights.outputs() > 2 ? kernels::kSampleRows : kSampleRows) / group;
+  for (std::size_t g = 0; g < weights.groups(); g += most) {
+    const std::size_t here = std::min(most, weights.groups() - g);
+    for_each_part(columns, source.in_place() ? columns.count : kConvertedColumns, [&](Columns part) {
+      const std::size_t end = part.first + part.count;
+      const bool last = end == columns.first + columns.count;
+      const std::ptrdiff_t to_next = last ? view.at(0, here * group, columns.first) - view.at(0, 0, part.first)
+                                          : static_cast<std::ptrdiff_t>(part.count);
+      const auto rows = source.read(g * group, here * group, part, to_next);
+      kernels::project_samples<Sample>(
+          {rows.samples, rows.stride, here, part.count, source.in_place() ? to_next : 0},
+          {weights.row_group(), weights.weights().data() + g, weights.groups(), weights.outputs()},
+          sums_of(result, part.first - columns.first, columns.count));
+    });
+  }
 }
 
 template <class T>
-void project_samples(const FramesView<const T>& view, std::size_t frame, std::size_t first, std::size_t count,
-                     const RowWeights& weights, Projection& result) {
-  const auto group = static_cast<std::size_t>(weights.row_group());
-  clear(weights.outputs(), count, result);
-  for_each_dense_block(view, frame, first, count, weights.groups() * group, weights.groups() * group,
-                       [&](const T* pixels, std::ptrdiff_t stride, std::size_t row, std::size_t rows) {
-                         kernels::project_samples<T>({pixels, stride, rows / group, count},
-                                                     {weights.row_group(), weights.weights().data() + row / group,
-                                                      weights.groups(), weights.outputs()},
-                                                     sums_of(result));
-                       });
+void check_light(std::span<const float> light) {
+  if constexpr (std::is_integral_v<T>)
+    require(light.empty() || light.size() == std::size_t{std::numeric_limits<T>::max()} + 1, "light", light.size(),
+            "none, or one of each value of a sample");
+  else
+    require(light.empty(), "light", light.size(), "none for floating-point samples");
 }
 
 void check(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-           const RowWeights& weights) {
+           const RowWeights& weights, std::span<const float> light) {
   std::visit(
-      [&](const auto& view) {
+      [&]<class T>(const FramesView<const T>& view) {
         require(view.rows == weights.rows(), "rows", view.rows, "as many as the weights were made for");
         require(frame < view.frames, "frame", frame, "below the number of frames");
         require(count > 0 && first < view.columns && count <= view.columns - first, "count", count,
                 "columns inside the frame");
+        check_light<T>(light);
       },
       frames);
 }
@@ -246,41 +369,49 @@ void check(const AnyFramesView& frames, std::size_t frame, std::size_t first, st
 }  // namespace
 
 void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-             const RowWeights& weights, Projection& result) {
-  check(frames, frame, first, count, weights);
+             const RowWeights& weights, std::span<const float> light, Projection& result) {
+  check(frames, frame, first, count, weights, light);
   std::visit(
       [&]<class T>(const FramesView<const T>& view) {
+        const Columns columns{first, count};
+        if constexpr (std::is_integral_v<T>)
+          if (!light.empty()) return project_samples<float>(view, frame, columns, weights, light, result);
         if constexpr (std::is_same_v<T, std::uint8_t>)
-          project_bytes(view, frame, first, count, weights, result);
+          project_bytes(view, frame, columns, weights, result);
         else
-          project_samples(view, frame, first, count, weights, result);
+          project_samples<T>(view, frame, columns, weights, {}, result);
       },
       frames);
 }
 
 Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                   const RowWeights& weights) {
+                   const RowWeights& weights, std::span<const float> light) {
   Projection result;
-  project(frames, frame, first, count, weights, result);
+  project(frames, frame, first, count, weights, light, result);
   return result;
 }
 
 Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                           const RowWeights& weights) {
-  check(frames, frame, first, count, weights);
+                           const RowWeights& weights, std::span<const float> light) {
+  check(frames, frame, first, count, weights, light);
   const auto group = static_cast<std::size_t>(weights.row_group());
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
-        const bool bytes = std::is_same_v<T, std::uint8_t>;
-        const auto used =
-            bytes ? weights.byte_weights() : std::vector<double>(weights.weights().begin(), weights.weights().end());
+        const bool as_integers = std::is_same_v<T, std::uint8_t> && light.empty();
+        const auto used = as_integers ? weights.byte_weights()
+                                      : std::vector<double>(weights.weights().begin(), weights.weights().end());
+        const auto value = [&](T sample) -> double {
+          if constexpr (std::is_integral_v<T>)
+            if (!light.empty()) return light[sample];
+          return static_cast<double>(sample);
+        };
         Projection result;
         clear(weights.outputs(), count, result);
         for (std::size_t c = 0; c < count; ++c)
           for (std::size_t g = 0; g < weights.groups(); ++g) {
             double sum = 0;
             for (std::size_t r = g * group; r < (g + 1) * group; ++r) {
-              const auto v = static_cast<double>(view(frame, r, first + c));
+              const double v = value(view(frame, r, first + c));
               result.maximum[c] = std::max(result.maximum[c], v);
               sum += v;
             }
@@ -290,6 +421,42 @@ Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::
               result.sums[o * count + c] += used[o * weights.groups() + g] * sum;
           }
         return result;
+      },
+      frames);
+}
+
+namespace {
+
+template <class Sample, class Stored>
+std::vector<double> combine_columns(const FramesView<const Stored>& view, std::size_t frame,
+                                    std::span<const double> weights, std::span<const float> light) {
+  std::vector<double> combined(view.rows);
+  DenseRows<Stored, Sample> source(view, frame, view.columns, light);
+  const BlockSize most = source.is_transposed() ? kTransposed : BlockSize{kSampleRows, kCopied.columns};
+  for (std::size_t row = 0; row < view.rows; row += most.rows) {
+    const std::size_t here = std::min(most.rows, view.rows - row);
+    for_each_part({0, view.columns}, most.columns, [&](Columns part) {
+      const auto rows = source.read(row, here, part);
+      for (std::size_t r = 0; r < here; ++r)
+        combined[row + r] += kernels::weighted_sum(rows.samples + static_cast<std::ptrdiff_t>(r) * rows.stride,
+                                                   weights.data() + part.first, part.count);
+    });
+  }
+  return combined;
+}
+
+}  // namespace
+
+std::vector<double> combine_columns(const AnyFramesView& frames, std::size_t frame, std::span<const double> weights,
+                                    std::span<const float> light) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        require(frame < view.frames, "frame", frame, "below the number of frames");
+        require(weights.size() == view.columns, "weights", weights.size(), "one for each column");
+        check_light<T>(light);
+        if constexpr (std::is_integral_v<T>)
+          if (!light.empty()) return combine_columns<float>(view, frame, weights, light);
+        return combine_columns<T>(view, frame, weights, {});
       },
       frames);
 }

@@ -33,7 +33,23 @@ constexpr bool kWide = HWY_TARGET <= HWY_AVX3;
 // Rows per block: few enough for the second-level cache to hold them and the next ones, enough to amortise the transfer
 // of the sums to the first-level cache; larger where there are more sums than those of one tone.
 constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64 : 48;
-[[maybe_unused]] constexpr std::size_t kRowsPerSampleBlock = 16;  // wider samples
+
+constexpr std::size_t kLine = 64;  // bytes of a cache line
+
+template <std::size_t kLines>
+HWY_INLINE void ask_for(const std::uint8_t* run) {
+  for (std::size_t i = 0; i < kLines; ++i) hwy::Prefetch(run + i * kLine);
+}
+
+// Calls body(i) for every i below kCount, i a constant: arrays that are indexed by nothing else stay in registers,
+// which loops leave to chance (GCC 12: 46 or 60 µs for a frame of bytes in the cache).
+template <std::size_t kCount, class Body>
+HWY_INLINE void for_each_constant(Body body) {
+  [&]<std::size_t... kIndex>(std::index_sequence<kIndex...>) OCISAC_INLINE_LAMBDA {
+    (body(std::integral_constant<std::size_t, kIndex>()), ...);
+  }
+  (std::make_index_sequence<kCount>());
+}
 
 #if HWY_TARGET == HWY_SCALAR
 
@@ -43,7 +59,7 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
   if (to.first) {
     for (double* values : {to.moments.totals, to.moments.squares, to.moments.maximum})
       std::fill_n(values, block.columns, 0.0);
-    for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * block.columns, block.columns, 0.0);
+    for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * to.stride, block.columns, 0.0);
   }
   const auto sum_of_group = [&](const std::uint8_t* pixels, std::size_t c) {
     std::int32_t sum = 0;
@@ -61,7 +77,7 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
       for (std::size_t p = 0; p < weights.parts.size(); ++p) {
         const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + g / 2]);
         const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
-        to.sums[weights.parts[p] * block.columns + c] += weight * (p < weights.even ? near + far : near - far);
+        to.sums[weights.parts[p] * to.stride + c] += weight * (p < weights.even ? near + far : near - far);
       }
       to.moments.totals[c] += near + far;
       to.moments.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
@@ -130,8 +146,6 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 
 #endif
 
-constexpr std::size_t kLine = 64;  // bytes of a cache line
-
 // Rows are prefetched in one of two ways (figures: bench/README.md):
 //
 // * In runs of lines, in memory order, one block ahead. The hardware prefetchers of Zen 3 do not follow strip by strip.
@@ -166,11 +180,6 @@ struct RowsAhead {
   const std::uint8_t *near, *far;
   const std::ptrdiff_t* run;
 };
-
-template <std::size_t kLines>
-HWY_INLINE void ask_for(const std::uint8_t* run) {
-  for (std::size_t i = 0; i < kLines; ++i) hwy::Prefetch(run + i * kLine);
-}
 
 template <int kGroup, bool kNear, bool kFar>
 HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
@@ -400,22 +409,12 @@ struct SliceOutputs {
   Pairs* keep;
 };
 
-// Calls body(v) for every vector of a slice, v a constant: arrays that are indexed by nothing else stay in registers,
-// which loops over v leave to chance (GCC 12: 46 or 60 µs for a frame in the cache).
-template <class Body>
-HWY_INLINE void for_each_vector(Body body) {
-  [&]<std::size_t... kVector>(std::index_sequence<kVector...>) OCISAC_INLINE_LAMBDA {
-    (body(std::integral_constant<std::size_t, kVector>()), ...);
-  }
-  (std::make_index_sequence<kPerSlice>());
-}
-
 // load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
 template <bool kFold, bool kTone, bool kKeep, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
   Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
   Sum16 total[kPerSlice];
-  for_each_vector([&](auto v) OCISAC_INLINE_LAMBDA {
+  for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
     if (kTone) a[v] = hn::Load(d32, to.first + v * hn::Lanes(d32));
     if (kTone) b[v] = hn::Load(d32, to.second + v * hn::Lanes(d32));
     square[v] = hn::Load(d32, to.squares + v * hn::Lanes(d32));
@@ -428,7 +427,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     load(p, top, pairs);
     const Pair16 weight_a = hn::BitCast(d16s, hn::Set(d32, to.first_weights[p]));
     const Pair16 weight_b = hn::BitCast(d16s, hn::Set(d32, to.second_weights[p]));
-    for_each_vector([&](auto v) OCISAC_INLINE_LAMBDA {
+    for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
       total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
       if (kTone) a[v] = multiply_pairs(a[v], sum, weight_a);
@@ -440,7 +439,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     });
   }
   hn::StoreU(top, d8, to.maximum);
-  for_each_vector([&](auto v) OCISAC_INLINE_LAMBDA {
+  for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
     if (kTone) hn::Store(a[v], d32, to.first + v * hn::Lanes(d32));
     if (kTone) hn::Store(b[v], d32, to.second + v * hn::Lanes(d32));
     hn::Store(square[v], d32, to.squares + v * hn::Lanes(d32));
@@ -783,10 +782,10 @@ HWY_INLINE void raise_in_order(const std::uint8_t* HWY_RESTRICT from, double* HW
 // Writes all outputs of a strip for its first `count` columns, which begin at `first`.
 template <bool kWrite>
 void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const ByteWeights& weights, bool folded,
-                        const ProjectionSums& to, std::size_t first, std::size_t count, std::size_t columns) {
+                        const ProjectionSums& to, std::size_t first, std::size_t count) {
   const std::int32_t* from = strip.sums;
   for (const std::size_t part : weights.parts) {
-    add_in_order<kWrite>(from, 1, to.sums + part * columns + first, count);
+    add_in_order<kWrite>(from, 1, to.sums + part * to.stride + first, count);
     from += kPerSum;
   }
   add_in_order<kWrite>(from, folded ? 0.5 : 1, to.moments.squares + first, count);
@@ -804,7 +803,7 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
     const auto first = static_cast<std::size_t>(strips.grid.first(i));
     const std::size_t count = strips.grid.own_columns(i);
     const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
-    add(strips.at(i), strips.totals(i), weights, block.mirrored != nullptr, to, first, count, block.columns);
+    add(strips.at(i), strips.totals(i), weights, block.mirrored != nullptr, to, first, count);
   }
 }
 
@@ -813,6 +812,10 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
 const hn::ScalableTag<double> d64;
 using Sum64 = hn::Vec<decltype(d64)>;
 
+HWY_INLINE Sum64 load_samples(const std::uint8_t* p) {
+  const hn::Rebind<std::int32_t, decltype(d64)> d_int;
+  return hn::PromoteTo(d64, hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint8_t, decltype(d64)>(), p)));
+}
 HWY_INLINE Sum64 load_samples(const double* p) { return hn::LoadU(d64, p); }
 HWY_INLINE Sum64 load_samples(const float* p) {
   return hn::PromoteTo(d64, hn::LoadU(hn::Rebind<float, decltype(d64)>(), p));
@@ -823,88 +826,168 @@ HWY_INLINE Sum64 load_samples(const std::uint16_t* p) {
   return hn::PromoteTo(d64, hn::PromoteTo(d_int, hn::LoadU(d_short, p)));
 }
 
-// Adds kGroups groups of rows of one strip to up to three outputs.
-template <int kOutputs, class T>
-HWY_INLINE void add_sample_outputs(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, int row_group,
-                                   std::size_t groups, const double* HWY_RESTRICT weights, std::size_t weights_stride,
-                                   double* HWY_RESTRICT sums, std::size_t per_output, const Moments* moments) {
-  Sum64 out[std::max(kOutputs, 1)];
-  for (int o = 0; o < kOutputs; ++o) out[o] = hn::LoadU(d64, sums + static_cast<std::size_t>(o) * per_output);
-  Sum64 total = hn::Zero(d64), square = total, top = total;
-  if (moments) {
-    total = hn::LoadU(d64, moments->totals);
-    square = hn::LoadU(d64, moments->squares);
-    top = hn::LoadU(d64, moments->maximum);
-  }
-  for (std::size_t g = 0; g < groups; ++g) {
-    Sum64 v = load_samples(pixels);
-    if (moments) top = hn::Max(top, v);
-    pixels += stride;
-    for (int i = 1; i < row_group; ++i, pixels += stride) {
-      const Sum64 next = load_samples(pixels);
-      if (moments) top = hn::Max(top, next);
-      v = hn::Add(v, next);
-    }
-    for (int o = 0; o < kOutputs; ++o)
-      out[o] = hn::MulAdd(v, hn::Set(d64, weights[static_cast<std::size_t>(o) * weights_stride + g]), out[o]);
-    if (moments) total = hn::Add(total, v);
-    if (moments) square = hn::MulAdd(v, v, square);
-  }
-  for (int o = 0; o < kOutputs; ++o) hn::StoreU(out[o], d64, sums + static_cast<std::size_t>(o) * per_output);
-  if (!moments) return;
-  hn::StoreU(total, d64, moments->totals);
-  hn::StoreU(square, d64, moments->squares);
-  hn::StoreU(top, d64, moments->maximum);
+// A strip of columns of other samples: sums of four vectors and all of a tone stay in registers.
+constexpr std::size_t kSampleVectors = kWide ? 4 : 2, kOutputsAtOnce = 6;
+
+// Offsets from the rows of a strip to those of strips ahead, whose lines they ask for; none in the cache.
+constexpr std::array<std::size_t, 2> kSampleStripsAhead{5, 3};
+template <bool kAsk>
+using SamplesAhead = std::array<std::ptrdiff_t, kAsk ? kSampleStripsAhead.size() : 0>;
+
+template <std::size_t kVectors, class T, std::size_t kCount>
+HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t, kCount>& ahead) {
+  constexpr std::size_t kBytes = kVectors * hn::MaxLanes(d64) * sizeof(T);
+  for (const std::ptrdiff_t offset : ahead)
+    ask_for<(kBytes + kLine - 1) / kLine>(reinterpret_cast<const std::uint8_t*>(pixels + offset));
 }
 
-template <class T>
-void add_sample_strip(const T* pixels, std::ptrdiff_t stride, int row_group, std::size_t groups, const double* weights,
-                      std::size_t weights_stride, std::size_t outputs, double* sums, std::size_t per_output,
-                      const Moments& moments) {
-  for (std::size_t o = 0; o == 0 || o < outputs; o += 3) {
-    const auto run = [&]<int kOutputs>() {
-      add_sample_outputs<kOutputs>(pixels, stride, row_group, groups, weights + o * weights_stride, weights_stride,
-                                   sums + o * per_output, per_output, o == 0 ? &moments : nullptr);
-    };
-    if (outputs - o >= 3) run.template operator()<3>();
-    if (outputs - o == 2) run.template operator()<2>();
-    if (outputs - o == 1) run.template operator()<1>();
-    if (outputs == 0) run.template operator()<0>();
+// Accumulators of one strip, the sums `stride` apart.
+using StripSums = ProjectionSums;
+
+// Groups of rows of one strip: moments and the first kOutputs outputs. With kKeep the sums of groups are kept for
+// others.
+template <std::size_t kOutputs, std::size_t kVectors, bool kKeep, class T, class Ahead>
+HWY_INLINE void add_first_outputs(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
+                                  const StripSums& to, double* HWY_RESTRICT kept) {
+  const std::size_t lanes = hn::Lanes(d64);
+  Sum64 out[std::max<std::size_t>(kOutputs, 1)][kVectors], total[kVectors], square[kVectors], top[kVectors];
+  for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+    for_each_constant<kOutputs>(
+        [&](auto o) OCISAC_INLINE_LAMBDA { out[o][v] = hn::LoadU(d64, to.sums + o * to.stride + v * lanes); });
+    total[v] = hn::LoadU(d64, to.moments.totals + v * lanes);
+    square[v] = hn::LoadU(d64, to.moments.squares + v * lanes);
+    top[v] = hn::LoadU(d64, to.moments.maximum + v * lanes);
+  });
+  const T* HWY_RESTRICT pixels = strip.pixels;
+  for (std::size_t g = 0; g < strip.groups; ++g) {
+    Sum64 sum[kVectors];
+    for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+      sum[v] = load_samples(pixels + v * lanes);
+      top[v] = hn::Max(top[v], sum[v]);
+    });
+    ask_for_samples<kVectors>(pixels, ahead);
+    pixels += strip.row_stride;
+    for (int i = 1; i < weights.row_group; ++i, pixels += strip.row_stride) {
+      ask_for_samples<kVectors>(pixels, ahead);
+      for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+        const Sum64 next = load_samples(pixels + v * lanes);
+        top[v] = hn::Max(top[v], next);
+        sum[v] = hn::Add(sum[v], next);
+      });
+    }
+    for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+      for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA {
+        out[o][v] = hn::MulAdd(sum[v], hn::Set(d64, weights.values[o * weights.stride + g]), out[o][v]);
+      });
+      total[v] = hn::Add(total[v], sum[v]);
+      square[v] = hn::MulAdd(sum[v], sum[v], square[v]);
+      if (kKeep) hn::StoreU(sum[v], d64, kept + (g * kVectors + v) * lanes);
+    });
   }
+  for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+    for_each_constant<kOutputs>(
+        [&](auto o) OCISAC_INLINE_LAMBDA { hn::StoreU(out[o][v], d64, to.sums + o * to.stride + v * lanes); });
+    hn::StoreU(total[v], d64, to.moments.totals + v * lanes);
+    hn::StoreU(square[v], d64, to.moments.squares + v * lanes);
+    hn::StoreU(top[v], d64, to.moments.maximum + v * lanes);
+  });
+}
+
+// kOutputs further outputs, from the kept sums of groups.
+template <std::size_t kOutputs, std::size_t kVectors>
+HWY_INLINE void add_kept_outputs(const double* HWY_RESTRICT kept, std::size_t groups,
+                                 const double* HWY_RESTRICT weights, std::size_t weights_stride,
+                                 double* HWY_RESTRICT sums, std::size_t stride) {
+  const std::size_t lanes = hn::Lanes(d64);
+  Sum64 out[kOutputs][kVectors];
+  for_each_constant<kOutputs * kVectors>([&](auto i) OCISAC_INLINE_LAMBDA {
+    out[i / kVectors][i % kVectors] = hn::LoadU(d64, sums + i / kVectors * stride + i % kVectors * lanes);
+  });
+  for (std::size_t g = 0; g < groups; ++g) {
+    Sum64 sum[kVectors];
+    for_each_constant<kVectors>(
+        [&](auto v) OCISAC_INLINE_LAMBDA { sum[v] = hn::LoadU(d64, kept + (g * kVectors + v) * lanes); });
+    for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA {
+      const Sum64 weight = hn::Set(d64, weights[o * weights_stride + g]);
+      for_each_constant<kVectors>([&](auto v)
+                                      OCISAC_INLINE_LAMBDA { out[o][v] = hn::MulAdd(sum[v], weight, out[o][v]); });
+    });
+  }
+  for_each_constant<kOutputs * kVectors>([&](auto i) OCISAC_INLINE_LAMBDA {
+    hn::StoreU(out[i / kVectors][i % kVectors], d64, sums + i / kVectors * stride + i % kVectors * lanes);
+  });
+}
+
+// All outputs of one strip.
+template <std::size_t kVectors, class T, class Ahead>
+void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
+                      const StripSums& to) {
+  if (weights.outputs == 0) return add_first_outputs<0, kVectors, false>(strip, ahead, weights, to, nullptr);
+  if (weights.outputs == 1) return add_first_outputs<1, kVectors, false>(strip, ahead, weights, to, nullptr);
+  if (weights.outputs == 2) return add_first_outputs<2, kVectors, false>(strip, ahead, weights, to, nullptr);
+  alignas(64) double kept[kSampleRows * kVectors * hn::MaxLanes(d64)];
+  add_first_outputs<2, kVectors, true>(strip, ahead, weights, to, kept);
+  std::size_t o = 2;
+  const auto add = [&]<std::size_t kOutputs>() {
+    for (; o + kOutputs <= weights.outputs; o += kOutputs)
+      add_kept_outputs<kOutputs, kVectors>(kept, strip.groups, weights.values + o * weights.stride, weights.stride,
+                                           to.sums + o * to.stride, to.stride);
+  };
+  add.template operator()<kOutputsAtOnce>();
+  add.template operator()<2>();
+  add.template operator()<1>();
+}
+
+// The last columns, fewer than a vector, in padded copies.
+template <class T>
+void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  constexpr std::size_t kLanes = hn::MaxLanes(d64);
+  const std::size_t rows = block.groups * static_cast<std::size_t>(weights.row_group);
+  std::array<T, kSampleRows * kLanes> samples{};
+  for (std::size_t r = 0; r < rows; ++r)
+    std::copy_n(block.pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns,
+                samples.data() + r * kLanes);
+  std::vector<double> sums((weights.outputs + 3) * kLanes);
+  double* moments = sums.data() + weights.outputs * kLanes;
+  const auto row_of = [&](std::size_t o) {
+    if (o < weights.outputs) return to.sums + o * to.stride;
+    return std::array{to.moments.totals, to.moments.squares, to.moments.maximum}[o - weights.outputs];
+  };
+  for (std::size_t o = 0; o < weights.outputs + 3; ++o) std::copy_n(row_of(o), block.columns, sums.data() + o * kLanes);
+  add_sample_strip<1>(SampleBlock<T>{samples.data(), kLanes, block.groups, block.columns, 0}, SamplesAhead<false>(),
+                      weights, {sums.data(), kLanes, {moments, moments + kLanes, moments + 2 * kLanes}});
+  for (std::size_t o = 0; o < weights.outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
+}
+
+template <bool kAsk, class T>
+void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  const auto from = [&](std::size_t c) {
+    return SampleBlock<T>{block.pixels + c, block.row_stride, block.groups, block.columns - c, 0};
+  };
+  const auto sums = [&](std::size_t c) {
+    return ProjectionSums{
+        to.sums + c, to.stride, {to.moments.totals + c, to.moments.squares + c, to.moments.maximum + c}};
+  };
+  const std::size_t strip = kSampleVectors * hn::Lanes(d64), lanes = hn::Lanes(d64);
+  std::size_t c = 0;
+  for (; c + strip <= block.columns; c += strip) {
+    SamplesAhead<kAsk> ahead;
+    for (std::size_t n = 0; n < ahead.size(); ++n) {
+      const std::size_t offset = kSampleStripsAhead[n] * strip;
+      const bool past = c + offset >= block.columns;
+      ahead[n] =
+          static_cast<std::ptrdiff_t>(offset) + (past ? block.to_next - static_cast<std::ptrdiff_t>(block.columns) : 0);
+    }
+    add_sample_strip<kSampleVectors>(from(c), ahead, weights, sums(c));
+  }
+  for (; c + lanes <= block.columns; c += lanes) add_sample_strip<1>(from(c), SamplesAhead<false>(), weights, sums(c));
+  if (c < block.columns) add_last_columns(from(c), weights, sums(c));
 }
 
 template <class T>
 void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  const std::size_t outputs = weights.outputs;
-  const std::size_t strip = hn::Lanes(d64);
-  const auto row_group = static_cast<std::size_t>(weights.row_group);
-  const std::size_t groups_per_block = std::max<std::size_t>(kRowsPerSampleBlock / row_group, 1);
-  const std::size_t whole = block.columns / strip * strip;
-  const std::size_t rest = block.columns - whole;
-  std::vector<T> padded(rest ? kRowsPerSampleBlock * strip : 0);
-  std::vector<double> padded_sums((outputs + 3) * strip);
-  double* moments = padded_sums.data() + outputs * strip;
-  for (std::size_t g = 0; g < block.groups; g += groups_per_block) {
-    const std::size_t groups = std::min(groups_per_block, block.groups - g);
-    const T* pixels = block.pixels + static_cast<std::ptrdiff_t>(g * row_group) * block.row_stride;
-    for (std::size_t c = 0; c < whole; c += strip)
-      add_sample_strip(pixels + c, block.row_stride, weights.row_group, groups, weights.values + g, weights.stride,
-                       outputs, to.sums + c, block.columns,
-                       {to.moments.totals + c, to.moments.squares + c, to.moments.maximum + c});
-    if (rest == 0) continue;
-    for (std::size_t r = 0; r < groups * row_group; ++r)
-      std::copy_n(pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride + whole, rest, padded.data() + r * strip);
-    std::fill(padded_sums.begin(), padded_sums.end(), 0.0);
-    const auto row_of = [&](std::size_t o) {
-      if (o < outputs) return to.sums + o * block.columns + whole;
-      return std::array{to.moments.totals, to.moments.squares, to.moments.maximum}[o - outputs] + whole;
-    };
-    for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(row_of(o), rest, padded_sums.data() + o * strip);
-    add_sample_strip(padded.data(), static_cast<std::ptrdiff_t>(strip), weights.row_group, groups, weights.values + g,
-                     weights.stride, outputs, padded_sums.data(), strip,
-                     {moments, moments + strip, moments + 2 * strip});
-    for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(padded_sums.data() + o * strip, rest, row_of(o));
-  }
+  const auto project = block.to_next == 0 ? project_strips<false, T> : project_strips<true, T>;
+  project(block, weights, to);
 }
 
 void ProjectShorts(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
@@ -915,6 +998,35 @@ void ProjectFloats(const SampleBlock<float>& block, const SampleWeights& weights
 }
 void ProjectDoubles(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
   ProjectSamples(block, weights, to);
+}
+
+template <class T>
+double weighted_sum_of(const T* HWY_RESTRICT row, const double* HWY_RESTRICT weights, std::size_t count) {
+  constexpr std::size_t kSums = 4;
+  const std::size_t lanes = hn::Lanes(d64);
+  Sum64 sums[kSums];
+  for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA { sums[i] = hn::Zero(d64); });
+  std::size_t c = 0;
+  for (; c + kSums * lanes <= count; c += kSums * lanes)
+    for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA {
+      sums[i] = hn::MulAdd(load_samples(row + c + i * lanes), hn::LoadU(d64, weights + c + i * lanes), sums[i]);
+    });
+  double sum = hn::GetLane(hn::SumOfLanes(d64, hn::Add(hn::Add(sums[0], sums[1]), hn::Add(sums[2], sums[3]))));
+  for (; c < count; ++c) sum += weights[c] * static_cast<double>(row[c]);
+  return sum;
+}
+
+double WeightedBytes(const std::uint8_t* row, const double* weights, std::size_t count) {
+  return weighted_sum_of(row, weights, count);
+}
+double WeightedShorts(const std::uint16_t* row, const double* weights, std::size_t count) {
+  return weighted_sum_of(row, weights, count);
+}
+double WeightedFloats(const float* row, const double* weights, std::size_t count) {
+  return weighted_sum_of(row, weights, count);
+}
+double WeightedDoubles(const double* row, const double* weights, std::size_t count) {
+  return weighted_sum_of(row, weights, count);
 }
 
 std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
@@ -952,6 +1064,10 @@ HWY_EXPORT(ProjectBytes);
 HWY_EXPORT(ProjectShorts);
 HWY_EXPORT(ProjectFloats);
 HWY_EXPORT(ProjectDoubles);
+HWY_EXPORT(WeightedBytes);
+HWY_EXPORT(WeightedShorts);
+HWY_EXPORT(WeightedFloats);
+HWY_EXPORT(WeightedDoubles);
 HWY_EXPORT(ReadBytes);
 HWY_EXPORT(TargetName);
 HWY_EXPORT(HasWideVectors);
@@ -971,6 +1087,23 @@ void project_samples(const SampleBlock<float>& block, const SampleWeights& weigh
 template <>
 void project_samples(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectDoubles)(block, weights, to);
+}
+
+template <>
+double weighted_sum(const std::uint8_t* row, const double* weights, std::size_t count) {
+  return HWY_DYNAMIC_DISPATCH(WeightedBytes)(row, weights, count);
+}
+template <>
+double weighted_sum(const std::uint16_t* row, const double* weights, std::size_t count) {
+  return HWY_DYNAMIC_DISPATCH(WeightedShorts)(row, weights, count);
+}
+template <>
+double weighted_sum(const float* row, const double* weights, std::size_t count) {
+  return HWY_DYNAMIC_DISPATCH(WeightedFloats)(row, weights, count);
+}
+template <>
+double weighted_sum(const double* row, const double* weights, std::size_t count) {
+  return HWY_DYNAMIC_DISPATCH(WeightedDoubles)(row, weights, count);
 }
 
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size) {

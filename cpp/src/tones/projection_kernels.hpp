@@ -36,10 +36,11 @@ struct Moments {
   double *totals, *squares, *maximum;
 };
 
-// Accumulators of the blocks (the maximum: running maximum): sums (parts or outputs × columns), moments (columns,). The
-// first block of bytes of a pass overwrites them.
+// Accumulators of the blocks (the maximum: running maximum): sums (parts or outputs × columns, `stride` apart), moments
+// (columns,). The first block of bytes of a pass overwrites them.
 struct ProjectionSums {
   double* sums;
+  std::size_t stride;
   Moments moments;
   bool first = false;
 };
@@ -50,9 +51,12 @@ template <class T>
 struct SampleBlock {
   const T* pixels;
   std::ptrdiff_t row_stride;
-  std::size_t groups;
+  std::size_t groups;  // at most kSampleRows rows
   std::size_t columns;
+  std::ptrdiff_t to_next;  // from the block to the one that will be read next; 0: samples are in the cache
 };
+
+inline constexpr std::size_t kSampleRows = 64;
 
 // Weights of output o begin at values + o·stride.
 struct SampleWeights {
@@ -65,6 +69,10 @@ struct SampleWeights {
 // The same in float64 for other samples.
 template <class T>
 void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to);
+
+// Σ weight·sample of a row.
+template <class T>
+double weighted_sum(const T* row, const double* weights, std::size_t count);
 
 // Sums a block of bytes: reference for the time of reading a frame.
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);

@@ -183,8 +183,8 @@ std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const s
 }
 
 void StreamingFit::add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                          Projection& to) const {
-  project(frames, frame, first, count, weights_, to);
+                          std::span<const float> light, Projection& to) const {
+  project(frames, frame, first, count, weights_, light, to);
 }
 
 void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count,

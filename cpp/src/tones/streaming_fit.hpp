@@ -30,9 +30,9 @@ class StreamingFit {
   // others.
   [[nodiscard]] bool well_posed() const { return well_posed_; }
 
-  // The pass over the pixels of columns [first, first + count).
+  // The pass over the pixels of columns [first, first + count), or over the light of their values.
   void add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-              Projection& to) const;
+              std::span<const float> light, Projection& to) const;
 
   struct Columns {
     std::vector<double> parameters;      // (1 + 2·tones, count): c, a_1, b_1, …, in DN as stored
@@ -52,6 +52,9 @@ class StreamingFit {
   [[nodiscard]] double covariance(std::size_t i, std::size_t j) const { return covariance_[i * estimates_ + j]; }
   // Squares of sums over this: variance of a row.
   [[nodiscard]] double freedom() const { return freedom_; }
+  [[nodiscard]] std::size_t rows_added() const {  // the first ones
+    return weights_.groups() * static_cast<std::size_t>(weights_.row_group());
+  }
   [[nodiscard]] double middle() const { return middle_; }  // row, fractional
   [[nodiscard]] Flags flags(std::size_t tone) const { return flags_[tone]; }
 

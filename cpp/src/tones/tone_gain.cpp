@@ -159,13 +159,6 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
   }
 }
 
-template <class T>
-bool is_saturated(const FramesView<const T>& view, std::size_t frame, std::size_t column, double level) {
-  for (std::size_t row = 0; row < view.rows; ++row)
-    if (static_cast<double>(view(frame, row, column)) >= level) return true;
-  return false;
-}
-
 // Estimates of one method for a block of signals (count × rows), for each tone.
 class Estimator {
  public:
@@ -317,7 +310,7 @@ void check_options(const ToneGainOptions& options, const Shape& shape) {
 Context make_context(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                      const ToneGainOptions& options) {
   check(camera);
-  check(frames);
+  check_shape(frames);
   const bool integers = holds_integers(frames);
   Context context{{},
                   full_depth_ratio(options.waveform, options.duty),
@@ -366,16 +359,22 @@ std::vector<double> model_cycles(const Context& context) {
   return cycles;
 }
 
-// Plan of a pass over the stored pixels if it is as accurate as the float64 fit of linear light; else null. At full
-// efficiency floats use the latter, whose residual is exact too.
+// True for samples that are multiplied as integers.
+bool holds_linear_bytes(const AnyFramesView& frames, const ToneCurve& curve) {
+  return holds_bytes(frames) && curve.kind == ToneCurve::Kind::linear;
+}
+
+// Plan of a pass over the stored pixels if it loses nothing of them against the float64 fit of linear light; else null.
+// A residual that is a difference of squares resolves noise of 10⁻⁷ of the light: rounding to float32 makes nearly as
+// much. At full efficiency float64 uses the fit, whose residual is exact too.
 std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
   const auto& options = *context.options;
-  const bool integers = !std::holds_alternative<FramesView<const float>>(frames) &&
-                        !std::holds_alternative<FramesView<const double>>(frames);
-  if (options.method != GainMethod::fit || context.camera->tone_curve.kind != ToneCurve::Kind::linear ||
-      (options.efficiency == 1 && !integers))
-    return nullptr;
-  auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), options.efficiency, holds_bytes(frames));
+  const ToneCurve& curve = context.camera->tone_curve;
+  const bool linear = curve.kind == ToneCurve::Kind::linear;
+  const bool exact = std::holds_alternative<FramesView<const double>>(frames) && options.efficiency == 1;
+  if (options.method != GainMethod::fit || exact || (!linear && !holds_integers(frames))) return nullptr;
+  auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), options.efficiency,
+                                holds_linear_bytes(frames, curve));
   if (!fit->well_posed()) return nullptr;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
@@ -441,24 +440,57 @@ std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, st
   return pieces;
 }
 
+// What a pass over stored samples reads as light.
+struct StoredLight {
+  std::shared_ptr<const LightTable> table;  // null: samples are light, above `dark`
+  double dark = 0;
+  double saturated = 0;  // level, of what is read
+
+  [[nodiscard]] std::span<const float> light() const {
+    return table ? std::span<const float>(table->rounded) : std::span<const float>();
+  }
+};
+
+StoredLight stored_light(const AnyFramesView& frames, const ToneCurve& curve) {
+  const double level = saturation_level(frames, curve);
+  if (curve.kind == ToneCurve::Kind::linear) return {nullptr, curve.dark_level, level};
+  const double light = std::visit(
+      [&]<class T>(const FramesView<const T>&) { return linear_light(curve, level, sample_maximum<T>()); }, frames);
+  auto table = light_table(frames, curve);
+  return {table, 0, table ? static_cast<double>(static_cast<float>(light)) : light};
+}
+
+// Refuses samples that are not finite by their sums, and those of rows that are not added.
+void check_summed(const AnyFramesView& frames, const StreamingFit& fit, const Piece& piece, const Projection& sums) {
+  if (holds_integers(frames)) return;
+  const auto [frame, first, count] = piece;
+  const auto part = [&, of = frame_of(frames, frame)](std::size_t row) {
+    return part_of(of, {.x = first, .y = row, .width = count, .height = shape_of(of).rows - row});
+  };
+  check_samples(part(fit.rows_added()));
+  if (!std::ranges::all_of(sums.totals, [](double total) { return std::isfinite(total); })) check_samples(part(0));
+}
+
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
                   const ToneGainView& result) {
-  const double level = saturation_level(frames, context.camera->tone_curve);
-  const bool bytes = holds_bytes(frames);
+  const StoredLight stored = stored_light(frames, context.camera->tone_curve);
+  const bool bytes = holds_linear_bytes(frames, context.camera->tone_curve);
   const auto pieces = pieces_of(frames, context.shape, static_cast<std::size_t>(context.options->threads));
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];
     thread_local StreamMemory memory;
     auto& [sums, columns, of_pixels] = memory;
-    fit.add_up(frames, frame, first, count, sums);
+    fit.add_up(frames, frame, first, count, stored.light(), sums);
+    check_summed(frames, fit, {frame, first, count}, sums);
     for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
       const std::size_t here = std::min(kColumnsAtOnce, count - done);
       fit.estimate(sums, bytes, done, here, columns);
       const auto mean = std::span(columns.parameters).first(here);
-      take_off(context.camera->tone_curve.dark_level, mean);
+      take_off(stored.dark, mean);
       take_off_background(context, frame, first + done, mean);
       of_pixels.resize(here);
-      for (std::size_t i = 0; i < here; ++i) of_pixels[i] = sums.maximum[done + i] >= level ? flag::saturated : 0;
+      for (std::size_t i = 0; i < here; ++i)
+        of_pixels[i] = sums.maximum[done + i] >= stored.saturated ? flag::saturated : 0;
       for (std::size_t k = 0; k < context.tones.size(); ++k)
         write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), of_pixels,
                      index_of(context, k, frame) + first + done, result);
@@ -477,54 +509,50 @@ struct PooledColumn {
   bool saturated = false;
 };
 
-// Calls visit(column, signal) for every column of a frame.
-template <class Visit>
-void for_each_column(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, Visit visit) {
-  const auto [frame_count, rows, columns] = shape_of(frames);
-  for (std::size_t first = 0; first < columns; first += kColumnsPerBlock) {
-    const std::size_t count = std::min(kColumnsPerBlock, columns - first);
-    const auto signals = column_signals(frames, frame, first, count, curve);
-    for (std::size_t i = 0; i < count; ++i) visit(first + i, std::span(signals).subspan(i * rows, rows));
-  }
+// With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio. `light`: of the
+// columns, above dark. Saturated columns get none if others remain.
+void weigh_columns(const Context& context, std::size_t frame, const Projection& light, const StoredLight& stored,
+                   std::vector<double>& weights, bool& saturated) {
+  const auto rows = static_cast<double>(context.shape.rows);
+  weights.resize(context.shape.columns);
+  for (std::size_t column = 0; column < weights.size(); ++column)
+    weights[column] = std::max(light.totals[column] / rows - stored.dark - background_of(context, frame, column), 0.0);
+  const auto is_zero = [](double w) { return w == 0; };
+  if (std::ranges::all_of(weights, is_zero)) std::ranges::fill(weights, 1.0);
+  std::vector<double> unsaturated = weights;
+  for (std::size_t column = 0; column < weights.size(); ++column)
+    if (light.maximum[column] >= stored.saturated) unsaturated[column] = 0;
+  saturated = std::ranges::all_of(unsaturated, is_zero);
+  if (!saturated) weights = std::move(unsaturated);
 }
 
-// With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio.
-std::vector<double> brightness_weights(const AnyFramesView& frames, const Context& context, std::size_t frame) {
-  std::vector<double> weights(context.shape.columns);
-  for_each_column(frames, frame, context.camera->tone_curve, [&](std::size_t column, std::span<const double> signal) {
-    double sum = 0;
-    for (const double v : signal) sum += v;
-    const double mean = sum / static_cast<double>(signal.size());
-    weights[column] = std::max(mean - background_of(context, frame, column), 0.0);
-  });
-  if (std::ranges::all_of(weights, [](double w) { return w == 0; })) std::ranges::fill(weights, 1.0);
-  return weights;
+// `frames` holds `frame` of the context as its frame number `at`.
+PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Context& context, std::size_t frame,
+                          const StoredLight& stored) {
+  const std::size_t rows = context.shape.rows;
+  const RowWeights none({}, 0, rows, 1, 1);
+  const Projection light = project(frames, at, 0, context.shape.columns, none, stored.light());
+  PooledColumn pooled;
+  std::vector<double> weights;
+  weigh_columns(context, frame, light, stored, weights, pooled.saturated);
+  double total = 0;
+  for (const double w : weights) total += w;
+  for (double& w : weights) w /= total;
+  pooled.signal = combine_columns(frames, at, weights, stored.light());
+  for (double& v : pooled.signal) v -= stored.dark;
+  for (std::size_t column = 0; column < weights.size(); ++column)
+    pooled.background += weights[column] * background_of(context, frame, column);
+  return pooled;
 }
 
 PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, std::size_t frame) {
-  auto weights = brightness_weights(frames, context, frame);
-  const double level = saturation_level(frames, context.camera->tone_curve);
-  PooledColumn pooled;
-  std::vector<double> unsaturated = weights;
-  for (std::size_t column = 0; column < weights.size(); ++column)
-    std::visit(
-        [&](const auto& view) {
-          if (is_saturated(view, frame, column, level)) unsaturated[column] = 0;
-        },
-        frames);
-  pooled.saturated = std::ranges::all_of(unsaturated, [](double w) { return w == 0; });
-  if (!pooled.saturated) weights = std::move(unsaturated);
-
-  double total = 0;
-  for (const double w : weights) total += w;
-  pooled.signal.assign(context.shape.rows, 0.0);
-  for_each_column(frames, frame, context.camera->tone_curve, [&](std::size_t column, std::span<const double> signal) {
-    const double share = weights[column] / total;
-    if (share == 0) return;
-    for (std::size_t row = 0; row < signal.size(); ++row) pooled.signal[row] += share * signal[row];
-    pooled.background += share * background_of(context, frame, column);
-  });
-  return pooled;
+  const ToneCurve& curve = context.camera->tone_curve;
+  StoredLight stored = stored_light(frames, curve);
+  if (curve.kind == ToneCurve::Kind::linear || stored.table) return pool_columns(frames, frame, context, frame, stored);
+  const auto [frame_count, rows, columns] = context.shape;
+  const auto signals = column_signals(frames, frame, 0, columns, curve);
+  const FramesView<const double> light{signals.data(), 1, rows, columns, 0, 1, static_cast<std::ptrdiff_t>(rows)};
+  return pool_columns(light, 0, context, frame, stored);
 }
 
 // Samples of the columns from `first` on that reach the level, row by row.
@@ -583,6 +611,7 @@ void dft_gains(const AnyFramesView& frames, const Context& context, std::span<co
 void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
+  check_samples(frames);
   if (context.options->method == GainMethod::dft) return dft_gains(frames, context, bins_of(context), result);
   const auto estimator = make_estimator(context);
   const double level = saturation_level(frames, context.camera->tone_curve);
@@ -592,11 +621,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto estimates = estimator->estimate(column_signals(frames, frame, first, count, context.camera->tone_curve));
-    std::vector<Flags> of_pixels(count);
-    for (std::size_t i = 0; i < count; ++i)
-      of_pixels[i] = std::visit([&](const auto& view) { return is_saturated(view, frame, first + i, level); }, frames)
-                         ? flag::saturated
-                         : 0;
+    const auto of_pixels = saturated_flags(frames, frame, first, count, level);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
       write_result(context, context.tones[k], estimates[k].view(), of_pixels, index_of(context, k, frame) + first,
@@ -740,7 +765,8 @@ void fit_with_others(const AnyFramesView& frames, const Context& context, std::s
 }
 
 void check_frame(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
-  const auto around = surroundings_of(context, holds_bytes(frames), strongest_columns(frames, context, frame, result));
+  const auto around = surroundings_of(context, holds_linear_bytes(frames, context.camera->tone_curve),
+                                      strongest_columns(frames, context, frame, result));
   if (!around.tones.empty()) fit_with_others(frames, context, frame, around.tones, result);
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
@@ -832,6 +858,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
                       const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
   context.whole_numbers = false;  // a mean of columns has fractions
+  check_samples(frames);
   const auto estimator = make_estimator(context);
   check_room(result, frequencies.size() * context.shape.frames);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {

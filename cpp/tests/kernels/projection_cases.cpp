@@ -1,4 +1,6 @@
 #include <cstdint>
+#include <limits>
+#include <type_traits>
 
 #include "kernel_cases.hpp"
 #include "ocisac/tones/projection.hpp"
@@ -12,7 +14,19 @@ struct FrameCase {
   int row_group, limbs;
   std::size_t column_step = 1;
   bool upside_down = false, symmetric = false;
+  bool across = false;  // rows are contiguous instead of columns
+  bool curved = false;  // read by a table of light
 };
+
+// Of integer samples: not monotonic, as no curve is.
+template <class T>
+std::vector<float> light_of(const FrameCase& of) {
+  std::vector<float> light;
+  if constexpr (std::is_integral_v<T>)
+    for (std::size_t v = 0; of.curved && v <= std::numeric_limits<T>::max(); ++v)
+      light.push_back(static_cast<float>(v % 89) / 7 + static_cast<float>(v));
+  return light;
+}
 
 // Alternately symmetric and antisymmetric about the middle.
 std::vector<double> weights_for(const FrameCase& of) {
@@ -30,8 +44,10 @@ template <class T>
 struct Frame {
   std::size_t width;
   Misaligned<T> memory;
+  std::vector<T> turned{};
   ocisac::FramesView<const T> view;
   ocisac::RowWeights weights;
+  std::vector<float> light;
 
   explicit Frame(const FrameCase& of)
       : width(of.columns % 2 == 0 ? (of.columns * of.column_step + 69) / 64 * 64 : of.columns * of.column_step + 6),
@@ -43,7 +59,18 @@ struct Frame {
              0,
              static_cast<std::ptrdiff_t>(width),
              static_cast<std::ptrdiff_t>(of.column_step)},
-        weights(weights_for(of), of.outputs, of.rows, of.row_group, of.limbs) {
+        weights(weights_for(of), of.outputs, of.rows, of.row_group, of.limbs),
+        light(light_of<T>(of)) {
+    if (of.across) {
+      for (std::size_t c = 0; c < of.columns; ++c)
+        for (std::size_t r = 0; r < of.rows; ++r) turned.push_back(view(0, r, c));
+      view = {turned.data(), 1, of.rows, of.columns, 0, 1, static_cast<std::ptrdiff_t>(of.rows)};
+      if (of.upside_down) {
+        view.data += of.rows - 1;
+        view.row_stride = -1;
+      }
+      return;
+    }
     for (std::size_t r = 0; r < of.rows; ++r)  // between the columns of a frame are others
       for (std::size_t c = 0; c < of.columns * of.column_step; ++c)
         if (c % of.column_step != 0) memory.data()[r * width + c] = filler<T>();
@@ -57,8 +84,8 @@ struct Frame {
 // Totals relative to 1 + |total|, squares value by value; a part of the columns must give identical bits.
 template <class T>
 double projection_deviation(const Frame<T>& frame, const FrameCase& of) {
-  const auto got = ocisac::project(frame.view, 0, 0, of.columns, frame.weights);
-  const auto want = ocisac::project_plainly(frame.view, 0, 0, of.columns, frame.weights);
+  const auto got = ocisac::project(frame.view, 0, 0, of.columns, frame.weights, frame.light);
+  const auto want = ocisac::project_plainly(frame.view, 0, 0, of.columns, frame.weights, frame.light);
   const std::size_t groups = of.rows / static_cast<std::size_t>(of.row_group);
   const bool folded = !frame.weights.folded_pairs().empty();
   if (got.maximum != want.maximum || (groups > 4 && folded != (of.symmetric && groups % 2 == 0))) return kInfinite;
@@ -68,7 +95,7 @@ double projection_deviation(const Frame<T>& frame, const FrameCase& of) {
     worst = std::max(worst, std::abs(got.totals[c] - want.totals[c]) / (1 + std::abs(want.totals[c])));
   }
   if (of.columns < 4) return worst;
-  const auto part = ocisac::project(frame.view, 0, 3, of.columns - 3, frame.weights);
+  const auto part = ocisac::project(frame.view, 0, 3, of.columns - 3, frame.weights, frame.light);
   for (std::size_t o = 0; o < of.outputs; ++o)
     for (std::size_t c = 3; c < of.columns; ++c)
       if (part.sums[o * (of.columns - 3) + c - 3] != got.sums[o * of.columns + c]) return kInfinite;
@@ -80,14 +107,58 @@ KernelCase projection_case(const char* type, const FrameCase& of, bool timed = f
   auto name = std::string("project<") + type + "> " + std::to_string(of.rows) + " × " + std::to_string(of.columns) +
               ", step " + std::to_string(of.column_step) + ", " + std::to_string(of.outputs) + " outputs, groups of " +
               std::to_string(of.row_group) + ", limbs " + std::to_string(of.limbs) +
-              (of.upside_down ? ", upside down" : "") + (of.symmetric ? ", symmetric" : "");
+              (of.upside_down ? ", upside down" : "") + (of.symmetric ? ", symmetric" : "") +
+              (of.across ? ", across" : "") + (of.curved ? ", curved" : "");
   const auto compare = [of] { return projection_deviation(Frame<T>(of), of); };
   std::function<void()> run;
   if (timed)
     run = [of, frame = std::make_shared<Frame<T>>(of), out = std::make_shared<ocisac::Projection>()] {
-      *out = ocisac::project(frame->view, 0, 0, of.columns, frame->weights);
+      ocisac::project(frame->view, 0, 0, of.columns, frame->weights, frame->light, *out);
     };
   return {std::move(name), std::move(run), compare, 1e-12};
+}
+
+// A frame and weights of its columns.
+template <class T>
+struct Combination {
+  Frame<T> frame;
+  std::vector<double> weights;
+
+  explicit Combination(const FrameCase& of) : frame(of) {
+    const auto random = random_rows<double>(1, of.columns, of.columns);
+    weights.assign(random.data(), random.data() + of.columns);
+  }
+  [[nodiscard]] std::vector<double> combined() const {
+    return ocisac::combine_columns(frame.view, 0, weights, frame.light);
+  }
+};
+
+template <class T>
+double combination_deviation(const FrameCase& of) {
+  const Combination<T> input(of);
+  std::vector<double> want(of.rows);
+  for (std::size_t r = 0; r < of.rows; ++r)
+    for (std::size_t c = 0; c < of.columns; ++c) {
+      const T sample = input.frame.view(0, r, c);
+      auto v = static_cast<double>(sample);
+      if constexpr (std::is_integral_v<T>)
+        if (of.curved) v = input.frame.light[sample];
+      want[r] += input.weights[c] * v;
+    }
+  return deviation<double>(input.combined(), want);
+}
+
+template <class T>
+KernelCase combination_case(const char* type, const FrameCase& of, bool timed = false) {
+  auto name = std::string("combine_columns<") + type + "> " + std::to_string(of.rows) + " × " +
+              std::to_string(of.columns) + ", step " + std::to_string(of.column_step) + (of.across ? ", across" : "") +
+              (of.curved ? ", curved" : "");
+  std::function<void()> run;
+  if (timed)
+    run = [input = std::make_shared<Combination<T>>(of), out = std::make_shared<std::vector<double>>()] {
+      *out = input->combined();
+    };
+  return {std::move(name), std::move(run), [of] { return combination_deviation<T>(of); }, 1e-12};
 }
 
 }  // namespace
@@ -107,12 +178,40 @@ std::vector<KernelCase> projection_cases() {
         cases.push_back(projection_case<float>("float32", {rows, columns, outputs, row_group, 1, step}));
         cases.push_back(projection_case<double>("float64", {rows, columns, outputs, row_group, 1, step, odd}));
       }
+  for (const std::size_t columns : {1u, 5u, 64u, 131u, 700u})
+    for (const std::size_t rows : {33u, 300u})
+      for (const std::size_t step : {1u, 2u, 3u, 4u, 5u})
+        for (const int row_group : {1, 8})
+          for (const bool across : {false, true}) {
+            const bool odd = (columns + step) % 2 == 1;
+            const FrameCase plain{rows, columns, 1 + 2 * step, row_group, 1, step, odd, step == 3, across};
+            FrameCase curved = plain;
+            curved.curved = true;
+            cases.push_back(projection_case<std::uint8_t>("uint8", plain));
+            cases.push_back(projection_case<std::uint8_t>("uint8", curved));
+            cases.push_back(projection_case<std::uint16_t>("uint16", curved));
+            cases.push_back(combination_case<std::uint8_t>("uint8", plain));
+            cases.push_back(combination_case<std::uint8_t>("uint8", curved));
+            cases.push_back(combination_case<std::uint16_t>("uint16", curved));
+            cases.push_back(combination_case<float>("float32", plain));
+            cases.push_back(combination_case<double>("float64", plain));
+          }
   cases.push_back(projection_case<std::uint8_t>("uint8", {5003, 40, 4, 1, 3, 2}));
   cases.push_back(projection_case<std::uint8_t>("uint8", {5003, 40, 4, 4, 1, 1, true}));
   cases.push_back(projection_case<std::uint8_t>("uint8", {5004, 40, 4, 1, 2, 1, false, true}));
   cases.push_back(projection_case<std::uint8_t>("uint8", {5008, 40, 3, 8, 2, 2, true, true}));
   const FrameCase timed{360, 640, 3, 1, 1};
   cases.push_back(projection_case<std::uint8_t>("uint8", timed, true));
+  FrameCase curved = timed, across = timed, colours = timed;
+  curved.curved = across.across = true;
+  colours.column_step = 3;
+  cases.push_back(combination_case<std::uint8_t>("uint8", timed, true));
+  cases.push_back(combination_case<std::uint16_t>("uint16", timed, true));
+  cases.push_back(combination_case<float>("float32", timed, true));
+  cases.push_back(combination_case<double>("float64", timed, true));
+  cases.push_back(projection_case<std::uint8_t>("uint8", curved, true));
+  cases.push_back(projection_case<std::uint8_t>("uint8", across, true));
+  cases.push_back(projection_case<std::uint8_t>("uint8", colours, true));
   cases.push_back(projection_case<std::uint16_t>("uint16", timed, true));
   cases.push_back(projection_case<float>("float32", timed, true));
   cases.push_back(projection_case<double>("float64", timed, true));

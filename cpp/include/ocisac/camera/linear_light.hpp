@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "ocisac/camera/tone_curve.hpp"
@@ -12,6 +13,14 @@ namespace ocisac {
 // Columns [first, first + count) of one frame as dense signals (count × rows) of linear light above dark, float64.
 std::vector<double> column_signals(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
                                    const ToneCurve& curve);
+
+// Linear light above dark of each value of an integer sample.
+struct LightTable {
+  std::vector<double> light;
+  std::vector<float> rounded;  // the same in float32, for passes over frames
+};
+// For uint8 and uint16; null for floating-point samples. Kept for later calls (the 4 last used).
+std::shared_ptr<const LightTable> light_table(const AnyFramesView& frames, const ToneCurve& curve);
 
 struct Shape {
   std::size_t frames, rows, columns;
@@ -24,7 +33,9 @@ double saturation_level(const AnyFramesView& frames, const ToneCurve& curve);
 
 bool holds_integers(const AnyFramesView& frames);
 
-// Refuses views without rows or columns, and floating-point samples that are not finite.
+// Refuse views without rows or columns; floating-point samples that are not finite; both.
+void check_shape(const AnyFramesView& frames);
+void check_samples(const AnyFramesView& frames);
 void check(const AnyFramesView& frames);
 
 }  // namespace ocisac

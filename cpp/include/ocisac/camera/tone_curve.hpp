@@ -15,6 +15,7 @@ struct ToneCurve {
   double gamma = 2.2;      // exponent of Kind::gamma, > 0
   double dark_level = 0;   // DN of no light
   double white_level = 0;  // DN of full light; 0: the largest value of the sample type (255, 65535; 1 for floats)
+  bool operator==(const ToneCurve&) const = default;
 };
 
 void check(const ToneCurve& curve);

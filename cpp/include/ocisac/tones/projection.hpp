@@ -16,7 +16,7 @@ namespace ocisac {
 // D neighbouring rows are summed before weighting (D = 1: none); rows of an incomplete group are ignored. Bytes are
 // multiplied as integers, exactly: a weight is a sum of `limbs` parts of 13 signed bits, or up to 16 for few rows (15
 // for a tone in 1080). The error relative to an output's largest weight is at most 1.3·10⁻⁴ for 1 part, 2·10⁻⁸ for 2
-// and 2·10⁻¹² for 3. Other samples are multiplied in float64.
+// and 2·10⁻¹² for 3. Other samples, and bytes by a tone curve, are multiplied in float64.
 class RowWeights {
  public:
   // weights: (outputs × (rows / row_group)), dense, finite. row_group: 1, 2, 4 or 8. limbs: 1, 2 or 3.
@@ -65,16 +65,21 @@ struct Projection {
   std::vector<double> maximum;  // (count,): largest sample of a column
 };
 
-// One streaming pass along rows in memory order. The result is bit-identical for every split of the columns.
+// One streaming pass along rows in memory order. The result is bit-identical for every split of the columns. `light`:
+// empty, or for integer samples what each value counts for (LightTable::rounded).
 Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                   const RowWeights& weights);
+                   const RowWeights& weights, std::span<const float> light = {});
 // The same into `result`, whose memory is reused.
 void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-             const RowWeights& weights, Projection& result);
+             const RowWeights& weights, std::span<const float> light, Projection& result);
 
 // Reference implementation of the kernels as a plain loop; bytes are multiplied with byte_weights().
 Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                           const RowWeights& weights);
+                           const RowWeights& weights, std::span<const float> light = {});
+
+// Weighted sums over the columns of a frame, (rows,): columns combined into one. weights: (columns,); light as above.
+std::vector<double> combine_columns(const AnyFramesView& frames, std::size_t frame, std::span<const double> weights,
+                                    std::span<const float> light = {});
 
 // SIMD targets of this build that this processor supports, best first, and the current one.
 std::vector<std::string> simd_targets();

@@ -1,0 +1,214 @@
+#include "tones/row_kernels.hpp"
+
+#include <bit>
+
+#include "tones/projection_kernels.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "tones/row_kernels.cpp"
+#include <hwy/foreach_target.h>  // compiles the rest once for each target
+//
+#include <hwy/cache_control.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ocisac::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+#if HWY_TARGET != HWY_SCALAR
+
+const hn::ScalableTag<std::uint8_t> d8;
+using Bytes = hn::Vec<decltype(d8)>;
+
+// The whole vectors of a row; returns how many bytes. The last sample read belongs to the row.
+template <class Load>
+HWY_INLINE std::size_t take_vectors(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to,
+                                    Load load) {
+  const std::size_t lanes = hn::Lanes(d8);
+  std::size_t c = 0;
+  for (; c + lanes < count; c += lanes) {
+    Bytes first, second, third, fourth;
+    load(from + c * step, first, second, third, fourth);
+    hn::StoreU(first, d8, to + c);
+  }
+  return c;
+}
+
+HWY_INLINE std::size_t take_vectors(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to) {
+  switch (step) {
+    case 2:
+      return take_vectors(from, step, count, to, [](const std::uint8_t* p, Bytes& a, Bytes& b, Bytes&, Bytes&) {
+        hn::LoadInterleaved2(d8, p, a, b);
+      });
+    case 3:
+      return take_vectors(from, step, count, to, [](const std::uint8_t* p, Bytes& a, Bytes& b, Bytes& c, Bytes&) {
+        hn::LoadInterleaved3(d8, p, a, b, c);
+      });
+    case 4:
+      return take_vectors(from, step, count, to, [](const std::uint8_t* p, Bytes& a, Bytes& b, Bytes& c, Bytes& d) {
+        hn::LoadInterleaved4(d8, p, a, b, c, d);
+      });
+    default: return 0;
+  }
+}
+
+constexpr std::ptrdiff_t kAhead = 128;  // bytes that are asked for
+constexpr std::size_t kTile = 16;       // bytes of a block of a vector: columns of a tile
+
+// Sixteen columns of as many rows as a vector has bytes: four rounds of interleaving transpose each block.
+HWY_INLINE void transpose_tile(const std::uint8_t* from, std::ptrdiff_t stride, std::uint8_t* to, std::size_t columns) {
+  Bytes a[kTile], b[kTile];
+  for (std::size_t c = 0; c < kTile; ++c) a[c] = hn::LoadU(d8, from + static_cast<std::ptrdiff_t>(c) * stride);
+  for (int round = 0; round < 2; ++round) {
+    for (std::size_t i = 0; i < kTile / 2; ++i) {
+      b[2 * i] = hn::InterleaveLower(d8, a[i], a[i + kTile / 2]);
+      b[2 * i + 1] = hn::InterleaveUpper(d8, a[i], a[i + kTile / 2]);
+    }
+    for (std::size_t i = 0; i < kTile / 2; ++i) {
+      a[2 * i] = hn::InterleaveLower(d8, b[i], b[i + kTile / 2]);
+      a[2 * i + 1] = hn::InterleaveUpper(d8, b[i], b[i + kTile / 2]);
+    }
+  }
+  alignas(64) std::uint8_t row[hn::MaxLanes(d8)];
+  const hn::Full128<std::uint8_t> d_block;
+  for (std::size_t r = 0; r < kTile; ++r) {
+    hn::Store(a[r], d8, row);
+    for (std::size_t block = 0; block < hn::Lanes(d8) / kTile; ++block)
+      hn::StoreU(hn::Load(d_block, row + block * kTile), d_block, to + (block * kTile + r) * columns);
+  }
+}
+
+#endif
+
+void TakeEvery(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to) {
+  std::size_t c = 0;
+#if HWY_TARGET != HWY_SCALAR
+  c = take_vectors(from, step, count, to);
+#endif
+  for (; c < count; ++c) to[c] = from[c * step];
+}
+
+void TransposeBytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
+                    std::uint8_t* to) {
+  std::size_t whole_rows = 0, whole_columns = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const std::size_t lanes = hn::Lanes(d8);
+  whole_rows = rows / lanes * lanes;
+  whole_columns = columns / kTile * kTile;
+  for (std::size_t r = 0; r < whole_rows; r += lanes)
+    for (std::size_t c = 0; c < whole_columns; c += kTile) {
+      const std::uint8_t* tile = from + static_cast<std::ptrdiff_t>(c) * stride + r;
+      for (std::size_t i = 0; i < kTile; ++i) hwy::Prefetch(tile + static_cast<std::ptrdiff_t>(i) * stride + kAhead);
+      transpose_tile(tile, stride, to + r * columns + c, columns);
+    }
+#endif
+  for (std::size_t r = 0; r < rows; ++r)
+    for (std::size_t c = r < whole_rows ? whole_columns : 0; c < columns; ++c)
+      to[r * columns + c] = from[static_cast<std::ptrdiff_t>(c) * stride + static_cast<std::ptrdiff_t>(r)];
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ocisac::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+
+#if HWY_ARCH_X86_64 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
+#include <immintrin.h>
+#define OCISAC_HAS_VBMI 1
+#endif
+
+namespace ocisac::kernels {
+
+HWY_EXPORT(TakeEvery);
+HWY_EXPORT(TransposeBytes);
+
+void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to) {
+  HWY_DYNAMIC_DISPATCH(TakeEvery)(from, step, count, to);
+}
+
+void transpose_bytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
+                     std::uint8_t* to) {
+  HWY_DYNAMIC_DISPATCH(TransposeBytes)(from, stride, rows, columns, to);
+}
+
+ByteTable::ByteTable(std::span<const float> light) : light_(light.data()) {
+  for (std::size_t value = 0; value < kValues; ++value) {
+    const auto bytes = std::bit_cast<std::array<std::uint8_t, sizeof(float)> >(light[value]);
+    for (std::size_t i = 0; i < sizeof(float); ++i) planes_[i * kValues + value] = bytes[i];
+  }
+}
+
+namespace {
+
+template <class T>
+void look_up_singly(const T* HWY_RESTRICT from, std::ptrdiff_t ahead, std::size_t count,
+                    const float* HWY_RESTRICT light, float* HWY_RESTRICT to) {
+  constexpr std::size_t kInLine = 64 / sizeof(T);
+  std::size_t c = 0;
+  for (; c + kInLine <= count; c += kInLine) {
+    hwy::Prefetch(from + static_cast<std::ptrdiff_t>(c) + ahead);
+    for (std::size_t i = 0; i < kInLine; ++i) to[c + i] = light[from[c + i]];
+  }
+  for (; c < count; ++c) to[c] = light[from[c]];
+}
+
+#if OCISAC_HAS_VBMI
+
+// The whole vectors of a row by AVX-512 VBMI, whose shuffles look up 128 bytes; returns how many samples.
+__attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vectors(const std::uint8_t* from,
+                                                                                   std::ptrdiff_t ahead,
+                                                                                   std::size_t count,
+                                                                                   const ByteTable& table, float* to) {
+  constexpr std::size_t kLanes = 64, kPlanes = sizeof(float);
+  __m512i quarters[kPlanes][4];
+  for (std::size_t i = 0; i < kPlanes; ++i)
+    for (std::size_t q = 0; q < 4; ++q) quarters[i][q] = _mm512_load_si512(table.plane(i) + q * kLanes);
+  // Interleaving keeps blocks of 16 bytes apart: dwords in this order come out in that of the columns.
+  const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+  std::size_t c = 0;
+  for (; c + kLanes <= count; c += kLanes) {
+    hwy::Prefetch(from + static_cast<std::ptrdiff_t>(c) + ahead);
+    const __m512i values = _mm512_permutexvar_epi32(order, _mm512_loadu_si512(from + c));
+    const __mmask64 upper = _mm512_movepi8_mask(values);
+    __m512i plane[kPlanes];
+    for (std::size_t i = 0; i < kPlanes; ++i)
+      plane[i] = _mm512_mask_blend_epi8(upper, _mm512_permutex2var_epi8(quarters[i][0], values, quarters[i][1]),
+                                        _mm512_permutex2var_epi8(quarters[i][2], values, quarters[i][3]));
+    const __m512i low[] = {_mm512_unpacklo_epi8(plane[0], plane[1]), _mm512_unpackhi_epi8(plane[0], plane[1])};
+    const __m512i high[] = {_mm512_unpacklo_epi8(plane[2], plane[3]), _mm512_unpackhi_epi8(plane[2], plane[3])};
+    for (std::size_t half = 0; half < 2; ++half) {
+      _mm512_storeu_si512(to + c + 32 * half, _mm512_unpacklo_epi16(low[half], high[half]));
+      _mm512_storeu_si512(to + c + 32 * half + 16, _mm512_unpackhi_epi16(low[half], high[half]));
+    }
+  }
+  return c;
+}
+
+bool has_vbmi() {
+  static const bool processor_has = __builtin_cpu_supports("avx512vbmi") && __builtin_cpu_supports("avx512bw");
+  return processor_has && has_wide_vectors();
+}
+
+#else
+
+std::size_t look_up_vectors(const std::uint8_t*, std::ptrdiff_t, std::size_t, const ByteTable&, float*) { return 0; }
+bool has_vbmi() { return false; }
+
+#endif
+
+}  // namespace
+
+void look_up(const std::uint8_t* from, std::ptrdiff_t ahead, std::size_t count, const ByteTable& table, float* to) {
+  const std::size_t done = has_vbmi() ? look_up_vectors(from, ahead, count, table, to) : 0;
+  look_up_singly(from + done, ahead, count - done, table.light(), to + done);
+}
+
+void look_up(const std::uint16_t* from, std::ptrdiff_t ahead, std::size_t count, const float* table, float* to) {
+  look_up_singly(from, ahead, count, table, to);
+}
+
+}  // namespace ocisac::kernels
+#endif

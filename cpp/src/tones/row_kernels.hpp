@@ -1,0 +1,35 @@
+// Dense rows of samples from what is stored otherwise, compiled once for each SIMD target.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace ocisac::kernels {
+
+// Every `step`-th byte, `count` of them, the first at `from`: one colour of interleaved ones, the luma of YUYV.
+void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to);
+
+// Rows of bytes whose columns are contiguous, `stride` apart: to[r·columns + c] = from[c·stride + r].
+void transpose_bytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
+                     std::uint8_t* to);
+
+// A table of the light of bytes; beside it the same by planes, byte i of each float, for look-up in registers.
+class ByteTable {
+ public:
+  explicit ByteTable(std::span<const float> light);
+  [[nodiscard]] const float* light() const { return light_; }
+  [[nodiscard]] const std::uint8_t* plane(std::size_t i) const { return planes_.data() + i * kValues; }
+
+ private:
+  static constexpr std::size_t kValues = 256;
+  const float* light_;
+  alignas(64) std::array<std::uint8_t, sizeof(float) * kValues> planes_;
+};
+
+// The light of samples, by a table of all values. Asks for those `ahead` of the ones that are read.
+void look_up(const std::uint8_t* from, std::ptrdiff_t ahead, std::size_t count, const ByteTable& table, float* to);
+void look_up(const std::uint16_t* from, std::ptrdiff_t ahead, std::size_t count, const float* table, float* to);
+
+}  // namespace ocisac::kernels
