@@ -131,7 +131,7 @@ struct BlockSize {
   std::size_t rows, columns;
 };
 constexpr BlockSize kCopied{128, 2048}, kTransposed{kernels::kRowsPerChunk, 192};
-constexpr std::size_t kConvertedColumns = 640;
+constexpr std::size_t kConvertedColumns = 320;
 constexpr std::size_t kSampleRows = 32;  // and as many as the kernels take for more than one tone
 
 struct Columns {
@@ -206,14 +206,11 @@ class DenseRows {
 
   Rows<Sample> convert(const Rows<Stored>& stored, std::size_t rows, std::size_t count, std::ptrdiff_t to_next) {
     converted_.resize(rows * count);
-    for (std::size_t r = 0; r < rows; ++r) {
-      const Stored* from = stored.samples + static_cast<std::ptrdiff_t>(r) * stored.stride;
-      Sample* to = converted_.data() + r * count;
-      if constexpr (kFromBytes)
-        kernels::look_up(from, to_next, count, *table_, to);
-      else
-        kernels::look_up(from, to_next, count, light_.data(), to);
-    }
+    const kernels::StoredRows<Stored> from{stored.samples, stored.stride, to_next, rows, count};
+    if constexpr (kFromBytes)
+      kernels::look_up(from, *table_, converted_.data());
+    else
+      kernels::look_up(from, light_.data(), converted_.data());
     return {converted_.data(), static_cast<std::ptrdiff_t>(count)};
   }
 

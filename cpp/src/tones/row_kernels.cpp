@@ -1,5 +1,6 @@
 #include "tones/row_kernels.hpp"
 
+#include <algorithm>
 #include <bit>
 
 #include "tones/projection_kernels.hpp"
@@ -92,20 +93,21 @@ void TakeEvery(const std::uint8_t* from, std::size_t step, std::size_t count, st
 
 void TransposeBytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
                     std::uint8_t* to) {
-  std::size_t whole_rows = 0, whole_columns = 0;
 #if HWY_TARGET != HWY_SCALAR
   const std::size_t lanes = hn::Lanes(d8);
-  whole_rows = rows / lanes * lanes;
-  whole_columns = columns / kTile * kTile;
-  for (std::size_t r = 0; r < whole_rows; r += lanes)
-    for (std::size_t c = 0; c < whole_columns; c += kTile) {
-      const std::uint8_t* tile = from + static_cast<std::ptrdiff_t>(c) * stride + r;
-      for (std::size_t i = 0; i < kTile; ++i) hwy::Prefetch(tile + static_cast<std::ptrdiff_t>(i) * stride + kAhead);
-      transpose_tile(tile, stride, to + r * columns + c, columns);
-    }
+  if (rows >= lanes && columns >= kTile) {  // the last tiles overlap others instead of being cut
+    for (std::size_t r = 0; r < rows; r += lanes)
+      for (std::size_t c = 0; c < columns; c += kTile) {
+        const std::size_t row = std::min(r, rows - lanes), column = std::min(c, columns - kTile);
+        const std::uint8_t* tile = from + static_cast<std::ptrdiff_t>(column) * stride + row;
+        for (std::size_t i = 0; i < kTile; ++i) hwy::Prefetch(tile + static_cast<std::ptrdiff_t>(i) * stride + kAhead);
+        transpose_tile(tile, stride, to + row * columns + column, columns);
+      }
+    return;
+  }
 #endif
   for (std::size_t r = 0; r < rows; ++r)
-    for (std::size_t c = r < whole_rows ? whole_columns : 0; c < columns; ++c)
+    for (std::size_t c = 0; c < columns; ++c)
       to[r * columns + c] = from[static_cast<std::ptrdiff_t>(c) * stride + static_cast<std::ptrdiff_t>(r)];
 }
 
@@ -143,24 +145,26 @@ ByteTable::ByteTable(std::span<const float> light) : light_(light.data()) {
 
 namespace {
 
+// Columns from `first` on.
 template <class T>
-void look_up_singly(const T* HWY_RESTRICT from, std::ptrdiff_t ahead, std::size_t count,
-                    const float* HWY_RESTRICT light, float* HWY_RESTRICT to) {
+void look_up_singly(const StoredRows<T>& from, std::size_t first, const float* HWY_RESTRICT light,
+                    float* HWY_RESTRICT to) {
   constexpr std::size_t kInLine = 64 / sizeof(T);
-  std::size_t c = 0;
-  for (; c + kInLine <= count; c += kInLine) {
-    hwy::Prefetch(from + static_cast<std::ptrdiff_t>(c) + ahead);
-    for (std::size_t i = 0; i < kInLine; ++i) to[c + i] = light[from[c + i]];
+  for (std::size_t r = 0; r < from.rows; ++r, to += from.columns) {
+    const T* HWY_RESTRICT row = from.samples + static_cast<std::ptrdiff_t>(r) * from.stride;
+    std::size_t c = first;
+    for (; c + kInLine <= from.columns; c += kInLine) {
+      hwy::Prefetch(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
+      for (std::size_t i = 0; i < kInLine; ++i) to[c + i] = light[row[c + i]];
+    }
+    for (; c < from.columns; ++c) to[c] = light[row[c]];
   }
-  for (; c < count; ++c) to[c] = light[from[c]];
 }
 
 #if OCISAC_HAS_VBMI
 
-// The whole vectors of a row by AVX-512 VBMI, whose shuffles look up 128 bytes; returns how many samples.
-__attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vectors(const std::uint8_t* from,
-                                                                                   std::ptrdiff_t ahead,
-                                                                                   std::size_t count,
+// The whole vectors of rows by AVX-512 VBMI, whose shuffles look up 128 bytes; returns how many columns.
+__attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vectors(const StoredRows<std::uint8_t>& from,
                                                                                    const ByteTable& table, float* to) {
   constexpr std::size_t kLanes = 64, kPlanes = sizeof(float);
   __m512i quarters[kPlanes][4];
@@ -168,23 +172,26 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vecto
     for (std::size_t q = 0; q < 4; ++q) quarters[i][q] = _mm512_load_si512(table.plane(i) + q * kLanes);
   // Interleaving keeps blocks of 16 bytes apart: dwords in this order come out in that of the columns.
   const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
-  std::size_t c = 0;
-  for (; c + kLanes <= count; c += kLanes) {
-    hwy::Prefetch(from + static_cast<std::ptrdiff_t>(c) + ahead);
-    const __m512i values = _mm512_permutexvar_epi32(order, _mm512_loadu_si512(from + c));
-    const __mmask64 upper = _mm512_movepi8_mask(values);
-    __m512i plane[kPlanes];
-    for (std::size_t i = 0; i < kPlanes; ++i)
-      plane[i] = _mm512_mask_blend_epi8(upper, _mm512_permutex2var_epi8(quarters[i][0], values, quarters[i][1]),
-                                        _mm512_permutex2var_epi8(quarters[i][2], values, quarters[i][3]));
-    const __m512i low[] = {_mm512_unpacklo_epi8(plane[0], plane[1]), _mm512_unpackhi_epi8(plane[0], plane[1])};
-    const __m512i high[] = {_mm512_unpacklo_epi8(plane[2], plane[3]), _mm512_unpackhi_epi8(plane[2], plane[3])};
-    for (std::size_t half = 0; half < 2; ++half) {
-      _mm512_storeu_si512(to + c + 32 * half, _mm512_unpacklo_epi16(low[half], high[half]));
-      _mm512_storeu_si512(to + c + 32 * half + 16, _mm512_unpackhi_epi16(low[half], high[half]));
+  const std::size_t whole = from.columns / kLanes * kLanes;
+  for (std::size_t r = 0; r < from.rows; ++r, to += from.columns) {
+    const std::uint8_t* row = from.samples + static_cast<std::ptrdiff_t>(r) * from.stride;
+    for (std::size_t c = 0; c < whole; c += kLanes) {
+      hwy::Prefetch(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
+      const __m512i values = _mm512_permutexvar_epi32(order, _mm512_loadu_si512(row + c));
+      const __mmask64 upper = _mm512_movepi8_mask(values);
+      __m512i plane[kPlanes];
+      for (std::size_t i = 0; i < kPlanes; ++i)
+        plane[i] = _mm512_mask_blend_epi8(upper, _mm512_permutex2var_epi8(quarters[i][0], values, quarters[i][1]),
+                                          _mm512_permutex2var_epi8(quarters[i][2], values, quarters[i][3]));
+      const __m512i low[] = {_mm512_unpacklo_epi8(plane[0], plane[1]), _mm512_unpackhi_epi8(plane[0], plane[1])};
+      const __m512i high[] = {_mm512_unpacklo_epi8(plane[2], plane[3]), _mm512_unpackhi_epi8(plane[2], plane[3])};
+      for (std::size_t half = 0; half < 2; ++half) {
+        _mm512_storeu_si512(to + c + 32 * half, _mm512_unpacklo_epi16(low[half], high[half]));
+        _mm512_storeu_si512(to + c + 32 * half + 16, _mm512_unpackhi_epi16(low[half], high[half]));
+      }
     }
   }
-  return c;
+  return whole;
 }
 
 bool has_vbmi() {
@@ -194,20 +201,19 @@ bool has_vbmi() {
 
 #else
 
-std::size_t look_up_vectors(const std::uint8_t*, std::ptrdiff_t, std::size_t, const ByteTable&, float*) { return 0; }
+std::size_t look_up_vectors(const StoredRows<std::uint8_t>&, const ByteTable&, float*) { return 0; }
 bool has_vbmi() { return false; }
 
 #endif
 
 }  // namespace
 
-void look_up(const std::uint8_t* from, std::ptrdiff_t ahead, std::size_t count, const ByteTable& table, float* to) {
-  const std::size_t done = has_vbmi() ? look_up_vectors(from, ahead, count, table, to) : 0;
-  look_up_singly(from + done, ahead, count - done, table.light(), to + done);
+void look_up(const StoredRows<std::uint8_t>& from, const ByteTable& table, float* to) {
+  look_up_singly(from, has_vbmi() ? look_up_vectors(from, table, to) : 0, table.light(), to);
 }
 
-void look_up(const std::uint16_t* from, std::ptrdiff_t ahead, std::size_t count, const float* table, float* to) {
-  look_up_singly(from, ahead, count, table, to);
+void look_up(const StoredRows<std::uint16_t>& from, const float* table, float* to) {
+  look_up_singly(from, 0, table, to);
 }
 
 }  // namespace ocisac::kernels

@@ -28,8 +28,17 @@ class ByteTable {
   alignas(64) std::array<std::uint8_t, sizeof(float) * kValues> planes_;
 };
 
-// The light of samples, by a table of all values. Asks for those `ahead` of the ones that are read.
-void look_up(const std::uint8_t* from, std::ptrdiff_t ahead, std::size_t count, const ByteTable& table, float* to);
-void look_up(const std::uint16_t* from, std::ptrdiff_t ahead, std::size_t count, const float* table, float* to);
+// Rows of samples, `stride` apart, and the offset from each to those that are asked for meanwhile.
+template <class T>
+struct StoredRows {
+  const T* samples;
+  std::ptrdiff_t stride;
+  std::ptrdiff_t to_next;
+  std::size_t rows, columns;
+};
+
+// The light of samples by a table of all values, dense.
+void look_up(const StoredRows<std::uint8_t>& from, const ByteTable& table, float* to);
+void look_up(const StoredRows<std::uint16_t>& from, const float* table, float* to);
 
 }  // namespace ocisac::kernels
