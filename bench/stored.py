@@ -89,7 +89,7 @@ LINEAR, SRGB = Camera(ROW_TIME), Camera(ROW_TIME, tone_curve="srgb")
 RAW, RAW_SRGB = (Camera(ROW_TIME, white_level=4095, tone_curve=curve) for curve in ("linear", "srgb"))
 WIDE = _core.simd_target().startswith("AVX3")
 CASES = [
-    Stored("sRGB bytes, tone", _same, SRGB, 5.5 if WIDE else 8.0),
+    Stored("sRGB bytes, tone", _same, SRGB, 6.0 if WIDE else 8.0),
     Stored("sRGB bytes, square wave", _same, SRGB, 40.0, {"waveform": "square"}, peers=False),
     Stored("uint16, tone, efficiency 1", _twelve_bits, RAW, 3.0),
     Stored("uint16, tone, efficiency 0.99", _twelve_bits, RAW, 2.5, {"efficiency": 0.99}, peers=False),
