@@ -162,6 +162,7 @@ def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, tas
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
     )
     deadline = time.monotonic() + 60
     while not results.exists() or not Results(results).names():

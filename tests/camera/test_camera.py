@@ -12,7 +12,7 @@ from ocisac_fast.camera.linear_light import light_per_step, linear_light, satura
 from ocisac_fast.reference.camera import saturation_level as reference_saturation_level
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 5)
 @given(
     frequency=st.lists(st.floats(-1e5, 1e5), min_size=1, max_size=20),
     exposure=st.sampled_from([0.0, 1e-9, 622e-6, 2404e-6, 1e-2]),

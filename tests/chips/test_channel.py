@@ -73,7 +73,7 @@ clocks = {
 }
 
 
-@settings(max_examples=50)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(
     seed=st.integers(0, 2**32),
     chips=st.sampled_from([1, 2, 31, 300]),
@@ -100,7 +100,7 @@ def test_an_exposed_chip_is_a_waveform_seen_by_a_camera(exposure_known):
     np.testing.assert_allclose(got[8:], light, atol=1e-12)
 
 
-@settings(max_examples=20)
+@settings(max_examples=settings.default.max_examples // 5)
 @given(
     seed=st.integers(0, 2**32),
     rows_per_chip=st.floats(2.1, 7),
@@ -397,7 +397,7 @@ def channels_of(frames, seed, frame_rows=1501.3, period=3.7):
         yield frame, ChannelEstimate(*clock, errors, np.zeros(1), np.ones(1), 0.01, (0, 1080), True)
 
 
-@settings(max_examples=20)
+@settings(max_examples=settings.default.max_examples // 5)
 @given(seed=st.integers(0, 2**32), frames=st.integers(1, 40), ahead=st.integers(0, 5))
 def test_the_tracked_clock_agrees_with_the_reference(seed, frames, ahead):
     trackers = [of.ClockTracker(1501.0, frame_rows_std=0.4, drift=0, exposure_wander=0) for of in (ocisac, reference)]
@@ -530,7 +530,11 @@ def test_a_clock_pickles_and_prints():
     assert repr(clock) == "ChipClock(rows_per_chip=4.0, phase=0.0, exposure_rows=1.0)"
 
 
-@settings(deadline=None, max_examples=30, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(
+    deadline=None,
+    max_examples=3 * settings.default.max_examples // 10,
+    suppress_health_check=[HealthCheck.filter_too_much],
+)
 @given(
     rows_per_chip=st.floats(1.0, 7.0),
     chips=st.floats(0.0, 9.0),

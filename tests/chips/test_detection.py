@@ -37,7 +37,7 @@ def make_columns(channel, shape, seed, noise=None):
     return out, chips, first
 
 
-@settings(max_examples=50)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(
     seed=st.integers(0, 2**32),
     rows=st.sampled_from([1, 2, 37, 61]),
@@ -64,7 +64,7 @@ def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, met
     np.testing.assert_allclose(got.llr, want.llr, rtol=0, atol=1e-8 * scale)
 
 
-@settings(max_examples=20)
+@settings(max_examples=settings.default.max_examples // 5)
 @given(
     seed=st.integers(0, 2**32),
     rows_per_chip=st.floats(2, 7),

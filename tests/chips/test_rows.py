@@ -24,7 +24,7 @@ def recording(random, frames, rows):
     return dark + swing * exposed + random.normal(0, 1, exposed.shape), exposed, dark, swing
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
 @given(seed=SEEDS, frames=st.integers(2, 8), rows=st.integers(1, 200), smooth=st.integers(0, 40))
 def test_the_first_profile_is_that_of_the_reference(seed, frames, rows, smooth):
     signals = recording(np.random.default_rng(seed), frames, rows)[0]
@@ -40,7 +40,7 @@ def test_a_first_profile_needs_light_and_variation():
         assert module.first_profile(np.array([[1.0, -2.0], [2.0, 0.5]]), 2) is None
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
 @given(
     seed=SEEDS,
     frames=st.integers(3, 8),
@@ -83,7 +83,7 @@ def test_profile_rows_are_those_of_the_reference(values, share):
     assert _core.profile_rows(values, share) == reference.profile_rows(values, share)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
 @given(
     seed=SEEDS,
     rows=st.integers(200, 700),
@@ -120,7 +120,7 @@ def test_hum_and_tones_are_removed_and_the_chips_stay():
     assert _core.remove_nuisance(light[:20], 0.4, [0.1, 0.2], s[:20]) is None
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 20)
 @given(
     seed=SEEDS,
     rows=st.integers(100, 600),
@@ -144,7 +144,7 @@ def test_an_exposed_square_wave_is_removed_to_a_fraction_of_its_ramps():
     assert np.std(rest) < 0.3 * np.std(_core.without_square_wave(45 * wave, 0.0223, 0.0))
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=settings.default.max_examples // 4)
 @given(seed=SEEDS, frames=st.integers(1, 4), rows=st.integers(200, 1080), tone=st.floats(0.03, 0.4))
 def test_the_strongest_tone_has_the_largest_power(seed, frames, rows, tone):
     """Against the Fourier sums of all frames on a grid of eight steps a line, with a Hann window."""
@@ -167,7 +167,7 @@ def test_the_strongest_tone_has_the_largest_power(seed, frames, rows, tone):
     assert again == pytest.approx((frequency, prominence), rel=1e-9)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 5)
 @given(
     seed=SEEDS,
     lit=st.tuples(st.floats(0, 0.6), st.floats(0.3, 1)),

@@ -86,7 +86,7 @@ def by_row_means(read: Array) -> list[Array]:
     st.booleans(),
     st.booleans(),
 )
-@settings(max_examples=16)
+@settings(max_examples=4 * settings.default.max_examples // 25)
 def test_share_agrees_with_the_reference(shape: tuple[int, int, int], seed: int, lost: bool, smooth: bool) -> None:
     random = np.random.default_rng(seed)
     light = random.uniform(20, 200, shape)
@@ -103,7 +103,7 @@ def test_share_agrees_with_the_reference(shape: tuple[int, int, int], seed: int,
     st.integers(0, 2**32 - 1),
     st.sampled_from(["free", "basis", "held"]),
 )
-@settings(max_examples=9)
+@settings(max_examples=9 * settings.default.max_examples // 100)
 def test_row_light_agrees_with_the_reference(shape: tuple[int, int], seed: int, known: str) -> None:
     random = np.random.default_rng(seed)
     light, variance = random.uniform(20, 200, (1, *shape)), random.uniform(0.5, 4, (1, *shape))

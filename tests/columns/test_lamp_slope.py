@@ -21,7 +21,7 @@ def swings_of(random, slope, *, rows, blocks, width, noise, spot=math.inf):
     return 50 * shape * chips + random.normal(0, noise, shape.shape), centres
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=settings.default.max_examples // 2)
 @given(
     seed=st.integers(0, 2**32 - 1),
     slope=st.floats(-0.3, 0.3),

@@ -80,7 +80,7 @@ class TestPublishedFigures:
 
 
 class TestExact:
-    @settings(deadline=None, max_examples=50)
+    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
     @given(frequencies, frequencies, weights, weights)
     @example(20.0, 5000.0, 1.0, 1.0)
     def test_two_tones_against_brute_force(self, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
@@ -91,7 +91,7 @@ class TestExact:
         tied = lobe > 0 and max(f_1, f_2) == 2 * lobe * min(f_1, f_2)  # a null lies on the axis of symmetry
         assert lobe - tied - 1e-9 <= best.exposure * max(f_1, f_2) <= lobe + 1 + 1e-9 or f_1 == f_2
 
-    @settings(deadline=None, max_examples=40)
+    @settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
     @given(st.lists(frequencies, min_size=2, max_size=4), st.data())
     def test_bounds_and_more_tones_against_brute_force(self, tones: list[float], data: st.DataObject) -> None:
         weight = data.draw(st.lists(weights, min_size=len(tones), max_size=len(tones)))
@@ -103,7 +103,7 @@ class TestExact:
         assert bounds[0] <= best.exposure <= bounds[1]
         assert best.objective == pytest.approx(brute.objective, rel=1e-10)
 
-    @settings(deadline=None, max_examples=40)
+    @settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
     @given(frequencies, frequencies, st.floats(1e-6, 3e-4), st.floats(0, 0.01), st.floats(4e-4, 0.02))
     def test_steps_against_all_multiples(self, f_1: float, f_2: float, step: float, low: float, width: float) -> None:
         bounds = (low, low + width)
@@ -114,7 +114,7 @@ class TestExact:
         assert search.objective == pytest.approx(brute.objective, rel=1e-12)
         assert best.exposure / step == pytest.approx(round(best.exposure / step), abs=1e-9)
 
-    @settings(deadline=None, max_examples=30)
+    @settings(deadline=None, max_examples=3 * settings.default.max_examples // 10)
     @given(frequencies, frequencies, weights, weights)
     def test_constant_time_and_lobes_agree(self, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
         two = of.best_exposure(f_1, f_2, weights=(w_1, w_2))
@@ -170,7 +170,7 @@ class TestExact:
 
 
 class TestObjective:
-    @settings(deadline=None, max_examples=50)
+    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
     @given(st.floats(0, 10), frequencies, frequencies, st.floats(0, 5), weights)
     def test_agrees_with_rational_arithmetic(self, T: float, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
         expected = reference.exposure_objective(T, f_1, f_2, (w_1, w_2))

@@ -25,7 +25,7 @@ CAMERA = (20e-6, 10e-3)
 
 
 class TestBestNoisyExposure:
-    @settings(max_examples=40)
+    @settings(max_examples=2 * settings.default.max_examples // 5)
     @given(
         st.lists(st.tuples(frequencies, st.floats(0.01, 10.0)), min_size=1, max_size=5),
         st.one_of(st.just(math.inf), st.floats(1e-6, 1.0)),
@@ -37,7 +37,7 @@ class TestBestNoisyExposure:
         found = reference.best_noisy_exposure(f, w, CAMERA, noise_exposure=noise, step=step)
         assert found.objective * (1 - 1e-12) <= best.objective <= found.objective * (1 + 1e-9)
 
-    @settings(max_examples=30)
+    @settings(max_examples=3 * settings.default.max_examples // 10)
     @given(frequencies, frequencies, st.floats(1e-6, 1.0), st.floats(1e-6, 1.0))
     def test_without_noise_it_is_eq_18(self, f_c: float, f_s: float, w_c: float, w_s: float) -> None:
         best = best_noisy_exposure((f_c, f_s), (w_c, w_s), (1e-7, 1 / min(f_c, f_s)))

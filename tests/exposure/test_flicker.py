@@ -29,7 +29,7 @@ exposures = st.floats(1e-5, 0.1)
 
 
 class TestModulation:
-    @settings(deadline=None, max_examples=40)
+    @settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
     @given(lights, exposures)
     def test_is_that_of_the_exposure_integral(self, light: FlickeringLight, exposure: float) -> None:
         known = FlickeringLight(light.frequency, uncertainty=0.0, duty=light.duty, depth=light.depth)
@@ -37,7 +37,7 @@ class TestModulation:
         assert exposure_modulation(known, exposure) == pytest.approx(expected, abs=1e-10)
         assert exposure_modulation(light, exposure) >= reference.exposure_modulation(light, exposure) - 1e-10
 
-    @settings(deadline=None, max_examples=50)
+    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
     @given(lights, exposures)
     def test_the_worst_frequency_is_reached(self, light: FlickeringLight, exposure: float) -> None:
         """A sampled maximum is short of the true one by no more than a step times the steepest slope."""
@@ -61,7 +61,7 @@ class TestModulation:
         for duty in (None, 0.1, 0.9):
             assert exposure_modulation(FlickeringLight(100.0, duty=duty, depth=0.7), 0.0) == pytest.approx(0.7)
 
-    @settings(deadline=None, max_examples=50)
+    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
     @given(st.floats(0.02, 0.97), st.floats(0.001, 0.02), exposures)
     def test_falls_with_the_duty(self, duty: float, more: float, exposure: float) -> None:
         short, long = (exposure_modulation(FlickeringLight(90.0, duty=d), exposure) for d in (duty, duty + more))
@@ -86,7 +86,7 @@ class TestChoice:
         assert found.modulation == pytest.approx(0.02, abs=1e-12)
         assert found.modulation <= 0.02
 
-    @settings(deadline=None, max_examples=10)
+    @settings(deadline=None, max_examples=settings.default.max_examples // 10)
     @given(st.lists(lights, min_size=1, max_size=3), st.floats(0.01, 0.5), st.floats(1e-3, 0.03), st.booleans())
     def test_against_a_search_by_integrals(
         self, some: list[FlickeringLight], below: float, longest: float, nearest: bool
@@ -107,7 +107,7 @@ class TestChoice:
             assert not checked
             assert found.modulation <= brute.modulation + 1e-9 or some[0].uncertainty > 0
 
-    @settings(deadline=None, max_examples=15)
+    @settings(deadline=None, max_examples=3 * settings.default.max_examples // 20)
     @given(st.lists(lights, min_size=1, max_size=3), st.floats(0.01, 0.3), st.floats(1e-3, 0.03))
     def test_no_better_one_on_a_fine_grid(self, some: list[FlickeringLight], below: float, longest: float) -> None:
         grid = np.linspace(longest / 50, longest, 20_001)
@@ -122,7 +122,7 @@ class TestChoice:
         else:
             assert left.min() >= found.modulation * (1 - 1e-9)
 
-    @settings(deadline=None, max_examples=15)
+    @settings(deadline=None, max_examples=3 * settings.default.max_examples // 20)
     @given(st.lists(lights, min_size=1, max_size=2), st.floats(0.01, 0.3), st.floats(5e-6, 1e-3), st.floats(1e-3, 0.05))
     def test_steps_are_all_tried(self, some: list[FlickeringLight], below: float, step: float, near: float) -> None:
         found = flicker_free_exposure(some, below, step=step, near=near)
@@ -145,7 +145,7 @@ class TestChoice:
 
 
 class TestBothAtOnce:
-    @settings(deadline=None, max_examples=15)
+    @settings(deadline=None, max_examples=3 * settings.default.max_examples // 20)
     @given(st.lists(lights, min_size=1, max_size=2), st.floats(5.0, 900.0), st.floats(0.05, 0.9), st.floats(0.05, 0.5))
     def test_the_gain_is_kept(self, some: list[FlickeringLight], data: float, gain: float, below: float) -> None:
         assume(all(abs(data - light.frequency) > light.uncertainty for light in some))
@@ -162,7 +162,7 @@ class TestBothAtOnce:
             assert good.size == 0
             assert not keeps.any() or found.modulation <= left[keeps].min() + 1e-9
 
-    @settings(deadline=None, max_examples=15)
+    @settings(deadline=None, max_examples=3 * settings.default.max_examples // 20)
     @given(st.lists(lights, min_size=1, max_size=2), st.floats(50.0, 900.0), st.floats(20.0, 400.0))
     def test_eq_18_is_largest_among_exposures_without_bands(
         self, some: list[FlickeringLight], comm: float, sense: float

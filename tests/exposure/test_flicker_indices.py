@@ -27,7 +27,7 @@ def test_a_million_random_phases(duty: float | None, background: float) -> None:
         assert np.all(np.abs(share - getattr(drawn, name)) <= 5 * deviation + 1e-5), name
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=settings.default.max_examples // 1)
 @given(st.floats(1.0, 3000.0), st.one_of(st.none(), st.floats(0.01, 0.99)), st.floats(1e-5, 0.1), st.floats(0.0, 2.0))
 def test_probabilities(frequency: float, duty: float | None, exposure: float, background: float) -> None:
     light = FlickeringLight(frequency, duty=duty)

@@ -25,7 +25,7 @@ shutters = st.lists(st.floats(2e-4, 0.03), min_size=1, max_size=3)
 duties = st.one_of(st.none(), st.floats(0.03, 0.97))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 10)
 @given(shutters, duties, st.floats(0.01, 0.5), st.floats(0.0, 0.02))
 def test_frequencies_are_those_and_all_those(
     exposures: list[float], duty: float | None, below: float, spread: float
@@ -60,7 +60,7 @@ def test_frequencies_hold_by_the_exposure_integral(duty: float | None) -> None:
             assert bool(np.max(reference.exposure_modulation(light, exposures)) <= 0.05) == inside
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 10)
 @given(shutters, st.floats(60.0, 2000.0), st.floats(0.01, 0.5))
 def test_least_duty(exposures: list[float], frequency: float, below: float) -> None:
     duty = smallest_flicker_free_duty(frequency, exposures, below)
@@ -75,7 +75,7 @@ def test_least_duty(exposures: list[float], frequency: float, below: float) -> N
         assert left(0.5 * (1 + duty)) <= below
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=settings.default.max_examples // 5)
 @given(shutters, st.floats(0.03, 0.97))
 def test_pulses_are_missed_below_the_frequency_alone(exposures: list[float], duty: float) -> None:
     frequency = unmissed_frequency(exposures, duty)

@@ -63,7 +63,7 @@ def test_every_kind_comes_back_bit_for_bit(tmp_path, suffix, dtype, shape):
 
 
 @given(st.integers(1, 40), st.integers(2, 40), st.sampled_from([np.uint8, np.uint16]), st.integers(1, 3), st.booleans())
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=settings.default.max_examples // 5, deadline=None)
 def test_any_size_survives_a_lossless_video(tmp_path_factory, rows, columns, dtype, count, colour):
     frames = random_frames((count, rows, columns) + ((3,) if colour else ()), dtype, seed=rows * 41 + columns)
     path = tmp_path_factory.mktemp("video") / "recording.mkv"
@@ -449,7 +449,7 @@ def reader():
 
 
 @given(st.data())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples, deadline=None)
 def test_damage_is_survived_or_refused(files_of_every_kind, reader, tmp_path_factory, data):
     damaged = bytearray(data.draw(st.sampled_from(files_of_every_kind)))
     span = data.draw(st.sampled_from([min(300, len(damaged)), len(damaged)]))

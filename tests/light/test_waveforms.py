@@ -54,7 +54,7 @@ def near_an_edge(waveform, camera, rows, start, frames):
     return np.abs(before - after) > 1e-5
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2, deadline=None)
 @given(
     parts=st.lists(TONES | SQUARES | TRIANGLES | CHIPS | SLOW_CHIPS | SAMPLES | CONSTANTS, min_size=1, max_size=3),
     exposure=EXPOSURES,
@@ -85,7 +85,7 @@ FACTORS = (
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2, deadline=None)
 @given(
     factors=st.lists(FACTORS | st.builds(lambda a, b: a + b, FACTORS, FACTORS), min_size=1, max_size=3),
     sampled=st.none()

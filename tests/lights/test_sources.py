@@ -80,7 +80,7 @@ def test_lights_are_found_with_box_frequency_and_gain(dtype):
         assert source.reflection_of is None
 
 
-@settings(max_examples=16)
+@settings(max_examples=4 * settings.default.max_examples // 25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dtype=st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),

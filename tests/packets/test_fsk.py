@@ -25,7 +25,7 @@ def tones_of(count, first=20, step=4):
 @given(
     st.integers(0, 2**32 - 1), st.sampled_from([2, 4, 16]), st.sampled_from([64, 97, 720, 1080]), st.floats(0.02, 2.0)
 )
-@settings(max_examples=40)
+@settings(max_examples=2 * settings.default.max_examples // 5)
 def test_agrees_with_the_reference(seed, count, rows, noise):
     random = np.random.default_rng(seed)
     camera = Camera(ROW_TIME, random.choice([None, 300e-6]))

@@ -46,7 +46,7 @@ class Camera:
 
 
 @given(code=st.sampled_from(CODES), words=st.lists(st.integers(0, 255), max_size=40), noise=st.floats(0, 40))
-@settings(max_examples=40)
+@settings(max_examples=2 * settings.default.max_examples // 5)
 def test_line_codes_agree_with_the_reference(code, words, noise):
     bits = np.unpackbits(np.array(words, np.uint8))
     chips = encode_line_code(bits, code)
@@ -95,7 +95,7 @@ def test_a_missing_half_of_a_manchester_bit_costs_nothing():
     preamble=st.sampled_from(["standard", "lengthened"]),
     number=st.integers(0, 255),
 )
-@settings(max_examples=8)
+@settings(max_examples=2 * settings.default.max_examples // 25)
 def test_transmit_agrees_with_the_reference(payload, code, block_bytes, preamble, number):
     packets = PacketFormat(line_code=code, block_bytes=block_bytes, preamble=preamble)
     longest = ocisac.longest_payload(format=packets)
@@ -160,7 +160,7 @@ def test_a_kilobyte_comes_whole_through_the_gap_between_frames(drift):
     block_bytes=st.integers(1, 12),
     flips=st.sampled_from([0.0, 1e-3, 5e-3]),
 )
-@settings(max_examples=30)
+@settings(max_examples=3 * settings.default.max_examples // 10)
 def test_whatever_is_sent_and_survives_comes_back(code, length, start, drift, block_bytes, flips):
     packets = PacketFormat(line_code=code, block_bytes=block_bytes)
     payload = np.random.default_rng(length).bytes(min(length, ocisac.longest_payload(format=packets)))

@@ -97,7 +97,7 @@ def receive(channel, receiver, frames, faults):
     faults=st.dictionaries(st.integers(1, 9), st.sampled_from(KINDS), max_size=4),
     seed=st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=3 * settings.default.max_examples // 25, deadline=None)
 def test_what_is_delivered_is_what_was_sent(
     payload, line_code, rows_per_chip, exposure, noise, rate_error, faults, seed
 ):
@@ -123,7 +123,7 @@ def test_what_is_delivered_is_what_was_sent(
     faults=st.dictionaries(st.integers(2, 20), st.sampled_from(KINDS), max_size=3),
     seed=st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=2 * settings.default.max_examples // 25, deadline=None)
 def test_a_mild_channel_delivers(payload, line_code, rows_per_chip, exposure, noise, rate_error, faults, seed):
     packets = PacketFormat(line_code=line_code, block_bytes=6)
     sent = ocisac.transmit(payload, format=packets, number=seed % 256)

@@ -90,7 +90,7 @@ def test_recordings_of_real_cameras(recordings, kind):
             assert got.bits in want["cyclic_bits"] * (len(got.bits) // len(want["cyclic_bits"]) + 2), entry["file"]
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=settings.default.max_examples // 2)
 @given(
     seed=st.integers(0, 2**32),
     rows_per_chip=st.floats(2.2, 24.0),
@@ -168,7 +168,7 @@ def assert_consistent(got, light, camera):
     )
 
 
-@settings(max_examples=30)
+@settings(max_examples=3 * settings.default.max_examples // 10)
 @given(
     seed=st.integers(0, 2**32),
     rows_per_chip=st.floats(2.2, 40.0),

@@ -181,7 +181,7 @@ def assert_same_but(one, other, *left_out, tolerance=1e-6):
             assert a == b, field.name
 
 
-@settings(deadline=None, max_examples=10)
+@settings(deadline=None, max_examples=settings.default.max_examples // 10)
 @given(
     dtype=st.sampled_from(["uint8", "uint16", "float32", "float64"]),
     step=st.sampled_from([-2, -1, 1, 3]),

@@ -68,7 +68,7 @@ def equalisation() -> Any:
 
 
 class TestRestores:
-    @settings(deadline=None, max_examples=40)
+    @settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
     @given(st.floats(2.0, 30.0), st.floats(0.0005, 0.3), st.floats(0, 2 * np.pi))
     def test_tones_in_the_interior(self, exposure_rows: float, frequency: float, phase: float) -> None:
         rows = 2160
@@ -79,7 +79,7 @@ class TestRestores:
         interior = slice(rows // 3, 2 * rows // 3)
         assert np.abs(result - light)[interior].max() < 0.01 * 0.5
 
-    @settings(deadline=None, max_examples=50)
+    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
     @given(
         st.sampled_from([1, 2, 3, 5, 97, 720, 1080]),
         st.floats(0, 0.999),
@@ -252,7 +252,7 @@ class TestReport:
         assert np.all(np.diff(bands.ravel()) > 0)
         assert bands[-1, 1] == np.inf
 
-    @settings(deadline=None, max_examples=50)
+    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
     @given(st.floats(0, 1e5), st.floats(1, 1e3))
     def test_lost_bands_rise(self, exposure_rows: float, boost: float) -> None:
         bands = lost_frequencies(camera(exposure_rows), max_boost=boost)
@@ -296,7 +296,7 @@ def strided(array: npt.NDArray[Any], kind: str) -> npt.NDArray[Any]:
 
 
 class TestAgreesWithNumPy:
-    @settings(deadline=None, max_examples=40)
+    @settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
     @given(
         st.sampled_from([1, 2, 3, 7, 31, 97, 210, 720]),
         st.integers(1, 5),

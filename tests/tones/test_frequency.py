@@ -65,7 +65,7 @@ def test_tones_of_real_pictures(recordings):
 # --- known light -----------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=50)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(
     rows=st.sampled_from([97, 251, 720, 1080]),
     place=st.floats(0, 1),
@@ -251,7 +251,7 @@ VIEWS = {
 }
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings.default.max_examples // 4)
 @given(waveform=st.sampled_from(["auto", "tone", "square"]), **VIEWS)
 def test_views_and_types_give_the_same_answer(waveform, **how):
     view, _ = random_view(**how)
@@ -265,7 +265,7 @@ def test_views_and_types_give_the_same_answer(waveform, **how):
     np.testing.assert_allclose(got.columns.strength, want.columns.strength, atol=1e-9)
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings.default.max_examples // 4)
 @given(**VIEWS)
 def test_strength_of_a_column_is_the_share_of_its_swing_that_the_tone_explains(**how):
     view, frequency = random_view(**how)
@@ -284,7 +284,7 @@ def test_strength_of_a_column_is_the_share_of_its_swing_that_the_tone_explains(*
     np.testing.assert_array_equal(found.used[sure], (ratio >= ratio.max() / 8)[sure])
 
 
-@settings(max_examples=40)
+@settings(max_examples=2 * settings.default.max_examples // 5)
 @given(
     rows=st.sampled_from([23, 97, 251, 720]),
     place=st.floats(0.1, 0.95),

@@ -35,7 +35,7 @@ def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=
     np.testing.assert_array_equal(got.flags, want.flags)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 5)
 @given(
     rows=st.sampled_from([1, 2, 3, 4, 5, 13, 97, 720, 1080, 4352]),
     position=st.floats(0.05, 0.95),
@@ -239,7 +239,7 @@ def test_threads_do_not_change_a_bit():
     threads=st.sampled_from([2, 3, 8]),
     dtype=st.sampled_from(["uint8", "uint16"]),
 )
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 10)
 def test_threads_share_frames_of_any_width_wherever_they_begin(frames, columns, start, threads, dtype):
     """They take whole frames and, at the end, parts that begin with a line of the cache: every column once."""
     size = frames * 96 * columns

@@ -33,7 +33,7 @@ def square_gain(pixels, of=ocisac, **options):
     return of.tone_gain(pixels, CAMERA, FREQUENCY, waveform="square", method="robust", **options)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=3 * settings.default.max_examples // 25)
 @given(
     mains=st.sampled_from([0.0, 100.0, 120.0, 300.0, 520.0, 730.0, 1000.0]),
     level=st.floats(0.02, 0.6),
