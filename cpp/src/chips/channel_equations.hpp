@@ -113,26 +113,43 @@ std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::V
 // the same fraction of a row) it is kept, with infinite variance.
 std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
 
-// Sums of products of parts, and of parts and values, row by row; explicit loops, as the parts are few.
+// Sums of products of parts, and of parts and values, over rows: of as many rows at once as fit into a block, each part
+// of which is contiguous.
 class NormalSums {
  public:
-  explicit NormalSums(Eigen::Index size) : products_(RowMajor::Zero(size, size)), right_(Eigen::VectorXd::Zero(size)) {}
+  explicit NormalSums(Eigen::Index size)
+      : products_(Eigen::MatrixXd::Zero(size + 1, size + 1)), block_(kRows, size + 1) {}
 
   void add(const double* parts, double value) {
-    const Eigen::Index size = right_.size();
-    for (Eigen::Index i = 0; i < size; ++i) {
-      double* row = &products_(i, 0);
-      for (Eigen::Index j = 0; j <= i; ++j) row[j] += parts[i] * parts[j];
-      right_[i] += parts[i] * value;
-    }
+    const Eigen::Index size = block_.cols() - 1;
+    for (Eigen::Index k = 0; k < size; ++k) block_(filled_, k) = parts[k];
+    block_(filled_, size) = value;
+    if (++filled_ == kRows) sum_block();
   }
-  [[nodiscard]] Eigen::MatrixXd matrix() const { return products_.selfadjointView<Eigen::Lower>(); }
-  [[nodiscard]] const Eigen::VectorXd& right() const { return right_; }
+  // Sums of all rows; later ones may be added.
+  [[nodiscard]] Eigen::MatrixXd matrix() {
+    sum_block();
+    const Eigen::Index size = block_.cols() - 1;
+    return products_.topLeftCorner(size, size).selfadjointView<Eigen::Lower>();
+  }
+  [[nodiscard]] Eigen::VectorXd right() {
+    sum_block();
+    return products_.row(block_.cols() - 1).head(block_.cols() - 1);
+  }
 
  private:
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  RowMajor products_;
-  Eigen::VectorXd right_;
+  static constexpr Eigen::Index kRows = 64;
+
+  void sum_block() {
+    block_.bottomRows(kRows - filled_).setZero();
+    for (Eigen::Index i = 0; i < block_.cols(); ++i)
+      for (Eigen::Index j = 0; j <= i; ++j) products_(i, j) += block_.col(i).dot(block_.col(j));
+    filled_ = 0;
+  }
+
+  Eigen::MatrixXd products_;  // lower half; values last
+  Eigen::Matrix<double, kRows, Eigen::Dynamic> block_;
+  Eigen::Index filled_ = 0;
 };
 
 // Least-squares levels at the last exposed clock.

@@ -112,10 +112,7 @@ std::pair<std::ptrdiff_t, PlaceErrors> ChipReceiver::chip_number(const ChannelEs
 void ChipReceiver::take(const FrameReading& reading, double time, std::span<const double> signal,
                         ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
-  // Correlated residuals reduce the effective number of rows.
-  const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
-  std::vector<double> llr = reading.llr;
-  for (double& value : llr) value *= independent;
+  std::vector<double> llr = reliable_llr(reading);
   agree_with_code(llr, options_.format);
   const ChipGrid whole = whole_chips(channel.clock, signal.size());
   for (std::size_t k = 0; k < whole.count; ++k) {

@@ -14,6 +14,7 @@ namespace {
 constexpr double kWrongPerViolation = 2;
 constexpr double kMinDeviations = 3;  // standard deviations of the count of violations
 constexpr int kHalvings = 30;
+constexpr double kTail = 2, kUnderstated = 10;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
 double expected_wrong(std::span<const double> llr, double scale) {
   double sum = 0;
@@ -33,6 +34,15 @@ double violations(std::span<const double> llr, const LineCode& code) {
 }
 
 }  // namespace
+
+std::vector<double> reliable_llr(const FrameReading& reading) {
+  std::vector<double> llr = reading.llr;
+  const bool misfit = is_misfit(reading);
+  for (std::size_t k = 0; k < llr.size(); ++k)
+    if (misfit || reading.excess[k] > 1)
+      llr[k] = std::copysign(kTail * std::log1p(std::abs(llr[k]) / (kUnderstated * reading.excess[k])), llr[k]);
+  return llr;
+}
 
 void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const LineCode& code = format.line_code;

@@ -1,11 +1,19 @@
-// Log-likelihood ratios that agree with the line code.
+// Log-likelihood ratios that agree with what the channel leaves of the rows, and with the line code.
 #pragma once
 
 #include <vector>
 
 #include "ocisac/packets/packets.hpp"
+#include "ocisac/receiver/frame_reading.hpp"
 
 namespace ocisac {
+
+// Those of a reading's chips. Where more is left than white noise, the noise is of unknown size, as Student's t has it:
+//
+//   ±2·ln(1 + |L|/(10·excess)) for a ratio L
+//
+// The factor of 10 is measured (docs/measured/field.md): chips are chosen so that little is left.
+std::vector<double> reliable_llr(const FrameReading& reading);
 
 // Scales the ratios of consecutive chips towards 0 where more words violate the line code than they admit: until they
 // expect as many wrong chips as the violations show. Chips of a preamble may violate it. Line code "none": as they are.

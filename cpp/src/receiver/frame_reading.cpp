@@ -16,7 +16,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kMaxRounds = 3;            // of detection
+constexpr int kMinRounds = 3, kMaxRounds = 10;  // of detection, until the channel stays
+constexpr double kSettling = 0.98;       // ratio of the residual to that of the round before, for more than three
 constexpr double kClockStays = 0.02;     // chips, at either end of the frame
 constexpr double kExposureStays = 0.01;  // relative
 constexpr double kLevelsStay = 0.03;     // relative to the swing
@@ -25,6 +26,9 @@ constexpr double kMaxErrors = 2e-3;  // expected error rate
 constexpr double kMaxErrorsIfEven = 0.08;
 constexpr double kMaxCorrelation = 0.3;  // right frames have at most 0.07, wrong ones at least 0.7
 constexpr double kEquallyGood = 1.2;     // ratio of residuals
+constexpr double kChangedRows = 1.5;     // chips, by one of them
+constexpr double kExcessChips = 8;       // either side, in which the residual is alike
+constexpr double kExcessErrors = 5;      // standard errors
 constexpr double kNoResidual = 0.005;    // relative to the swing: rounding to whole values may be correlated
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
@@ -100,6 +104,39 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
          std::max({levels_off(0), levels_off(middle), levels_off(last)}) < kLevelsStay;
 }
 
+// Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
+// noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
+std::vector<double> residual_excess(std::span<const double> signal, const FrameReading& reading) {
+  const ChannelEstimate& channel = reading.channel;
+  const ChipClock& clock = channel.clock;
+  std::vector<double> excess(reading.llr.size(), 1.0);
+  const double rows = kChangedRows * clock.rows_per_chip;
+  const auto width = std::max<std::size_t>(static_cast<std::size_t>(std::nearbyint(rows)), 1);
+  if (signal.size() < width || !(channel.noise > 0)) return excess;
+  const auto left = channel_residual(signal, {hard_chips(reading), reading.first}, channel);
+  std::vector<double> sums{0.0};  // of squared sums over `width` rows, in variances of white noise
+  double sum = 0;
+  for (std::size_t n = 0; n < left.size(); ++n) {
+    sum += left[n] - (n >= width ? left[n - width] : 0.0);
+    if (n + 1 >= width)
+      sums.push_back(sums.back() + sum * sum / (static_cast<double>(width) * channel.noise * channel.noise));
+  }
+  const double last = static_cast<double>(sums.size() - 1);
+  const double reach = kExcessChips * clock.rows_per_chip + 0.5 * clock.exposure_rows;
+  for (std::size_t k = 0; k < excess.size(); ++k) {
+    const double middle = clock.phase +
+                          (static_cast<double>(reading.first) + static_cast<double>(k) + 0.5) * clock.rows_per_chip -
+                          0.5 * static_cast<double>(width);
+    const double begin = std::clamp(std::floor(middle - reach), 0.0, last - 1),
+                 end = std::clamp(std::ceil(middle + reach), begin + 1, last);
+    const double mean = (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(begin)]) / (end - begin);
+    // Squares of sums that overlap: two thirds of the width are one independent value.
+    const double values = 1 + 1.5 * (end - begin) / static_cast<double>(width);
+    if (mean > 1 + kExcessErrors * std::sqrt(2 / values)) excess[k] = mean;
+  }
+  return excess;
+}
+
 }  // namespace
 
 std::vector<double> hard_chips(const FrameReading& reading) {
@@ -122,7 +159,8 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     const auto chips = hard_chips(reading);
     auto fitted = fit_channel(signal, {chips, reading.first}, channel.clock, model, effort);
     if (!fitted) return std::nullopt;
-    const bool stays = is_same(channel, *fitted, signal.size());
+    const bool stays = is_same(channel, *fitted, signal.size()) ||
+                       (round + 1 >= kMinRounds && !(fitted->noise < kSettling * channel.noise));
     channel = std::move(*fitted);
     reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
     // Rescale the likelihoods from the assumed to the estimated noise.
@@ -133,6 +171,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   reading.channel = std::move(channel);
   reading.error_rate = error_rate_within(reading);
   reading.correlation = residual_correlation(signal, reading);
+  reading.excess = residual_excess(signal, reading);
   return reading;
 }
 

@@ -1,7 +1,9 @@
 // Log-likelihood ratios against the line code.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <random>
 #include <string>
@@ -28,7 +30,64 @@ double expected_wrong(const std::vector<double>& llr) {
   return sum / static_cast<double>(llr.size());
 }
 
+// A frame of 1080 rows: random bits in Manchester code, 5.63 rows a chip, an exposure of two chips, white noise of 1 %
+// of the swing and a ripple of `ripple` times as much over the last 200 rows.
+ocisac::FrameReading reading_with(double ripple, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 1);
+  std::vector<double> chips, signal(1080);
+  for (int bit = 0; bit < 220; ++bit) {
+    chips.push_back(static_cast<double>(random() & 1U));
+    chips.push_back(1 - chips.back());
+  }
+  ocisac::ChannelEstimate channel;
+  channel.clock = {5.63, -100.3, 11.26};
+  channel.dark = {20};
+  channel.swing = {100};
+  channel.noise = 1;
+  channel.rows = {0, 1080};
+  ocisac::expose_chips({chips, 0}, channel.clock, signal);
+  for (std::size_t n = 0; n < signal.size(); ++n)
+    signal[n] =
+        20 + 100 * signal[n] + noise(random) + (n < 880 ? 0.0 : ripple * std::sin(0.15 * static_cast<double>(n - 880)));
+  const auto reading = ocisac::read_frame(signal, channel, true);
+  REQUIRE(reading);
+  return *reading;
+}
+
 }  // namespace
+
+TEST_CASE("white noise about a chip is no excess, a ripple is one where it is") {
+  int frames = 0;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const auto clean = reading_with(0, seed);
+    frames += std::ranges::any_of(clean.excess, [](double excess) { return excess > 1; });
+    CHECK(clean.excess.size() == clean.llr.size());
+    const auto rippled = reading_with(4, seed);
+    CHECK(std::ranges::all_of(rippled.excess, [](double excess) { return excess >= 1; }));
+    CHECK(rippled.excess[rippled.excess.size() - 15] > 4);  // 8 σ² over the mean of the frame, 2.5 σ²
+    CHECK(std::ranges::count(rippled.excess, 1.0) > 120);
+  }
+  CHECK(frames <= 2);  // beyond five standard errors
+}
+
+TEST_CASE("ratios of chips in white noise stay, others are those of noise of unknown size") {
+  auto reading = reading_with(0, 3);
+  reading.excess.assign(reading.llr.size(), 1.0);
+  CHECK(ocisac::reliable_llr(reading) == reading.llr);
+  reading.excess[40] = 5;
+  const auto local = ocisac::reliable_llr(reading);
+  for (std::size_t k = 0; k < local.size(); ++k)
+    CHECK(std::abs(local[k]) ==
+          doctest::Approx(k == 40 ? 2 * std::log(1 + std::abs(reading.llr[k]) / 50) : std::abs(reading.llr[k])));
+  reading.correlation = 0.8;
+  CHECK(ocisac::is_misfit(reading));
+  const auto all = ocisac::reliable_llr(reading);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    CHECK(all[k] * reading.llr[k] >= 0);
+    CHECK(std::abs(all[k]) <= std::abs(reading.llr[k]) / 5);
+  }
+}
 
 TEST_CASE("right chips keep their ratios, preambles included") {
   std::mt19937 random(4);
