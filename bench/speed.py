@@ -39,9 +39,11 @@ from ocisac_fast import (
     _core,
     best_exposure,
     equalize,
+    find_frequency,
     integrate_exposure,
     reference,
     tone_gain,
+    varying_tone_gain,
 )
 from studies.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
 
@@ -361,6 +363,44 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
         yield figure_of(f"  {name}, one thread / two", in_turn(own, two, frames, seconds, (9, 200)))
 
 
+def frequency_search(seconds: float, missing: list[str]) -> Iterator[Figure]:
+    """find_frequency with its defaults, in milliseconds; a sine fit of one column by scipy beside it."""
+    random = np.random.default_rng(4)
+    turns = 12.3 * np.arange(ROWS)[:, None] / ROWS + random.random(COLUMNS)
+    for shape, wave, limits in (("sine", np.cos(2 * np.pi * turns), (4.0, 2.0)), ("square wave", None, (8.0, 5.0))):
+        light = np.sign(np.cos(2 * np.pi * (turns - turns[0] + 0.2))) if wave is None else wave
+        frame = np.rint(100 + 40 * light + 2 * random.standard_normal(turns.shape)).astype(np.uint8)
+        for what, columns, limit in (("frame", frame, limits[0]), ("column", frame[:, 5].copy(), limits[1])):
+            found = find_frequency(columns, CAMERA)
+            if not abs(found.frequency - frequency(12.3)) < 5 * found.frequency_std:
+                raise SystemExit(f"speed.py: find_frequency of a {what}: {found.frequency} Hz; not timed")
+            timing = in_turn(lambda _, c=columns: find_frequency(c, CAMERA), lambda _: None, [None], seconds, (5, 50))
+            yield Figure(f"find_frequency, a {what} with a {shape}", 1e3 * timing.seconds, "ms", limit)
+    if importlib.util.find_spec("scipy") is None:
+        missing.append("scipy.optimize, for the frequency")
+        return
+    from scipy.optimize import curve_fit
+
+    column, time = frame[:, 5].astype(float), np.arange(ROWS) * ROW_TIME
+
+    def tone(t: np.ndarray, mean: float, a: float, b: float, f: float) -> np.ndarray:
+        return mean + a * np.cos(2 * np.pi * f * t) + b * np.sin(2 * np.pi * f * t)
+
+    start = (100.0, 30.0, 10.0, frequency(12.2))
+    timing = in_turn(lambda _: curve_fit(tone, time, column, p0=start), lambda _: None, [None], seconds, (5, 50))
+    yield Figure("  scipy's curve_fit of a sine, one column, frequency known to 0.1 bins", 1e3 * timing.seconds, "ms")
+
+
+def varying_tone(seconds: float) -> Iterator[Figure]:
+    """varying_tone_gain over reading, bytes."""
+    call = functools.partial(varying_tone_gain, camera=CAMERA, frequency=frequency(SLOW))
+    steady = tone_gain(pool()[0], CAMERA, frequency(SLOW)).gain
+    if not np.max(np.abs(call(pool()[0]).gain - steady)) < 5e-3:
+        raise SystemExit("speed.py: varying_tone_gain of a steady tone: another gain; not timed")
+    timing = in_turn(call, _core.read_bytes, pool(), seconds, (9, 200))
+    yield figure_of("varying_tone_gain / reading", timing, 20.0)
+
+
 def exposure_choice(seconds: float) -> Iterator[Figure]:
     """Problems per second from Python arrays."""
     random = np.random.default_rng(3)
@@ -385,6 +425,8 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     yield from two_threads_from_memory(seconds)
     yield from paper_gains(seconds)
     yield from equalisation(seconds, missing)
+    yield from frequency_search(seconds, missing)
+    yield from varying_tone(seconds)
     yield from integration(seconds)
     yield from exposure_choice(seconds)
 

@@ -69,6 +69,14 @@ MatrixXd solve_positive_definite(const ConstMatrix& matrix, const ConstMatrix& r
   return matrix.llt().solve(right);
 }
 
+std::optional<MatrixXd> cholesky_factor(const ConstMatrix& matrix, double min_pivot) {
+  const Eigen::LLT<MatrixXd> factors(matrix);
+  MatrixXd upper = factors.matrixU();
+  if (factors.info() != Eigen::Success || !(upper.diagonal().minCoeff() > min_pivot * upper.diagonal().maxCoeff()))
+    return std::nullopt;
+  return upper;
+}
+
 std::optional<MatrixXd> solve_symmetric(const ConstMatrix& matrix, const ConstMatrix& right, double min_pivot) {
   const Eigen::LDLT<MatrixXd> factors(matrix);
   if (!(factors.vectorD().minCoeff() > min_pivot)) return std::nullopt;

@@ -45,6 +45,10 @@ Eigen::MatrixXd least_squares(const ConstMatrix& matrix, const ConstMatrix& righ
 // x with matrix·x = right for a positive definite matrix (n × n), by LLᵀ.
 Eigen::MatrixXd solve_positive_definite(const ConstMatrix& matrix, const ConstMatrix& right);
 
+// The upper triangle R of matrix = Rᵀ·R (n × n); empty unless every diagonal element of R exceeds min_pivot times the
+// largest.
+std::optional<Eigen::MatrixXd> cholesky_factor(const ConstMatrix& matrix, double min_pivot);
+
 // x with matrix·x = right for a symmetric matrix (n × n), by LDLᵀ; empty unless all pivots exceed min_pivot.
 std::optional<Eigen::MatrixXd> solve_symmetric(const ConstMatrix& matrix, const ConstMatrix& right, double min_pivot);
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <utility>
 
+#include "light/waveform_kernels.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -29,24 +29,6 @@ CycleCounter counter_of(double rate, const Exposures& exposures, DoubleDouble of
   return counter;
 }
 
-// cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|). Inline, so
-// that loops over it are vectorised.
-double cosine_of(double turns) {
-  const double x = 2 * std::numbers::pi * (0.25 - std::abs(turns));
-  const double z = x * x;
-  double series = 1.0 / 51090942171709440000.0;
-  series = -1.0 / 121645100408832000.0 + z * series;
-  series = 1.0 / 355687428096000.0 + z * series;
-  series = -1.0 / 1307674368000.0 + z * series;
-  series = 1.0 / 6227020800.0 + z * series;
-  series = -1.0 / 39916800.0 + z * series;
-  series = 1.0 / 362880.0 + z * series;
-  series = -1.0 / 5040.0 + z * series;
-  series = 1.0 / 120.0 + z * series;
-  series = -1.0 / 6.0 + z * series;
-  return x + x * z * series;
-}
-
 // --- Tone: A/2·(1 + depth·sinc(f T_e)·cos(phase in mid-exposure)) ---
 
 class ToneLight final : public MeanLight {
@@ -57,10 +39,7 @@ class ToneLight final : public MeanLight {
         counter_(counter_in_mid_exposure(tone, exposures)) {}
 
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
-    const CycleCounter counter = counter_;  // out may not change it: the loop becomes vectors
-    const double half = scale * half_amplitude_;
-    const double swing = swing_;
-    for (std::size_t i = 0; i < x.size(); ++i) out[i] += half * (1 + swing * cosine_of(counter.at(x[i]).fraction));
+    kernels::add_means(kernels::ToneMeans{counter_, scale * half_amplitude_, swing_}, x.data(), x.size(), out.data());
   }
 
  private:
@@ -116,27 +95,11 @@ class SquareLight final : public MeanLight {
 
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
     if (point_) return add_points(x, scale * amplitude_, out);
-    const SquareLight light = *this;  // out may not change it: the loop becomes vectors
-    const double level = scale * amplitude_;
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Position end = light.counter_.at(x[i]);
-      out[i] += level * ((light.whole_light_ + light.overlap(end, 0) + light.overlap(end, -1)) / light.length_);
-    }
+    kernels::add_means(kernels::SquareMeans{counter_, scale * amplitude_, half_duty_, length_, part_, whole_light_},
+                       x.data(), x.size(), out.data());
   }
 
  private:
-  // Overlap of the last part_ cycles before `end` with the pulse centred on `centre`.
-  double overlap(const Position& end, double centre) const {
-    const double since_rise = (end.fraction - (centre - half_duty_)) + end.rest;
-    const double since_fall = (end.fraction - (centre + half_duty_)) + end.rest;
-    return within_part(since_rise) - within_part(since_fall);
-  }
-
-  double within_part(double cycles) const {
-    const double not_below = cycles > 0 ? cycles : 0;
-    return not_below < part_ ? not_below : part_;
-  }
-
   void add_points(std::span<const double> x, double level, std::span<double> out) const {
     for (std::size_t i = 0; i < x.size(); ++i) {
       const Position at = counter_.at(x[i]);

@@ -17,6 +17,7 @@
 #include "columns/continuation.hpp"
 #include "columns/equalizer_kernels.hpp"
 #include "columns/light_and_noise.hpp"
+#include "columns/light_rows.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/parallel.hpp"
 #include "core/spectrum.hpp"
@@ -180,34 +181,6 @@ struct Memory {
   std::vector<double> mean, slope, reach, units, scale;  // (width)
   std::vector<double> column;                            // (rows)
 };
-
-// One view for samples of every type: (rows × width) linear light; columns beyond `count` are 0.
-template <class T>
-void load(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count, const ToneCurve& curve,
-          std::size_t width, T* block) {
-  if (curve.kind != ToneCurve::Kind::linear) {
-    const auto signals = column_signals(frames, frame, first, count, curve);
-    const std::size_t rows = signals.size() / count;
-    for (std::size_t row = 0; row < rows; ++row)
-      for (std::size_t c = 0; c < width; ++c)
-        block[row * width + c] = c < count ? static_cast<T>(signals[c * rows + row]) : T{0};
-    return;
-  }
-  const T dark = static_cast<T>(curve.dark_level);
-  std::visit(
-      [&]<class S>(const FramesView<const S>& view) {
-        for (std::size_t row = 0; row < view.rows; ++row) {
-          const S* const samples = view.at(frame, row, first);
-          T* const to = block + row * width;
-          if (view.column_stride == 1)
-            for (std::size_t c = 0; c < count; ++c) to[c] = static_cast<T>(samples[c]) - dark;
-          else
-            for (std::size_t c = 0; c < count; ++c) to[c] = static_cast<T>(view(frame, row, first + c)) - dark;
-          std::fill(to + count, to + width, T{0});
-        }
-      },
-      frames);
-}
 
 template <class T>
 void store(const T* block, std::size_t width, std::size_t frame, std::size_t first, std::size_t count,
@@ -517,7 +490,7 @@ EqualizerReport equalize_as(const AnyFramesView& frames, const Camera& camera, c
     if (settings.noise.size() == 1) noise.assign(count, settings.noise[0]);
     if (settings.noise.size() > 1) noise.assign(&settings.noise[at], &settings.noise[at] + count);
     BlockEqualizer<T> block(*plan, count, settings.max_boost);
-    load(frames, frame, first, count, camera.tone_curve, block.width(), block.block());
+    light_rows(frames, frame, first, count, camera.tone_curve, block.width(), block.block());
     block.run(noise, std::span(report.noise_gain).subspan(at, count), std::span(report.noise).subspan(at, count),
               std::span(restored).subspan(index * bins, bins));
     store(block.block(), block.width(), frame, first, count, out);

@@ -71,12 +71,14 @@ std::vector<double> spectral_votes(const Signals& signals, std::size_t length) {
     }
   const auto spectra = half_spectra(padded, length);
   const std::size_t bins = length / 2 + 1;
-  std::vector<double> votes(bins);
-  for (std::size_t s = 0; s < signals.count(); ++s)
-    for (std::size_t k = 0; k < bins; ++k) {
-      const double share = 2 * std::norm(spectra[s * bins + k]) / (window_sum * weighted_energy[s]);
-      votes[k] -= std::log1p(-std::min(share, 0.9999));
-    }
+  constexpr std::size_t kFactors = 64;  // of 10⁻⁴ or more do not vanish: a logarithm of their product
+  std::vector<double> votes(bins), left(bins, 1.0);
+  for (std::size_t s = 0; s < signals.count(); ++s) {
+    const double scale = 2 / (window_sum * weighted_energy[s]);
+    for (std::size_t k = 0; k < bins; ++k) left[k] *= 1 - std::min(scale * std::norm(spectra[s * bins + k]), 0.9999);
+    if ((s + 1) % kFactors != 0 && s + 1 != signals.count()) continue;
+    for (std::size_t k = 0; k < bins; ++k) votes[k] -= std::log(std::exchange(left[k], 1.0));
+  }
   return votes;
 }
 
@@ -110,8 +112,8 @@ double misfit(const PeriodicFit& fit, const PeriodicModel& model, std::size_t ro
 
 // A few cycles are below the resolution of a spectrum: minimises the misfit of a tone on a fine grid up to 4 cycles, or
 // over the whole range if that is narrow.
-std::vector<double> grid_minima(const Signals& signals, const Range& range) {
-  const auto rows = static_cast<double>(signals.rows);
+std::vector<double> grid_minima(const PeriodicSignals& signals, const Range& range) {
+  const auto rows = static_cast<double>(signals.rows());
   const bool narrow = (range.upper - range.lower) * rows < 4;
   const double last = narrow ? range.upper : std::min(range.upper, 4 / rows);
   if (!(range.lower <= last)) return {};
@@ -120,8 +122,8 @@ std::vector<double> grid_minima(const Signals& signals, const Range& range) {
   for (std::size_t i = 0; i <= steps; ++i) {
     const double share = steps == 0 ? 0 : static_cast<double>(i) / static_cast<double>(steps);
     grid.push_back(range.lower + share * (last - range.lower));
-    const auto model = periodic_model(grid.back(), signals.rows, 1);
-    misfits.push_back(misfit(fit_periodic(signals.samples, signals.rows, model, grid.back()), model, signals.rows));
+    const auto model = periodic_model(grid.back(), signals.rows(), 1);
+    misfits.push_back(misfit(fit_periodic(signals, model, grid.back()), model, signals.rows()));
   }
   for (std::size_t i = 0; i < grid.size(); ++i)
     if ((i == 0 || misfits[i] < misfits[i - 1]) && (i + 1 == grid.size() || misfits[i] <= misfits[i + 1]))
@@ -142,16 +144,15 @@ struct Candidate {
 
 // Refines the fundamental alone, then evaluates it with its first harmonics. A sub-multiple of the true frequency has
 // almost no fundamental and is rejected.
-Candidate judged(const Signals& signals, double frequency, const Range& range) {
-  const auto tone = periodic_model(frequency, signals.rows, 1);
+Candidate judged(const PeriodicSignals& signals, double frequency, const Range& range) {
+  const auto tone = periodic_model(frequency, signals.rows(), 1);
   const int steps = 2;  // from a quarter of a bin to a thousandth
-  const double at =
-      refine_periodic(signals.samples, signals.rows, tone, frequency, range.lower, range.upper, steps).frequency;
-  const auto model = periodic_model(at, signals.rows, compared_harmonics);
-  const auto fit = refine_periodic(signals.samples, signals.rows, model, at, range.lower, range.upper, steps);
+  const double at = refine_periodic(signals, tone, frequency, range.lower, range.upper, steps).frequency;
+  const auto model = periodic_model(at, signals.rows(), compared_harmonics);
+  const auto fit = refine_periodic(signals, model, at, range.lower, range.upper, steps);
   const double min_share = 0.2;  // an aliased third harmonic of a square wave has 0.1
   if (fit.harmonic_energy[0] < min_share * sum(fit.harmonic_energy)) return {};
-  return {fit.frequency, misfit(fit, model, signals.rows)};
+  return {fit.frequency, misfit(fit, model, signals.rows())};
 }
 
 // NaN for constant signals.
@@ -159,10 +160,11 @@ double coarse_frequency(const Signals& all, const Range& range) {
   const Signals signals = normalised(all);
   if (signals.count() == 0) return nan;
   std::vector<double> frequencies = spectral_peaks(signals, range, 5);
-  for (const double f : grid_minima(signals, range)) frequencies.push_back(f);
+  const PeriodicSignals prepared(signals.samples, signals.rows);
+  for (const double f : grid_minima(prepared, range)) frequencies.push_back(f);
   Candidate best;
   for (const double frequency : frequencies) {
-    const Candidate candidate = judged(signals, frequency, range);
+    const Candidate candidate = judged(prepared, frequency, range);
     if (candidate.misfit < best.misfit) best = candidate;
   }
   return best.frequency;
@@ -174,11 +176,11 @@ struct FinalFit {
   double noise_power = 0;  // of a sample
 };
 
-FinalFit refined(const Signals& signals, PeriodicModel model, double frequency, const Range& range) {
+FinalFit refined(const PeriodicSignals& signals, PeriodicModel model, double frequency, const Range& range) {
   FinalFit final;
-  final.fit = refine_periodic(signals.samples, signals.rows, model, frequency, range.lower, range.upper);
+  final.fit = refine_periodic(signals, model, frequency, range.lower, range.upper);
   final.model = std::move(model);
-  const auto spare = static_cast<double>((signals.rows - final.model.parameters()) * signals.count());
+  const auto spare = static_cast<double>((signals.rows() - final.model.parameters()) * signals.count());
   // The second term is the rounding error; it prevents that noiseless signals seem to consist of harmonics.
   final.noise_power = std::max(final.fit.total_residual(), 1e-14 * sum(final.fit.periodic_energy)) / spare;
   return final;
@@ -197,12 +199,12 @@ PeriodicModel pruned(const FinalFit& final, std::size_t signals) {
 }
 
 // Adds harmonics step by step: each step refines the frequency enough for the next, whose minimum is narrower.
-FinalFit final_fit(const Signals& signals, double frequency, const Range& range, Harmonics wanted) {
-  FinalFit final = refined(signals, periodic_model(frequency, signals.rows, 1), frequency, range);
+FinalFit final_fit(const PeriodicSignals& signals, double frequency, const Range& range, Harmonics wanted) {
+  FinalFit final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
   if (wanted == Harmonics::fundamental) return final;
   for (std::size_t count = 3; count <= max_harmonics; count = 2 * count + 1) {
     const std::size_t before = final.model.harmonics.back();
-    const auto model = periodic_model(final.fit.frequency, signals.rows, count);
+    const auto model = periodic_model(final.fit.frequency, signals.rows(), count);
     if (model.harmonics.size() == final.model.harmonics.size()) break;
     final = refined(signals, model, final.fit.frequency, range);
     if (wanted == Harmonics::automatic && pruned(final, signals.count()).harmonics.back() <= before) break;
@@ -312,7 +314,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const PeriodicFit fit = fit_periodic(parts.samples, parts.rows, model, coarse);
   CombinedTone combined = combine_by_tone(parts.samples, parts.rows, group, model, fit);
   const Signals signals{std::move(combined.signals), parts.rows};
-  const FinalFit final = final_fit(signals, coarse, range, search.harmonics);
+  const FinalFit final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range, search.harmonics);
   const double std = frequency_std(signals.samples, signals.rows, combined.per_frame, final.model, final.fit.frequency);
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "columns/equalizer_kernels.hpp"
+#include "columns/light_rows.hpp"
 #include "core/legendre.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
@@ -20,14 +22,16 @@ namespace {
 
 using Eigen::Index;
 using Eigen::MatrixXd;
-using Eigen::VectorXd;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+// Of one column, at most 3·5 + 3: on the stack.
+using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kIllConditioned = 1e6;
-constexpr double kSure = 4;         // standard errors above which a bias is significant
-constexpr double kWeak = 3;         // standard errors
-constexpr double kRounding = 1e-9;  // gains below it are rounding
-constexpr std::size_t kColumnsPerBlock = 64;
+constexpr double kSure = 4;                   // standard errors above which a bias is significant
+constexpr double kWeak = 3;                   // standard errors
+constexpr double kRounding = 1e-9;            // gains below it are rounding
+constexpr std::size_t kColumnsPerBlock = 32;  // the light and what is left of it fit the second-level cache
 
 // Gauss–Legendre nodes along the rows, −1 to 1, and weights for the mean of the tone's amplitude.
 struct Place {
@@ -73,10 +77,13 @@ std::vector<int> usable_harmonics(std::vector<int> harmonics, std::size_t rows, 
 // cosine and the sine of the fundamental; the last three are those of tone_gain: mean, cosine, sine.
 struct Plan {
   Index terms = 1;
-  MatrixXd weights;      // (3·terms + 3 × rows)
-  MatrixXd covariance;   // of the parameters, for noise of variance 1
-  MatrixXd basis;        // (rows × parameters of the model), orthonormal
-  MatrixXd polynomials;  // (places × terms)
+  MatrixXd weights;        // (3·terms + 3 × rows)
+  MatrixXd covariance;     // of the parameters, for noise of variance 1
+  MatrixXd of_tone;        // the same of the cosine and the sine alone
+  MatrixXd basis;          // (rows × parameters of the model), orthonormal
+  RowMajor projections;    // (3·terms + 3 + parameters of the model × rows) weights, then the basis transposed
+  RowMajor basis_by_rows;  // the basis
+  MatrixXd polynomials;    // (places × terms)
   Flags flags = 0;
 
   [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
@@ -113,6 +120,10 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
       Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(steady.weights.data(), 3,
                                                                                   design.rows());
   plan.covariance = product(plan.weights, plan.weights.transpose());
+  plan.of_tone = plan.covariance.block(plan.terms, plan.terms, 2 * plan.terms, 2 * plan.terms);
+  plan.projections.resize(plan.weights.rows() + plan.basis.cols(), design.rows());
+  plan.projections << plan.weights, plan.basis.transpose();
+  plan.basis_by_rows = plan.basis;
   plan.polynomials = legendre_at_places(options.degree);
   return plan;
 }
@@ -120,23 +131,22 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
 // Mean of the tone's amplitude over the rows, and its derivatives by the parameters.
 struct Amplitude {
   double value = 0;
-  VectorXd slope;
+  Vector slope;
 };
 
-Amplitude mean_amplitude(const Plan& plan, const VectorXd& parameters, double noise) {
+Amplitude mean_amplitude(const Plan& plan, const Vector& parameters, double noise) {
   const Index terms = plan.terms;
-  Amplitude amplitude{0, VectorXd::Zero(parameters.size())};
-  const MatrixXd covariance = noise * plan.covariance.block(terms, terms, 2 * terms, 2 * terms);
+  Amplitude amplitude{0, Vector::Zero(parameters.size())};
   for (std::size_t i = 0; i < kPlaces.size(); ++i) {
-    const VectorXd polynomials = plan.polynomials.row(static_cast<Index>(i)).transpose();
+    const Vector polynomials = plan.polynomials.row(static_cast<Index>(i)).transpose();
     const double cosine = polynomials.dot(parameters.segment(terms, terms));
     const double sine = polynomials.dot(parameters.segment(2 * terms, terms));
     const double length = std::hypot(cosine, sine);
     if (!(length > 0)) continue;
-    VectorXd across(2 * terms);
+    Vector across(2 * terms);
     across << -sine / length * polynomials, cosine / length * polynomials;
     // Bias of the length by noise, as in tone_gain.
-    const double tangential = across.dot(covariance * across);
+    const double tangential = noise * across.dot(Vector(plan.of_tone * across));
     amplitude.value += kPlaces[i].share * std::sqrt(std::max(length * length - tangential, 0.0));
     amplitude.slope.segment(terms, terms) += kPlaces[i].share * cosine / length * polynomials;
     amplitude.slope.segment(2 * terms, terms) += kPlaces[i].share * sine / length * polynomials;
@@ -145,8 +155,8 @@ Amplitude mean_amplitude(const Plan& plan, const VectorXd& parameters, double no
 }
 
 // Derivatives of amplitude/mean by the parameters, where `mean` is parameter `index_of_mean`.
-VectorXd contrast_slope(const Amplitude& amplitude, double mean, Index index_of_mean) {
-  VectorXd slope = amplitude.slope / mean;
+Vector contrast_slope(const Amplitude& amplitude, double mean, Index index_of_mean) {
+  Vector slope = amplitude.slope / mean;
   slope(index_of_mean) -= amplitude.value / (mean * mean);
   return slope;
 }
@@ -157,28 +167,53 @@ struct Column {
 };
 
 // `steady_gain`, `steady_std`, `flags`: those of tone_gain.
-Column judge(const Plan& plan, const VectorXd& parameters, double noise, double background, double ratio,
+Column judge(const Plan& plan, const Vector& parameters, double noise, double background, double ratio,
              double steady_gain, double steady_std, Flags flags) {
   const double mean = parameters(0) - background;
   if (!(mean > 0)) flags |= flag::no_light;
   if (flags & (flag::unresolvable | flag::no_light)) return {kNaN, kNaN, mean, kNaN, kNaN, flags};
-  const auto error = [&](const VectorXd& slope) {
-    return std::sqrt(std::max(noise * slope.dot(plan.covariance * slope), 0.0)) / ratio;
+  const auto error = [&](const Vector& slope) {
+    return std::sqrt(std::max(noise * slope.dot(Vector(plan.covariance * slope)), 0.0)) / ratio;
   };
   const Amplitude varying = mean_amplitude(plan, parameters, noise);
-  const VectorXd slope = contrast_slope(varying, mean, 0);
+  const Vector slope = contrast_slope(varying, mean, 0);
   const double gain = varying.value / mean / ratio;
   const double gain_std = error(slope);
 
   const Index at = 3 * plan.terms;  // of tone_gain's parameters
   const double steady_mean = parameters(at) - background;
-  Amplitude steady{std::hypot(parameters(at + 1), parameters(at + 2)), VectorXd::Zero(parameters.size())};
+  Amplitude steady{std::hypot(parameters(at + 1), parameters(at + 2)), Vector::Zero(parameters.size())};
   if (steady.value > 0) steady.slope.tail(2) = parameters.tail(2) / steady.value;
   const double bias = steady_gain - gain;
   const double bias_std = error(contrast_slope(steady, steady_mean, at) - slope);
   if (gain < std::max(kWeak * gain_std, kRounding)) flags |= flag::weak;
   if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kRounding})) flags |= flag::model_misfit;
   return {gain, gain_std, mean, bias, bias_std, flags};
+}
+
+// Memory of a thread, reused from call to call: light (rows × width) and what is left of it; parameters, then
+// coordinates in the basis (projections × width); sums of squares (width).
+struct Memory {
+  std::vector<double> light, rest, projections, squares;
+};
+
+// Parameters and noise of `count` columns, in the lanes of `memory`.
+void fit_block(const Plan& plan, std::size_t width, Memory& memory) {
+  const auto rows = static_cast<std::size_t>(plan.basis.rows()), terms = static_cast<std::size_t>(plan.basis.cols());
+  const auto parameters = static_cast<std::size_t>(plan.weights.rows());
+  const auto stride = static_cast<std::ptrdiff_t>(width);
+  memory.projections.resize((parameters + terms) * width);
+  memory.rest.resize(rows * width);
+  memory.squares.assign(width, 0.0);
+  kernels::matrix_times_rows(plan.projections.data(), parameters + terms, rows, memory.light.data(), stride,
+                             memory.projections.data(), stride, width);
+  kernels::matrix_times_rows(plan.basis_by_rows.data(), rows, terms, &memory.projections[parameters * width], stride,
+                             memory.rest.data(), stride, width);
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t c = 0; c < width; ++c) {
+      const double left = memory.light[n * width + c] - memory.rest[n * width + c];
+      memory.squares[c] += left * left;
+    }
 }
 
 VaryingToneGain empty_result(std::size_t frames, std::size_t columns) {
@@ -209,18 +244,21 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, shape.columns - first);
-    const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
-    const Eigen::Map<const MatrixXd> y(signals.data(), static_cast<Index>(shape.rows), static_cast<Index>(count));
-    const MatrixXd parameters = product(plan.weights, y);
-    const MatrixXd residual = y - product(plan.basis, transposed_product(plan.basis, y));
+    const std::size_t width =
+        (count + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment;
+    thread_local Memory memory;
+    memory.light.resize(shape.rows * width);
+    light_rows(frames, frame, first, count, camera.tone_curve, width, memory.light.data());
+    fit_block(plan, width, memory);
+    const Eigen::Map<const RowMajor> parameters(memory.projections.data(), plan.weights.rows(),
+                                                static_cast<Index>(width));
     for (std::size_t i = 0; i < count; ++i) {
-      const auto column = static_cast<Index>(i);
       const std::size_t index = frame * shape.columns + first + i;
       const double ambient = background.empty() ? 0 : background.size() == 1 ? background[0] : background[index];
-      const double noise = residual.col(column).squaredNorm() / plan.freedom();
+      const double noise = memory.squares[i] / plan.freedom();
       const Flags flags = (steady.flags[index] & ~flag::weak) | plan.flags;
-      const Column judged =
-          judge(plan, parameters.col(column), noise, ambient, ratio, steady.gain[index], steady.gain_std[index], flags);
+      const Column judged = judge(plan, parameters.col(static_cast<Index>(i)), noise, ambient, ratio,
+                                  steady.gain[index], steady.gain_std[index], flags);
       result.gain[index] = judged.gain;
       result.gain_std[index] = judged.gain_std;
       result.mean[index] = judged.mean;

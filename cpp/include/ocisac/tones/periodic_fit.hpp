@@ -34,14 +34,39 @@ struct PeriodicFit {
   [[nodiscard]] double total_residual() const;
 };
 
+// Signals prepared for many fits: their even and odd parts about the middle row, with one signal in each lane, so that
+// a product with a cosine sums half of the rows. The samples belong to the caller.
+class PeriodicSignals {
+ public:
+  // samples: (count × rows) dense.
+  PeriodicSignals(std::span<const double> samples, std::size_t rows);
+
+  [[nodiscard]] std::span<const double> samples() const { return samples_; }
+  [[nodiscard]] std::size_t rows() const { return rows_; }
+  [[nodiscard]] std::size_t count() const { return energies_.size(); }
+  [[nodiscard]] std::size_t half() const { return (rows_ + 1) / 2; }               // rows from the middle to the end
+  [[nodiscard]] std::size_t width() const { return width_; }                       // lanes: (half × width) dense
+  [[nodiscard]] const std::vector<double>& energies() const { return energies_; }  // (count) Σ y(n)²
+  [[nodiscard]] const std::vector<double>& even() const { return even_; }          // y(u) + y(−u); y(0) once
+  [[nodiscard]] const std::vector<double>& odd() const { return odd_; }            // y(u) − y(−u)
+
+ private:
+  std::span<const double> samples_;
+  std::size_t rows_, width_;
+  std::vector<double> energies_, even_, odd_;
+};
+
 // `signals`: (count × rows) dense, preferably with mean removed (energies are differences); more rows than parameters
 // of the model; f in cycles per row.
 PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                          double frequency);
+PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency);
 
 // The minimum over f near `frequency`, within [lower, upper] cycles per row.
 PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                             double frequency, double lower, double upper, int max_steps = 30);
+PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, double lower,
+                            double upper, int max_steps = 30);
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
