@@ -269,8 +269,7 @@ def numpy_chips(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 def integration(seconds: float) -> Iterator[Figure]:
     """A frame of 1080x1920 exposures, each at its own time: NumPy over the library.
 
-    The limit applies to the project's reference, which computes in long double. The other measure is closed forms in
-    float64, which lose precision with time.
+    The reference computes in long double. The other measure is closed forms in float64, which lose precision with time.
     """
     exposure, frame_time = 1202e-6, 1.0 / 30.0
     camera = Camera(ROW_TIME, exposure, frame_time)
@@ -292,7 +291,7 @@ def integration(seconds: float) -> Iterator[Figure]:
         def own(_: Any, waveform: Any = waveform) -> np.ndarray:
             return integrate_exposure(waveform, camera, ROWS, frames=COLUMNS, out=out)
 
-        for peer, call, tolerance, limit in (("reference", careful, 1e-12, 10.0), ("float64", plain, 1e-9, None)):
+        for peer, call, tolerance, limit in (("reference", careful, 1e-12, 10.0), ("float64", plain, 1e-9, 8.0)):
             worst = float(np.max(np.abs(own(None) - call(None))))
             if not worst < tolerance:
                 raise SystemExit(
