@@ -17,7 +17,7 @@ import pathlib
 import numpy as np
 
 from ocisac_fast import Camera, detect_sources
-from ocisac_fast.cli.detect import grey_of
+from ocisac_fast.cli.pictures import grey_of
 from ocisac_fast.files import FileError, read_frames
 
 # Sample pictures that are photographs or pages, without drawings and without chessboards, which are gratings.

@@ -31,7 +31,7 @@ def test_a_pattern_is_no_light(run, tmp_path, pattern, side):
     for seed in range(3):
         path = tmp_path / f"{seed}.png"
         write_frames(path, pattern(np.random.default_rng(seed), side).clip(0, 255).astype(np.uint8))
-        code, _, err = run("calibrate", path, "--frequency", "500Hz")
+        code, _, err = run("calibrate", path, "--frequency", "500Hz", "--scan-axis", "y")
         assert (code, err) == (0, [TEXTURE])
 
 

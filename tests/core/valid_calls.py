@@ -146,6 +146,7 @@ VALID: dict[str, Any] = {
     "lights.calibrate": {"columns": FRAME, "frequency": 4.8e3},
     "lights.pick_colour": {"colours": [FRAME], "camera": CAMERA},
     "lights.detect_sources": FRAMES,
+    "lights.find_scan_axis": {"frame": FRAME, "camera": CAMERA},
     "lights.SourceTracker.update": (lambda: lights.SourceTracker(CAMERA), {"frame": FRAME}),
     "lights.SourceTracker.follow": (lambda: lights.SourceTracker(CAMERA), {"sources": [], "shape": (64, 8)}),
     "lights.SourceTracker": {"camera": CAMERA},

@@ -40,6 +40,7 @@ _SNR = Field("snr_db", "float64", "dB", "signal-to-noise ratio")
 _MEAN = Field("mean", "float64", "DN", "mean light above dark and background")
 _FLAGS = Field("flags", "[string]", "", "names of `ocisac_fast.Flag`")
 _FRAME = Field("frame", "int64", "", "index of the frame, from 0")
+_AXIS = Field("scan_axis", "string", "", "direction in which rows are read, given or found")
 _SIZE = (
     Field("rows", "int64", "", "rows of the camera in the picture"),
     Field("columns", "int64", "", "columns used"),
@@ -135,7 +136,8 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
     "detect": (
         _FRAME,
         Field("frames", "int64", "", "frames that the recording announces"),
-        Field("sources", _LIGHT, "", "the lights, the strongest first"),
+        Field("sources", _LIGHT, "", "the lights, the most probable first"),
+        _AXIS,
     ),
     "sense": (
         Field("frames", "int64", "", "frames used"),
@@ -148,6 +150,7 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         Field("frames", "int64", "", "frames used"),
         *_SIZE,
         _FLAGS,
+        _AXIS,
     ),
     "clean": (
         _FRAME,
@@ -157,6 +160,11 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         Field("toe", "float64", "", "toe of the tone curve"),
         Field("saturated", "float64", "", "share of the pixels"),
         Field("too_dark", "float64", "", "share of the pixels that could not be restored"),
+        Field("light_left", "float64", "", "swing of the row light after cleaning, over that before"),
+        Field("texture_change_db", "float64", "dB", "energy of texture after cleaning, over that before"),
+        Field("slow_bands", "float64", "", "amplitude of bands above 128 rows that are left, over the light"),
+        Field("unchanged", "string", "", "why the frame stayed as it was, or empty"),
+        _AXIS,
         Field("cleaned", "string", "", "path of the file written"),
     ),
 }

@@ -16,7 +16,7 @@ from ocisac_fast.cli.doubts import warn_of_texture
 from ocisac_fast.cli.lights import SHARES
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, quantity, with_spread
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, axis_finding_options, json_option, open_pictures
 from ocisac_fast.cli.units import FREQUENCY, Quantity
 
 
@@ -24,7 +24,7 @@ from ocisac_fast.cli.units import FREQUENCY, Quantity
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FILE_PATH)
 @click.option("--frequency", type=FREQUENCY, required=True, help="Frequency of the light, below half the row rate.")
 @click.option("--pulses", type=SHARES, help="Duty of a lamp lit once per frame, one for each FILE: 5%,10%.")
-@picture_options
+@axis_finding_options
 @writes()
 @json_option
 def calibrate(
@@ -49,7 +49,7 @@ def calibrate(
     from ocisac_fast.lights import calibrate as measure
 
     with open_pictures(files[0], unknown) as pictures:
-        camera, frames = pictures.camera.in_time_order, next(pictures.row_batches())
+        axis, camera, frames = pictures.camera.scan_axis, pictures.camera.in_time_order, next(pictures.row_batches())
     waveform = frequency_waveform(picture)
     columns, _ = one_colour(frames, camera, waveform)
     per_row = dataclasses.replace(camera, row_time=1.0, exposure=None)
@@ -58,7 +58,12 @@ def calibrate(
     if math.isfinite(found.cycles_per_row):
         warn_of_texture(columns[..., some_columns(found.columns.used)], per_row, found.cycles_per_row)
     if as_json:
-        facts = {"row_time_s": result.row_time, "row_time_std_s": result.row_time_std, "frames": len(columns)}
+        facts: dict[str, Any] = {
+            "row_time_s": result.row_time,
+            "row_time_std_s": result.row_time_std,
+            "frames": len(columns),
+        }
+        facts["scan_axis"] = axis
         emit_json({**facts, "rows": columns.shape[1], "columns": int(found.columns.used.sum()), "flags": flags})
         return
     emit_facts(
@@ -66,6 +71,7 @@ def calibrate(
         {
             "row time": with_spread(result.row_time, result.row_time_std, "s"),
             "cycles per row": with_spread(found.cycles_per_row, found.cycles_per_row_std, ""),
+            **({"scan axis": axis} if picture.scan_axis == "auto" and axis != "y" else {}),
             "frames": f"{len(columns)} of {columns.shape[1]} rows",
             "columns": f"{found.columns.used.sum()} of {columns.shape[2]}",
             "flags": ", ".join(flags) or "none",

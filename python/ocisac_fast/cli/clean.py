@@ -12,7 +12,7 @@ import numpy as np
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, picture_options, select, stack
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, axis_finding_options, json_option, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
 
@@ -49,7 +49,7 @@ _HEADER = (
     "--toe", type=float, help="Toe of the tone curve, 0 to 1: dim light is stored darker. Default: estimated."
 )
 @click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
-@picture_options
+@axis_finding_options
 @writes("target", "marks")
 @json_option
 def clean(
@@ -93,7 +93,7 @@ def _camera(picture: PictureOptions, response: Any, rate: float | None, first: F
     """The camera. Float frames need a given white level; channel y consists of integers, whose type implies it."""
     if picture.channel == "y" and response.white_level is None and first.dtype.kind == "u":
         response = dataclasses.replace(response, white_level=float(np.iinfo(first.dtype).max))
-    return picture.camera(response, rate)
+    return picture.with_axis_of(first, response).camera(response, rate)
 
 
 class _Cleaner:
@@ -132,6 +132,7 @@ class _Cleaner:
                 self._picture.in_units(
                     {
                         "frame": len(self.facts),
+                        "scan_axis": camera.scan_axis,
                         "model": done.model[k],
                         "frequency_hz": float(done.frequency[k]),
                         "share": float(done.share[k].mean()),

@@ -10,7 +10,15 @@ import numpy as np
 
 from ocisac_fast.cli.output import decibels, emit_json, emit_table, flag_names, number, progress, quantity, rate
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.pictures import (
+    FILE_PATH,
+    PictureOptions,
+    axis_finding_options,
+    grey_of,
+    json_option,
+    open_pictures,
+    plot_option,
+)
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 
@@ -28,7 +36,7 @@ _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "ga
     help="Max. expected number in a picture without a light; up to 1.",
 )
 @click.option("--min-cycles", type=float, default=2.5, show_default=True, help="Min. cycles in a light's box.")
-@picture_options
+@axis_finding_options
 @plot_option("the first frame with the boxes of its lights")
 @writes("plot")
 @json_option
@@ -47,6 +55,8 @@ def detect(
             emit_json(found)
             continue
         title = "" if found["frames"] == 1 else f"frame {found['frame']}"
+        if picture.scan_axis == "auto" and found["scan_axis"] != "y" and found["frame"] == 0:
+            title = f"{title}, scan axis {found['scan_axis']}".removeprefix(", ")
         rows = [_row(k, source, picture) for k, source in enumerate(found["sources"])]
         if rows or header:
             emit_table(title, _HEADER, rows, left=("remark",))
@@ -54,16 +64,21 @@ def detect(
 
 
 def detected_lights(
-    file: str, picture: PictureOptions, options: dict[str, Any], plot: str | None = None, part: Part | None = None
+    file: str,
+    picture: PictureOptions,
+    options: dict[str, Any],
+    plot: str | None = None,
+    part: Part | None = None,
+    group: int = _GROUP,
 ) -> Iterator[dict[str, Any]]:
-    """The JSON object of each frame, of all frames or of a part."""
+    """The JSON object of each frame, of all frames or of a part; ``group``: number of frames that are compared."""
     from ocisac_fast.lights import detect_sources
 
     first = 0 if part is None else part.first
     with open_pictures(file, picture, part) as pictures:
         count = pictures.frame_count
         index = first
-        for greys in _groups(grey_of(frame) for frame in progress(pictures.frames, "detecting", count)):
+        for greys in _groups((grey_of(frame) for frame in progress(pictures.frames, "detecting", count)), group):
             found = detect_sources(np.stack(greys), pictures.camera, **options)
             if plot is not None and index == 0:
                 from ocisac_fast.plots import plot_sources
@@ -72,35 +87,23 @@ def detected_lights(
                 plot_sources(greys[0], pictures.camera, path=plot, sources=of_first)
             for k in range(len(greys)):
                 sources = [_facts(source, picture) for source in found if source.frame == k]
-                yield {"frame": index + k, "frames": count, "sources": sources}
+                yield {"frame": index + k, "frames": count, "sources": sources, "scan_axis": pictures.camera.scan_axis}
             index += len(greys)
 
 
-def _groups(frames: Iterator[Frame]) -> Iterator[list[Frame]]:
-    """Frames of one shape and type in groups of 4, the last of up to 5: neighbours tell lights from textures."""
+def _groups(frames: Iterator[Frame], count: int) -> Iterator[list[Frame]]:
+    """Frames of one shape and type in groups, the last by up to one larger: neighbours tell lights from textures."""
     waiting: list[Frame] = []
     for frame in frames:
         if waiting and (frame.shape, frame.dtype) != (waiting[0].shape, waiting[0].dtype):
             yield waiting
             waiting = []
-        elif len(waiting) > _GROUP:
-            yield waiting[:_GROUP]
-            waiting = waiting[_GROUP:]
+        elif len(waiting) > count or (count == 1 and waiting):
+            yield waiting[:count]
+            waiting = waiting[count:]
         waiting.append(frame)
     if waiting:
         yield waiting
-
-
-def grey_of(frame: Frame) -> Frame:
-    """Mean of the colours as whole stored values; for red, green and blue, green has twice the weight."""
-    if frame.ndim == 2:
-        return frame
-    wide = np.uint32 if frame.dtype.kind == "u" else np.float64
-    weights = (1, 2, 1) if frame.shape[2] == 3 else (1,) * frame.shape[2]
-    total = np.zeros(frame.shape[:2], wide)
-    for colour, weight in enumerate(weights):
-        total += frame[..., colour] * wide(weight)
-    return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 
 def _facts(source: Any, picture: PictureOptions) -> dict[str, Any]:

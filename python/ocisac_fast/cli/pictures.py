@@ -8,6 +8,7 @@ import functools
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -105,8 +106,24 @@ class PictureOptions:
             gamma=gamma,
             dark_level=response.dark_level if self.dark_level is None else self.dark_level,
             white_level=response.white_level if self.white_level is None else self.white_level,
-            scan_axis=self.scan_axis,  # type: ignore[arg-type]
+            scan_axis="y" if self.scan_axis == "auto" else self.scan_axis,  # type: ignore[arg-type]
         )
+
+    def with_axis_of(self, frame: Frame, response: LightResponse) -> PictureOptions:
+        """The options with the axis of the camera that a first frame shows; a warning where both show lights."""
+        if self.scan_axis != "auto":
+            return self
+        from ocisac_fast.lights import find_scan_axis
+
+        view = select(frame, self)
+        found = find_scan_axis(grey_of(view), Camera(row_time=1.0, dark_level=response.dark_level))
+        if not found.clear and max(found.energy) > 0.0:  # else there is nothing to read along either
+            warnings.warn(
+                f"--scan-axis: not clear from the picture, {found.axis} is used (the other one: "
+                f"--scan-axis {'xy'[found.axis == 'x']})",
+                stacklevel=2,
+            )
+        return dataclasses.replace(self, scan_axis=found.axis)
 
     @property
     def in_hertz(self) -> bool:
@@ -231,6 +248,7 @@ class _Reader:
             if options.channel == "y" and response.white_level is None and first.dtype.kind == "u":
                 largest = float(np.iinfo(first.dtype).max)  # the weighted sum is of floats, whose full scale is 1
                 response = dataclasses.replace(response, white_level=largest)
+            options = options.with_axis_of(first, response)
             camera = options.camera(response, self._stream.frame_rate)
         except BaseException:
             self._stream.close()
@@ -284,8 +302,20 @@ def _channel(frame: Frame, channel: str | int) -> Frame:
     return frame if channel == "auto" else frame[..., index]
 
 
-def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the common options, passed to the function as ``picture``."""
+def grey_of(frame: Frame) -> Frame:
+    """Mean of the colours as whole stored values; for red, green and blue, green has twice the weight."""
+    if frame.ndim == 2:
+        return frame
+    wide = np.uint32 if frame.dtype.kind == "u" else np.float64
+    weights = (1, 2, 1) if frame.shape[2] == 3 else (1,) * frame.shape[2]
+    total = np.zeros(frame.shape[:2], wide)
+    for colour, weight in enumerate(weights):
+        total += frame[..., colour] * wide(weight)
+    return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
+
+
+def picture_options(function: Callable[..., Any], *, find_axis: bool = False) -> Callable[..., Any]:
+    """Add the common options, passed to the function as ``picture``; ``find_axis``: the read-out axis may be auto."""
 
     @functools.wraps(function)
     def wrapped(**arguments: Any) -> Any:
@@ -296,10 +326,11 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--exposure", type=TIME, help="Exposure time of a row."),
         click.option(
             "--scan-axis",
-            type=click.Choice(["y", "x", "-y", "-x"]),
-            default="y",
+            type=click.Choice([*(["auto"] if find_axis else []), "y", "x", "-y", "-x"]),
+            default="auto" if find_axis else "y",
             show_default=True,
-            help="Direction in which rows are read out: y is down, x to the right.",
+            help="Direction in which rows are read out: y is down, x to the right"
+            + ("; auto: y or x, whichever shows lights." if find_axis else "."),
         ),
         click.option("--region", type=REGION, help="Part of the picture, from its top left corner."),
         click.option("--channel", type=_Channel(), default="auto", show_default=True),
@@ -315,6 +346,9 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(options):
         wrapped = option(wrapped)
     return wrapped
+
+
+axis_finding_options = functools.partial(picture_options, find_axis=True)
 
 
 def json_option(function: Callable[..., Any]) -> Callable[..., Any]:

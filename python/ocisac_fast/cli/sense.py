@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.detect import grey_of
 from ocisac_fast.cli.output import decibels, emit_json, emit_table, flag_names, number, quantity, rate, with_spread
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import (
     FILE_PATH,
     PictureOptions,
+    grey_of,
     json_option,
     open_pictures,
     picture_options,
