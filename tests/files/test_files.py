@@ -701,3 +701,20 @@ def test_raw_frames_by_standard_input_and_from_files(tmp_path, form, dtype):
 def test_raw_formats_that_are_none_are_refused(form):
     with pytest.raises(ValueError, match=r"raw: got .*, allowed: WIDTHxHEIGHT"):
         read_frames("-", raw=form)
+
+
+@pytest.mark.parametrize("colours", [(), (3,)])
+@pytest.mark.parametrize("suffix", [".jpg", ".jpeg"])
+def test_jpeg_is_written_nearly_as_it_is(tmp_path, suffix, colours):
+    y, x = np.mgrid[:64, :80]
+    picture = np.round(120 + 60 * np.sin(y / 9.0) * np.cos(x / 7.0)).astype(np.uint8)
+    if colours:
+        picture = np.stack([picture, picture // 2, 255 - picture], axis=-1)
+    write_frames(tmp_path / f"a{suffix}", [picture])
+    (read,) = read_frames(tmp_path / f"a{suffix}").frames
+    assert read.shape == picture.shape
+    assert np.abs(read.astype(int) - picture).max() <= 6
+    with pytest.raises(FileError, match="uint16"):
+        write_frames(tmp_path / f"b{suffix}", [picture.astype(np.uint16)])
+    with pytest.raises(FileError, match="2 frames"):
+        write_frames(tmp_path / f"c{suffix}", [picture, picture])

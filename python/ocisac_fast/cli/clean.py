@@ -65,7 +65,7 @@ def clean(
 ) -> None:
     """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
-    OUT is .png, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
+    OUT is .png, .jpg, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
     is measured; a frame that cleaning would make worse stays as it is, and the reason is printed.
     """

@@ -20,7 +20,8 @@ from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.files.extras import pillow, pyav
 from ocisac_fast.files.recording import FileError, Frame
 
-_PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF"}
+_PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
+_JPEG: dict[str, Any] = {"quality": 95, "subsampling": 0}
 _VIDEOS = {".mkv": "ffv1", ".mp4": "libx264"}
 _FULL_RANGE, _LINEAR_TRANSFER = 2, 8
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
@@ -74,11 +75,11 @@ def _status(path: Path) -> os.stat_result | None:
 
 @checked
 def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame_rate: float = 30.0) -> None:
-    """Write frames losslessly and atomically; the suffix selects the kind of file.
+    """Write frames atomically, and losslessly except for JPEG; the suffix selects the kind of file.
 
     Args:
-        path: ``.png`` (one frame), ``.tif``/``.tiff`` (one page per frame), ``.mkv`` (FFV1), ``.mp4`` (lossless
-            H.264, 8 bits) or ``.npy`` (any type). The directory must exist.
+        path: ``.png`` (one frame), ``.jpg``/``.jpeg`` (one of 8 bits, quality 95), ``.tif``/``.tiff`` (one page per
+            frame), ``.mkv`` (FFV1), ``.mp4`` (lossless H.264, 8 bits) or ``.npy`` (any type). The directory must exist.
         frames: any iterable of (rows, columns) or (rows, columns, 3), all of one shape and type, such as an array
             (frames, rows, columns); an array (rows, columns) is one frame, and .npy keeps this shape. uint8 or uint16;
             also float32 for TIFF and .npy, float64 for .npy.
@@ -128,7 +129,10 @@ def _check(frame: Frame, dtypes: tuple[type, ...]) -> None:
 
 def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
     first = frames[0]
-    _check(first, (np.uint8, np.uint16, np.float32) if kind == "TIFF" and first.ndim == 2 else (np.uint8, np.uint16))
+    types = (
+        {"TIFF": (np.uint8, np.uint16, np.float32), "JPEG": (np.uint8,)} if first.ndim == 2 or kind == "JPEG" else {}
+    )
+    _check(first, types.get(kind, (np.uint8, np.uint16)))
     if len(frames) > 1 and kind != "TIFF":
         raise FileError(f"{len(frames)} frames, a {kind} picture holds one (use .tif, .mkv or .npy)")
     if first.ndim == 3 and first.dtype == np.uint16:  # Pillow has no 16-bit colour
@@ -138,7 +142,7 @@ def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
         path.write_bytes(b"".join(bytes(packet) for packet in _encode(frames, codec, pixels, Fraction(25), {})))
         return
     images = [pillow().fromarray(np.ascontiguousarray(frame)) for frame in frames]
-    options = {"save_all": True, "append_images": images[1:]} if len(images) > 1 else {}
+    options = {"save_all": True, "append_images": images[1:]} if len(images) > 1 else _JPEG if kind == "JPEG" else {}
     images[0].save(path, kind, **options)
 
 
