@@ -82,6 +82,35 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
     }
   }
   fold();
+  fold_exactly();
+}
+
+// Weights that are symmetric or antisymmetric but for rounding become so.
+void RowWeights::fold_exactly() {
+  constexpr double kRounding = 1e-12;  // of the largest weight
+  output_order_.resize(outputs_);
+  std::iota(output_order_.begin(), output_order_.end(), std::size_t{0});
+  if (groups_ % 2 == 1) return;
+  const auto deviation = [&](std::size_t o, double sign) {
+    const std::span<const double> row = std::span(weights_).subspan(o * groups_, groups_);
+    double worst = 0;
+    for (std::size_t g = 0; g < groups_ / 2; ++g)
+      worst = std::max(worst, std::abs(row[g] - sign * row[groups_ - 1 - g]));
+    return worst;
+  };
+  std::vector<double> signs;
+  for (std::size_t o = 0; o < outputs_; ++o) {
+    const double allowed = kRounding * magnitudes(std::span(weights_).subspan(o * groups_, groups_)).largest;
+    const bool even = deviation(o, 1) <= allowed;
+    if (!even && !(deviation(o, -1) <= allowed)) return;
+    signs.push_back(even ? 1 : -1);
+  }
+  for (std::size_t o = 0; o < outputs_; ++o)
+    for (std::size_t g = 0; g < groups_ / 2; ++g)
+      weights_[(o + 1) * groups_ - 1 - g] = signs[o] * weights_[o * groups_ + g];
+  const auto odd = std::ranges::stable_partition(output_order_, [&](std::size_t o) { return signs[o] > 0; });
+  even_outputs_ = outputs_ - odd.size();
+  folds_ = true;
 }
 
 int RowWeights::integer_weight(std::size_t part, std::size_t group) const {
@@ -323,19 +352,26 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
                      const RowWeights& weights, std::span<const float> light, Projection& result) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   clear(weights.outputs(), columns.count, result);
-  DenseRows<Stored, Sample> source(view, frame, columns.count, light);
-  const std::size_t most = (weights.outputs() > 2 ? kernels::kSampleRows : kSampleRows) / group;
-  for (std::size_t g = 0; g < weights.groups(); g += most) {
-    const std::size_t here = std::min(most, weights.groups() - g);
-    for_each_part(columns, source.in_place() ? columns.count : kConvertedColumns, [&](Columns part) {
-      const std::size_t end = part.first + part.count;
-      const bool last = end == columns.first + columns.count;
-      const std::ptrdiff_t to_next = last ? view.at(0, here * group, columns.first) - view.at(0, 0, part.first)
-                                          : static_cast<std::ptrdiff_t>(part.count);
-      const auto rows = source.read(g * group, here * group, part, to_next);
+  DenseRows<Stored, Sample> near(view, frame, columns.count, light), far(view, frame, columns.count, light);
+  const bool more = weights.outputs() > 2, folded = more && weights.folds();
+  const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
+  const std::size_t most = (folded ? kernels::kSampleRows / 2 : more ? kernels::kSampleRows : kSampleRows) / group;
+  for (std::size_t g = 0; g < groups; g += most) {
+    const std::size_t here = std::min(most, groups - g), read = here * group;
+    for_each_part(columns, near.in_place() ? columns.count : kConvertedColumns, [&](Columns part) {
+      const bool last = part.first + part.count == columns.first + columns.count;
+      const std::ptrdiff_t to_next =
+          last ? view.at(0, read, columns.first) - view.at(0, 0, part.first) : static_cast<std::ptrdiff_t>(part.count);
+      const auto rows = near.read(g * group, read, part, to_next);
+      const Sample* mirrored = nullptr;
+      if (folded) {
+        const auto others = far.read((weights.groups() - g - here) * group, read, part);
+        mirrored = others.samples + static_cast<std::ptrdiff_t>(read - group) * others.stride;
+      }
       kernels::project_samples<Sample>(
-          {rows.samples, rows.stride, here, part.count, source.in_place() ? to_next : 0},
-          {weights.row_group(), weights.weights().data() + g, weights.groups(), weights.outputs()},
+          {rows.samples, mirrored, rows.stride, here, part.count, near.in_place() ? to_next : 0},
+          {weights.row_group(), weights.weights().data() + g, weights.groups(), weights.output_order(),
+           weights.even_outputs()},
           sums_of(result, part.first - columns.first, columns.count));
     });
   }

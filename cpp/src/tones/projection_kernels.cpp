@@ -844,11 +844,35 @@ HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t
 // Accumulators of one strip, the sums `stride` apart.
 using StripSums = ProjectionSums;
 
-// Groups of rows of one strip: moments and the first kOutputs outputs. With kKeep the sums of groups are kept for
-// others.
-template <std::size_t kOutputs, std::size_t kVectors, bool kKeep, class T, class Ahead>
-HWY_INLINE void add_first_outputs(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
-                                  const StripSums& to, double* HWY_RESTRICT kept) {
+// Sum of a group of rows of a strip; raises the maximum.
+template <std::size_t kVectors, class T, class Ahead>
+HWY_INLINE void add_group(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, int row_group, const Ahead& ahead,
+                          Sum64 (&sum)[kVectors], Sum64 (&top)[kVectors]) {
+  const std::size_t lanes = hn::Lanes(d64);
+  for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+    sum[v] = load_samples(pixels + v * lanes);
+    top[v] = hn::Max(top[v], sum[v]);
+  });
+  ask_for_samples<kVectors>(pixels, ahead);
+  pixels += stride;
+  for (int i = 1; i < row_group; ++i, pixels += stride) {
+    ask_for_samples<kVectors>(pixels, ahead);
+    for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+      const Sum64 next = load_samples(pixels + v * lanes);
+      top[v] = hn::Max(top[v], next);
+      sum[v] = hn::Add(sum[v], next);
+    });
+  }
+}
+
+// Memory for the sums of groups of a strip; folded, those with the mirror images and, from the middle on, differences.
+template <std::size_t kVectors>
+constexpr std::size_t kKeptSums = kSampleRows* kVectors* hn::MaxLanes(d64);
+
+// Groups of rows of one strip: moments and the first kOutputs outputs, or with kKeep the sums of groups, for all.
+template <std::size_t kOutputs, std::size_t kVectors, bool kKeep, bool kFold, class T, class Ahead>
+HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
+                           const StripSums& to, double* HWY_RESTRICT kept) {
   const std::size_t lanes = hn::Lanes(d64);
   Sum64 out[std::max<std::size_t>(kOutputs, 1)][kVectors], total[kVectors], square[kVectors], top[kVectors];
   for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
@@ -858,21 +882,21 @@ HWY_INLINE void add_first_outputs(const SampleBlock<T>& strip, const Ahead& ahea
     square[v] = hn::LoadU(d64, to.moments.squares + v * lanes);
     top[v] = hn::LoadU(d64, to.moments.maximum + v * lanes);
   });
-  const T* HWY_RESTRICT pixels = strip.pixels;
-  for (std::size_t g = 0; g < strip.groups; ++g) {
+  const std::ptrdiff_t step = weights.row_group * strip.row_stride;
+  const T *near = strip.pixels, *far = strip.mirrored;
+  for (std::size_t g = 0; g < strip.groups; ++g, near += step) {
     Sum64 sum[kVectors];
-    for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-      sum[v] = load_samples(pixels + v * lanes);
-      top[v] = hn::Max(top[v], sum[v]);
-    });
-    ask_for_samples<kVectors>(pixels, ahead);
-    pixels += strip.row_stride;
-    for (int i = 1; i < weights.row_group; ++i, pixels += strip.row_stride) {
-      ask_for_samples<kVectors>(pixels, ahead);
+    add_group(near, strip.row_stride, weights.row_group, ahead, sum, top);
+    for_each_constant<kVectors>([&](auto v)
+                                    OCISAC_INLINE_LAMBDA { square[v] = hn::MulAdd(sum[v], sum[v], square[v]); });
+    if constexpr (kFold) {
+      Sum64 other[kVectors];
+      add_group(far, strip.row_stride, weights.row_group, SamplesAhead<false>(), other, top);
+      far -= step;
       for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-        const Sum64 next = load_samples(pixels + v * lanes);
-        top[v] = hn::Max(top[v], next);
-        sum[v] = hn::Add(sum[v], next);
+        square[v] = hn::MulAdd(other[v], other[v], square[v]);
+        hn::StoreU(hn::Sub(sum[v], other[v]), d64, kept + kKeptSums<kVectors> / 2 + (g * kVectors + v) * lanes);
+        sum[v] = hn::Add(sum[v], other[v]);
       });
     }
     for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
@@ -880,7 +904,6 @@ HWY_INLINE void add_first_outputs(const SampleBlock<T>& strip, const Ahead& ahea
         out[o][v] = hn::MulAdd(sum[v], hn::Set(d64, weights.values[o * weights.stride + g]), out[o][v]);
       });
       total[v] = hn::Add(total[v], sum[v]);
-      square[v] = hn::MulAdd(sum[v], sum[v], square[v]);
       if (kKeep) hn::StoreU(sum[v], d64, kept + (g * kVectors + v) * lanes);
     });
   }
@@ -893,76 +916,98 @@ HWY_INLINE void add_first_outputs(const SampleBlock<T>& strip, const Ahead& ahea
   });
 }
 
-// kOutputs further outputs, from the kept sums of groups.
+// The outputs `which`, from kept sums of groups.
 template <std::size_t kOutputs, std::size_t kVectors>
-HWY_INLINE void add_kept_outputs(const double* HWY_RESTRICT kept, std::size_t groups,
-                                 const double* HWY_RESTRICT weights, std::size_t weights_stride,
-                                 double* HWY_RESTRICT sums, std::size_t stride) {
+HWY_INLINE void add_kept_outputs(const double* HWY_RESTRICT kept, std::size_t groups, const SampleWeights& weights,
+                                 const std::size_t* which, const StripSums& to) {
   const std::size_t lanes = hn::Lanes(d64);
   Sum64 out[kOutputs][kVectors];
-  for_each_constant<kOutputs * kVectors>([&](auto i) OCISAC_INLINE_LAMBDA {
-    out[i / kVectors][i % kVectors] = hn::LoadU(d64, sums + i / kVectors * stride + i % kVectors * lanes);
+  const double* row[kOutputs];
+  for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA {
+    row[o] = weights.values + which[o] * weights.stride;
+    const double* sums = to.sums + which[o] * to.stride;
+    for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA { out[o][v] = hn::LoadU(d64, sums + v * lanes); });
   });
   for (std::size_t g = 0; g < groups; ++g) {
     Sum64 sum[kVectors];
     for_each_constant<kVectors>(
         [&](auto v) OCISAC_INLINE_LAMBDA { sum[v] = hn::LoadU(d64, kept + (g * kVectors + v) * lanes); });
     for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA {
-      const Sum64 weight = hn::Set(d64, weights[o * weights_stride + g]);
+      const Sum64 weight = hn::Set(d64, row[o][g]);
       for_each_constant<kVectors>([&](auto v)
                                       OCISAC_INLINE_LAMBDA { out[o][v] = hn::MulAdd(sum[v], weight, out[o][v]); });
     });
   }
-  for_each_constant<kOutputs * kVectors>([&](auto i) OCISAC_INLINE_LAMBDA {
-    hn::StoreU(out[i / kVectors][i % kVectors], d64, sums + i / kVectors * stride + i % kVectors * lanes);
+  for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA {
+    double* sums = to.sums + which[o] * to.stride;
+    for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA { hn::StoreU(out[o][v], d64, sums + v * lanes); });
   });
 }
 
-// All outputs of one strip.
-template <std::size_t kVectors, class T, class Ahead>
-void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
-                      const StripSums& to) {
-  if (weights.outputs == 0) return add_first_outputs<0, kVectors, false>(strip, ahead, weights, to, nullptr);
-  if (weights.outputs == 1) return add_first_outputs<1, kVectors, false>(strip, ahead, weights, to, nullptr);
-  if (weights.outputs == 2) return add_first_outputs<2, kVectors, false>(strip, ahead, weights, to, nullptr);
-  alignas(64) double kept[kSampleRows * kVectors * hn::MaxLanes(d64)];
-  add_first_outputs<2, kVectors, true>(strip, ahead, weights, to, kept);
-  std::size_t o = 2;
+template <std::size_t kVectors>
+HWY_INLINE void add_kept_outputs(const double* kept, std::size_t groups, const SampleWeights& weights,
+                                 std::span<const std::size_t> which, const StripSums& to) {
+  std::size_t done = 0;
   const auto add = [&]<std::size_t kOutputs>() {
-    for (; o + kOutputs <= weights.outputs; o += kOutputs)
-      add_kept_outputs<kOutputs, kVectors>(kept, strip.groups, weights.values + o * weights.stride, weights.stride,
-                                           to.sums + o * to.stride, to.stride);
+    for (; done + kOutputs <= which.size(); done += kOutputs)
+      add_kept_outputs<kOutputs, kVectors>(kept, groups, weights, which.data() + done, to);
   };
   add.template operator()<kOutputsAtOnce>();
   add.template operator()<2>();
   add.template operator()<1>();
 }
 
+// All outputs of one strip.
+template <std::size_t kVectors, class T, class Ahead>
+void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
+                      const StripSums& to) {
+  const std::size_t outputs = weights.order.size();
+  if (outputs == 0) return add_groups<0, kVectors, false, false>(strip, ahead, weights, to, nullptr);
+  if (outputs == 1) return add_groups<1, kVectors, false, false>(strip, ahead, weights, to, nullptr);
+  if (outputs == 2) return add_groups<2, kVectors, false, false>(strip, ahead, weights, to, nullptr);
+  alignas(64) double kept[kKeptSums<kVectors>];
+  if (!strip.mirrored) {
+    add_groups<0, kVectors, true, false>(strip, ahead, weights, to, kept);
+    return add_kept_outputs<kVectors>(kept, strip.groups, weights, weights.order, to);
+  }
+  add_groups<0, kVectors, true, true>(strip, ahead, weights, to, kept);
+  add_kept_outputs<kVectors>(kept, strip.groups, weights, weights.order.first(weights.even), to);
+  add_kept_outputs<kVectors>(kept + kKeptSums<kVectors> / 2, strip.groups, weights, weights.order.subspan(weights.even),
+                             to);
+}
+
 // The last columns, fewer than a vector, in padded copies.
 template <class T>
 void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
   constexpr std::size_t kLanes = hn::MaxLanes(d64);
-  const std::size_t rows = block.groups * static_cast<std::size_t>(weights.row_group);
-  std::array<T, kSampleRows * kLanes> samples{};
-  for (std::size_t r = 0; r < rows; ++r)
-    std::copy_n(block.pixels + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns,
-                samples.data() + r * kLanes);
-  std::vector<double> sums((weights.outputs + 3) * kLanes);
-  double* moments = sums.data() + weights.outputs * kLanes;
-  const auto row_of = [&](std::size_t o) {
-    if (o < weights.outputs) return to.sums + o * to.stride;
-    return std::array{to.moments.totals, to.moments.squares, to.moments.maximum}[o - weights.outputs];
+  const std::size_t rows = block.groups * static_cast<std::size_t>(weights.row_group), outputs = weights.order.size();
+  const auto back = static_cast<std::ptrdiff_t>(rows) - weights.row_group;  // from the last group to the first
+  std::array<T, kSampleRows * kLanes> near{}, far{};
+  const auto copy = [&](const T* from, std::array<T, kSampleRows * kLanes>& copies) {
+    for (std::size_t r = 0; r < rows; ++r)
+      std::copy_n(from + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns, copies.data() + r * kLanes);
   };
-  for (std::size_t o = 0; o < weights.outputs + 3; ++o) std::copy_n(row_of(o), block.columns, sums.data() + o * kLanes);
-  add_sample_strip<1>(SampleBlock<T>{samples.data(), kLanes, block.groups, block.columns, 0}, SamplesAhead<false>(),
-                      weights, {sums.data(), kLanes, {moments, moments + kLanes, moments + 2 * kLanes}});
-  for (std::size_t o = 0; o < weights.outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
+  copy(block.pixels, near);
+  if (block.mirrored) copy(block.mirrored - back * block.row_stride, far);
+  std::vector<double> sums((outputs + 3) * kLanes);
+  double* moments = sums.data() + outputs * kLanes;
+  const auto row_of = [&](std::size_t o) {
+    if (o < outputs) return to.sums + o * to.stride;
+    return std::array{to.moments.totals, to.moments.squares, to.moments.maximum}[o - outputs];
+  };
+  for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(row_of(o), block.columns, sums.data() + o * kLanes);
+  const T* mirrored = block.mirrored ? far.data() + static_cast<std::size_t>(back) * kLanes : nullptr;
+  add_sample_strip<1>(SampleBlock<T>{near.data(), mirrored, kLanes, block.groups, block.columns, 0},
+                      SamplesAhead<false>(), weights,
+                      {sums.data(), kLanes, {moments, moments + kLanes, moments + 2 * kLanes}});
+  for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
 }
 
 template <bool kAsk, class T>
 void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
   const auto from = [&](std::size_t c) {
-    return SampleBlock<T>{block.pixels + c, block.row_stride, block.groups, block.columns - c, 0};
+    const T* mirrored = block.mirrored ? block.mirrored + c : nullptr;
+    return SampleBlock<T>{block.pixels + c, mirrored, block.row_stride, block.groups, block.columns - c, 0};
   };
   const auto sums = [&](std::size_t c) {
     return ProjectionSums{

@@ -47,23 +47,27 @@ struct ProjectionSums {
 
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
 
+// As ByteBlock; folded for more than two outputs only.
 template <class T>
 struct SampleBlock {
   const T* pixels;
+  const T* mirrored;
   std::ptrdiff_t row_stride;
-  std::size_t groups;  // at most kSampleRows rows
+  std::size_t groups;  // at most kSampleRows rows, the mirrored ones included
   std::size_t columns;
   std::ptrdiff_t to_next;  // from the block to the one that will be read next; 0: samples are in the cache
 };
 
 inline constexpr std::size_t kSampleRows = 64;
 
-// Weights of output o begin at values + o·stride.
+// Weights of output o begin at values + o·stride. order: all outputs; folded, the first `even` apply to sums, the
+// others to differences.
 struct SampleWeights {
   int row_group;
   const double* values;
   std::size_t stride;
-  std::size_t outputs;
+  std::span<const std::size_t> order;
+  std::size_t even;
 };
 
 // The same in float64 for other samples.

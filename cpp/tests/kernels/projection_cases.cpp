@@ -176,6 +176,10 @@ std::vector<KernelCase> projection_cases() {
             projection_case<std::uint8_t>("uint8", {rows + 1, columns, outputs, row_group, limbs, 1, odd, true}));
         cases.push_back(projection_case<std::uint16_t>("uint16", {rows, columns, outputs, row_group, 1, 1, odd}));
         cases.push_back(projection_case<float>("float32", {rows, columns, outputs, row_group, 1, step}));
+        const FrameCase folded{rows + 1, columns, outputs + 2, row_group, 1, step, odd, true};
+        cases.push_back(projection_case<std::uint16_t>("uint16", folded));
+        cases.push_back(projection_case<float>("float32", folded));
+        cases.push_back(projection_case<double>("float64", folded));
         cases.push_back(projection_case<double>("float64", {rows, columns, outputs, row_group, 1, step, odd}));
       }
   for (const std::size_t columns : {1u, 5u, 64u, 131u, 700u})
@@ -187,6 +191,7 @@ std::vector<KernelCase> projection_cases() {
             const FrameCase plain{rows, columns, 1 + 2 * step, row_group, 1, step, odd, step == 3, across};
             FrameCase curved = plain;
             curved.curved = true;
+            curved.symmetric = step > 2;
             cases.push_back(projection_case<std::uint8_t>("uint8", plain));
             cases.push_back(projection_case<std::uint8_t>("uint8", curved));
             cases.push_back(projection_case<std::uint16_t>("uint16", curved));

@@ -84,6 +84,28 @@ TEST_CASE("limbs hold what they promise") {
   }
 }
 
+TEST_CASE("weights that are symmetric but for rounding fold exactly, others do not") {
+  std::vector<double> weights(3 * 100);
+  for (std::size_t g = 0; g < 100; ++g) {
+    const double u = (static_cast<double>(g) - 49.5) / 100;
+    weights[g] = std::sin(20 * u);
+    weights[100 + g] = std::cos(20 * u) * (1 + (g % 2 == 0 ? 1e-15 : 0));
+    weights[200 + g] = u;
+  }
+  const ocisac::RowWeights folded(weights, 3, 100, 1, 1);
+  REQUIRE(folded.folds());
+  CHECK(folded.even_outputs() == 1);
+  CHECK(folded.output_order()[0] == 1);
+  const auto used = folded.weights();
+  for (std::size_t g = 0; g < 100; ++g) {
+    CHECK(used[g] == -used[99 - g]);
+    CHECK(used[100 + g] == used[199 - g]);
+    CHECK(std::abs(used[100 + g] - weights[100 + g]) < 1e-14);
+  }
+  weights[7] += 1e-9;
+  CHECK(!ocisac::RowWeights(weights, 3, 100, 1, 1).folds());
+}
+
 TEST_CASE("unknown targets are refused by name") {
   CHECK_THROWS_WITH_AS(ocisac::force_simd_target("MMX"), doctest::Contains("target: got MMX, allowed: "),
                        std::invalid_argument);

@@ -43,6 +43,10 @@ class RowWeights {
   [[nodiscard]] std::span<const std::int32_t> folded_pairs() const { return folded_pairs_; }
   [[nodiscard]] std::size_t folded_pair_count() const { return (groups_ / 2 + 1) / 2; }
   [[nodiscard]] std::size_t even_parts() const { return even_parts_; }
+  // The same of the exact weights: outputs, symmetric ones first, if all are one or the other; else in their order.
+  [[nodiscard]] bool folds() const { return folds_; }
+  [[nodiscard]] std::span<const std::size_t> output_order() const { return output_order_; }
+  [[nodiscard]] std::size_t even_outputs() const { return even_outputs_; }
 
  private:
   std::size_t rows_, groups_, outputs_;
@@ -51,10 +55,14 @@ class RowWeights {
   [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
   [[nodiscard]] bool has_symmetry(std::size_t part, int sign) const;
   void fold();
+  void fold_exactly();
   std::vector<double> units_;
   std::vector<std::size_t> order_, folded_order_;
   std::vector<std::int32_t> pairs_, folded_pairs_;
   std::size_t even_parts_ = 0;
+  bool folds_ = false;
+  std::vector<std::size_t> output_order_;
+  std::size_t even_outputs_ = 0;
 };
 
 // Result of a pass over columns [first, first + count) of one frame, dense.
