@@ -11,9 +11,9 @@
 #include <optional>
 #include <type_traits>
 
+#include "columns/row_kernels.hpp"
 #include "ocisac/core/require.hpp"
 #include "tones/projection_kernels.hpp"
-#include "tones/row_kernels.hpp"
 
 namespace ocisac {
 

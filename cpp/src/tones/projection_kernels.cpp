@@ -1096,8 +1096,6 @@ std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
 
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
 
-bool HasWideVectors() { return kWide; }
-
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
 HWY_AFTER_NAMESPACE();
@@ -1115,7 +1113,6 @@ HWY_EXPORT(WeightedFloats);
 HWY_EXPORT(WeightedDoubles);
 HWY_EXPORT(ReadBytes);
 HWY_EXPORT(TargetName);
-HWY_EXPORT(HasWideVectors);
 
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, to);
@@ -1156,8 +1153,6 @@ std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size) {
 }
 
 const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
-
-bool has_wide_vectors() { return HWY_DYNAMIC_DISPATCH(HasWideVectors)(); }
 
 }  // namespace ocisac::kernels
 #endif

@@ -84,7 +84,4 @@ std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);
 // The target whose code runs.
 const char* target_name();
 
-// True if its vectors are as wide as a cache line.
-bool has_wide_vectors();
-
 }  // namespace ocisac::kernels

@@ -7,10 +7,10 @@
 #include <mutex>
 #include <numbers>
 
+#include "columns/row_kernels.hpp"
 #include "core/linear_algebra.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
-#include "tones/projection_kernels.hpp"
 
 namespace ocisac {
 

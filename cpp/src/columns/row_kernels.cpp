@@ -1,12 +1,10 @@
-#include "tones/row_kernels.hpp"
+#include "columns/row_kernels.hpp"
 
 #include <algorithm>
 #include <bit>
 
-#include "tones/projection_kernels.hpp"
-
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "tones/row_kernels.cpp"
+#define HWY_TARGET_INCLUDE "columns/row_kernels.cpp"
 #include <hwy/foreach_target.h>  // compiles the rest once for each target
 //
 #include <hwy/cache_control.h>
@@ -111,6 +109,8 @@ void TransposeBytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t
       to[r * columns + c] = from[static_cast<std::ptrdiff_t>(c) * stride + static_cast<std::ptrdiff_t>(r)];
 }
 
+bool HasWideVectors() { return HWY_TARGET <= HWY_AVX3; }
+
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
 HWY_AFTER_NAMESPACE();
@@ -126,6 +126,9 @@ namespace ocisac::kernels {
 
 HWY_EXPORT(TakeEvery);
 HWY_EXPORT(TransposeBytes);
+HWY_EXPORT(HasWideVectors);
+
+bool has_wide_vectors() { return HWY_DYNAMIC_DISPATCH(HasWideVectors)(); }
 
 void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to) {
   HWY_DYNAMIC_DISPATCH(TakeEvery)(from, step, count, to);

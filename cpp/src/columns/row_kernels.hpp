@@ -41,4 +41,7 @@ struct StoredRows {
 void look_up(const StoredRows<std::uint8_t>& from, const ByteTable& table, float* to);
 void look_up(const StoredRows<std::uint16_t>& from, const float* table, float* to);
 
+// True if the vectors of the target whose code runs are as wide as a cache line.
+bool has_wide_vectors();
+
 }  // namespace ocisac::kernels
