@@ -24,8 +24,8 @@ constexpr std::size_t max_suspects = 256;
 constexpr double min_rows = 24;       // of a box
 constexpr double min_periodic = 0.4;  // fraction of the swing common to the columns
 constexpr double max_uneven = 0.25;
-constexpr double clear_probability = 0.8, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
-constexpr double default_false_alarms = 0.02;                    // at a probability of 1/2
+constexpr double clear_probability = 0.75, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
+constexpr double default_false_alarms = 0.02;                     // at a probability of 1/2
 constexpr double false_alarm_power = 1;
 constexpr double edge_evidence = 0.5;     // nats
 constexpr double data_texture = 0.3;      // relative to the bound for a tone

@@ -14,7 +14,7 @@ namespace {
 constexpr double kWrongPerViolation = 2;
 constexpr double kMinDeviations = 3;  // standard deviations of the count of violations
 constexpr int kHalvings = 30;
-constexpr double kTail = 2, kUnderstated = 10;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
+constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
 double expected_wrong(std::span<const double> llr, double scale) {
   double sum = 0;

@@ -10,9 +10,9 @@ namespace ocisac {
 
 // Those of a reading's chips. Where more is left than white noise, the noise is of unknown size, as Student's t has it:
 //
-//   ±2·ln(1 + |L|/(10·excess)) for a ratio L
+//   ±2·ln(1 + |L|/(6·excess)) for a ratio L
 //
-// The factor of 10 is measured (docs/measured/field.md): chips are chosen so that little is left.
+// The factor of 6 is measured (docs/measured/field.md): chips are chosen so that little is left.
 std::vector<double> reliable_llr(const FrameReading& reading);
 
 // Scales the ratios of consecutive chips towards 0 where more words violate the line code than they admit: until they

@@ -33,22 +33,13 @@ constexpr std::size_t kPhases = 6;           // tried per chip without a predict
 constexpr double kMinChips = 12;             // in a frame
 constexpr std::size_t kMaxVainTries = 4;     // doublings of the frames from one try of other models to the next
 constexpr double kFollowedEffort = 0.1;      // of the others' effort, where a clock is tracked
-constexpr double kWarpEffort = 1;            // of the other models'
+constexpr double kWarpEffort = 3;            // of the other models'
 constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
 constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
 constexpr double kMaxWrongExposure = 2;      // ratio; a stated one is believed so far
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 
-constexpr double kMaxEndSwing = 3;        // of the middle row's, where more is left than noise
 constexpr double kMinCorrelatedRows = 2;  // of a chip or an exposure: shorter light may be as white as noise
-
-// Levels that run away from the light at an end of the frame, which is what wrong chips leave there.
-bool is_implausible(const FrameReading& reading, std::size_t rows) {
-  const ChannelEstimate& channel = reading.channel;
-  const double last = static_cast<double>(rows - 1);
-  const double higher = std::max(channel.swing_at(0, rows), channel.swing_at(last, rows));
-  return is_misfit(reading) && higher > kMaxEndSwing * channel.swing_at(0.5 * last, rows);
-}
 
 double mean_of(std::span<const double> signal) {
   return std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
@@ -283,7 +274,6 @@ std::optional<FrameReading> RowModelSearch::read_with(std::span<const double> si
     auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
     if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
   }
-  if (reading && is_implausible(*reading, rest.size())) reading.reset();
   if (reading && !camera_.exposure) reading = with_shortest_exposure(rest, std::move(*reading), &frame.effort);
   return reading;
 }
