@@ -48,7 +48,8 @@ void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const LineCode& code = format.line_code;
   const std::size_t word = code.chips_per_word();
   if (code.bits_per_word() == word || llr.size() < 2 * word) return;
-  const auto per_preamble = static_cast<double>((preamble_chips(format.preamble).size() + word - 1) / word);
+  const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
+  const auto per_preamble = static_cast<double>(words_of_preamble);
   const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
   const double seen = violations(llr, code) - per_preamble * preambles;
   const double expected = expected_wrong(llr, 1) / kWrongPerViolation;
