@@ -79,7 +79,7 @@ TEST_CASE("ratios of chips in white noise stay, others are those of noise of unk
   const auto local = ocisac::reliable_llr(reading);
   for (std::size_t k = 0; k < local.size(); ++k)
     CHECK(std::abs(local[k]) ==
-          doctest::Approx(k == 40 ? 2 * std::log(1 + std::abs(reading.llr[k]) / 50) : std::abs(reading.llr[k])));
+          doctest::Approx(k == 40 ? 2 * std::log(1 + std::abs(reading.llr[k]) / 30) : std::abs(reading.llr[k])));
   reading.correlation = 0.8;
   CHECK(ocisac::is_misfit(reading));
   const auto all = ocisac::reliable_llr(reading);
