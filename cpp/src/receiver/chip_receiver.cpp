@@ -114,6 +114,12 @@ void ChipReceiver::take(const FrameReading& reading, double time, std::span<cons
   const ChannelEstimate& channel = reading.channel;
   std::vector<double> llr = reliable_llr(reading);
   agree_with_code(llr, options_.format);
+  // The packet's code needs chips in order of their reliability, which these keep over more orders of magnitude.
+  // Correlated residuals reduce the effective number of rows.
+  const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
+  std::vector<double> weights = reading.llr;
+  for (double& value : weights) value *= independent;
+  agree_with_code(weights, options_.format);
   const ChipGrid whole = whole_chips(channel.clock, signal.size());
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
@@ -135,7 +141,7 @@ void ChipReceiver::take(const FrameReading& reading, double time, std::span<cons
     result.stretch.emplace().outcome = StretchOutcome::repeated;
   } else {
     const auto [number, errors] = chip_number(channel, time);
-    result.stretch = assembler_.push(number + reading.first, llr, errors);
+    result.stretch = assembler_.push(number + reading.first, weights, errors);
   }
   rows_.accept(reading, signal);
   LightState& state = rows_.state();

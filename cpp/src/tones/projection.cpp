@@ -108,8 +108,9 @@ void RowWeights::fold_exactly() {
   for (std::size_t o = 0; o < outputs_; ++o)
     for (std::size_t g = 0; g < groups_ / 2; ++g)
       weights_[(o + 1) * groups_ - 1 - g] = signs[o] * weights_[o * groups_ + g];
-  const auto odd = std::ranges::stable_partition(output_order_, [&](std::size_t o) { return signs[o] > 0; });
-  even_outputs_ = outputs_ - odd.size();
+  const auto odd =
+      std::stable_partition(output_order_.begin(), output_order_.end(), [&](std::size_t o) { return signs[o] > 0; });
+  even_outputs_ = static_cast<std::size_t>(odd - output_order_.begin());
   folds_ = true;
 }
 

@@ -463,9 +463,8 @@ StoredLight stored_light(const AnyFramesView& frames, const ToneCurve& curve) {
 // Refuses samples that are not finite by their sums, and those of rows that are not added.
 void check_summed(const AnyFramesView& frames, const StreamingFit& fit, const Piece& piece, const Projection& sums) {
   if (holds_integers(frames)) return;
-  const auto [frame, first, count] = piece;
-  const auto part = [&, of = frame_of(frames, frame)](std::size_t row) {
-    return part_of(of, {.x = first, .y = row, .width = count, .height = shape_of(of).rows - row});
+  const auto part = [&piece, of = frame_of(frames, piece.frame)](std::size_t row) {
+    return part_of(of, {.x = piece.first, .y = row, .width = piece.count, .height = shape_of(of).rows - row});
   };
   check_samples(part(fit.rows_added()));
   if (!std::ranges::all_of(sums.totals, [](double total) { return std::isfinite(total); })) check_samples(part(0));
