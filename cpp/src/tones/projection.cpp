@@ -19,6 +19,9 @@ namespace ocisac {
 
 namespace {
 
+// Null for no values: there may be no outputs.
+auto* from(auto&& values, std::size_t first) { return values.empty() ? nullptr : values.data() + first; }
+
 // Writes a weight into its half of the word of a pair of groups.
 void put_weight(std::int32_t& pair, std::size_t group, int weight) {
   const std::uint32_t half = static_cast<std::uint32_t>(weight) & 0xffffU;
@@ -287,7 +290,7 @@ void add_plainly(ByteRows& source, Columns columns, std::size_t most_rows, const
     const std::size_t here = std::min(most, weights.groups() - g);
     const auto rows = source.read(g * group, here * group, columns);
     kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count},
-                           {weights.row_group(), weights.pairs().data() + g / 2, weights.pair_count(), weights.order(),
+                           {weights.row_group(), from(weights.pairs(), g / 2), weights.pair_count(), weights.order(),
                             weights.order().size()},
                            sums);
   }
@@ -307,7 +310,7 @@ void clear(std::size_t outputs, std::size_t count, Projection& result) {
 
 // Accumulators from column `first` of `count` on.
 kernels::ProjectionSums sums_of(Projection& result, std::size_t first, std::size_t count) {
-  return {result.sums.data() + first,
+  return {from(result.sums, first),
           count,
           {result.totals.data() + first, result.squares.data() + first, result.maximum.data() + first}};
 }
@@ -371,7 +374,7 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
       }
       kernels::project_samples<Sample>(
           {rows.samples, mirrored, rows.stride, here, part.count, near.in_place() ? to_next : 0},
-          {weights.row_group(), weights.weights().data() + g, weights.groups(), weights.output_order(),
+          {weights.row_group(), from(weights.weights(), g), weights.groups(), weights.output_order(),
            weights.even_outputs()},
           sums_of(result, part.first - columns.first, columns.count));
     });
