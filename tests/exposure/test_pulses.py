@@ -149,3 +149,12 @@ def test_command(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
     assert "--pulses: got 1 duties" in capsys.readouterr().err
     assert main(["calibrate", *files, *arguments]) == 2
     assert "FILE: got 2" in capsys.readouterr().err
+
+
+def test_the_command_reads_a_band_of_lit_rows_along_y(recordings, capsys):
+    pytest.importorskip("av")
+    from ocisac_fast.cli import main
+
+    files = [str(recordings / "pulses" / f"logitech_30.1hz_duty_{duty}.mkv") for duty in (5, 50)]
+    assert main(["calibrate", *files, "--frequency", "30.1Hz", "--pulses", "5%,50%", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["row_time_s"] == pytest.approx(45.7e-6, rel=0.01)

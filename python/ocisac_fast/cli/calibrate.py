@@ -42,7 +42,9 @@ def calibrate(
     """
     unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the row time is estimated
     if pulses is not None:
-        _calibrate_pulses(files, float(frequency), pulses, unknown, as_json)
+        # A band of lit rows does not tell its axis.
+        along = dataclasses.replace(unknown, scan_axis="y") if unknown.scan_axis == "auto" else unknown
+        _calibrate_pulses(files, float(frequency), pulses, along, as_json)
         return
     if len(files) > 1:
         raise click.UsageError(f"FILE: got {len(files)}, allowed: one without --pulses")
