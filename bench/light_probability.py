@@ -131,8 +131,10 @@ def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.n
 def is_light(
     box: tuple[int, int, int, int], frequency: float, truth: list[dict[str, float]], data: bool = False
 ) -> bool:
-    """Whether a box is at a light, of its frequency within 5 %, or a quarter of a cycle in it, unless it sends data;
-    or somewhere in its light, of its frequency within 2 %.
+    """True if a box holds a light of ``truth``.
+
+    Its middle lies within the lamp, and its frequency agrees within 5 % or a quarter of a cycle over the lamp (any
+    frequency for data); or it touches the lamp's light, and its frequency agrees within 2 %.
     """
     x, y, width, height = box
     for one in truth:

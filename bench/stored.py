@@ -1,4 +1,4 @@
-"""What cameras store other than dense linear bytes: pools of frames, the library's calls, and careful users' peers.
+"""Gains from samples other than dense linear bytes: pools of frames, the library's calls, and peers.
 
 Peers look up light in a table first, transpose what is smallest, and keep buffers; each returns a gain per column (one,
 pooled) of a tone on a bin of the DFT, where all methods must agree.

@@ -35,7 +35,7 @@ _METHOD = "mlse"
 
 @dataclass(frozen=True)
 class Link:
-    """What a link is made of.
+    """The parameters of a link.
 
     Attributes:
         distance: of the lamps in the middle of the recording, m.

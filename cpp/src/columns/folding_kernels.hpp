@@ -14,7 +14,7 @@ struct FoldedRows {
   std::size_t count, folds, length;
 };
 
-// Of the differences x(n) − x(0), which leave steady columns exactly 0: (count) each.
+// (count) each: sums over rows of x(n) − x(0) and of its square, exactly 0 for steady columns.
 struct DifferenceSums {
   double *sum, *squares;
 };

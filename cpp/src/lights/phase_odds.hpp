@@ -1,4 +1,5 @@
-// What further frames say of a tone: the phase of a light moves with the clock, that of a texture stays.
+// Odds of a light over a texture from several frames: the phase of a light moves with the clock, that of a texture
+// stays.
 #pragma once
 
 #include <cstddef>

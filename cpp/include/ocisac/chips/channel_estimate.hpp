@@ -51,7 +51,7 @@ struct ChannelEstimate {
   [[nodiscard]] double dark_at(double row, std::size_t frame_rows) const;
 };
 
-// What a channel and its chips leave of all rows.
+// Residual of each row: the signal less the channel's response to the chips.
 std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,
                                      const ChannelEstimate& channel);
 

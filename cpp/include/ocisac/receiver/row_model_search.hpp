@@ -36,7 +36,7 @@ struct FrameRows {
   bool is_noise = false;                              // the rows show no light: nothing was searched
 };
 
-// What the frames read so far say about the next one.
+// State estimated from the frames read so far, which predicts the next one.
 struct LightState {
   std::optional<ClockTracker> tracker;     // with a known frame time; phases in rows of the picture
   std::optional<ChannelEstimate> channel;  // of the last received frame
