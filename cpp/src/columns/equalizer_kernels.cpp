@@ -75,25 +75,10 @@ HWY_INLINE hn::Vec<D> load_as(const double* values, D d) {
   return hn::LoadU(d, converted.data());
 }
 
-template <class T>
-void take_off(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale) {
-  const hn::ScalableTag<T> d;
-  const double middle = (static_cast<double>(rows) - 1) / 2;
-  for (std::size_t c = 0; c < width; c += hn::Lanes(d)) {
-    hn::Vec<decltype(d)> mean, slope;
-    load_line<T>(lines, c, d, mean, slope);
-    const auto factor = load_as<T>(scale + c, d);
-    for (std::size_t n = 0; n < rows; ++n) {
-      T* const at = block + n * width + c;
-      const auto line = hn::MulAdd(slope, hn::Set(d, static_cast<T>(static_cast<double>(n) - middle)), mean);
-      hn::StoreU(hn::Mul(hn::Sub(hn::LoadU(d, at), line), factor), d, at);
-    }
-  }
-}
-
-template <class T>
-void put_back(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale,
-              double later) {
+// Replaces each value by change(value, line, factor); the line is that of a row `later` rows behind.
+template <class T, class Change>
+HWY_INLINE void change_by_line(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines,
+                               const double* scale, double later, Change change) {
   const hn::ScalableTag<T> d;
   const double middle = (static_cast<double>(rows) - 1) / 2;
   for (std::size_t c = 0; c < width; c += hn::Lanes(d)) {
@@ -103,9 +88,22 @@ void put_back(T* block, std::size_t rows, std::size_t width, const ColumnLines& 
     for (std::size_t n = 0; n < rows; ++n) {
       T* const at = block + n * width + c;
       const auto line = hn::MulAdd(slope, hn::Set(d, static_cast<T>(static_cast<double>(n) + later - middle)), mean);
-      hn::StoreU(hn::MulAdd(hn::LoadU(d, at), factor, line), d, at);
+      hn::StoreU(change(hn::LoadU(d, at), line, factor), d, at);
     }
   }
+}
+
+template <class T>
+void take_off(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale) {
+  change_by_line(block, rows, width, lines, scale, 0.0,
+                 [](auto value, auto line, auto factor) HWY_ATTR { return hn::Mul(hn::Sub(value, line), factor); });
+}
+
+template <class T>
+void put_back(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale,
+              double later) {
+  change_by_line(block, rows, width, lines, scale, later,
+                 [](auto value, auto line, auto factor) HWY_ATTR { return hn::MulAdd(value, factor, line); });
 }
 
 // kOutputs × kVectors sums stay in registers; in: (inputs × kVectors vectors) dense.

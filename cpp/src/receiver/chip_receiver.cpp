@@ -114,11 +114,7 @@ void ChipReceiver::take(const FrameReading& reading, double time, std::span<cons
   const ChannelEstimate& channel = reading.channel;
   std::vector<double> llr = reliable_llr(reading);
   agree_with_code(llr, options_.format);
-  // The packet's code needs chips in order of their reliability, which these keep over more orders of magnitude.
-  // Correlated residuals reduce the effective number of rows.
-  const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
-  std::vector<double> weights = reading.llr;
-  for (double& value : weights) value *= independent;
+  std::vector<double> weights = code_weights(reading);
   agree_with_code(weights, options_.format);
   const ChipGrid whole = whole_chips(channel.clock, signal.size());
   for (std::size_t k = 0; k < whole.count; ++k) {

@@ -44,6 +44,13 @@ std::vector<double> reliable_llr(const FrameReading& reading) {
   return llr;
 }
 
+std::vector<double> code_weights(const FrameReading& reading) {
+  const double independent = is_misfit(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
+  std::vector<double> weights = reading.llr;
+  for (double& value : weights) value *= independent;
+  return weights;
+}
+
 void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const LineCode& code = format.line_code;
   const std::size_t word = code.chips_per_word();

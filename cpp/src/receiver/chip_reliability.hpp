@@ -15,6 +15,10 @@ namespace ocisac {
 // The factor of 6 is measured (docs/measured/field.md): chips are chosen so that little is left.
 std::vector<double> reliable_llr(const FrameReading& reading);
 
+// Ratios by which the packet's code weighs a reading's chips. They keep sure and weak chips further apart than
+// reliable_llr: rows whose residual is correlated by r count as (1 − r)/(1 + r) of independent ones.
+std::vector<double> code_weights(const FrameReading& reading);
+
 // Scales the ratios of consecutive chips towards 0 where more words violate the line code than they admit: until they
 // expect as many wrong chips as the violations show. Chips of a preamble may violate it. Line code "none": as they are.
 void agree_with_code(std::vector<double>& llr, const PacketFormat& format);
