@@ -174,6 +174,7 @@ void times_gain(T* values, const T* gain, std::size_t count) {
   }
 }
 
+// NOLINTBEGIN(bugprone-macro-parentheses): T names a type, which takes no parentheses.
 #define OCISAC_OF_BOTH(T, NAME)                                                                             \
   void ColumnLines##NAME(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {   \
     lines_of_columns(block, rows, width, lines);                                                            \
@@ -195,6 +196,7 @@ void times_gain(T* values, const T* gain, std::size_t count) {
 OCISAC_OF_BOTH(float, Float)
 OCISAC_OF_BOTH(double, Double)
 #undef OCISAC_OF_BOTH
+// NOLINTEND(bugprone-macro-parentheses)
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
@@ -203,6 +205,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace ocisac::kernels {
 
+// NOLINTBEGIN(bugprone-macro-parentheses): as above.
 #define OCISAC_OF_BOTH(T, NAME)                                                                                        \
   HWY_EXPORT(ColumnLines##NAME);                                                                                       \
   HWY_EXPORT(TakeLinesOff##NAME);                                                                                      \
@@ -235,6 +238,7 @@ namespace ocisac::kernels {
 OCISAC_OF_BOTH(float, Float)
 OCISAC_OF_BOTH(double, Double)
 #undef OCISAC_OF_BOTH
+// NOLINTEND(bugprone-macro-parentheses)
 
 }  // namespace ocisac::kernels
 #endif
