@@ -45,6 +45,7 @@ from ocisac_fast import (
     tone_gain,
     varying_tone_gain,
 )
+from studies.chart.detectors import Setting, make_frame
 from studies.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
@@ -400,6 +401,21 @@ def varying_tone(seconds: float) -> Iterator[Figure]:
     yield figure_of("varying_tone_gain / reading", timing, 20.0)
 
 
+def sequences(seconds: float) -> Iterator[Figure]:
+    """Maximum-likelihood detection with soft outputs: states times chips a second, on a frame of 1080 rows."""
+    for exposure_chips, limit in ((7.0, None), (10.0, 1.0), (14.0, None)):
+        frame = make_frame(Setting(exposure_chips, 4.0, 0.01), np.random.default_rng(5))
+        wrong, counted = frame.errors("mlse")
+        if not wrong <= 1e-3 * counted:
+            raise SystemExit(f"speed.py: mlse: {wrong} of {counted} chips wrong; not timed")
+        timing = in_turn(functools.partial(frame.detect), lambda _: None, ["mlse"], seconds, (5, 200))
+        steps = 2.0**exposure_chips * frame.chips.size
+        name = f"mlse, exposure of {exposure_chips:g} chips, states times chips a second"
+        yield Figure(
+            name, 1e-9 * steps / timing.seconds, "G/s", limit, at_most=False, milliseconds=1e3 * timing.seconds
+        )
+
+
 def exposure_choice(seconds: float) -> Iterator[Figure]:
     """Problems per second from Python arrays."""
     random = np.random.default_rng(3)
@@ -427,6 +443,7 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     yield from frequency_search(seconds, missing)
     yield from varying_tone(seconds)
     yield from integration(seconds)
+    yield from sequences(seconds)
     yield from exposure_choice(seconds)
 
 

@@ -6,8 +6,11 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
+#include <utility>
 
+#include "chips/sequence_kernels.hpp"
 #include "core/check_interrupt.hpp"
 #include "ocisac/chips/chip_equations.hpp"
 #include "ocisac/core/require.hpp"
@@ -17,7 +20,7 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kMaxSlowMemory = 10;  // chips
-constexpr float kNever = std::numeric_limits<float>::infinity();
+constexpr std::size_t kMaxPatterns = 2 * 16;
 constexpr double kRounding = 1e-12;  // relative, of an exposure of a whole number of chips
 
 // A row's exposure in chips, counted from the newest one: `end` of the newest, `begin` of the oldest, which is `back`
@@ -28,13 +31,44 @@ struct RowView {
   std::size_t back;
 };
 
-// A history is a word of the newest chip (bit 0) and earlier ones. A row whose oldest chip lies `back` chips before the
-// newest depends only on the number of bright chips between, the newest and the oldest.
-std::uint8_t class_of(std::uint32_t history, std::size_t back) {
-  if (back == 0) return static_cast<std::uint8_t>(history & 1U);
-  const std::uint32_t between = (history >> 1U) & ((1U << (back - 1)) - 1U);
-  return static_cast<std::uint8_t>(4 * static_cast<unsigned>(std::popcount(between)) + 2 * (history & 1U) +
-                                   ((history >> back) & 1U));
+// A row whose oldest chip lies `back` chips before the newest depends only on the newest, the oldest and the number of
+// bright chips between: costs by that number stand in a table for each newest and oldest chip.
+constexpr std::size_t kTable = 32;  // a multiple of the number is read
+using Tables = std::array<std::array<std::array<float, kTable>, 2>, 2>;
+
+// Groups of states by the pattern of their costs: 2·(bright chips between that a group shares) + oldest chip.
+class Grouping {
+ public:
+  Grouping(std::size_t back, std::size_t states) : back_(back), of_group_(states / kernels::kTrellisGroup) {
+    if (back <= kLowBits) return;
+    for (std::uint32_t g = 0; g < of_group_.size(); ++g)
+      of_group_[g] = static_cast<std::uint8_t>(2 * std::popcount(g & ((1U << high_bits()) - 1U)) +
+                                               static_cast<int>((g >> high_bits()) & 1U));
+  }
+  [[nodiscard]] const std::uint8_t* of_group() const { return of_group_.data(); }
+
+  // The patterns of histories with a newest chip.
+  void fill(const std::array<std::array<float, kTable>, 2>& tables, float* patterns) const {
+    if (back_ > kLowBits)
+      return kernels::fill_patterns({tables[0].data(), tables[1].data()}, high_bits() + 1, patterns);
+    if (back_ == 0) return void(std::fill_n(patterns, kernels::kTrellisGroup, tables[0][0]));
+    for (std::uint32_t low = 0; low < kernels::kTrellisGroup; ++low)
+      patterns[low] =
+          tables[(low >> (back_ - 1)) & 1U][static_cast<std::size_t>(kernels::kBits[low & ((1U << (back_ - 1)) - 1U)])];
+  }
+
+ private:
+  static constexpr std::size_t kLowBits = std::bit_width(kernels::kTrellisGroup - 1);
+  [[nodiscard]] std::size_t high_bits() const { return back_ - 1 - kLowBits; }  // of the chips between
+
+  std::size_t back_;
+  std::vector<std::uint8_t> of_group_;
+};
+
+// All chips, if the costs before each of them take 4 MB at most; else few, done twice.
+std::size_t chips_in_block(std::size_t count, std::size_t states) {
+  constexpr std::size_t kCached = std::size_t{1} << 20U;  // costs
+  return count * states <= kCached ? count : static_cast<std::size_t>(std::ceil(std::sqrt(static_cast<double>(count))));
 }
 
 class Trellis {
@@ -44,14 +78,14 @@ class Trellis {
         length_(std::max(question.clock.exposure_rows, kShortestExposure) / question.clock.rows_per_chip),
         reach_(static_cast<std::size_t>(std::ceil((1 - kRounding) * length_))),
         memory_(memory_of(question.clock, reach_)),
-        states_(std::size_t{1} << memory_),
-        classes_(memory_ + 1) {}
+        states_(std::max(std::size_t{1} << memory_, kernels::kFewestStates)),
+        costs_(2 * states_),
+        groupings_(memory_ + 1) {}
 
   std::vector<double> detect() {
     find_rows();
     if (is_slow()) find_lights();
-    run_forward();
-    return run_backward();
+    return run();
   }
 
  private:
@@ -64,28 +98,35 @@ class Trellis {
     return std::min(reach + static_cast<std::size_t>(std::max(settling, 0.0)), most);
   }
 
-  // Light of a chip of a history: its target, the deviation of its integral from that of the settled light, and its
-  // integral over the whole chip and all newer ones except the newest.
+  // Light of the chip `back` before the newest, of each history.
   struct ChipLight {
-    float target, lack, sum;
+    std::vector<float> target, lack, sum;
+    [[nodiscard]] kernels::ChipLights view() const { return {target.data(), lack.data(), sum.data()}; }
   };
 
   // For all histories, starting with the oldest chip, which begins at its own level.
   void find_lights() {
     const ChipClock& clock = question_.clock;
-    lights_.resize((memory_ + 1) * 2 * states_);
+    const auto left_after_chip = [](double time) { return time > 0 ? std::exp(-1 / time) : 0.0; };
+    const double left_of_rise = left_after_chip(clock.rise), left_of_fall = left_after_chip(clock.fall);
+    const std::vector<float> zeros(2 * states_);
+    lights_.assign(memory_ + 1, {zeros, zeros, zeros});
     for (std::size_t history = 0; history < 2 * states_; ++history) {
-      double level = static_cast<double>((history >> memory_) & 1U);
+      const auto chip = [&](std::size_t back) {
+        return static_cast<double>(back == 0 ? history / states_ : (history >> (back - 1)) & 1U);
+      };
+      double level = chip(memory_);
       for (std::size_t back = memory_ + 1; back-- > 0;) {
-        const double target = static_cast<double>((history >> back) & 1U);
-        const double time = target > level ? clock.rise : clock.fall;
-        const double left = time > 0 ? std::exp(-1 / time) : 0.0, lack = (level - target) * time;
-        lights_[back * 2 * states_ + history] = {static_cast<float>(target), static_cast<float>(lack),
-                                                 static_cast<float>(target + lack * (1 - left))};
+        const double target = chip(back);
+        const bool rises = target > level;
+        const double left = rises ? left_of_rise : left_of_fall;
+        const double lack = (level - target) * (rises ? clock.rise : clock.fall);
+        lights_[back].target[history] = static_cast<float>(target);
+        lights_[back].lack[history] = static_cast<float>(lack);
+        lights_[back].sum[history] = static_cast<float>(target + lack * (1 - left));
         level = target + (level - target) * left;
       }
-      for (std::size_t back = 2; back <= memory_; ++back)
-        lights_[back * 2 * states_ + history].sum += lights_[(back - 1) * 2 * states_ + history].sum;
+      for (std::size_t back = 2; back <= memory_; ++back) lights_[back].sum[history] += lights_[back - 1].sum[history];
     }
   }
 
@@ -96,26 +137,13 @@ class Trellis {
   }
 
   // Adds a row's squared residual over 2σ² to all histories.
-  void add_slow_row(const RowView& row, std::span<float> costs) const {
-    const ChipLight* newest = lights_.data();
-    const ChipLight* oldest = &lights_[row.back * 2 * states_];
+  void add_slow_row(const RowView& row) {
     const double before = row.back == 0 ? row.end - length_ : 1 - row.begin;
-    const auto at_end = settled(row.end), at_begin = settled(before);
-    const auto end = static_cast<float>(row.end), begin = static_cast<float>(before);
-    const auto value = static_cast<float>(row.value), per_chip = static_cast<float>(1 / length_);
-    const auto scale = static_cast<float>(row.scale);
-    for (std::size_t history = 0; history < costs.size(); ++history) {
-      const ChipLight& last = newest[history];
-      const ChipLight& first = oldest[history];
-      // Subtracts the part of the oldest chip before the exposure; newer chips count entirely.
-      const float whole = row.back == 0 ? 0.0F : first.sum;
-      const float last_share = at_end[0] + last.target * (at_end[1] - at_end[0]);
-      const float first_share = at_begin[0] + first.target * (at_begin[1] - at_begin[0]);
-      const float area =
-          whole + last.target * end + last.lack * last_share - first.target * begin - first.lack * first_share;
-      const float off = value - area * per_chip;
-      costs[history] += scale * off * off;
-    }
+    kernels::add_slow_row(
+        {lights_.front().view(), lights_[row.back].view(), static_cast<float>(row.end), static_cast<float>(before),
+         settled(row.end), settled(before), row.back == 0 ? 0.0F : 1.0F, static_cast<float>(row.value),
+         static_cast<float>(1 / length_), static_cast<float>(row.scale)},
+        2 * states_, costs_.data());
   }
 
   // Groups rows by their newest chip: those of chip k are rows_[begin_of_chip_[k]] … rows_[begin_of_chip_[k + 1]].
@@ -137,104 +165,124 @@ class Trellis {
     for (; chip < question_.count; ++chip) begin_of_chip_[chip + 1] = rows_.size();
   }
 
-  const std::vector<std::uint8_t>& classes(std::size_t back) {
-    auto& of_history = classes_[back];
-    for (std::uint32_t history = static_cast<std::uint32_t>(of_history.size()); history < 2 * states_; ++history)
-      of_history.push_back(class_of(history, back));
-    return of_history;
+  // Squared residuals over 2σ², added up over the rows whose oldest chip lies `back` before the newest. In chips, a
+  // row's light is the number m of bright chips between and a constant: the sum is a polynomial in m.
+  void fill_tables(std::span<const RowView> rows, std::size_t back) {
+    for (std::size_t newest = 0; newest < 2; ++newest)
+      for (std::size_t oldest = 0; oldest < (back == 0 ? 1 : 2); ++oldest) {
+        double squares = 0, linear = 0, constant = 0;
+        for (const RowView& row : rows) {
+          if (row.back != back) continue;
+          const double at_ends = back == 0
+                                     ? static_cast<double>(newest) * length_
+                                     : static_cast<double>(newest) * row.end + static_cast<double>(oldest) * row.begin;
+          const double off = length_ * row.value - at_ends, weight = row.scale / (length_ * length_);
+          squares += weight;
+          linear += weight * off;
+          constant += weight * off * off;
+        }
+        for (std::size_t between = 0; between < std::max<std::size_t>(back, 1); ++between) {
+          const auto m = static_cast<double>(between);
+          tables_[newest][oldest][between] = static_cast<float>(constant - m * (2 * linear - m * squares));
+        }
+      }
   }
 
-  // Adds a row's squared residual over 2σ² to the classes of its `back`.
-  void add_row(const RowView& row, std::span<float> table) const {
-    if (row.back == 0) {
-      for (std::size_t bright = 0; bright < 2; ++bright) table[bright] += squares(row, static_cast<double>(bright));
-      return;
+  // Counts the tables among the costs of a chip.
+  void take_costs(std::size_t back) {
+    if (grouped_.size() == kernels::kMostSummed) add_up_costs();
+    auto& grouping = groupings_[back];
+    if (!grouping) grouping.emplace(back, states_);
+    auto& patterns = patterns_[grouped_.size()];
+    for (std::size_t newest = 0; newest < 2; ++newest) grouping->fill(tables_[newest], patterns[newest].data());
+    grouped_.push_back({{patterns[0].data(), patterns[1].data()}, grouping->of_group()});
+  }
+
+  void add_up_costs() {
+    for (const auto& each : grouped_) kernels::add_costs(each, states_, costs_.data());
+    grouped_.clear();
+    added_up_ = true;
+  }
+
+  void take_known_level(double level) {
+    for (std::size_t newest = 0; newest < 2; ++newest) {
+      const double off = static_cast<double>(newest) - level;
+      tables_[newest][0][0] = static_cast<float>(0.5 * kKnownPrecision * off * off);
     }
-    for (std::size_t between = 0; between < row.back; ++between)
-      for (std::size_t ends = 0; ends < 4; ++ends) {
-        const double area = static_cast<double>(between) + static_cast<double>(ends >> 1U) * row.end +
-                            static_cast<double>(ends & 1U) * row.begin;
-        table[4 * between + ends] += squares(row, area / length_);
-      }
-  }
-  static float squares(const RowView& row, double expected) {
-    return static_cast<float>(row.scale * (row.value - expected) * (row.value - expected));
+    take_costs(0);
   }
 
-  // Costs of all histories at a chip.
-  void weigh(std::size_t chip, std::vector<float>& costs) {
-    std::fill(costs.begin(), costs.end(), 0.0F);
-    if (is_slow())
-      for (std::size_t r = begin_of_chip_[chip]; r < begin_of_chip_[chip + 1]; ++r) add_slow_row(rows_[r], costs);
-    for (std::size_t back = 0; back <= memory_ && !is_slow(); ++back) {
-      std::array<float, 4 * 16> table{};
-      bool any = false;
-      for (std::size_t r = begin_of_chip_[chip]; r < begin_of_chip_[chip + 1]; ++r) {
-        if (rows_[r].back != back) continue;
-        add_row(rows_[r], table);
-        any = true;
+  // Costs of all histories at a chip, valid until the next call.
+  kernels::HistoryCosts weigh(std::size_t chip) {
+    const auto rows = std::span(rows_).subspan(begin_of_chip_[chip], begin_of_chip_[chip + 1] - begin_of_chip_[chip]);
+    if (added_up_) std::ranges::fill(costs_, 0.0F);
+    grouped_.clear();
+    added_up_ = is_slow();
+    for (const RowView& row : rows)
+      if (is_slow()) add_slow_row(row);
+    if (!is_slow() && !rows.empty()) {
+      const auto [shortest, longest] = std::ranges::minmax_element(rows, {}, &RowView::back);
+      for (std::size_t back = shortest->back; back <= longest->back; ++back) {
+        fill_tables(rows, back);
+        take_costs(back);
       }
-      if (!any) continue;
-      const auto& of_history = classes(back);
-      for (std::size_t history = 0; history < costs.size(); ++history) costs[history] += table[of_history[history]];
     }
-    if (const auto level = known_level(question_, chip))
-      for (std::size_t history = 0; history < costs.size(); ++history) {
-        const double off = static_cast<double>(history & 1U) - *level;
-        costs[history] += static_cast<float>(0.5 * kKnownPrecision * off * off);
-      }
+    if (const auto level = known_level(question_, chip)) take_known_level(*level);
+    if (added_up_ || grouped_.empty()) add_up_costs();
+    return {grouped_, costs_.data()};
   }
 
-  // forward_[chip·states + s]: min cost of the rows up to the previous chip, given the last chips s.
-  void run_forward() {
-    forward_.assign((question_.count + 1) * states_, 0.0F);
-    std::vector<float> costs(2 * states_);
-    const std::size_t half = states_ / 2;
-    for (std::size_t chip = 0; chip < question_.count; ++chip) {
-      check_interrupt();
-      weigh(chip, costs);
-      const float* from = &forward_[chip * states_];
-      float* to = &forward_[(chip + 1) * states_];
-      float lowest = kNever;
-      for (std::size_t state = 0; state < states_; ++state) {
-        // The chip that leaves the state is dark or bright.
-        to[state] = std::min(from[state / 2] + costs[state], from[state / 2 + half] + costs[state + states_]);
-        lowest = std::min(lowest, to[state]);
-      }
-      for (std::size_t state = 0; state < states_; ++state) to[state] -= lowest;  // preserves single precision
+  // to[s]: min cost of the rows up to the chip, given the last chips s, from the same up to the previous chip.
+  void go_forward(std::size_t chip, const float* from, float* to) {
+    check_interrupt();
+    kernels::step_forward(from, weigh(chip), states_, to);
+  }
+
+  // Costs before every chip of a block, kept at the first chips of all blocks alone: in the cache at all lengths.
+  std::vector<double> run() {
+    const std::size_t count = question_.count, block = chips_in_block(count, states_);
+    const auto first_of = [&](std::size_t b) { return std::min(b * block, count); };
+    std::vector<float> starts((count + block - 1) / block * states_, 0.0F);
+    thread_local std::vector<float> costs;  // its pages are asked for once
+    costs.resize(std::max(costs.size(), (block + 1) * states_));
+    const auto fill_block = [&](std::size_t b) {
+      std::copy_n(&starts[b * states_], states_, costs.data());
+      for (std::size_t chip = first_of(b); chip + 1 < first_of(b + 1); ++chip)
+        go_forward(chip, &costs[(chip - first_of(b)) * states_], &costs[(chip - first_of(b) + 1) * states_]);
+    };
+    const std::size_t blocks = starts.size() / states_;
+    for (std::size_t b = 0; b + 1 < blocks; ++b) {
+      fill_block(b);
+      go_forward(first_of(b + 1) - 1, &costs[(block - 1) * states_], &starts[(b + 1) * states_]);
     }
-  }
-
-  std::vector<double> run_backward() {
-    std::vector<double> llr(question_.count);
-    std::vector<float> after(states_, 0.0F), before(states_), costs(2 * states_);
-    for (std::size_t chip = question_.count; chip-- > 0;) {
-      check_interrupt();
-      weigh(chip, costs);
-      for (std::size_t history = 0; history < costs.size(); ++history) costs[history] += after[history % states_];
-      const float* from = &forward_[chip * states_];
-      std::array<float, 2> best{kNever, kNever};
-      for (std::size_t state = 0; state < states_; ++state) {
-        const float dark = costs[2 * state], bright = costs[2 * state + 1];
-        before[state] = std::min(dark, bright);
-        best[0] = std::min(best[0], from[state] + dark);
-        best[1] = std::min(best[1], from[state] + bright);
+    std::vector<double> llr(count);
+    std::vector<float> after(states_, 0.0F), before(states_);
+    for (std::size_t b = blocks; b-- > 0;) {
+      fill_block(b);
+      for (std::size_t chip = first_of(b + 1); chip-- > first_of(b);) {
+        check_interrupt();
+        const auto best = kernels::step_backward(&costs[(chip - first_of(b)) * states_], weigh(chip), after.data(),
+                                                 states_, before.data());
+        llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
+        std::swap(after, before);
       }
-      llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
-      const float lowest = *std::ranges::min_element(before);
-      for (std::size_t state = 0; state < states_; ++state) after[state] = before[state] - lowest;
     }
     return llr;
   }
 
   const ChipQuestion& question_;
-  double length_;                                   // of the exposure, chips
-  std::size_t reach_, memory_, states_;             // earlier chips in a row's exposure; chips in memory
-  std::vector<std::vector<std::uint8_t>> classes_;  // (back) class of each history, computed on demand
+  double length_;                        // of the exposure, chips
+  std::size_t reach_, memory_, states_;  // earlier chips in a row's exposure; chips in memory
   std::vector<RowView> rows_;
   std::vector<std::size_t> begin_of_chip_;
-  std::vector<ChipLight> lights_;  // (chips of a history, histories)
-  std::vector<float> forward_;
+  std::vector<ChipLight> lights_;  // (chips of a history)
+  // Costs of the histories at a chip: grouped ones, and the others added up, (2, states).
+  std::vector<float> costs_;
+  bool added_up_ = false;
+  Tables tables_{};
+  std::vector<kernels::GroupedCosts> grouped_;
+  std::array<std::array<std::array<float, kMaxPatterns * kernels::kTrellisGroup>, 2>, kernels::kMostSummed> patterns_;
+  std::vector<std::optional<Grouping>> groupings_;  // (back) on demand
 };
 
 constexpr double kMaxSummedRows = 1 << 17;  // per chip: above, sums over rows equal integrals to 1e-10
