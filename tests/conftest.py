@@ -4,6 +4,9 @@ import multiprocessing
 import os
 import pathlib
 
+# Before NumPy is loaded: threads of its linear algebra wait for each other in a loop, and tests run on all processors.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -11,6 +14,7 @@ REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
 
 settings.register_profile("default", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("nightly", settings.get_profile("default"), max_examples=1000)
+settings.register_profile("thorough", settings.get_profile("default"), max_examples=20_000)
 settings.load_profile("default")
 
 

@@ -46,7 +46,7 @@ def test_commands_find_the_axis_and_name_it(tmp_path, capsys):
         pytest.importorskip(module)
     from ocisac_fast.cli import main
 
-    file = tmp_path / "lamp.npy"
+    file, gains = tmp_path / "lamp.npy", []
     for turned, axis in ((False, "y"), (True, "x")):
         frame = picture("lamp")
         np.save(file, frame.T if turned else frame)
@@ -60,8 +60,20 @@ def test_commands_find_the_axis_and_name_it(tmp_path, capsys):
         assert measured["row_time_s"] == pytest.approx(1e-5, rel=0.01)
         assert main(["detect", str(file), "--row-time", "10us"]) == 0
         assert ("scan axis x" in capsys.readouterr().out) == turned
+        options = ["--row-time", "10us", "--exposure", "30us"]
+        region = ["--region", "115,185,50,30" if turned else "185,115,30,50"]  # within the lamp
+        assert main(["gain", str(file), *options, *region, "--frequency", "9kHz", "--json"]) == 0
+        gain = json.loads(capsys.readouterr().out)
+        assert (gain["scan_axis"], gain["rows"]) == (axis, 50)
+        gains.append(gain["gain"])
+        assert main(["receive", str(file), *options, "--chip-rate", "18kHz", "--json"]) == 0
+        received = json.loads(capsys.readouterr().out)
+        assert (received["scan_axis"], received["rows"]) == (axis, 300)
+        assert main(["receive", str(file), *options]) == 0
+        assert ("scan axis x" in capsys.readouterr().out) == turned
         assert main(["clean", str(file), str(tmp_path / "clean.npy"), "--json", "--force"]) == 0
         assert json.loads(capsys.readouterr().out)["scan_axis"] == axis
+    assert gains[0] == gains[1] > 0.2
 
 
 def test_an_axis_that_is_not_clear_is_told(tmp_path, capsys, monkeypatch):

@@ -102,6 +102,7 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         _MEAN,
         _GIVEN,
         Field("colour", "int64", "", "index of the colour used; null: there is one only"),
+        _AXIS,
     ),
     "receive": (
         _FRAME,
@@ -132,6 +133,7 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         Field("gain_flags", "[string]", "", "flags of the gain"),
         Field("suggested_exposure_s", "float64", "s", "best exposure for this light"),
         _FLAGS,
+        _AXIS,
     ),
     "detect": (
         _FRAME,

@@ -16,7 +16,7 @@ from ocisac_fast.cli.doubts import warn_of_texture
 from ocisac_fast.cli.lights import SHARES
 from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, quantity, with_spread
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, axis_finding_options, json_option, open_pictures
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options
 from ocisac_fast.cli.units import FREQUENCY, Quantity
 
 
@@ -24,7 +24,7 @@ from ocisac_fast.cli.units import FREQUENCY, Quantity
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FILE_PATH)
 @click.option("--frequency", type=FREQUENCY, required=True, help="Frequency of the light, below half the row rate.")
 @click.option("--pulses", type=SHARES, help="Duty of a lamp lit once per frame, one for each FILE: 5%,10%.")
-@axis_finding_options
+@picture_options
 @writes()
 @json_option
 def calibrate(
@@ -73,7 +73,7 @@ def calibrate(
         {
             "row time": with_spread(result.row_time, result.row_time_std, "s"),
             "cycles per row": with_spread(found.cycles_per_row, found.cycles_per_row_std, ""),
-            **({"scan axis": axis} if picture.scan_axis == "auto" and axis != "y" else {}),
+            **({"scan axis": axis} if picture.names(axis) else {}),
             "frames": f"{len(columns)} of {columns.shape[1]} rows",
             "columns": f"{found.columns.used.sum()} of {columns.shape[2]}",
             "flags": ", ".join(flags) or "none",

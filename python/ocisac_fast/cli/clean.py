@@ -12,7 +12,7 @@ import numpy as np
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, axis_finding_options, json_option, select, stack
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
 
@@ -49,7 +49,7 @@ _HEADER = (
     "--toe", type=float, help="Toe of the tone curve, 0 to 1: dim light is stored darker. Default: estimated."
 )
 @click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
-@axis_finding_options
+@picture_options
 @writes("target", "marks")
 @json_option
 def clean(

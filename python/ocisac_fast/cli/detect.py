@@ -13,10 +13,10 @@ from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import (
     FILE_PATH,
     PictureOptions,
-    axis_finding_options,
     grey_of,
     json_option,
     open_pictures,
+    picture_options,
     plot_option,
 )
 from ocisac_fast.files import Part
@@ -36,7 +36,7 @@ _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "ga
     help="Max. expected number in a picture without a light; up to 1.",
 )
 @click.option("--min-cycles", type=float, default=2.5, show_default=True, help="Min. cycles in a light's box.")
-@axis_finding_options
+@picture_options
 @plot_option("the first frame with the boxes of its lights")
 @writes("plot")
 @json_option
@@ -55,7 +55,7 @@ def detect(
             emit_json(found)
             continue
         title = "" if found["frames"] == 1 else f"frame {found['frame']}"
-        if picture.scan_axis == "auto" and found["scan_axis"] != "y" and found["frame"] == 0:
+        if picture.names(found["scan_axis"]) and found["frame"] == 0:
             title = f"{title}, scan axis {found['scan_axis']}".removeprefix(", ")
         rows = [_row(k, source, picture) for k, source in enumerate(found["sources"])]
         if rows or header:

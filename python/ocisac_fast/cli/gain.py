@@ -99,6 +99,7 @@ def gain(
             "theory |sinc(f T_e)|": quantity(facts["theory"], "", 5),
             "signal-to-noise ratio": number(facts["snr_db"], "dB", 4),
             "mean": number(mean["mean"], "DN"),
+            **({"scan axis": light.scan_axis} if picture.names(light.scan_axis) else {}),
             "frames": f"{measured.frame_count} of {facts['rows']} rows",
             "columns": f"{facts['columns']}",
             "flags": ", ".join(facts["flags"]) or "none",
@@ -169,6 +170,7 @@ class FrameGains:
             "mean": frame["mean"],
             "background_given": background_given,
             "colour": light.colour,
+            "scan_axis": light.scan_axis,
         }
 
     def every_frame(self, first: int, background_given: bool) -> Iterator[dict[str, Any]]:
@@ -180,8 +182,10 @@ class FrameGains:
             yield {"frame": first + index, **self.facts(frame, background_given)}
 
     def every_column(self, picture: PictureOptions) -> list[dict[str, Any]]:
-        """The JSON object of each frame and column; columns are counted in the stored picture."""
-        values, first = self.column_values, picture.first_column
+        """The JSON object of each frame and column; columns (with read-out along x, rows) of the stored picture."""
+        values, region = self.column_values, picture.region
+        across = "y" if self.light.scan_axis.endswith("x") else "x"
+        first = 0 if region is None else getattr(region, across)
         names = {mask: flag_names(mask) for mask in np.unique(values["flags"]).tolist()} if values else {}
         return [
             plain(

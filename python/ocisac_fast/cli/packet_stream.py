@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import decibels, flag_names, quantity
-from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.cli.pictures import PictureOptions, rows_and_columns
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.packets.transmission import PacketFormat, transmit
@@ -44,11 +44,11 @@ class PacketStream:
 
     def push(self, frame: Frame, camera: Camera, number: int) -> Iterator[dict[str, Any]]:
         """The objects of the next frame; ``number``: in the file."""
-        if self._receiver is None:
+        if self._camera is None:
             self._camera = dataclasses.replace(camera, frame_time=self._options.frame_time or camera.frame_time)
             self._receiver = self._make(self._camera)
         self._frames += 1
-        self._rows = self._picture.rows_and_columns(frame.shape)[0]
+        self._rows = rows_and_columns(frame.shape, self._camera)[0]
         if self._options.tones:
             result = self._receiver.push(frame)
             self._count(result)
@@ -62,6 +62,11 @@ class PacketStream:
             if math.isfinite(result.received.chip_rate):
                 self._chip_rate = result.received.chip_rate
             yield self._picture.in_units(self._chip_facts(result, number))
+
+    @property
+    def scan_axis(self) -> str:
+        """Read-out axis of the camera; y before the first frame."""
+        return "y" if self._camera is None else self._camera.scan_axis
 
     def summary(self) -> str:
         """Number of payloads, and the goodput with its bounds by the gap between frames and by the code."""

@@ -125,6 +125,10 @@ class PictureOptions:
             )
         return dataclasses.replace(self, scan_axis=found.axis)
 
+    def names(self, axis: str) -> bool:
+        """True if tables are to name ``axis``: it was found, and rows do not run down as mostly."""
+        return self.scan_axis == "auto" and axis != "y"
+
     @property
     def in_hertz(self) -> bool:
         """True where rates are per second, False where they are per row for want of a row time."""
@@ -152,17 +156,6 @@ class PictureOptions:
         """The inverse of `in_picture`."""
         left, top = (0, 0) if self.region is None else self.region[:2]
         return box._replace(x=box.x - left, y=box.y - top)
-
-    def rows_and_columns(self, shape: tuple[int, ...]) -> tuple[int, int]:
-        """Rows and columns of the camera in pictures of ``shape``, (height, width) first."""
-        return (shape[1], shape[0]) if self.scan_axis.endswith("x") else (shape[0], shape[1])
-
-    @property
-    def first_column(self) -> int:
-        """Column of the stored picture at which the region begins; with read-out along x, columns are its rows."""
-        if self.region is None:
-            return 0
-        return self.region.y if self.scan_axis.endswith("x") else self.region.x
 
     def check_frequency(self, name: str, value: Any) -> float | None:
         """A frequency in the units of `camera`: Hz, or cycles per row without a row time; None for auto."""
@@ -203,6 +196,11 @@ class OpenPictures:
         """`batches` as (frames, rows, columns, colours) with rows in time order, for ``camera.in_time_order``."""
         for batch in self.batches():
             yield as_frames(batch, scan_axis=self.camera.scan_axis)
+
+
+def rows_and_columns(shape: tuple[int, ...], camera: Camera) -> tuple[int, int]:
+    """Rows and columns of the camera in pictures of ``shape``, (height, width) first."""
+    return (shape[1], shape[0]) if camera.scan_axis.endswith("x") else (shape[0], shape[1])
 
 
 def stack(frames: list[Frame]) -> Frame:
@@ -314,8 +312,8 @@ def grey_of(frame: Frame) -> Frame:
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 
-def picture_options(function: Callable[..., Any], *, find_axis: bool = False) -> Callable[..., Any]:
-    """Add the common options, passed to the function as ``picture``; ``find_axis``: the read-out axis may be auto."""
+def picture_options(function: Callable[..., Any], *, scan_axis: str = "auto") -> Callable[..., Any]:
+    """Add the common options, passed to the function as ``picture``; ``scan_axis``: the default."""
 
     @functools.wraps(function)
     def wrapped(**arguments: Any) -> Any:
@@ -326,11 +324,10 @@ def picture_options(function: Callable[..., Any], *, find_axis: bool = False) ->
         click.option("--exposure", type=TIME, help="Exposure time of a row."),
         click.option(
             "--scan-axis",
-            type=click.Choice([*(["auto"] if find_axis else []), "y", "x", "-y", "-x"]),
-            default="auto" if find_axis else "y",
+            type=click.Choice(["auto", "y", "x", "-y", "-x"]),
+            default=scan_axis,
             show_default=True,
-            help="Direction in which rows are read out: y is down, x to the right"
-            + ("; auto: y or x, whichever shows lights." if find_axis else "."),
+            help="Direction in which rows are read out: y: down, x: right; auto: y or x, whichever shows lights.",
         ),
         click.option("--region", type=REGION, help="Part of the picture, from its top left corner."),
         click.option("--channel", type=_Channel(), default="auto", show_default=True),
@@ -346,9 +343,6 @@ def picture_options(function: Callable[..., Any], *, find_axis: bool = False) ->
     for option in reversed(options):
         wrapped = option(wrapped)
     return wrapped
-
-
-axis_finding_options = functools.partial(picture_options, find_axis=True)
 
 
 def json_option(function: Callable[..., Any]) -> Callable[..., Any]:

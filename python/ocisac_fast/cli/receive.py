@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
 from ocisac_fast.cli.output import decibels, emit_json, emit_summary, emit_table, flag_names, number, progress, quantity
 from ocisac_fast.cli.outputs import writes
@@ -20,6 +21,7 @@ from ocisac_fast.cli.pictures import (
     open_pictures,
     picture_options,
     plot_option,
+    rows_and_columns,
 )
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
@@ -113,7 +115,9 @@ def receive(
     if not as_json:
         header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *(["payload"] if packets else [])]
         table = [_row(facts, picture.in_hertz) + _payload_cell(facts, packets) for facts in every]
-        emit_table("", header, table, left=("flags", "bits", "payload"))
+        axis = stream.scan_axis if stream is not None else every[0]["scan_axis"] if every else "y"
+        title = f"scan axis {axis}" if picture.names(axis) else ""
+        emit_table(title, header, table, left=("flags", "bits", "payload"))
     if stream is not None:
         emit_summary(stream.summary(), as_json)
     if stopped:
@@ -149,8 +153,7 @@ def _received(
             if plot is not None and count == 0:
                 _plot_first(plot, batch[:1], pictures.camera, rate)
             for result in receive_frames(batch, pictures.camera, chip_rate=rate):
-                rows = picture.rows_and_columns(batch.shape[1:])[0]
-                yield picture.in_units(_facts(result, count, rows))
+                yield picture.in_units(_facts(result, count, batch.shape[1:], pictures.camera))
             count += len(batch)
 
 
@@ -161,17 +164,18 @@ def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None
     plot_received(frames[0], camera, path=plot, received=receive_frames(frames, camera, chip_rate=rate)[0])
 
 
-def _facts(result: Any, first_frame: int, rows: int) -> dict[str, Any]:
+def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera) -> dict[str, Any]:
     """The JSON object of a frame and source."""
     return {
         "frame": first_frame + int(result.frame),
         "source": int(result.source),
-        "rows": rows,
+        "rows": rows_and_columns(shape, camera)[0],
         "bits": result.bits,
         "rows_per_chip": result.rows_per_chip,
         "chip_rate_hz": result.chip_rate,
         "snr_db": decibels(result.snr),
         "flags": flag_names(result.flags),
+        "scan_axis": camera.scan_axis,
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,6 +21,7 @@ from ocisac_fast.cli.pictures import (
     open_pictures,
     picture_options,
     plot_option,
+    rows_and_columns,
     stack,
 )
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
@@ -51,7 +53,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @click.option("--background", type=float, help="Background of the light in --region, stored values above dark.")
 @click.option("--unlit", type=click.Path(dir_okay=False), help="Recording of the same view without the lights.")
 @click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
-@picture_options
+@functools.partial(picture_options, scan_axis="y")  # moving stripes look like lights along the other axis
 @plot_option("the first frame with its regions")
 @writes("plot")
 @json_option
@@ -74,7 +76,7 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
         plot_regions(view[0, ..., 0], camera, path=plot, regions=regions)
     facts = [_facts(region, picture) for region in regions]
     if as_json:
-        rows, columns = picture.rows_and_columns(view.shape[1:])
+        rows, columns = rows_and_columns(view.shape[1:], camera)
         emit_json({"frames": len(view), "rows": rows, "columns": columns, "regions": facts})
         return
     table = [_row(k, one, picture) for k, one in enumerate(facts)]
