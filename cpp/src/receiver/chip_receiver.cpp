@@ -155,7 +155,7 @@ void ChipReceiver::lose(ReceivedFrame& result, const FrameRows& rows) {
   result.outcome = paused ? FrameOutcome::unsearched : FrameOutcome::no_signal;
   if (paused) {
     --wait_;
-  } else if (!rows.is_noise) {
+  } else if (!rows.is_noise.value_or(false)) {
     wait_ = std::min((std::size_t{1} << std::min<std::size_t>(fruitless_, 8)) - 1, kMaxWait);
     ++fruitless_;
   }
@@ -202,6 +202,24 @@ void ChipReceiver::read_again(const FrameReading& reading, RowRange lit, const C
   if (!result.stretch) state = before;
 }
 
+// Follows the lamp's profile along the rows, or learns it from the kept frames; these are read again where it, or a new
+// model, explains what was not explained before.
+std::optional<Payload> ChipReceiver::learn(const std::optional<FrameReading>& reading, const FrameRows& now,
+                                           std::size_t first_row, RowRange lit, ReceivedFrame& result) {
+  if (!kept_.follow(reading, rows_)) assembler_.lose_clock();
+  const bool in_doubt = kept_.all_misfit();
+  std::optional<Payload> payload;
+  if (kept_.learn_if_due(rows_, now.column, first_row)) {
+    if (in_doubt) assembler_ = PacketAssembler(options_.format);  // all its chips
+    assembler_.lose_clock();
+    kept_.read_again(rows_, now.column, first_row, use_of_earlier(result, payload));
+    rows_.state().first_row = first_row + lit.begin;
+  } else if (reading && !is_misfit(*reading) && now.new_model && !kept_.profile()) {
+    read_again(*reading, lit, now.column, first_row, result, payload);
+  }
+  return payload;
+}
+
 ReceivedFrame ChipReceiver::push(const CombinedColumn& seen, std::int64_t frame, std::size_t first_row, RowRange region,
                                  const FrameStamp& stamp) {
   rows_.use_exposure(stamp.exposure ? stamp.exposure : stated_exposure_);
@@ -231,17 +249,11 @@ ReceivedFrame ChipReceiver::push_lit(const CombinedColumn& column, std::int64_t 
   const SearchEffort effort = rows_.effort(signal.size());
   FrameRows now{column, time, wait_ == 0, effort, {.rows = kOthersEffort * effort.rows}, recent};
   const auto reading = rows_.read(signal, now);
-  if (!kept_.follow(reading, rows_)) assembler_.lose_clock();
-  const bool in_doubt = kept_.all_misfit();
   std::optional<Payload> payload;
-  if (kept_.learn_if_due(rows_, column, first_row)) {
-    if (in_doubt) assembler_ = PacketAssembler(options_.format);  // all its chips
-    assembler_.lose_clock();
-    kept_.read_again(rows_, column, first_row, use_of_earlier(result, payload));
-    rows_.state().first_row = first_row + lit.begin;
-  } else if (reading && !is_misfit(*reading) && now.new_model && !kept_.profile()) {
-    read_again(*reading, lit, column, first_row, result, payload);
-  }
+  if (!reading && rows_.shows_no_light(signal, now))
+    kept_.drop_last();  // darkness and noise teach no profile
+  else
+    payload = learn(reading, now, first_row, lit, result);
   if (!result.stretch && reading)
     take(*reading, time, signal, result);
   else if (!result.stretch)

@@ -129,11 +129,17 @@ double RowModelSearch::brightness_ratio(std::span<const double> signal) const {
   return mean > 0 && state_.mean > 0 ? mean / state_.mean : 1.0;
 }
 
+bool RowModelSearch::shows_no_light(std::span<const double> signal, FrameRows& frame) const {
+  if (!frame.is_noise) {
+    const double chip = rows_per_chip_.value_or(0.0), exposure = state_.model.exposure_rows.value_or(0.0);
+    frame.is_noise = std::max(chip, exposure) >= kMinCorrelatedRows && is_noise(signal);
+  }
+  return *frame.is_noise;
+}
+
 // False for noise, in which nothing is searched.
 bool RowModelSearch::may_search(std::span<const double> signal, FrameRows& frame) const {
-  const double chip = rows_per_chip_.value_or(0.0), exposure = state_.model.exposure_rows.value_or(0.0);
-  frame.is_noise = frame.may_search && std::max(chip, exposure) >= kMinCorrelatedRows && is_noise(signal);
-  frame.may_search = frame.may_search && !frame.is_noise;
+  frame.may_search = frame.may_search && !shows_no_light(signal, frame);
   return frame.may_search;
 }
 
@@ -182,6 +188,7 @@ std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signa
   const double as_before =
       std::max(kAsNoisy * state_.relative_noise, std::min(kMaxNoiseRatio * state_.relative_noise, kLittleNoise));
   if (best->relative_noise < as_before && is_sound(*best)) return best;
+  if (shows_no_light(signal, frame)) return std::nullopt;
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort, {}, model.warped);
   if (extended && model.warped) extended = refine_warp(signal, *extended, model.exposure_known, &frame.effort);
   if (extended && extended->relative_noise < kMaxNoiseRatio * state_.relative_noise && is_sound(*extended))

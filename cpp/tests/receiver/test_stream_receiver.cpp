@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <ctime>
 #include <limits>
 #include <random>
 #include <vector>
@@ -59,6 +60,36 @@ TEST_CASE("a payload comes out of a stream of frames, past those that are damage
   REQUIRE(got);
   CHECK(got->bytes == payload);
   CHECK(got->number == 42);
+}
+
+TEST_CASE("frames of darkness and of noise teach no profile, tell no chips and cost no search") {
+  std::mt19937 random(2);
+  const auto chips = ocisac::packet_chips(std::vector<std::uint8_t>{1, 2, 3}, {}, 7);
+  const ocisac::Camera camera{
+      .row_time = 1e-5, .exposure = kExposure * 1e-5, .frame_time = kFrameRows * 1e-5, .tone_curve = {}};
+  ocisac::ReceiverOptions options;
+  options.light.data->chip_rate = 1e5 / kRowsPerChip;
+  options.whole_picture = true;
+  for (const double deviation : {0.0, 2.0, 60.0}) {  // DN
+    CAPTURE(deviation);
+    ocisac::Receiver receiver(camera, options);
+    std::normal_distribution<double> noise(20, deviation > 0 ? deviation : 1);
+    const std::clock_t begun = std::clock();
+    double with_light = 0;
+    for (int frame = 0; frame < 52; ++frame) {
+      const bool dark = frame % 26 >= 14;
+      auto rows = frame_of(chips, frame, random);
+      if (dark) std::ranges::generate(rows, [&] { return deviation > 0 ? noise(random) : 20.0; });
+      const ocisac::AnyFramesView view = ocisac::dense_view<const double>(rows.data(), 1, kRows, 1);
+      const auto result = *receiver.push({&view, 1}, frame).front().received;
+      CAPTURE(frame);
+      CHECK(result.outcome == (dark ? ocisac::FrameOutcome::no_signal : ocisac::FrameOutcome::received));
+      CHECK(result.bits.empty() == dark);
+      if (frame == 13) with_light = static_cast<double>(std::clock() - begun);
+    }
+    // The first search included. Learning a profile from them took 90 to 820 times as long as all frames of light.
+    CHECK(static_cast<double>(std::clock() - begun) < 30 * with_light);
+  }
 }
 
 TEST_CASE("a square wave is received with the shortest of the exposures that explain it") {

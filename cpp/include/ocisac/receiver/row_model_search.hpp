@@ -33,7 +33,7 @@ struct FrameRows {
   std::span<const std::span<const double>> recent{};  // the same rows of recent frames
   bool may_follow = true;                             // the clock of earlier frames is worth a try
   bool new_model = false;                             // another model than the last frame's was chosen
-  bool is_noise = false;                              // the rows show no light: nothing was searched
+  std::optional<bool> is_noise{};                     // the rows show no light; absent: nobody asked
 };
 
 // State estimated from the frames read so far, which predicts the next one.
@@ -80,6 +80,8 @@ class RowModelSearch {
   std::optional<FrameReading> read_with_last(std::span<const double> signal, FrameRows& frame) {
     return read_with(signal, state_.model, frame);
   }
+  // True for rows of noise, which are not worth a search; once per frame.
+  bool shows_no_light(std::span<const double> signal, FrameRows& frame) const;
   // The reading is that of the last frame from now on, but for its clock and noise.
   void accept(const FrameReading& reading, std::span<const double> signal);
   // The chips' rate is known from a reading that fits.
