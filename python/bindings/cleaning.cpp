@@ -2,6 +2,7 @@
 
 #include "bindings.hpp"
 #include "ocisac/cleaning/light_share.hpp"
+#include "ocisac/cleaning/restore_picture.hpp"
 
 namespace ocisac::bindings {
 
@@ -30,6 +31,49 @@ py::tuple run_refine_row_light(const Doubles& light, const Doubles& variance, co
   return py::make_tuple(array_of(result.light, {light.shape(1)}), array_of(result.information, {light.shape(1)}));
 }
 
+template <class Sample>
+using Picture = py::array_t<Sample, py::array::c_style>;
+
+template <class Sample>
+std::size_t columns_of(const Picture<Sample>& stored) {
+  require(stored.ndim() == 2, "stored", stored.ndim(), "2 dimensions (rows, columns)");
+  return static_cast<std::size_t>(stored.shape(1));
+}
+
+template <class Sample>
+py::tuple run_merge_columns(const Picture<Sample>& stored, std::size_t merged, const Doubles& light,
+                            const Doubles& variance) {
+  const std::size_t columns = columns_of(stored);
+  const auto result = unlocked([&] {
+    return merge_columns(span_of(stored), columns, merged, {span_of(light), span_of(variance)});
+  });
+  const std::vector<py::ssize_t> shape{stored.shape(0), -1};
+  return py::make_tuple(array_of(result.light).reshape(shape), array_of(result.variance).reshape(shape));
+}
+
+template <class Sample>
+py::tuple run_restore_picture(const Picture<Sample>& stored, const Doubles& share, std::size_t block_rows,
+                              std::size_t block_columns, const Doubles& rows, double level, double max_gain,
+                              const Doubles& light, const Doubles& variance, const Doubles& bounds) {
+  const std::size_t columns = columns_of(stored);
+  const auto result = unlocked([&] {
+    return restore_picture(span_of(stored), columns, {span_of(share), block_rows, block_columns},
+                           {span_of(rows), level, max_gain}, {span_of(light), span_of(variance)}, span_of(bounds));
+  });
+  const std::vector<py::ssize_t> shape{stored.shape(0), stored.shape(1)};
+  return py::make_tuple(array_of(result.picture, shape), array_of(result.marks, shape), array_of(result.share, shape));
+}
+
+template <class Sample>
+void register_stored(py::module_& module) {
+  using py::arg;
+  module.def("merge_columns", &run_merge_columns<Sample>, arg("stored").noconvert(), arg("merged"), arg("light"),
+             arg("variance"));
+  module.def("restore_picture", &run_restore_picture<Sample>, arg("stored").noconvert(), arg("share"),
+             arg("block_rows"), arg("block_columns"), arg("rows"), arg("level"), arg("max_gain"), arg("light"),
+             arg("variance"), arg("bounds"));
+}
+
 }  // namespace
 
 void register_cleaning(py::module_& module) {
@@ -44,6 +88,8 @@ void register_cleaning(py::module_& module) {
       arg("row_light"));
   module.def("refine_row_light", &run_refine_row_light, arg("light"), arg("variance"), arg("share"), arg("row_light"),
              arg("steps"), arg("basis") = py::none(), arg("deviation") = std::numeric_limits<double>::infinity());
+  register_stored<std::uint8_t>(module);
+  register_stored<std::uint16_t>(module);
 }
 
 }  // namespace ocisac::bindings

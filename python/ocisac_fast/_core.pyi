@@ -321,6 +321,21 @@ def refine_row_light(
     basis: npt.NDArray[np.float64] | None = None,
     deviation: float = ...,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def merge_columns(
+    stored: npt.NDArray[Any], merged: int, light: npt.NDArray[np.float64], variance: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def restore_picture(
+    stored: npt.NDArray[Any],
+    share: npt.NDArray[np.float64],
+    block_rows: int,
+    block_columns: int,
+    rows: npt.NDArray[np.float64],
+    level: float,
+    max_gain: float,
+    light: npt.NDArray[np.float64],
+    variance: npt.NDArray[np.float64],
+    bounds: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]: ...
 def fsk_demodulate(
     camera: Camera, tones: Sequence[float], signal: npt.NDArray[np.float64], amplitude: float | None
 ) -> tuple[Any, ...]: ...

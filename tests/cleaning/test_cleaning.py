@@ -114,6 +114,83 @@ def test_row_light_agrees_with_the_reference(shape: tuple[int, int], seed: int, 
         np.testing.assert_allclose(got, want, rtol=1e-8, atol=1e-8 * np.abs(want).max())
 
 
+def tables(dtype: type, random: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Light and noise variance of each stored value, the highest saturated, and light between them."""
+    top = 255 if dtype is np.uint8 else 1023
+    light = np.cumsum(random.uniform(0.1, 2.0, top + 1)) - 3.0
+    variance = random.uniform(0.5, 4.0, top + 1)
+    variance[-10:] = np.inf
+    return light, variance, (light[1:] + light[:-1]) / 2
+
+
+@given(
+    st.sampled_from([(1, 1), (9, 13), (16, 32), (31, 40)]),
+    st.sampled_from([(1, 1), (1, 4), (4, 3), (7, 16)]),
+    st.sampled_from([np.uint8, np.uint16]),
+    st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=settings.default.max_examples // 2)
+def test_blocks_agree_with_the_reference(
+    shape: tuple[int, int], block: tuple[int, int], dtype: type, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    light, variance, bounds = tables(dtype, random)
+    stored = random.integers(0, len(light), shape).astype(dtype)
+    got, want = (m.merge_columns(stored, block[1], light, variance) for m in (_core, reference))
+    np.testing.assert_allclose(got, want, rtol=1e-12)
+    share = random.uniform(0, 1, [-(-n // size) for n, size in zip(shape, block, strict=True)])
+    arguments = (share, *block, random.uniform(0, 2, shape[0]), 1.3, 4.0, light, variance, bounds)
+    got, want = (m.restore_picture(stored, *arguments) for m in (_core, reference))
+    for one, other, tolerance in zip(got, want, (0, 0, 1e-6), strict=True):
+        np.testing.assert_allclose(np.float64(one), other, atol=tolerance)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"share": np.ones((2, 2))}, "share: got 4"),
+        ({"rows": np.ones(5)}, "rows: got 5"),
+        ({"bounds": np.ones(5)}, "bounds: got 5"),
+        ({"variance": np.ones(5)}, "variance: got 5"),
+        ({"block_rows": 0}, "block_rows, block_columns"),
+        ({"stored": np.full((8, 9), 7, np.uint8)}, "stored: got 7"),
+        ({"stored": np.ones(8, np.uint8)}, "stored: got 1, allowed: 2 dimensions"),
+    ],
+)
+def test_bad_blocks(change: dict[str, Any], message: str) -> None:
+    valid: dict[str, Any] = {
+        "stored": np.ones((8, 9), np.uint8), "share": np.ones((2, 3)), "block_rows": 4, "block_columns": 3,
+        "rows": np.ones(8), "level": 1.0, "max_gain": 8.0, "light": np.arange(4.0), "variance": np.ones(4),
+        "bounds": np.arange(3) + 0.5,
+    }  # fmt: skip
+    _core.restore_picture(**valid)
+    with pytest.raises(ValueError, match=message):
+        _core.restore_picture(**{**valid, **change})
+
+
+def test_bad_merging() -> None:
+    with pytest.raises(ValueError, match="merged: got 0"):
+        _core.merge_columns(np.ones((8, 9), np.uint8), 0, np.arange(4.0), np.ones(4))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("period", [9.0, 47.0])
+def test_shares_of_a_large_picture_are_those_of_blocks(dtype: type, period: float) -> None:
+    """As near to the oracle as a share for each pixel; integers, by tables, as floats."""
+    rows, columns = 720, 960
+    light = 1 + 0.9 * np.cos(2 * np.pi * np.arange(rows) / period)
+    y, x = np.mgrid[:rows, :columns]
+    lamp = 70.0 / (1 + np.exp((x + 0.3 * y - 600) / 4)) + 8.0
+    clean, share = boxes(4, rows, columns) * (lamp + 40.0), lamp / (lamp + 40.0)
+    left = 1 + share * (light[:, None] - 1)
+    read = np.clip(np.rint(clean * left + 1.5 * np.random.default_rng(4).standard_normal(clean.shape)), 0, 255)
+    done = remove_bands(read.astype(dtype), Camera(1e-5, white_level=255.0), light=light, level="mean")
+    kept = left > 0.15
+    assert done.share.shape == read.shape
+    assert psnr(done.frames, clean, kept) > psnr(read / left, clean, kept) - 1.2
+    assert np.abs(done.share - share).mean() < 0.02
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [

@@ -24,14 +24,18 @@ inline double light_left(double share, double change) { return std::max(1 + shar
 inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size_t row, std::span<const double> change,
                       std::span<const double> share, Cleaned& out) {
   const std::size_t first = row * picture.columns, offset = frame * picture.rows * picture.columns;
-  const double* light = picture.light.data() + offset;
-  const double* variance = picture.variance.data() + offset;
+  const double* const light = picture.light.data() + offset;
+  const double* const variance = picture.variance.data() + offset;
+  const double* const of_pixel = share.data();
+  double* __restrict cleaned = out.light.data();
+  double* __restrict slope = out.slope.data();
+  double* __restrict spread = out.variance.data();
   const double p = change[frame * picture.rows + row];
   for (std::size_t i = first; i < first + picture.columns; ++i) {
-    const double left = light_left(share[i], p);
-    out.light[i] = light[i] / left;
-    out.slope[i] = p / left;
-    out.variance[i] = variance[i] / (left * left);
+    const double left = light_left(of_pixel[i], p);
+    cleaned[i] = light[i] / left;
+    slope[i] = p / left;
+    spread[i] = variance[i] / (left * left);
   }
 }
 

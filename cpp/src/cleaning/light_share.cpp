@@ -66,22 +66,29 @@ struct Comparison {
 };
 
 inline Comparison compare(double c1, double g1, double var1, double c2, double g2, double var2, double texture) {
-  const double difference = c2 - c1, mean = 0.5 * (c2 + c1), slope = g2 - g1;
+  const double difference = c2 - c1, mean = std::max(0.5 * (c2 + c1), 0.0), slope = g2 - g1;
   const double spread = texture * texture * mean * mean + difference * difference + (var1 + var2);
-  if (!(mean > 0)) return {0, 0};
-  const double common = mean * slope / spread;
+  const double common = mean * slope / spread;  // 0 where there is no light; no branch around the division: vectors
   return {common * difference, common * mean * slope};
 }
 
 void compare_rows(const Cleaned& frame, std::size_t columns, std::size_t first, std::size_t second, double texture,
                   Evidence& evidence) {
-  for (std::size_t a = first * columns, b = second * columns; a < (first + 1) * columns; ++a, ++b) {
-    const Comparison both = compare(frame.light[a], frame.slope[a], frame.variance[a], frame.light[b], frame.slope[b],
-                                    frame.variance[b], texture);
-    evidence.pull[a] += 0.5 * both.pull;
-    evidence.pull[b] += 0.5 * both.pull;
-    evidence.weight[a] += 0.5 * both.weight;
-    evidence.weight[b] += 0.5 * both.weight;
+  const double* const light = frame.light.data();
+  const double* const slope = frame.slope.data();
+  const double* const variance = frame.variance.data();
+  const std::size_t a = first * columns, b = second * columns;
+  double* __restrict pull_a = &evidence.pull[a];
+  double* __restrict pull_b = &evidence.pull[b];
+  double* __restrict weight_a = &evidence.weight[a];
+  double* __restrict weight_b = &evidence.weight[b];
+  for (std::size_t k = 0; k < columns; ++k) {
+    const Comparison both =
+        compare(light[a + k], slope[a + k], variance[a + k], light[b + k], slope[b + k], variance[b + k], texture);
+    pull_a[k] += 0.5 * both.pull;
+    pull_b[k] += 0.5 * both.pull;
+    weight_a[k] += 0.5 * both.weight;
+    weight_b[k] += 0.5 * both.weight;
   }
 }
 
@@ -113,11 +120,15 @@ void finish_guide(Cleaned& sums) {  // from sums to means
 // Weight in [0, 1] with which the evidence of a pixel applies to the pixel `apart` further on.
 void passages(const Cleaned& guide, std::size_t apart, double reach, double edge, std::vector<double>& out) {
   const double decay = std::exp(-1 / reach);
-  for (std::size_t a = 0; a + apart < out.size(); ++a) {
-    const double difference = guide.light[a + apart] - guide.light[a];
-    const double mean = 0.5 * (guide.light[a + apart] + guide.light[a]);
-    const double noise = edge_noise * (guide.variance[a + apart] + guide.variance[a]);
-    out[a] = decay / (1 + difference * difference / (edge * edge * mean * mean + noise));
+  const std::size_t count = out.size() - std::min(apart, out.size());
+  const double* const light = guide.light.data();
+  const double* const variance = guide.variance.data();
+  double* __restrict weight = out.data();
+  for (std::size_t a = 0; a < count; ++a) {
+    const double difference = light[a + apart] - light[a];
+    const double mean = 0.5 * (light[a + apart] + light[a]);
+    const double noise = edge_noise * (variance[a + apart] + variance[a]);
+    weight[a] = decay / (1 + difference * difference / (edge * edge * mean * mean + noise));
   }
 }
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
 #include "core/linear_algebra.hpp"
@@ -23,28 +24,48 @@ struct RowEquations {
   std::vector<double> matrix, right;
 };
 
+constexpr std::size_t lanes = 8;  // independent sums, which a compiler keeps in vector registers
+
+// Contributions of a pair of rows to the normal equations.
+struct PairSums {
+  std::array<double, lanes> aa{}, ab{}, bb{}, pull_a{}, pull_b{};
+};
+
+// Of the columns from `i`, one to a lane.
+template <std::size_t count>
+inline void add_columns(const Cleaned& frame, std::size_t i, std::size_t j, double texture, PairSums& sums) {
+  const double* const light = frame.light.data();
+  const double* const slope = frame.slope.data();  // q/f here: d log(v)/dP
+  const double* const variance = frame.variance.data();
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    const double c1 = light[i + lane], c2 = light[j + lane];
+    const double difference = c2 - c1, mean = 0.5 * (c2 + c1);
+    const double spread = texture * mean * mean + difference * difference + (variance[i + lane] + variance[j + lane]);
+    const double certainty = (mean > 0 ? 1.0 : 0.0) / spread;  // no branch around the division: vectors
+    const double left = mean * slope[i + lane], right = mean * slope[j + lane];
+    sums.aa[lane] += left * left * certainty;
+    sums.bb[lane] += right * right * certainty;
+    sums.ab[lane] += left * right * certainty;
+    sums.pull_a[lane] -= left * difference * certainty;
+    sums.pull_b[lane] += right * difference * certainty;
+  }
+}
+
+double sum_of(const std::array<double, lanes>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+
 void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::size_t b, double texture,
               RowEquations& equations) {
-  double aa = 0, ab = 0, bb = 0, pull_a = 0, pull_b = 0;
-  for (std::size_t column = 0; column < columns; ++column) {
-    const std::size_t i = a * columns + column, j = b * columns + column;
-    const double difference = frame.light[j] - frame.light[i], mean = 0.5 * (frame.light[j] + frame.light[i]);
-    if (!(mean > 0)) continue;
-    const double spread =
-        texture * texture * mean * mean + difference * difference + (frame.variance[i] + frame.variance[j]);
-    // slope is q/f here: d log(v)/dP
-    const double left = mean * frame.slope[i], right = mean * frame.slope[j];
-    aa += left * left / spread;
-    bb += right * right / spread;
-    ab += left * right / spread;
-    pull_a -= left * difference / spread;
-    pull_b += right * difference / spread;
-  }
-  equations.matrix[a * band] += aa;
-  equations.matrix[b * band] += bb;
-  equations.matrix[a * band + (b - a)] -= ab;
-  equations.right[a] += pull_a;
-  equations.right[b] += pull_b;
+  PairSums sums;
+  std::size_t column = 0;
+  for (; column + lanes <= columns; column += lanes)
+    add_columns<lanes>(frame, a * columns + column, b * columns + column, texture * texture, sums);
+  for (; column < columns; ++column)
+    add_columns<1>(frame, a * columns + column, b * columns + column, texture * texture, sums);
+  equations.matrix[a * band] += sum_of(sums.aa);
+  equations.matrix[b * band] += sum_of(sums.bb);
+  equations.matrix[a * band + (b - a)] -= sum_of(sums.ab);
+  equations.right[a] += sum_of(sums.pull_a);
+  equations.right[b] += sum_of(sums.pull_b);
 }
 
 // Band Cholesky solve; the solution replaces `equations.right`.
@@ -72,8 +93,9 @@ RowEquations row_equations(const BandedPicture& picture, std::span<const double>
   std::vector<double> change(rows);
   for (std::size_t n = 0; n < rows; ++n) change[n] = light[n] - 1;
   clean(picture, 0, change, share, cleaned);
-  for (std::size_t i = 0; i < cleaned.slope.size(); ++i)
-    cleaned.slope[i] = share[i] / light_left(share[i], change[i / columns]);
+  for (std::size_t row = 0; row < rows; ++row)
+    for (std::size_t i = row * columns; i < (row + 1) * columns; ++i)
+      cleaned.slope[i] = share[i] / light_left(share[i], change[row]);
   RowEquations equations{std::vector<double>(rows * band), std::vector<double>(rows)};
   const double texture = row_textures[std::min(static_cast<std::size_t>(step), row_textures.size() - 1)];
   for (const std::size_t lag : lags)

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.camera.linear_light import (
-    light_per_step,
-    linear_light,
-    saturation_level,
-    stored_values,
-    white_level,
-)
+from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
 from ocisac_fast.cleaning.shares import colour_shares
-from ocisac_fast.cleaning.toe import find_toe, lowered, with_toe
-from ocisac_fast.cleaning.verdict import Verdict, judged, mean_verdict
+from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, block_size, merged
+from ocisac_fast.cleaning.toe import find_toe
+from ocisac_fast.cleaning.verdict import MAX_JUDGED_COLUMNS, Verdict, judged, mean_verdict
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
-
-_MIN_LIGHT = 0.05  # as in the core
 
 
 class Mark(IntEnum):
@@ -108,7 +102,7 @@ class CleaningOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class _Task:
+class Task:
     """The choices of :func:`remove_bands`."""
 
     model: str
@@ -170,7 +164,7 @@ def remove_bands(
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
-    task = _Task(model, keep, level, options or CleaningOptions())
+    task = Task(model, keep, level, options or CleaningOptions())
     stack = _stacked(frames, "frames", camera.scan_axis)
     given = None if light is None else _given_light(light, camera, start, stack.shape[:2], stack.shape[3])
     parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
@@ -284,7 +278,7 @@ def _given_light(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Done:
+class Done:
     """Frames of one scene: pictures, marks and shares (frames, rows, columns, colours); lights of each frame and
     colour; toe; the verdict on each frame, and why all are left as they were, or "".
     """
@@ -298,72 +292,97 @@ class _Done:
     unchanged: str
 
 
-def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] | None, task: _Task) -> _Done:
+def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] | None, task: Task) -> Done:
     """Clean frames (frames, rows, columns, colours) of one scene."""
-    stored_light = linear_light(stack, camera)
-    saturated = stack >= saturation_level(camera, stack.dtype)
-    noise = _noise_variance(stack, camera, task.options.noise)
-    noise[saturated] = np.inf
-    white = white_level(camera, stack.dtype) - camera.dark_level
-    toe = task.options.toe or 0.0
-    light, variance = with_toe(stored_light, noise, toe, white)
-    found = given or [find_colour_lights(light[k], variance[k], camera, task.model) for k in range(len(stack))]
+    stored = StoredFrames(stack, camera, task.options.noise, task.options.toe or 0.0)
+    found = given or _lights(stored, camera, task.model)
     if task.options.toe is None and camera.tone_curve != "linear" and found[0][0].model == "chips":
-        toe = find_toe(stored_light[0], noise[0], white)
+        toe = find_toe(stored.light[0], stored.variance[0], stored.white)
         if toe > 0.0:
-            light, variance = with_toe(stored_light, noise, toe, white)
-            found = [find_colour_lights(light[k], variance[k], camera, "chips") for k in range(len(stack))]
+            stored.set_toe(toe)
+            found = _lights(stored, camera, "chips")
     rows = np.stack([[own.light for own in of_frame] for of_frame in found])  # (frames, colours, rows)
-    share = colour_shares(light, variance, rows)
-    verdicts = [
-        mean_verdict(
-            [judged(light[k, ..., c], variance[k, ..., c], rows[k, c], share[..., c]) for c in range(rows.shape[1])]
-        )
-        for k in range(len(stack))
-    ]
+    shares = shares_of(stored, rows, smooth=all(own.model == "tone" for of_frame in found for own in of_frame))
+    verdicts = [verdict_on(stored, k, rows[k], shares) for k in range(len(stack))]
     unchanged = "" if given else mean_verdict(verdicts).objection
+    return finished(stored, found, shares, verdicts, unchanged, task)
+
+
+def _lights(stored: StoredFrames, camera: Camera, model: str) -> list[list[RowLight]]:
+    return [find_colour_lights(*one, camera, model) for one in zip(stored.light, stored.variance, strict=True)]
+
+
+def shares_of(stored: StoredFrames, rows: FloatArray, *, smooth: bool) -> list[BlockShares]:
+    """The share of each colour's row light, ``rows`` (frames, colours, rows), in blocks of pixels.
+
+    ``smooth``: the light is a tone; means of rows as far apart as those compared then change as the rows do.
+    """
+    lag = _core.comparison_lag(rows.mean(axis=1))
+    height, width = block_size(stored.stack.shape[1:3], lag if smooth else lag // 4, stored.merged)
+    light, variance = merged(stored.light, stored.variance, width // stored.merged, axis=2)
+    light, variance = merged(light, variance, height, axis=1)
+    starts = np.arange(0, rows.shape[2], height)
+    means = np.add.reduceat(rows, starts, axis=2) / np.diff(np.append(starts, rows.shape[2]))
+    share = colour_shares(light, variance, means)
+    return [BlockShares(share[..., c], height, width) for c in range(share.shape[2])]
+
+
+def verdict_on(stored: StoredFrames, frame: int, rows: FloatArray, shares: list[BlockShares]) -> Verdict:
+    """The verdict on one frame with the row light of each colour, ``rows`` (colours, rows)."""
+    light, variance = stored.light[frame], stored.variance[frame]
+    every = max(1, light.shape[1] // MAX_JUDGED_COLUMNS)
+    verdicts = []
+    for colour, own in enumerate(shares):
+        down = np.arange(light.shape[0]) // own.rows
+        across = np.arange(0, light.shape[1], every) * stored.merged // own.columns
+        thin = light[:, ::every, colour], variance[:, ::every, colour]
+        verdicts.append(judged(*thin, rows[colour], own.share[np.ix_(down, across)]))
+    return mean_verdict(verdicts)
+
+
+def finished(
+    stored: StoredFrames,
+    found: list[list[RowLight]],
+    shares: list[BlockShares],
+    verdicts: list[Verdict],
+    unchanged: str,
+    task: Task,
+) -> Done:
+    """Restore every frame and colour."""
+    stack = stored.stack
     if unchanged:
-        share = np.zeros_like(share)
+        shares = [replace(own, share=np.zeros_like(own.share)) for own in shares]
     pictures, marks = np.empty_like(stack), np.empty(stack.shape, np.uint8)
-    for colour in range(stack.shape[3]):
+    each = np.empty(stack.shape, np.float32)
+    for colour, own in enumerate(shares):
         for k, of_frame in enumerate(found):
-            one = saturated[k, ..., colour]
-            values, mark = _restored(light[k, ..., colour], one, share[..., colour], of_frame[colour], task)
-            stored = stored_values(lowered(values, toe, white), camera, stack.dtype)
-            untouched = ((mark == Mark.SATURATED) | bool(unchanged)) & (task.keep == "picture")
-            pictures[k, ..., colour] = np.where(untouched, stack[k, ..., colour], stored)
-            marks[k, ..., colour] = mark
-    shares = np.broadcast_to(share.astype(np.float32), stack.shape)
-    return _Done(pictures, marks, shares, found, toe, verdicts, unchanged)
-
-
-def _noise_variance(stack: npt.NDArray[Any], camera: Camera, noise: float | None) -> FloatArray:
-    """Noise variance in linear light, estimated from second differences along the rows, where bands cancel."""
-    if noise is None:
-        step = 0.5 if stack.dtype.kind == "u" else 1e-4 * max(float(np.abs(stack).max()), 1e-300)
-        noise = step
-        if stack.shape[2] >= 3:
-            values = np.asarray(stack[:, ::2], np.float64)
-            bend = np.abs(values[:, :, 2:] - 2 * values[:, :, 1:-1] + values[:, :, :-2])
-            noise = max(step, float(np.median(bend)) / (0.6745 * np.sqrt(6.0)))
-    return np.asarray((noise * light_per_step(stack, camera)) ** 2)
+            one = _restored(stored, k, colour, own, of_frame[colour], task)
+            pictures[k, ..., colour], marks[k, ..., colour], each[k, ..., colour] = one
+    if unchanged and task.keep == "picture":
+        pictures = stack.copy()
+    return Done(pictures, marks, each, found, stored.toe, verdicts, unchanged)
 
 
 def _restored(
-    light: FloatArray, saturated: npt.NDArray[np.bool_], share: FloatArray, row_light: RowLight, task: _Task
-) -> tuple[FloatArray, npt.NDArray[np.uint8]]:
-    """Restore one colour of one frame; returns linear light and marks."""
+    stored: StoredFrames, frame: int, colour: int, shares: BlockShares, row_light: RowLight, task: Task
+) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
+    """Restore one colour of one frame; returns stored values, marks, and the share of each pixel."""
     level = row_light.full if task.level == "full" else 1.0
-    rows = np.minimum(row_light.light, row_light.full)[:, None]  # brighter rows are fully lit rows with noise
-    left = np.maximum(1 + share * (rows - 1), 1e-9)
-    gain = (1 + share * (level - 1)) / left
+    rows = np.minimum(row_light.light, row_light.full)  # brighter rows are fully lit rows with noise
+    if stored.by_table and task.keep == "picture" and not task.options.fill:
+        return stored.restored(frame, colour, shares, rows, level, task.options.max_gain)
+    light, saturated = stored.linear(frame, colour)
+    share = shares.enlarged(light.shape)
+    gain = (1 + share * (level - 1)) / np.maximum(1 + share * (rows[:, None] - 1), 1e-9)
     dark = (gain > task.options.max_gain) & ~saturated
     marks = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED)).astype(np.uint8)
     gain = np.minimum(gain, task.options.max_gain)
     if task.keep == "bands":
-        return light * gain / (1 + share * (level - 1)) * share * rows, marks
-    values = np.where(saturated, light, light * gain)
-    return (_filled(values, dark) if task.options.fill else values), marks
+        bands = light * gain / (1 + share * (level - 1)) * share * rows[:, None]
+        return stored.stored(bands), marks, share.astype(np.float32)
+    values = _filled(light * gain, dark) if task.options.fill else light * gain
+    picture = np.where(saturated, stored.stack[frame, ..., colour], stored.stored(values))
+    return picture, marks, share.astype(np.float32)
 
 
 def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:

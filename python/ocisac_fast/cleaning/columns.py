@@ -9,10 +9,24 @@ from ocisac_fast import _core
 
 FloatArray = npt.NDArray[np.float64]
 
-_MAX_COLUMNS = 192
+_MAX_COLUMNS, _LEAST_COLUMNS, _MAX_SAMPLES = 192, 48, 1 << 17  # bundles of columns, and their rows
 _SLOWEST_ROWS = 128  # rows; slower changes of the light cannot be distinguished from the picture
 _TEXTURE = 0.05  # relative difference of neighbours that texture causes
 _MIN_LEFT = 0.02  # lower bound of a light that is a divisor
+
+
+def block_rows(rows: int, lag: int) -> int:
+    """Rows whose means show the shares of columns as well as each does: few against the lag, 512 means at least."""
+    return max(1, min(lag // 4, rows // 512))
+
+
+def merged(values: FloatArray, count: int) -> FloatArray:
+    """Means of ``count`` neighbouring rows."""
+    if count == 1:
+        return values
+    starts = np.arange(0, len(values), count)
+    counts = np.diff(np.append(starts, len(values)))
+    return np.asarray(np.add.reduceat(values, starts, axis=0) / counts.reshape(-1, *[1] * (values.ndim - 1)))
 
 
 class Columns:
@@ -45,7 +59,9 @@ class Columns:
 
     def _share_of_columns(self, rows: FloatArray) -> FloatArray:
         lit = np.maximum(rows, 0.0)[None]
-        return np.asarray(_core.light_share(self.light[None], self.variance[None], lit, False).mean(axis=0))
+        count = block_rows(len(rows), _core.comparison_lag(lit))
+        light, variance = (merged(values, count) for values in (self.light, self.variance / count))
+        return np.asarray(_core.light_share(light[None], variance[None], merged(lit.T, count).T, False).mean(axis=0))
 
     def free(self) -> tuple[FloatArray, FloatArray]:
         """Estimate the row light without a model or initial value."""
@@ -123,7 +139,8 @@ def slow_terms(rows: int) -> FloatArray:
 
 def _bundled(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Average neighbouring columns, since all columns of a row have the same light."""
-    width = -(-light.shape[1] // _MAX_COLUMNS)
+    most = max(_LEAST_COLUMNS, min(_MAX_COLUMNS, _MAX_SAMPLES // light.shape[0]))
+    width = -(-light.shape[1] // most)
     if width == 1:
         return np.ascontiguousarray(light), np.ascontiguousarray(variance)
     starts = np.arange(0, light.shape[1], width)

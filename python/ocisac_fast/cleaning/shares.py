@@ -60,18 +60,22 @@ def _gain(light: FloatArray, variance: FloatArray, rows: FloatArray, share: Floa
 
 
 def _gain_by_chance(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray, one: float) -> float:
+    """The larger gain of two places for the light: moves by m and N - m rows correlate alike with the light itself."""
     start = max(0, light.shape[2] - _MAX_TRIED_COLUMNS) // 2
     middle = slice(start, start + _MAX_TRIED_COLUMNS)
-    moved = np.stack([_unlike(of_frame) for of_frame in rows])
-    change = _left(moved, one) / _left(rows, share[:, middle])
-    even = np.ascontiguousarray(light[..., middle] * change)
-    spread = np.ascontiguousarray(variance[..., middle] * change**2)
-    found = _core.light_share(even, spread, moved, True)
-    return _gain(even, spread, moved, found, _one_share(even, spread, moved, found))
+    gains = []
+    for sign in (1, -1):
+        moved = np.stack([np.roll(of_frame, sign * _move_unlike(of_frame)) for of_frame in rows])
+        change = _left(moved, one) / _left(rows, share[:, middle])
+        even = np.ascontiguousarray(light[..., middle] * change)
+        spread = np.ascontiguousarray(variance[..., middle] * change**2)
+        found = _core.light_share(even, spread, moved, True)
+        gains.append(_gain(even, spread, moved, found, _one_share(even, spread, moved, found)))
+    return max(gains)
 
 
-def _unlike(rows: FloatArray) -> FloatArray:
-    """The row light, moved by a quarter to three quarters of the frame to where it correlates least with itself."""
+def _move_unlike(rows: FloatArray) -> int:
+    """The move, a quarter to half of the frame, at which the row light correlates least with itself."""
     swing = rows - rows.mean()
-    moves = range(len(rows) // 4, 3 * len(rows) // 4 + 1)
-    return np.roll(rows, min(moves, key=lambda move: abs(float(swing @ np.roll(swing, move)))))
+    moves = range(len(rows) // 4, len(rows) // 2 + 1)
+    return min(moves, key=lambda move: abs(float(swing @ np.roll(swing, move))))

@@ -11,7 +11,7 @@ from ocisac_fast import _core
 from ocisac_fast.cleaning.columns import FloatArray, misfit, slow_terms
 
 _GROUPS = 24  # of columns
-_MAX_COLUMNS = 256  # compared for the misfit
+MAX_JUDGED_COLUMNS = 256  # of a picture
 _MIN_LEFT = 1 / 8  # lower bound of a light that is a divisor
 _FLOOR = 0.01  # of the mean light, below which logarithms show noise
 _MIN_GAIN = 0.03  # of the log-likelihood of a pair of pixels; texture without a light gives less
@@ -62,8 +62,7 @@ def judged(light: FloatArray, variance: FloatArray, rows: FloatArray, share: Flo
 
     ``variance``: of the noise before, infinite for pixels without data.
     """
-    thin = slice(None, None, max(1, light.shape[1] // _MAX_COLUMNS))
-    before, variance, share = light[:, thin], variance[:, thin], share[:, thin]
+    before = light
     left = np.maximum(1 + share * (rows[:, None] - 1), _MIN_LEFT)
     after = before / left
     lag = _core.comparison_lag(rows[None])

@@ -18,7 +18,9 @@ from ocisac_fast.reference.chips import (
 )
 from ocisac_fast.reference.cleaning import (
     light_share as light_share,
+    merge_columns as merge_columns,
     refine_row_light as refine_row_light,
+    restore_picture as restore_picture,
     subtract_still as subtract_still,
 )
 from ocisac_fast.reference.exposure import (

@@ -10,6 +10,7 @@ the equations level by level by recursion; the core uses padded rows and blocks.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -250,6 +251,46 @@ def refine_row_light(
 
 VARIATION, MIN_SLOPE, BLOCK, REACH = 40.0, 1e-3, 8, 40.0
 ITERATIONS = (4, 12, 20, 40)
+
+
+def merge_columns(
+    stored: npt.NDArray[Any], merged: int, light: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Means of the unsaturated pixels of ``merged`` neighbouring columns, and their variance, by tables of values."""
+    means, spreads = [], []
+    for first in range(0, stored.shape[1], merged):
+        part = stored[:, first : first + merged]
+        known = np.isfinite(variance[part])
+        count = known.sum(axis=1)
+        sums = np.where(known, light[part], 0).sum(axis=1), np.where(known, variance[part], 0).sum(axis=1)
+        means.append(sums[0] / np.maximum(count, 1))
+        spreads.append(np.where(count > 0, sums[1] / np.maximum(count, 1) ** 2, np.inf))
+    return np.stack(means, axis=1), np.stack(spreads, axis=1)
+
+
+def restore_picture(
+    stored: npt.NDArray[Any],
+    share: FloatArray,
+    block_rows: int,
+    block_columns: int,
+    rows: FloatArray,
+    level: float,
+    max_gain: float,
+    light: FloatArray,
+    variance: FloatArray,
+    bounds: FloatArray,
+) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], FloatArray]:
+    """v (1 + q (level - 1))/(1 + q (L - 1)), marks, and the shares of blocks interpolated between their centres."""
+    centres = [
+        block * (np.arange(n) + 0.5) - 0.5 for n, block in zip(share.shape, (block_rows, block_columns), strict=True)
+    ]
+    down = np.stack([np.interp(np.arange(len(rows)), centres[0], values) for values in share.T], axis=1)
+    each = np.stack([np.interp(np.arange(stored.shape[1]), centres[1], values) for values in down])
+    gain = (1 + each * (level - 1)) / np.maximum(1 + each * (rows[:, None] - 1), 1e-9)
+    saturated = np.isinf(variance[stored])
+    marks = np.where(saturated, 1, np.where(gain > max_gain, 2, 0))
+    values = np.searchsorted(bounds, light[stored] * np.minimum(gain, max_gain), side="right")
+    return np.where(saturated, stored, values).astype(stored.dtype), marks.astype(np.uint8), each
 
 
 def subtract_still(

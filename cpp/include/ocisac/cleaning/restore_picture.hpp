@@ -1,0 +1,54 @@
+// Stored integers to sums of linear light, and back to integers under steady light, by tables of all stored values.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace ocisac {
+
+// Linear light of each stored value, ascending, and its noise variance: infinite where a value is saturated.
+struct StoredLight {
+  std::span<const double> light, variance;
+};
+
+struct MergedPicture {
+  std::vector<double> light, variance;  // (rows × ceil(columns/merged)); variance infinite where all are saturated
+};
+
+// Means of the unsaturated pixels of `merged` neighbouring columns. `stored`: (rows × columns), each value below the
+// tables' length.
+template <class Sample>
+MergedPicture merge_columns(std::span<const Sample> stored, std::size_t columns, std::size_t merged,
+                            const StoredLight& table);
+
+// Shares of the light in blocks of pixels; between the blocks' centres they are interpolated.
+struct BlockShares {
+  std::span<const double> share;  // (ceil(rows/block_rows) × ceil(columns/block_columns))
+  std::size_t block_rows = 1, block_columns = 1;
+};
+
+// Light of the rows of one frame, mean 1; level of the steady light; largest gain.
+struct Restoration {
+  std::span<const double> rows;
+  double level = 1, max_gain = 8;
+};
+
+enum class PixelMark : std::uint8_t { restored = 0, saturated = 1, dark = 2 };
+
+template <class Sample>
+struct RestoredPicture {
+  std::vector<Sample> picture;
+  std::vector<std::uint8_t> marks;  // PixelMark
+  std::vector<float> share;         // of each pixel
+};
+
+// v·(1 + q·(level − 1))/(1 + q·(L − 1)) of every pixel; saturated ones are unchanged, and gains are bounded.
+// `bounds`: (values − 1) light at which the stored value changes from one to the next.
+template <class Sample>
+RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::size_t columns, const BlockShares& shares,
+                                        const Restoration& to, const StoredLight& table,
+                                        std::span<const double> bounds);
+
+}  // namespace ocisac

@@ -1,0 +1,64 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+#include "ocisac/cleaning/restore_picture.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double inf = std::numeric_limits<double>::infinity();
+
+// Light equals the stored value; 250 and above are saturated.
+struct Tables {
+  std::vector<double> light = std::vector<double>(256), variance = std::vector<double>(256, 1), bounds;
+
+  Tables() {
+    std::iota(light.begin(), light.end(), 0.0);
+    for (std::size_t k = 250; k < 256; ++k) variance[k] = inf;
+    for (std::size_t k = 0; k < 255; ++k) bounds.push_back(light[k] + 0.5);
+  }
+
+  StoredLight stored() const { return {light, variance}; }
+};
+
+}  // namespace
+
+TEST_CASE("columns are averaged without saturated pixels") {
+  const Tables tables;
+  const std::vector<std::uint8_t> stored{10, 20, 255, 30, 255, 255, 0, 2, 4, 6, 8, 10};
+  const MergedPicture merged = merge_columns<std::uint8_t>(stored, 6, 4, tables.stored());
+  CHECK(merged.light == std::vector<double>{20, 0, 3, 9});
+  CHECK(merged.variance == std::vector<double>{1.0 / 3, inf, 0.25, 0.5});
+}
+
+TEST_CASE("a pixel of known share is restored, a saturated one stays, a dark one is marked") {
+  const Tables tables;
+  const std::vector<std::uint8_t> stored{100, 255, 100, 10, 10, 10};
+  const std::vector<double> share{1, 1, 0.5, 1, 1, 0.5}, rows{2, 0.1};
+  const auto done =
+      restore_picture<std::uint8_t>(stored, 3, {share, 1, 1}, {rows, 1, 8}, tables.stored(), tables.bounds);
+  CHECK(done.picture == std::vector<std::uint8_t>{50, 255, 67, 80, 80, 18});
+  CHECK(done.marks == std::vector<std::uint8_t>{0, 1, 0, 2, 2, 0});
+}
+
+TEST_CASE("shares of blocks are interpolated between their centres") {
+  const Tables tables;
+  const std::vector<std::uint8_t> stored(8, 100);
+  const std::vector<double> share{0, 1}, rows{1};
+  const auto done =
+      restore_picture<std::uint8_t>(stored, 8, {share, 1, 4}, {rows, 1, 8}, tables.stored(), tables.bounds);
+  CHECK(done.share == std::vector<float>{0, 0, 0.125F, 0.375F, 0.625F, 0.875F, 1, 1});
+}
+
+TEST_CASE("stored values beyond the table are rejected") {
+  const std::vector<double> light{0, 1}, variance{1, 1}, bounds{0.5};
+  const std::vector<std::uint8_t> stored{2};
+  CHECK_THROWS_AS(merge_columns<std::uint8_t>(stored, 1, 1, {light, variance}), std::invalid_argument);
+}
+
+}  // namespace ocisac
