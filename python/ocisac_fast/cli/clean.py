@@ -77,7 +77,7 @@ def clean(
         shown = progress(stream, "cleaning", stream.frame_count)
         rate = stream.frame_rate
         frames = cleaner.frames(shown, lambda first: _camera(picture, stream.response, rate, first))
-        write_frames(target, frames, frame_rate=rate or 30.0)
+        write_frames(target, frames, frame_rate=rate or 30.0, like=stream)
     if marks is not None:
         write_frames(marks, cleaner.marks)
     if as_json:

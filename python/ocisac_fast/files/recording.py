@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from types import TracebackType
 from typing import Any
 
@@ -85,6 +86,27 @@ class KeyFrames:
     frame_count: int
 
 
+@dataclass(frozen=True, slots=True)
+class VideoFormat:
+    """Properties of a video that a processed copy keeps; numbers are those of ITU-T H.273.
+
+    Attributes:
+        path: place of the file, from which its sound is read; None: a pipe.
+        pixel_format: name in FFmpeg.
+        limited: luma has black at 16 (of 8 bits).
+        primaries, transfer, matrix: of the colours.
+        time_base: unit of the time stamps, s.
+    """
+
+    path: Any
+    pixel_format: str
+    limited: bool
+    primaries: int
+    transfer: int
+    matrix: int
+    time_base: Fraction
+
+
 class RecordingStream:
     """A file opened for reading one frame at a time; a context manager and an iterable of frames.
 
@@ -93,6 +115,8 @@ class RecordingStream:
         frame_count: number of frames that the file announces, or None; a damaged file may hold fewer.
         luma: True if the frames are the luma plane of a video.
         key_frames: function of a number of frames: where a longer recording can be cut, else None; reads the stream.
+        video: format of a video's stream, else None.
+        times: time stamps of the video's frames read so far, s; None for a frame without one.
     """
 
     def __init__(
@@ -105,6 +129,8 @@ class RecordingStream:
         luma: bool = False,
         close: Callable[[], object] | None = None,
         key_frames: Callable[[int], KeyFrames | None] = lambda _: None,
+        video: VideoFormat | None = None,
+        times: list[Fraction | None] | None = None,
     ) -> None:
         self._frames = frames
         self.kind = kind
@@ -113,6 +139,8 @@ class RecordingStream:
         self.frame_count = frame_count
         self.luma = luma
         self.key_frames = key_frames
+        self.video = video
+        self.times = [] if times is None else times
         self._cleanup = contextlib.ExitStack()
         if close is not None:
             self._cleanup.callback(close)

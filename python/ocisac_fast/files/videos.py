@@ -10,6 +10,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,20 +19,29 @@ import numpy as np
 from ocisac_fast.files.extras import pyav
 from ocisac_fast.files.parts import decoded_part, ends_early, video_key_frames
 from ocisac_fast.files.profiles import response_of_video, transfer_of
-from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, Part, RecordingStream
+from ocisac_fast.files.recording import (
+    FileError,
+    FileWarning,
+    Frame,
+    LightResponse,
+    Part,
+    RecordingStream,
+    VideoFormat,
+)
 from ocisac_fast.files.remote import RemotePath
 
 _REFUSED_CONTAINERS = {"tty", "hls", "dash", "concat", "srt", "webvtt", "ass", "ansi", "bin", "xbin", "adf", "idf"}
 _LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp|gray|nv\d\d|[py][024]1[026](le|be)$")
 _PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}  # first of every second byte
 _UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and similar formats store their bits at the top of a word
-_FULL_RANGE = 2
+_LIMITED_RANGE, _FULL_RANGE = 1, 2
 _INTERLACED = (
     "interlaced: the rows of a frame are of two times, allowed: progressive frames (ffmpeg -vf separatefields: each "
     "field a frame of twice the row time; -vf setfield=prog: where the mark is wrong)"
 )
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
+EXACT = 0x2 | 0x2000 | 0x4000 | 0x40000  # conversion: bilinear, full chroma in and out, accurate rounding (SWS_…)
 _decoder_threads: ContextVar[int] = ContextVar("decoder_threads", default=0)  # 0: one for each processor
 
 
@@ -63,7 +73,7 @@ def open_video(
         if not is_path and not file.seekable():
             file = _seekable_where_needed(file)
         container = av.open(file, options={"protocol_whitelist": ""})
-        return _stream(av, container, file, name, colour, part)
+        return _stream(av, container, file, name, colour, part, source if is_path else None)
     except FileError:
         file.close()
         raise
@@ -104,7 +114,9 @@ class Prefixed:
         self._rest.close()
 
 
-def _stream(av: Any, container: Any, file: Any, name: str, colour: bool, part: Part | None) -> RecordingStream:
+def _stream(
+    av: Any, container: Any, file: Any, name: str, colour: bool, part: Part | None, path: Any
+) -> RecordingStream:
     def close() -> None:
         container.close()
         file.close()
@@ -126,8 +138,9 @@ def _stream(av: Any, container: Any, file: Any, name: str, colour: bool, part: P
     pixel_format = context.pix_fmt or ""
     values, response = _layout(av, pixel_format, context, colour)
     rate = float(stream.average_rate) if stream.average_rate else None
+    times: list[Fraction | None] = []
     return RecordingStream(
-        _frames(av, container, stream, name, values, part),
+        _frames(av, container, stream, name, values, part, times),
         "video",
         response,
         rate,
@@ -135,7 +148,25 @@ def _stream(av: Any, container: Any, file: Any, name: str, colour: bool, part: P
         luma=_has_luma(pixel_format) and not colour,
         close=close,
         key_frames=lambda max_frames: video_key_frames(container, stream, max_frames),
+        video=_format(pixel_format, context, stream.time_base, path),
+        times=times,
     )
+
+
+def _format(pixel_format: str, context: Any, time_base: Fraction | None, path: Any) -> VideoFormat:
+    return VideoFormat(
+        path,
+        pixel_format,
+        _is_limited(pixel_format, int(context.color_range or 0)),
+        _number(context.color_primaries),
+        transfer_of(context),
+        _number(context.colorspace),
+        time_base or Fraction(1, 90_000),
+    )
+
+
+def _number(code: Any) -> int:
+    return 2 if code is None else int(code)  # 2: unspecified
 
 
 def _has_luma(name: str) -> bool:
@@ -148,18 +179,22 @@ def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[A
     if not name or colour or not _has_luma(name):
         deep = bool(name) and av.VideoFormat(name).components[0].bits > 8
         target = "rgb48le" if deep else "rgb24"
-        return lambda frame: frame.to_ndarray(format=target), response_of_video(transfer, False, 16 if deep else 8, 0)
+        response = response_of_video(transfer, False, 16 if deep else 8, 0)
+        return lambda frame: frame.reformat(format=target, interpolation=EXACT).to_ndarray(), response
     bits = av.VideoFormat(name).components[0].bits
     # Where the stream states no range, YUV is limited by convention; grey is assumed full (sensor values).
-    stated_full = int(context.color_range or 0) == _FULL_RANGE
-    stated_limited = int(context.color_range or 0) == 1
-    limited = stated_limited or not (stated_full or name.startswith(("yuvj", "gray")))
+    stated = int(context.color_range or 0)
+    limited = _is_limited(name, stated)
     shift = 16 - bits if _UPPER_BITS.match(name) else 0
-    response = response_of_video(transfer, limited, bits, shift, stated_full or stated_limited)
+    response = response_of_video(transfer, limited, bits, shift, stated in (_LIMITED_RANGE, _FULL_RANGE))
     dtype = np.dtype(np.uint8 if bits == 8 else ">u2" if name.endswith("be") else "<u2")
     first = _PACKED_LUMA.get(name)
     step = 1 if first is None and not name.startswith("y2") else 2
     return lambda frame: _luma(frame, dtype, first or 0, step), response
+
+
+def _is_limited(name: str, stated: int) -> bool:
+    return stated == _LIMITED_RANGE or not (stated == _FULL_RANGE or name.startswith(("yuvj", "gray")))
 
 
 def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
@@ -171,7 +206,13 @@ def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
 
 
 def _frames(
-    av: Any, container: Any, stream: Any, name: str, values: Callable[[Any], Frame], part: Part | None
+    av: Any,
+    container: Any,
+    stream: Any,
+    name: str,
+    values: Callable[[Any], Frame],
+    part: Part | None,
+    times: list[Fraction | None],
 ) -> Iterator[Frame]:
     if part is not None:
         yield from _part_frames(av, container, stream, values, part)
@@ -185,8 +226,9 @@ def _frames(
                 continue
             _require_progressive(frame)
             count += 1
-            if frame.pts is not None and frame.time_base:
-                end = float(frame.pts * frame.time_base)
+            time = frame.pts * frame.time_base if frame.pts is not None and frame.time_base else None
+            end = end if time is None else float(time)
+            times.append(time)
             yield values(frame)
     except av.FFmpegError as error:
         if count == 0:

@@ -18,12 +18,11 @@ import numpy as np
 
 from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.files.extras import pillow, pyav
-from ocisac_fast.files.recording import FileError, Frame
+from ocisac_fast.files.recording import FileError, Frame, RecordingStream
+from ocisac_fast.files.video_writing import CODECS, check_frame, write_video
 
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
 _JPEG: dict[str, Any] = {"quality": 95, "subsampling": 0}
-_VIDEOS = {".mkv": "ffv1", ".mp4": "libx264"}
-_FULL_RANGE, _LINEAR_TRANSFER = 2, 8
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
 
 
@@ -74,7 +73,13 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 @checked
-def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame_rate: float = 30.0) -> None:
+def write_frames(
+    path: str | os.PathLike[str],
+    frames: Iterable[Frame],
+    *,
+    frame_rate: float = 30.0,
+    like: RecordingStream | None = None,
+) -> None:
     """Write frames atomically, and losslessly except for JPEG; the suffix selects the kind of file.
 
     Args:
@@ -84,6 +89,9 @@ def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame
             (frames, rows, columns); an array (rows, columns) is one frame, and .npy keeps this shape. uint8 or uint16;
             also float32 for TIFF and .npy, float64 for .npy.
         frame_rate: frames per second of a video, above 0.
+        like: the open video of which these are the processed frames, in order: its sound, its time stamps and what it
+            states of range and colours are kept. Colours can then be written as ``.mp4`` too, with the video's
+            subsampling (H.264, crf 10).
 
     Raises:
         FileError: a ValueError: an unknown suffix, no frame, or a type or shape that the kind of file cannot hold.
@@ -101,10 +109,10 @@ def write_frames(path: str | os.PathLike[str], frames: Iterable[Frame], *, frame
                     np.save(file, every[0] if single else np.stack(every), allow_pickle=False)
             elif suffix in _PICTURES:
                 _write_picture(temporary, _alike(frames), _PICTURES[suffix])
-            elif suffix in _VIDEOS:
-                _write_video(temporary, frames, _VIDEOS[suffix], frame_rate)
+            elif suffix in CODECS:
+                write_video(temporary, frames, frame_rate, like)
             else:
-                allowed = ", ".join([*_PICTURES, *_VIDEOS, ".npy"])
+                allowed = ", ".join([*_PICTURES, *CODECS, ".npy"])
                 raise FileError(f"suffix: got {shown(suffix)}, allowed: {allowed}")
     except FileError as error:
         raise FileError(f"{os.fspath(path)}: {error}") from error.__cause__
@@ -119,20 +127,12 @@ def _alike(frames: Iterable[Frame]) -> list[Frame]:
     return every
 
 
-def _check(frame: Frame, dtypes: tuple[type, ...]) -> None:
-    if frame.dtype not in dtypes:
-        names = ", ".join(np.dtype(dtype).name for dtype in dtypes)
-        raise FileError(f"frames of {frame.dtype}, this kind of file holds {names}")
-    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[2] != 3) or frame.size == 0:
-        raise FileError(f"frame of shape {frame.shape}, allowed: (rows, columns) or (rows, columns, 3)")
-
-
 def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
     first = frames[0]
     types = (
         {"TIFF": (np.uint8, np.uint16, np.float32), "JPEG": (np.uint8,)} if first.ndim == 2 or kind == "JPEG" else {}
     )
-    _check(first, types.get(kind, (np.uint8, np.uint16)))
+    check_frame(first, types.get(kind, (np.uint8, np.uint16)))
     if len(frames) > 1 and kind != "TIFF":
         raise FileError(f"{len(frames)} frames, a {kind} picture holds one (use .tif, .mkv or .npy)")
     if first.ndim == 3 and first.dtype == np.uint16:  # Pillow has no 16-bit colour
@@ -158,51 +158,3 @@ def _encode(frames: Iterable[Frame], codec: str, pixels: str, rate: Fraction, op
         yield from context.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=pixels))
     if context is not None:
         yield from context.encode(None)
-
-
-def _write_video(path: Path, frames: Iterable[Frame], codec: str, frame_rate: float) -> None:
-    """Write one frame at a time; the stream states full range and linear transfer, which `read_frames` reads."""
-    av = pyav()
-    if not 0 < frame_rate < float("inf"):
-        raise FileError(f"frame_rate: got {frame_rate}, allowed: above 0")
-    shape: tuple[int, ...] = ()
-    dtype: Any = None
-    index_first = {"movflags": "+faststart"} if path.suffix == ".mp4" else {}  # readable from a pipe or if truncated
-    with av.open(str(path), "w", options=index_first) as container:
-        stream = None
-        for count, raw in enumerate(frames):
-            frame = np.asarray(raw)
-            if stream is None:
-                _check(frame, (np.uint8, np.uint16) if codec == "ffv1" else (np.uint8,))
-                shape, dtype = frame.shape, frame.dtype
-                stream, pixels = _video_stream(container, codec, frame, frame_rate)
-            if frame.shape != shape or frame.dtype != dtype:
-                raise FileError(f"frame {count} is {frame.dtype} {frame.shape} after frames of {dtype} {shape}")
-            picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=pixels)
-            picture.color_range = _FULL_RANGE
-            picture.pts = count
-            try:
-                container.mux(stream.encode(picture))
-            except av.FFmpegError as error:
-                raise FileError(f"{codec} cannot hold frames of {shape[1]} x {shape[0]} pixels") from error
-        if stream is None:
-            raise FileError("frames: no frame to write")
-        container.mux(stream.encode(None))
-
-
-def _video_stream(container: Any, codec: str, frame: Frame, frame_rate: float) -> tuple[Any, str]:
-    deep = frame.dtype == np.uint16
-    if frame.ndim == 2:
-        pixels = "gray16le" if deep else "gray"
-    elif codec == "ffv1":
-        pixels = "gbrp16le" if deep else "rgb24"
-    else:
-        raise FileError("colour frames (use .mkv or .npy)")
-    stream = container.add_stream(codec, rate=Fraction(frame_rate).limit_denominator(100_000))
-    stream.height, stream.width = frame.shape[:2]
-    stream.pix_fmt = "bgr0" if pixels == "rgb24" else pixels  # FFV1's own order; the encoder reorders
-    stream.codec_context.color_range = _FULL_RANGE
-    stream.codec_context.color_trc = _LINEAR_TRANSFER
-    if codec == "libx264":
-        stream.options = {"qp": "0", "preset": "veryfast"}
-    return stream, pixels

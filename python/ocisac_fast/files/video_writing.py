@@ -1,0 +1,165 @@
+"""Writing of videos, frame by frame; a processed copy of a video keeps its sound, colours and time stamps."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ocisac_fast.files.extras import pyav
+from ocisac_fast.files.recording import FileError, FileWarning, Frame, RecordingStream, VideoFormat
+from ocisac_fast.files.remote import RemotePath
+from ocisac_fast.files.videos import EXACT
+
+CODECS = {".mkv": "ffv1", ".mp4": "libx264"}
+_LIMITED_RANGE, _FULL_RANGE, _LINEAR_TRANSFER, _RGB_MATRIX = 1, 2, 8, 0
+_LOSSLESS = {"qp": "0", "preset": "veryfast"}
+_COLOURS = {"crf": "10", "preset": "veryfast"}  # subsampled as the source: no difference can be seen
+_SUBSAMPLED = ("yuv420p", "yuv422p", "yuv444p", "yuvj420p", "yuvj422p", "yuvj444p")
+_DEEP = ("yuv420p10le", "yuv422p10le", "yuv444p10le")
+_SCALER_MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9}  # H.273 to the numbers of FFmpeg's scaler; others: BT.601
+_BT601 = 5
+
+
+def write_video(path: Path, frames: Iterable[Frame], frame_rate: float, like: RecordingStream | None) -> None:
+    """Write one frame at a time. Without ``like`` the stream states full range and linear transfer."""
+    av = pyav()
+    if not 0 < frame_rate < float("inf"):
+        raise FileError(f"frame_rate: got {frame_rate}, allowed: above 0")
+    codec = CODECS[path.suffix]
+    index_first = {"movflags": "+faststart"} if path.suffix == ".mp4" else {}  # readable from a pipe or if truncated
+    with av.open(str(path), "w", options=index_first) as container, contextlib.ExitStack() as opened:
+        writer: _Writer | None = None
+        sound: Iterator[Any] = iter(())
+        for count, raw in enumerate(frames):
+            frame = np.asarray(raw)
+            if writer is None:
+                writer = _Writer(container, codec, frame, frame_rate, None if like is None else like.video)
+                sound = _sound(av, container, like, opened)
+            writer.check(frame, count)
+            time = like.times[count] if like is not None and count < len(like.times) else None
+            picture = writer.picture(frame, count, time)
+            try:
+                container.mux(writer.stream.encode(picture))
+            except av.FFmpegError as error:
+                rows, columns = frame.shape[:2]
+                raise FileError(f"{codec} cannot hold frames of {columns} x {rows} pixels") from error
+            until = float(picture.pts * writer.time_base)
+            for packet in sound:
+                container.mux(packet)
+                if float(packet.dts * packet.time_base) > until:
+                    break
+        if writer is None:
+            raise FileError("frames: no frame to write")
+        container.mux(writer.stream.encode(None))
+        for packet in sound:
+            container.mux(packet)
+
+
+class _Writer:
+    """The video stream of a container."""
+
+    def __init__(self, container: Any, codec: str, first: Frame, frame_rate: float, source: VideoFormat | None) -> None:
+        check_frame(first, (np.uint8, np.uint16) if codec == "ffv1" or source is not None else (np.uint8,))
+        self._shape, self._dtype, self._source = first.shape, first.dtype, source
+        self._array_format, stored, options = _formats(codec, first, source)
+        rate = Fraction(frame_rate).limit_denominator(100_000)
+        self.stream = container.add_stream(codec, rate=rate, options=options)
+        self.stream.height, self.stream.width = first.shape[:2]
+        self.stream.pix_fmt = stored
+        self.time_base = 1 / rate if source is None else source.time_base
+        self._rate, self._last = rate, -1
+        context = self.stream.codec_context
+        context.time_base = self.time_base
+        self._is_converted = stored.startswith("yuv")
+        self._range = _FULL_RANGE if source is None or not _keeps_range(first, stored, source) else _LIMITED_RANGE
+        context.color_range = self._range
+        context.color_trc = _LINEAR_TRANSFER if source is None else source.transfer
+        if source is not None:
+            context.color_primaries = source.primaries
+            context.colorspace = source.matrix if self._is_converted or first.ndim == 2 else _RGB_MATRIX
+
+    def check(self, frame: Frame, count: int) -> None:
+        if frame.shape != self._shape or frame.dtype != self._dtype:
+            raise FileError(f"frame {count} is {frame.dtype} {frame.shape} after frames of {self._dtype} {self._shape}")
+
+    def picture(self, frame: Frame, count: int, time: Fraction | None) -> Any:
+        """The frame, converted to the stream's format, with its time stamp."""
+        picture = pyav().VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=self._array_format)
+        if self._is_converted:
+            assert self._source is not None
+            picture = picture.reformat(
+                format=self.stream.pix_fmt,
+                dst_colorspace=_SCALER_MATRICES.get(self._source.matrix, _BT601),
+                dst_color_range=self._range,
+                interpolation=EXACT,
+            )
+            picture.colorspace = self._source.matrix
+        picture.color_range = self._range
+        at = Fraction(count) / self._rate if time is None else time
+        picture.pts = self._last = max(round(at / self.time_base), self._last + 1)
+        picture.time_base = self.time_base
+        return picture
+
+
+def _keeps_range(frame: Frame, stored: str, source: VideoFormat) -> bool:
+    """Luma that is limited, and is stored as luma."""
+    return source.limited and (frame.ndim == 2 or stored.startswith("yuv"))
+
+
+def _formats(codec: str, frame: Frame, source: VideoFormat | None) -> tuple[str, str, dict[str, str]]:
+    """Pixel formats of the frame's values and of the stream, and the encoder's options."""
+    deep = frame.dtype == np.uint16
+    if frame.ndim == 2:
+        grey = "gray16le" if deep else "gray"
+        if codec == "libx264" and deep:
+            raise FileError("frames of uint16, this kind of file holds uint8 (use .mkv or .npy)")
+        return grey, grey, _LOSSLESS if codec == "libx264" else {}
+    if codec == "ffv1":
+        return ("gbrp16le", "gbrp16le", {}) if deep else ("rgb24", "bgr0", {})  # FFV1's own order
+    if source is None:
+        raise FileError("colour frames (use .mkv or .npy)")
+    kept = _DEEP if deep else _SUBSAMPLED
+    odd = frame.shape[0] % 2 or frame.shape[1] % 2
+    stored = source.pixel_format if source.pixel_format in kept and not odd else kept[2 if odd else 0]
+    return "rgb48le" if deep else "rgb24", stored, _COLOURS
+
+
+def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contextlib.ExitStack) -> Iterator[Any]:
+    """Add the sound's streams of the video to the container; returns their packets, which are copied."""
+    if like is None or like.video is None or like.video.path is None:
+        return iter(())
+    path = like.video.path
+    file = opened.enter_context(path.open("rb")) if isinstance(path, RemotePath) else str(path)
+    original = opened.enter_context(av.open(file, options={"protocol_whitelist": "file"}))
+    copies = {}
+    for audio in original.streams.audio:
+        name = audio.codec_context.codec.canonical_name
+        if name not in container.supported_codecs:
+            warnings.warn(
+                f"{path}: sound of {name} left out, this kind of file cannot hold it", FileWarning, stacklevel=2
+            )
+            continue
+        copies[audio.index] = container.add_stream_from_template(audio)
+    return _copied(original, copies)
+
+
+def _copied(original: Any, copies: dict[int, Any]) -> Iterator[Any]:
+    for packet in original.demux([original.streams[index] for index in copies]) if copies else ():
+        if packet.dts is not None:
+            packet.stream = copies[packet.stream.index]
+            yield packet
+
+
+def check_frame(frame: Frame, dtypes: tuple[type, ...]) -> None:
+    """Reject a type or shape that a kind of file cannot hold."""
+    if frame.dtype not in dtypes:
+        names = ", ".join(np.dtype(dtype).name for dtype in dtypes)
+        raise FileError(f"frames of {frame.dtype}, this kind of file holds {names}")
+    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[2] != 3) or frame.size == 0:
+        raise FileError(f"frame of shape {frame.shape}, allowed: (rows, columns) or (rows, columns, 3)")

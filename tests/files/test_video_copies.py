@@ -1,0 +1,140 @@
+"""A processed copy of a video keeps its sound, colours and time stamps."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from click.testing import CliRunner
+
+from ocisac_fast.cli.application import ocisac
+from ocisac_fast.files import FileError, FileWarning, open_recording, write_frames
+
+av = pytest.importorskip("av")
+
+TIMES = [0, 3000, 6100, 12000, 15003]  # of 90 kHz: the rate varies
+ROWS, COLUMNS = 120, 160
+BT709, BT601, LIMITED, FULL = 1, 6, 1, 2
+
+
+def picture(k: int) -> npt.NDArray[np.uint8]:
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    colours = np.stack([40 + x + 5 * k, 40 + y, 128 + 60 * np.sin(x / 30)], axis=-1)
+    return np.clip(colours * (0.7 + 0.3 * np.cos(2 * np.pi * y / 24 + k))[..., None], 0, 255).astype(np.uint8)
+
+
+def make_video(path: Path, pixels: str, matrix: int, limits: int, sound: str) -> None:
+    scaler = {BT709: 1, BT601: 5}[matrix]
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=30, options={"qp": "0", "bf": "0"})
+        stream.width, stream.height, stream.pix_fmt = COLUMNS, ROWS, pixels
+        context = stream.codec_context
+        context.color_range, context.colorspace, context.color_trc, context.color_primaries = limits, matrix, 1, 1
+        context.time_base = Fraction(1, 90_000)
+        audio = container.add_stream(sound, rate=48_000, layout="mono")
+        for k, time in enumerate(TIMES):
+            frame = av.VideoFrame.from_ndarray(picture(k), format="rgb24").reformat(
+                format=pixels, dst_colorspace=scaler, dst_color_range=limits
+            )
+            frame.colorspace, frame.color_range, frame.pts, frame.time_base = matrix, limits, time, Fraction(1, 90_000)
+            container.mux(stream.encode(frame))
+        for k in range(9):
+            wave = (3000 * np.sin(np.arange(1024) / 20 + 51.2 * k)).astype(np.int16)
+            block = av.AudioFrame.from_ndarray(wave[None], format="s16", layout="mono")
+            block.sample_rate, block.pts = 48_000, 1024 * k
+            container.mux(audio.encode(block))
+        container.mux(stream.encode(None))
+        container.mux(audio.encode(None))
+
+
+def sound_of(path: Path) -> list[bytes]:
+    with av.open(str(path)) as container:
+        return [bytes(packet) for packet in container.demux() if packet.size and packet.stream.type == "audio"]
+
+
+def stream_of(path: Path) -> tuple[Any, ...]:
+    with av.open(str(path)) as container:
+        context = container.streams.video[0].codec_context
+        stamps = [float(frame.pts * frame.time_base) for frame in container.decode(video=0)]
+        return context.pix_fmt, int(context.color_range), int(context.colorspace), int(context.color_trc), stamps
+
+
+def frames_of(path: Path, *, colour: bool) -> npt.NDArray[Any]:
+    with open_recording(path, colour=colour) as stream:
+        return np.stack(list(stream)).astype(float)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "matrix", "limits"),
+    [
+        ("yuv420p", BT709, LIMITED),
+        ("yuvj420p", BT601, FULL),
+        ("yuv444p", BT601, LIMITED),
+        ("yuv422p10le", BT709, LIMITED),
+    ],
+)
+def test_colours_times_and_sound_are_kept(tmp_path: Path, pixels: str, matrix: int, limits: int) -> None:
+    source, target = tmp_path / "in.mp4", tmp_path / "out.mp4"
+    make_video(source, pixels, matrix, limits, "aac")
+    with open_recording(source, colour=True) as stream:
+        write_frames(target, iter(stream), frame_rate=30.0, like=stream)
+    kept = stream_of(target)
+    assert kept[:4] == (pixels, limits, matrix, 1)
+    np.testing.assert_allclose(kept[4], np.array(TIMES) / 90_000, atol=1e-4)
+    assert sound_of(target) == sound_of(source)
+    before, after = frames_of(source, colour=True), frames_of(target, colour=True)
+    scale = 257 if pixels.endswith("10le") else 1
+    assert np.abs(after - before).mean() < 1.5 * scale
+    assert (
+        np.abs((after - before).mean(axis=(0, 1, 2))).max() < 1.3 * scale
+    )  # a conversion that rounds down costs 1 each
+    for name in ("out.mkv", "out.npy"):
+        with open_recording(source, colour=True) as stream:
+            write_frames(tmp_path / name, iter(stream), frame_rate=30.0, like=stream)
+        np.testing.assert_array_equal(frames_of(tmp_path / name, colour=True), before)
+    stamps = stream_of(tmp_path / "out.mkv")[4]
+    np.testing.assert_allclose(np.diff(stamps), np.diff(TIMES) / 90_000, atol=1.1e-3)  # in ms there
+
+
+@pytest.mark.parametrize("limits", [LIMITED, FULL])
+def test_luma_keeps_its_range(tmp_path: Path, limits: int) -> None:
+    source, target = tmp_path / "in.mp4", tmp_path / "out.mp4"
+    make_video(source, "yuv420p", BT709, limits, "aac")
+    with open_recording(source) as stream:
+        write_frames(target, iter(stream), frame_rate=30.0, like=stream)
+    with open_recording(source) as one, open_recording(target) as other:
+        assert one.response == other.response
+    np.testing.assert_array_equal(frames_of(target, colour=False), frames_of(source, colour=False))
+    np.testing.assert_allclose(stream_of(target)[4], np.array(TIMES) / 90_000, atol=1e-4)
+
+
+def test_sound_that_the_kind_of_file_cannot_hold_is_named(tmp_path: Path) -> None:
+    source = tmp_path / "in.mkv"
+    make_video(source, "yuv420p", BT709, LIMITED, "tta")
+    with open_recording(source, colour=True) as stream, pytest.warns(FileWarning, match="sound of tta left out"):
+        write_frames(tmp_path / "out.mp4", iter(stream), like=stream)
+    assert sound_of(tmp_path / "out.mp4") == []
+
+
+def test_colours_without_a_video_to_follow_are_rejected(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=re.escape("colour frames (use .mkv or .npy)")):
+        write_frames(tmp_path / "out.mp4", [picture(0)])
+
+
+def test_clean_keeps_them(tmp_path: Path) -> None:
+    source, target = tmp_path / "in.mp4", tmp_path / "out.mp4"
+    make_video(source, "yuv420p", BT709, LIMITED, "aac")
+    arguments = ["clean", str(source), str(target), "--scan-axis", "y", "--row-time", "10us"]
+    result = CliRunner().invoke(ocisac, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert sound_of(target) == sound_of(source)
+    assert stream_of(target)[:4] == ("yuv420p", LIMITED, BT709, 1)
+    np.testing.assert_allclose(stream_of(target)[4], np.array(TIMES) / 90_000, atol=1e-4)
+    rows = [frames_of(path, colour=True)[..., 1].mean(axis=2) for path in (source, target)]
+    bands = [np.abs(np.fft.rfft(each, axis=1)[:, 5]) for each in rows]  # of 24 rows per cycle
+    assert (bands[1] < 0.6 * bands[0]).all()
