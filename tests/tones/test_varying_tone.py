@@ -61,8 +61,9 @@ def test_agrees_with_the_reference(rows, position, shape, degree, dtype, step, w
         for of in (ocisac, reference)
     )
     assert got.gain.shape == shape
-    # As the steady fit of integers does.
-    assert_agree(got, want, 1e-10 if dtype.startswith("float") else 1e-8, 1e-3 if dtype == "uint8" else 0.0)
+    # As the steady fit of integers does, whose table of a tone curve is in float32.
+    of_integers = 1e-7 if curve == "gamma" else 1e-8
+    assert_agree(got, want, 1e-10 if dtype.startswith("float") else of_integers, 1e-3 if dtype == "uint8" else 0.0)
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.7, 1.9])

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <list>
-#include <mutex>
 #include <string>
 
+#include "core/recently_used.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -32,22 +31,8 @@ std::shared_ptr<const LightTable> made_table(const ToneCurve& curve) {
 // 65536 powers take longer than a pass over a frame.
 template <class T>
 std::shared_ptr<const LightTable> kept_table(const ToneCurve& curve) {
-  struct Kept {
-    ToneCurve curve;
-    std::shared_ptr<const LightTable> table;
-  };
-  constexpr std::size_t kKept = 4;
-  static std::mutex mutex;
-  static std::list<Kept> kept;  // most recently used first
-  const std::lock_guard lock(mutex);
-  const auto found = std::ranges::find(kept, curve, &Kept::curve);
-  if (found != kept.end()) {
-    kept.splice(kept.begin(), kept, found);
-    return found->table;
-  }
-  kept.push_front({curve, made_table<T>(curve)});
-  if (kept.size() > kKept) kept.pop_back();
-  return kept.front().table;
+  static RecentlyUsed<ToneCurve, LightTable, 4> kept;
+  return kept.get(curve, [&] { return made_table<T>(curve); });
 }
 
 // Reads along rows, the order in memory, and writes the transposed block.

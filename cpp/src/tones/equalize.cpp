@@ -4,9 +4,7 @@
 #include <cmath>
 #include <complex>
 #include <limits>
-#include <list>
 #include <memory>
-#include <mutex>
 #include <numbers>
 #include <numeric>
 #include <optional>
@@ -20,6 +18,7 @@
 #include "columns/light_rows.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/parallel.hpp"
+#include "core/recently_used.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -149,24 +148,10 @@ struct Plan {
 
 using PlanKey = std::tuple<std::size_t, double, double, EqualizerMethod>;
 
-constexpr std::size_t kKeptPlans = 4;  // frames of one camera need the same plan
-
 std::shared_ptr<const Plan> plan_of(const PlanKey& key) {
-  static std::mutex mutex;
-  static std::list<std::pair<PlanKey, std::shared_ptr<const Plan>>> kept;  // most recently used first
-  {
-    const std::lock_guard lock(mutex);
-    const auto found = std::ranges::find(kept, key, [](const auto& each) { return each.first; });
-    if (found != kept.end()) {
-      kept.splice(kept.begin(), kept, found);
-      return found->second;
-    }
-  }
-  auto made = std::apply([](const auto&... of) { return std::make_shared<const Plan>(of...); }, key);
-  const std::lock_guard lock(mutex);
-  kept.emplace_front(key, made);
-  if (kept.size() > kKeptPlans) kept.pop_back();
-  return made;
+  static RecentlyUsed<PlanKey, Plan, 4> kept;  // frames of one camera need the same plan
+  return kept.get(
+      key, [&] { return std::apply([](const auto&... of) { return std::make_shared<const Plan>(of...); }, key); });
 }
 
 // ---- Blocks of columns ---------------------------------------------------------------------------------------------

@@ -3,12 +3,11 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <list>
-#include <mutex>
 #include <numbers>
 
 #include "columns/row_kernels.hpp"
 #include "core/linear_algebra.hpp"
+#include "core/recently_used.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 
@@ -148,13 +147,6 @@ struct PlanKey {
   bool operator==(const PlanKey&) const = default;
 };
 
-struct KeptPlan {
-  PlanKey key;
-  std::shared_ptr<const StreamingFit> plan;
-};
-
-constexpr std::size_t kKeptPlans = 32;
-
 // In a pass over bytes: false with AVX-512 and one tone, where reading and weighting single rows is as fast, and two
 // threads are faster (bench/README.md).
 bool added_rows_are_faster(std::size_t tones) { return tones > 1 || !kernels::has_wide_vectors(); }
@@ -163,23 +155,10 @@ bool added_rows_are_faster(std::size_t tones) { return tones > 1 || !kernels::ha
 
 std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
                                                        double efficiency, bool bytes) {
-  static std::mutex mutex;
-  static std::list<KeptPlan> kept;  // most recently used first
+  static RecentlyUsed<PlanKey, StreamingFit, 32> kept;
   const bool add_rows = !bytes || added_rows_are_faster(cycles_per_row.size());
-  const PlanKey key{rows, efficiency, add_rows, cycles_per_row};
-  {
-    const std::lock_guard lock(mutex);
-    const auto found = std::ranges::find(kept, key, &KeptPlan::key);
-    if (found != kept.end()) {
-      kept.splice(kept.begin(), kept, found);
-      return found->plan;
-    }
-  }
-  auto made = std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, add_rows);
-  const std::lock_guard lock(mutex);
-  kept.push_front({key, made});
-  if (kept.size() > kKeptPlans) kept.pop_back();
-  return made;
+  return kept.get({rows, efficiency, add_rows, cycles_per_row},
+                  [&] { return std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, add_rows); });
 }
 
 void StreamingFit::add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,

@@ -5,13 +5,15 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <list>
 #include <memory>
 #include <mutex>
 #include <numbers>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "core/linear_algebra.hpp"
+#include "core/recently_used.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "tones/design_matrix.hpp"
@@ -77,24 +79,9 @@ struct Space {
 
 // The last used spaces: their decomposition takes longer than all else.
 std::shared_ptr<const Space> space_of(std::size_t rows, const std::vector<double>& cycles_per_row) {
-  struct Kept {
-    std::size_t rows;
-    std::vector<double> cycles_per_row;
-    std::shared_ptr<const Space> space;
-  };
-  constexpr std::size_t kKept = 4;
-  static std::mutex mutex;
-  static std::list<Kept> kept;  // most recently used first
-  const std::lock_guard lock(mutex);
-  const auto found =
-      std::ranges::find_if(kept, [&](const Kept& k) { return k.rows == rows && k.cycles_per_row == cycles_per_row; });
-  if (found != kept.end()) {
-    kept.splice(kept.begin(), kept, found);
-    return found->space;
-  }
-  kept.push_front({rows, cycles_per_row, std::make_shared<const Space>(all_harmonics(cycles_per_row, rows), rows)});
-  if (kept.size() > kKept) kept.pop_back();
-  return kept.front().space;
+  static RecentlyUsed<std::pair<std::size_t, std::vector<double>>, Space, 4> kept;
+  return kept.get({rows, cycles_per_row},
+                  [&] { return std::make_shared<const Space>(all_harmonics(cycles_per_row, rows), rows); });
 }
 
 MatrixXd beside(const MatrixXd& basis, const MatrixXd& vectors) {

@@ -5,14 +5,18 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <tuple>
 
 #include "columns/equalizer_kernels.hpp"
 #include "columns/light_rows.hpp"
 #include "core/legendre.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
+#include "core/recently_used.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/tones/projection.hpp"
 #include "tones/design_matrix.hpp"
 #include "tones/harmonic_model.hpp"
 
@@ -28,10 +32,13 @@ using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kIllConditioned = 1e6;
-constexpr double kSure = 4;                   // standard errors above which a bias is significant
-constexpr double kWeak = 3;                   // standard errors
-constexpr double kRounding = 1e-9;            // gains below it are rounding
-constexpr std::size_t kColumnsPerBlock = 32;  // the light and what is left of it fit the second-level cache
+constexpr double kSure = 4;         // standard errors above which a bias is significant
+constexpr double kWeak = 3;         // standard errors
+constexpr double kRounding = 1e-9;  // gains below it are rounding
+constexpr std::size_t kColumnsPerBlock = 640;
+constexpr std::size_t kColumnsInCache = 32;  // their light and what is left of it fit the second-level cache
+// Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
+constexpr double kResolvedRest = 1e-6;
 
 // Gauss–Legendre nodes along the rows, −1 to 1, and weights for the mean of the tone's amplitude.
 struct Place {
@@ -79,16 +86,37 @@ struct Plan {
   Index terms = 1;
   MatrixXd weights;        // (3·terms + 3 × rows)
   MatrixXd covariance;     // of the parameters, for noise of variance 1
-  MatrixXd of_tone;        // the same of the cosine and the sine alone
   MatrixXd basis;          // (rows × parameters of the model), orthonormal
   RowMajor projections;    // (3·terms + 3 + parameters of the model × rows) weights, then the basis transposed
   RowMajor basis_by_rows;  // the basis
-  MatrixXd polynomials;    // (places × terms)
+  // For passes over stored samples: the basis transposed, and what tone_gain's weights have beside it; parameters =
+  // of_sums (3·terms + 3 × outputs)·sums.
+  std::optional<RowWeights> sums;
+  RowMajor of_sums;
+  // (places × terms), and with these polynomials p variances and covariance of the cosine pᵀa and the sine pᵀb.
+  MatrixXd polynomials;
+  std::array<std::array<double, 3>, kPlaces.size()> variances{};
   Flags flags = 0;
 
   [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
   [[nodiscard]] double freedom() const { return static_cast<double>(basis.rows() - basis.cols()); }
 };
+
+void plan_sums(Plan& plan) {
+  constexpr double kInside = 1e-9;  // of the largest weight
+  const Index parameters = plan.weights.rows(), terms = plan.basis.cols();
+  const MatrixXd inside = product(plan.weights, plan.basis);
+  const MatrixXd steady = plan.weights.bottomRows(3);
+  const MatrixXd rest = steady - product(inside.bottomRows(3), plan.basis.transpose());
+  const Index beside = rest.cwiseAbs().maxCoeff() > kInside * steady.cwiseAbs().maxCoeff() ? 3 : 0;
+  RowMajor outputs(terms + beside, plan.basis.rows());
+  outputs << plan.basis.transpose(), rest.topRows(beside);
+  plan.of_sums = RowMajor::Zero(parameters, terms + beside);
+  plan.of_sums.leftCols(terms) = inside;
+  plan.of_sums.bottomRightCorner(beside, beside).setIdentity();
+  plan.sums.emplace(std::span(outputs.data(), static_cast<std::size_t>(outputs.size())),
+                    static_cast<std::size_t>(outputs.rows()), static_cast<std::size_t>(outputs.cols()), 1, 1);
+}
 
 Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions& options) {
   const auto shape_harmonics = options.waveform == WaveformShape::square
@@ -120,12 +148,25 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
       Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(steady.weights.data(), 3,
                                                                                   design.rows());
   plan.covariance = product(plan.weights, plan.weights.transpose());
-  plan.of_tone = plan.covariance.block(plan.terms, plan.terms, 2 * plan.terms, 2 * plan.terms);
   plan.projections.resize(plan.weights.rows() + plan.basis.cols(), design.rows());
   plan.projections << plan.weights, plan.basis.transpose();
   plan.basis_by_rows = plan.basis;
   plan.polynomials = legendre_at_places(options.degree);
+  for (std::size_t i = 0; i < kPlaces.size(); ++i) {
+    const Eigen::VectorXd p = plan.polynomials.row(static_cast<Index>(i)).transpose();
+    const auto covariance = [&](Index a, Index b) {
+      return p.dot(Eigen::VectorXd(plan.covariance.block(a * plan.terms, b * plan.terms, plan.terms, plan.terms) * p));
+    };
+    plan.variances[i] = {covariance(1, 1), covariance(1, 2), covariance(2, 2)};
+  }
+  plan_sums(plan);
   return plan;
+}
+
+std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, const VaryingToneOptions& options) {
+  static RecentlyUsed<std::tuple<std::size_t, double, WaveformShape, double, int>, Plan, 4> kept;
+  return kept.get({rows, cycles_per_row, options.waveform, options.duty, options.degree},
+                  [&] { return std::make_shared<const Plan>(make_plan(rows, cycles_per_row, options)); });
 }
 
 // Mean of the tone's amplitude over the rows, and its derivatives by the parameters.
@@ -138,27 +179,37 @@ Amplitude mean_amplitude(const Plan& plan, const Vector& parameters, double nois
   const Index terms = plan.terms;
   Amplitude amplitude{0, Vector::Zero(parameters.size())};
   for (std::size_t i = 0; i < kPlaces.size(); ++i) {
-    const Vector polynomials = plan.polynomials.row(static_cast<Index>(i)).transpose();
-    const double cosine = polynomials.dot(parameters.segment(terms, terms));
-    const double sine = polynomials.dot(parameters.segment(2 * terms, terms));
-    const double length = std::hypot(cosine, sine);
-    if (!(length > 0)) continue;
-    Vector across(2 * terms);
-    across << -sine / length * polynomials, cosine / length * polynomials;
-    // Bias of the length by noise, as in tone_gain.
-    const double tangential = noise * across.dot(Vector(plan.of_tone * across));
-    amplitude.value += kPlaces[i].share * std::sqrt(std::max(length * length - tangential, 0.0));
-    amplitude.slope.segment(terms, terms) += kPlaces[i].share * cosine / length * polynomials;
-    amplitude.slope.segment(2 * terms, terms) += kPlaces[i].share * sine / length * polynomials;
+    const auto place = static_cast<Index>(i);
+    double cosine = 0, sine = 0;
+    for (Index t = 0; t < terms; ++t) {
+      cosine += plan.polynomials(place, t) * parameters(terms + t);
+      sine += plan.polynomials(place, t) * parameters(2 * terms + t);
+    }
+    const double square = cosine * cosine + sine * sine;
+    if (!(square > 0)) continue;
+    // Bias of the length by noise across it, as in tone_gain.
+    const auto& [of_cosine, of_both, of_sine] = plan.variances[i];
+    const double across =
+        noise * (sine * (sine * of_cosine - 2 * cosine * of_both) + cosine * cosine * of_sine) / square;
+    amplitude.value += kPlaces[i].share * std::sqrt(std::max(square - across, 0.0));
+    const double scale = kPlaces[i].share / std::sqrt(square);
+    for (Index t = 0; t < terms; ++t) {
+      amplitude.slope(terms + t) += scale * cosine * plan.polynomials(place, t);
+      amplitude.slope(2 * terms + t) += scale * sine * plan.polynomials(place, t);
+    }
   }
   return amplitude;
 }
 
-// Derivatives of amplitude/mean by the parameters, where `mean` is parameter `index_of_mean`.
-Vector contrast_slope(const Amplitude& amplitude, double mean, Index index_of_mean) {
-  Vector slope = amplitude.slope / mean;
-  slope(index_of_mean) -= amplitude.value / (mean * mean);
-  return slope;
+// slopeᵀ·covariance·slope
+double quadratic(const MatrixXd& covariance, const Vector& slope) {
+  double sum = 0;
+  for (Index j = 0; j < slope.size(); ++j) {
+    double above = covariance(j, j) * slope(j) / 2;
+    for (Index i = 0; i < j; ++i) above += covariance(i, j) * slope(i);
+    sum += 2 * above * slope(j);
+  }
+  return std::max(sum, 0.0);
 }
 
 struct Column {
@@ -172,48 +223,118 @@ Column judge(const Plan& plan, const Vector& parameters, double noise, double ba
   const double mean = parameters(0) - background;
   if (!(mean > 0)) flags |= flag::no_light;
   if (flags & (flag::unresolvable | flag::no_light)) return {kNaN, kNaN, mean, kNaN, kNaN, flags};
+  // In units of the mean: squares neither overflow nor vanish.
+  const Vector relative = parameters / mean;
+  const double relative_noise = std::sqrt(noise) / mean;
   const auto error = [&](const Vector& slope) {
-    return std::sqrt(std::max(noise * slope.dot(Vector(plan.covariance * slope)), 0.0)) / ratio;
+    return relative_noise * std::sqrt(quadratic(plan.covariance, slope)) / ratio;
   };
-  const Amplitude varying = mean_amplitude(plan, parameters, noise);
-  const Vector slope = contrast_slope(varying, mean, 0);
-  const double gain = varying.value / mean / ratio;
-  const double gain_std = error(slope);
+  const Amplitude varying = mean_amplitude(plan, relative, relative_noise * relative_noise);
+  Vector slope = varying.slope;
+  slope(0) -= varying.value;
+  const double gain = varying.value / ratio, gain_std = error(slope);
 
   const Index at = 3 * plan.terms;  // of tone_gain's parameters
-  const double steady_mean = parameters(at) - background;
-  Amplitude steady{std::hypot(parameters(at + 1), parameters(at + 2)), Vector::Zero(parameters.size())};
-  if (steady.value > 0) steady.slope.tail(2) = parameters.tail(2) / steady.value;
-  const double bias = steady_gain - gain;
-  const double bias_std = error(contrast_slope(steady, steady_mean, at) - slope);
+  const double steady_mean = relative(at) - background / mean;
+  const double amplitude = std::hypot(relative(at + 1), relative(at + 2));
+  slope = -slope;
+  if (amplitude > 0) slope.tail(2) += relative.tail(2) / (amplitude * steady_mean);
+  slope(at) -= amplitude / (steady_mean * steady_mean);
+  const double bias = steady_gain - gain, bias_std = error(slope);
   if (gain < std::max(kWeak * gain_std, kRounding)) flags |= flag::weak;
   if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kRounding})) flags |= flag::model_misfit;
   return {gain, gain_std, mean, bias, bias_std, flags};
 }
 
 // Memory of a thread, reused from call to call: light (rows × width) and what is left of it; parameters, then
-// coordinates in the basis (projections × width); sums of squares (width).
+// coordinates in the basis (projections × width).
 struct Memory {
-  std::vector<double> light, rest, projections, squares;
+  std::vector<double> light, rest, projections;
+  Projection sums;
 };
 
-// Parameters and noise of `count` columns, in the lanes of `memory`.
-void fit_block(const Plan& plan, std::size_t width, Memory& memory) {
+// Parameters (3·terms + 3 × columns) and squares of what is left of the columns.
+struct Fitted {
+  RowMajor parameters;
+  std::vector<double> squares;
+};
+
+std::size_t aligned(std::size_t columns) {
+  return (columns + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment;
+}
+
+// Columns first … first + count of `fitted`, from their light: its rest itself is squared.
+void fit_exactly(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from, std::size_t first,
+                 std::size_t count, const ToneCurve& curve, Memory& memory, Fitted& fitted) {
   const auto rows = static_cast<std::size_t>(plan.basis.rows()), terms = static_cast<std::size_t>(plan.basis.cols());
   const auto parameters = static_cast<std::size_t>(plan.weights.rows());
+  const std::size_t width = aligned(count);
   const auto stride = static_cast<std::ptrdiff_t>(width);
+  memory.light.resize(rows * width);
   memory.projections.resize((parameters + terms) * width);
   memory.rest.resize(rows * width);
-  memory.squares.assign(width, 0.0);
+  light_rows(frames, frame, from + first, count, curve, width, memory.light.data());
   kernels::matrix_times_rows(plan.projections.data(), parameters + terms, rows, memory.light.data(), stride,
                              memory.projections.data(), stride, width);
   kernels::matrix_times_rows(plan.basis_by_rows.data(), rows, terms, &memory.projections[parameters * width], stride,
                              memory.rest.data(), stride, width);
+  const Eigen::Map<const RowMajor> found(memory.projections.data(), plan.weights.rows(), static_cast<Index>(width));
+  fitted.parameters.middleCols(static_cast<Index>(first), static_cast<Index>(count)) =
+      found.leftCols(static_cast<Index>(count));
+  std::fill_n(&fitted.squares[first], count, 0.0);
   for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t c = 0; c < width; ++c) {
+    for (std::size_t c = 0; c < count; ++c) {
       const double left = memory.light[n * width + c] - memory.rest[n * width + c];
-      memory.squares[c] += left * left;
+      fitted.squares[first + c] += left * left;
     }
+}
+
+// The values of bytes as light, above `dark`.
+std::span<const float> byte_values() {
+  static const auto values = [] {
+    std::array<float, 256> all{};
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<float>(i);
+    return all;
+  }();
+  return values;
+}
+
+// All columns in one pass over the stored samples: what is left is a difference of squares. True for the columns where
+// it is resolved.
+std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
+                             double dark, Memory& memory, Fitted& fitted) {
+  const std::size_t count = fitted.squares.size();
+  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
+  Projection& sums = memory.sums;
+  project(frames, frame, from, count, *plan.sums, bytes ? byte_values() : std::span<const float>(), sums);
+  const auto outputs = plan.of_sums.cols(), terms = plan.basis.cols();
+  const Eigen::Map<const RowMajor> all(sums.sums.data(), outputs, static_cast<Index>(count));
+  fitted.parameters.noalias() = plan.of_sums.lazyProduct(all);
+  for (const Index mean : {Index{0}, 3 * plan.terms}) fitted.parameters.row(mean).array() -= dark;
+  std::vector<bool> resolved(count);
+  for (std::size_t c = 0; c < count; ++c) fitted.squares[c] = sums.squares[c];
+  for (Index t = 0; t < terms; ++t)
+    for (std::size_t c = 0; c < count; ++c) {
+      const double sum = sums.sums[static_cast<std::size_t>(t) * count + c];
+      fitted.squares[c] -= sum * sum;
+    }
+  for (std::size_t c = 0; c < count; ++c) resolved[c] = fitted.squares[c] >= kResolvedRest * sums.squares[c];
+  return resolved;
+}
+
+void fit_block(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
+               const ToneCurve& curve, Fitted& fitted) {
+  thread_local Memory memory;
+  const std::size_t count = fitted.squares.size();
+  std::vector<bool> resolved(count);
+  if (curve.kind == ToneCurve::Kind::linear)
+    resolved = fit_stored(plan, frames, frame, from, curve.dark_level, memory, fitted);
+  for (std::size_t first = 0; first < count; first += kColumnsInCache) {
+    const std::size_t here = std::min(kColumnsInCache, count - first);
+    const auto begin = resolved.begin() + static_cast<std::ptrdiff_t>(first);
+    if (std::all_of(begin, begin + static_cast<std::ptrdiff_t>(here), [](bool each) { return each; })) continue;
+    fit_exactly(plan, frames, frame, from, first, here, curve, memory, fitted);
+  }
 }
 
 VaryingToneGain empty_result(std::size_t frames, std::size_t columns) {
@@ -232,7 +353,8 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
                 {GainMethod::fit, options.waveform, options.duty, options.background, 1.0, options.threads, false});
   const Shape shape = shape_of(frames);
   VaryingToneGain result = empty_result(shape.frames, shape.columns);
-  const Plan plan = make_plan(shape.rows, frequency * camera.row_time, options);
+  const auto kept_plan = plan_of(shape.rows, frequency * camera.row_time, options);
+  const Plan& plan = *kept_plan;
   if (!plan.resolvable()) {
     for (std::size_t i = 0; i < result.flags.size(); ++i) result.flags[i] = steady.flags[i] | plan.flags;
     return result;
@@ -244,20 +366,14 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, shape.columns - first);
-    const std::size_t width =
-        (count + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment;
-    thread_local Memory memory;
-    memory.light.resize(shape.rows * width);
-    light_rows(frames, frame, first, count, camera.tone_curve, width, memory.light.data());
-    fit_block(plan, width, memory);
-    const Eigen::Map<const RowMajor> parameters(memory.projections.data(), plan.weights.rows(),
-                                                static_cast<Index>(width));
+    Fitted fitted{RowMajor(plan.weights.rows(), static_cast<Index>(count)), std::vector<double>(count)};
+    fit_block(plan, frames, frame, first, camera.tone_curve, fitted);
     for (std::size_t i = 0; i < count; ++i) {
       const std::size_t index = frame * shape.columns + first + i;
       const double ambient = background.empty() ? 0 : background.size() == 1 ? background[0] : background[index];
-      const double noise = memory.squares[i] / plan.freedom();
+      const double noise = fitted.squares[i] / plan.freedom();
       const Flags flags = (steady.flags[index] & ~flag::weak) | plan.flags;
-      const Column judged = judge(plan, parameters.col(static_cast<Index>(i)), noise, ambient, ratio,
+      const Column judged = judge(plan, fitted.parameters.col(static_cast<Index>(i)), noise, ambient, ratio,
                                   steady.gain[index], steady.gain_std[index], flags);
       result.gain[index] = judged.gain;
       result.gain_std[index] = judged.gain_std;
