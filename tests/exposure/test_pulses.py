@@ -26,12 +26,14 @@ def recording(
     drift_rows: float = 1.1,
     noise: float = 0.02,
     frames: int = 420,
+    spot: float | None = None,
 ) -> tuple[npt.NDArray[np.float64], float]:
     """(frames, rows) of a lamp that lights rows unevenly, and its frequency."""
     period = (ROWS + gap_rows + drift_rows) * row_time
     camera = Camera(row_time, exposure, (ROWS + gap_rows) * row_time)
     light = integrate_exposure(SquareWave(1 / period, duty=duty, phase=1.0), camera, ROWS, frames=frames)
-    profile = 3.0 + 2.0 * np.cos(np.arange(ROWS) / 40.0)
+    rows = np.arange(ROWS)
+    profile = 3.0 + 2.0 * np.cos(rows / 40.0) if spot is None else np.exp(-(((rows - ROWS / 2) / (spot * ROWS)) ** 2))
     noises = np.random.default_rng(int(1e4 * duty)).normal(0.0, noise, light.shape)
     return light * profile + 4.0 + noises, 1 / period
 
@@ -52,11 +54,56 @@ def test_row_time_exposure_and_pulses_from_two_duties(exposure: float, drift: fl
     assert np.allclose(found.pulse_widths, [0.1 / frequency, 0.3 / frequency], rtol=5e-3)
 
 
+@pytest.mark.parametrize(("duties", "noise"), [((0.08, 0.25), 0.02), ((0.15, 0.35), 0.01), ((0.2, 0.4), 0.003)])
+def test_a_spot_in_noise(duties: tuple[float, float], noise: float) -> None:
+    """Rows beside a laser's spot hold noise, whose bands are none."""
+    made = [recording(duty, noise=noise, spot=0.25) for duty in duties]
+    found = calibrate_pulses([light for light, _ in made], made[0][1], duties)
+    assert found.row_time == pytest.approx(46e-6, rel=3e-3)
+    assert abs(found.row_time - 46e-6) < 3 * found.row_time_std
+    for (light, frequency), duty in zip(made, duties, strict=True):
+        alone = calibrate_pulses([light], frequency, [duty])
+        assert abs(alone.row_time - 46e-6) < alone.row_time_std
+
+
+def test_pulses_hardly_longer_than_the_exposure() -> None:
+    """Most of their lit samples lie on ramps."""
+    made = [recording(duty, exposure=650e-6, noise=0.005) for duty in (0.05, 0.15)]
+    found = calibrate_pulses([light for light, _ in made], made[0][1], (0.05, 0.15))
+    assert found.row_time == pytest.approx(46e-6, rel=5e-3)
+
+
+@pytest.mark.parametrize("drift", [1.1, -3.0, 5.0])
+def test_the_lamp_s_period_in_rows_needs_no_duty(drift: float) -> None:
+    light, frequency = recording(0.3, drift_rows=drift)
+    found = calibrate_pulses([light], frequency, [0.2])
+    assert found.period_rows == pytest.approx(ROWS + 12 + drift, abs=0.15)
+    assert abs(found.period_rows - (ROWS + 12 + drift)) < 3 * found.period_rows_std
+
+
+def test_duties_that_are_not_the_lamp_s_are_flagged_and_widen_the_error() -> None:
+    made = [recording(duty, noise=0.003) for duty in (0.1, 0.4)]
+    lights, frequency = [light for light, _ in made], made[0][1]
+    assert calibrate_pulses(lights, frequency, (0.1, 0.4)).flags == ()
+    found = calibrate_pulses(lights, frequency, (0.105, 0.42))
+    assert found.flags == ("period_misfit",)
+    assert found.row_time == pytest.approx(1.05 * 46e-6, rel=3e-3)
+    assert abs(found.row_time - 46e-6) < 1.5 * found.row_time_std
+
+
+def test_an_exposure_longer_than_the_ramps_is_not_told() -> None:
+    made = [recording(duty, exposure=1.2e-3) for duty in (0.15, 0.35)]
+    found = calibrate_pulses([light for light, _ in made], made[0][1], (0.15, 0.35))
+    assert found.row_time == pytest.approx(46e-6, rel=3e-3)
+    assert math.isnan(found.exposure)
+    assert math.isnan(found.exposure_std)
+
+
 def test_pulses_split_across_frames_are_enough() -> None:
     made = [recording(duty) for duty in (0.2, 0.5)]
     bands = [pulse_bands(light) for light, _ in made]
     assert min(one.split.size for one in bands) > 20
-    split = [type(one)(np.zeros(0), one.split, one.ramps) for one in bands]
+    split = [type(one)(np.zeros(0), one.split, one.row_count, one.ramps) for one in bands]
     found = calibrate_pulses(split, made[0][1], (0.2, 0.5))
     assert found.row_time == pytest.approx(46e-6, rel=2e-3)
     assert math.isnan(found.offset)
@@ -76,7 +123,7 @@ def test_one_duty_has_an_error_that_covers_the_offset() -> None:
 
 
 def test_real_webcam(recordings: object) -> None:
-    """Five duties of one laser: every pair tells the same row time within 0.2 %, at 30.1 Hz 45.7 us."""
+    """Five duties of one laser: every pair tells the same row time within 0.3 %, at 30.1 Hz 45.7 us."""
     from ocisac_fast.files import read_frames
 
     folder = recordings / "pulses"  # type: ignore[operator]
@@ -94,7 +141,7 @@ def test_real_webcam(recordings: object) -> None:
     assert every.misfit < 0.03
     for a, b in itertools.combinations(range(5), 2):
         pair = calibrate_pulses([bands[a], bands[b]], 30.1, [duties[a], duties[b]])
-        assert pair.row_time == pytest.approx(every.row_time, rel=2e-3)
+        assert pair.row_time == pytest.approx(every.row_time, rel=3e-3)
         assert abs(pair.row_time - every.row_time) < 2 * pair.row_time_std
     for one, duty in zip(bands, duties, strict=True):
         alone = calibrate_pulses([one], 30.1, [duty])
@@ -119,6 +166,8 @@ def test_what_is_no_pulsed_lamp_is_flagged() -> None:
         (lambda light: pulse_bands(light * np.nan), "light: got shape"),
         (lambda light: pulse_bands(np.ones((9, 9))), "light: got rows that do not change"),
         (lambda light: calibrate_pulses([light[:3]], 30.0, [0.1]), "recordings: got no lit band"),
+        (lambda _: calibrate_pulses([recording(0.1)[0]] * 2, 30.0, [0.1, 0.2]), r"duties: got \[.*\] lit rows"),
+        (lambda _: pulse_bands(np.random.default_rng(1).normal(0, 1, (200, 40))), "light: got noise above a tenth"),
     ],
 )
 def test_refusals(call: Callable[[npt.NDArray[np.float64]], object], message: str) -> None:

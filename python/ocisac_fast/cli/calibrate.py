@@ -94,6 +94,8 @@ def _calibrate_pulses(
             {
                 "row_time_s": result.row_time,
                 "row_time_std_s": result.row_time_std,
+                "period_rows": result.period_rows,
+                "period_rows_std": result.period_rows_std,
                 "exposure_s": result.exposure,
                 "exposure_std_s": result.exposure_std,
                 "offset_s": result.offset,
@@ -112,6 +114,7 @@ def _calibrate_pulses(
         return
     facts: dict[str, Any] = {
         "row time": with_spread(result.row_time, result.row_time_std, "s"),
+        "period of the lamp": with_spread(result.period_rows, result.period_rows_std, "rows", 5),
         "exposure": with_spread(result.exposure, result.exposure_std, "s", 4),
         "offset of pulses": with_spread(result.offset, result.offset_std, "s", 4),
         "flags": ", ".join(result.flags) or "none",

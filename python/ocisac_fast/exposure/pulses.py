@@ -2,15 +2,16 @@
 
 Such a lamp shows a band of lit rows. At half height the band is (t_on + offset) / T_r rows long, t_on = duty / f. The
 offset combines exposure, tone curve and the lamp's rise and fall, and is equal for all duties. Several duties separate
-row time and offset; one recording does not. Where a pulse begins in one frame and ends in the next, the lit rows at
-both ends of a frame add up to (t_on + another offset) / T_r.
+row time and offset; one recording does not. Where a pulse ends and the next begins in one frame of N rows, the lit rows
+at its ends add up to (t_on + offset - 1/f) / T_r + N, so that both kinds of frames give the lamp's period in rows.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +21,16 @@ from ocisac_fast.core.checks import checked
 Float64s = npt.NDArray[np.float64]
 
 _DARK_SHARE = 5.0  # percentile over the frames that estimates the dark level
+_PLATEAU_SHARE = 90.0  # percentile of lit samples, on the plateau of pulses that are longer than the exposure
 _MIN_LIGHT = 0.05  # of the brightest row; darker rows are ignored
+_MAX_NOISE = 0.1  # of a row's swing; noisier rows are ignored
+_SURE = 0.25  # rows within it of half height are neither dark nor lit
+_MAX_DEVIATION = 3.0  # standard errors
 _MIN_PULSES = 5
+_MIN_SPREAD = 0.05  # rows
+_NORMAL_MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 _REACH = 12  # rows of a ramp on either side of its middle
-_BOX_ROWS = np.arange(0.0, 16.01, 0.25)
+_BOX_ROWS = np.arange(0.0, 20.01, 0.25)
 _BLUR_ROWS = np.concatenate([[1e-3], np.arange(0.1, 4.01, 0.1)])
 _MAX_MISFIT = 0.1  # of a ramp
 _erf = np.vectorize(math.erf, otypes=[float])
@@ -36,12 +43,25 @@ class PulseBands:
     Attributes:
         whole: (bands,) lit rows at half height of bands within a frame.
         split: (frames,) lit rows of frames that begin and end lit, with one dark interval in between.
+        row_count: rows of a frame that the lamp lights.
         ramps: (ramps, points) light at -12 .. 12 rows from half height into a band, steps of 1/2; 0 to 1.
     """
 
     whole: Float64s
     split: Float64s
+    row_count: int
     ramps: Float64s
+
+    @property
+    def period_rows(self) -> tuple[float, float]:
+        """Period of the lamp in rows and its standard error, whatever duty and offset; NaN unless both kinds are seen.
+
+        The error is the scatter of bands, as that of :func:`calibrate_pulses`.
+        """
+        if min(self.whole.size, self.split.size) < _MIN_PULSES:
+            return math.nan, math.nan
+        period = self.row_count + float(self.whole.mean() - self.split.mean())
+        return period, math.hypot(_spread(self.whole), _spread(self.split))
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,19 +69,24 @@ class PulseCalibration:
     """Result of :func:`calibrate_pulses`.
 
     Attributes:
-        row_time, row_time_std: s. From one duty, the error includes the unknown offset.
+        row_time, row_time_std: s. From one duty, the error includes the unknown offset; with "period_misfit", the
+            difference from 1 / (frequency period_rows).
+        period_rows, period_rows_std: period of the lamp, from lit and dark rows alone; NaN without split bands.
         offset, offset_std: of bands within a frame, T_e + c in s; NaN from one duty or without such bands.
-        exposure, exposure_std: length of the ramps as a box blurred by a Gaussian, s.
+        exposure, exposure_std: length of the ramps as a box blurred by a Gaussian, s; NaN from 20 rows on.
         blur: standard deviation of the Gaussian in rows: lens, scaling and compression.
         misfit: largest difference between a mean ramp and the fit, relative to the swing.
         rows: (recordings,) lit rows at half height; NaN if no pulse was within a frame.
         pulse_widths: (recordings,) rows * row_time - offset in s: the measured t_on.
         bands: of each recording.
-        flags: "one_duty": the row time is that without an offset; "model_misfit": the ramps do not fit a lamp's edges.
+        flags: "one_duty": the row time is that without an offset; "model_misfit": the ramps do not fit a lamp's edges;
+            "period_misfit": ``period_rows`` of this row time are not 1/frequency, so that the duties are off.
     """
 
     row_time: float
     row_time_std: float
+    period_rows: float
+    period_rows_std: float
     offset: float
     offset_std: float
     exposure: float
@@ -93,17 +118,15 @@ def pulse_bands(light: npt.ArrayLike) -> PulseBands:
     split: list[float] = []
     ramps: list[Float64s] = []
     for row in share:
-        rises, falls = _crossings(row), _crossings(row[::-1])
-        falls = row.size - 1.0 - falls[::-1]
-        for begin in rises[:-1] if row[-1] > 0.5 else rises:
-            end = falls[np.searchsorted(falls, begin)]
+        rises, falls = _edges(row)
+        for begin, end in _pairs(rises, falls):
             if begin > _REACH and end < row.size - 1 - _REACH:
                 whole.append(end - begin)
                 ramps += [_ramp(row, begin, 1.0), _ramp(row, end, -1.0)]
-        if whole_frame and row[0] > 0.5 and row[-1] > 0.5 and rises.size == 1 and rises[0] - falls[0] > 2 * _REACH:
+        if whole_frame and falls.size == 1 and rises.size == 1 and rises[0] - falls[0] > 2 * _REACH:
             split.append(row.size - (rises[0] - falls[0]))
     points = 4 * _REACH + 1
-    return PulseBands(np.array(whole), np.array(split), np.reshape(ramps, (len(ramps), points)))
+    return PulseBands(np.array(whole), np.array(split), signal.shape[1], np.reshape(ramps, (len(ramps), points)))
 
 
 @checked
@@ -124,36 +147,28 @@ def calibrate_pulses(
     Raises:
         ValueError: an argument outside its range, no pulses, or only split ones at a single duty.
     """
-    if not (math.isfinite(frequency) and frequency > 0.0):
-        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0 (Hz)")
-    if len(recordings) != len(duties) or len(recordings) == 0:
-        raise ValueError(f"duties: got {len(duties)}, allowed: one for each of {len(recordings)} recordings")
-    for duty in duties:
-        if not 0.0 < duty < 1.0:
-            raise ValueError(f"duties: got {duty}, allowed: above 0 and below 1")
+    _check(recordings, frequency, duties)
     bands = tuple(each if isinstance(each, PulseBands) else pulse_bands(each) for each in recordings)
-    lit = np.asarray(duties, dtype=np.float64) / frequency
-    points = [
-        (time, np.mean(some), max(float(np.std(some)), 0.05), kind)
-        for one, time in zip(bands, lit, strict=True)
-        for kind, some in enumerate((one.whole, one.split))
-        if some.size >= _MIN_PULSES
-    ]
-    if not points:
-        raise ValueError("recordings: got no lit band with both ends in sight, allowed: pulses of a part of a frame")
-    times, rows, spreads, kinds = (np.array(column) for column in zip(*points, strict=True))
+    points = _points(bands, np.asarray(duties, dtype=np.float64) / frequency)
     ramp = _fitted_ramp([one.ramps for one in bands if one.ramps.size])
-    jointly = any(np.unique(times[kinds == kind]).size > 1 for kind in (0, 1))
-    fit = _joint_fit if jointly else _single_fit
-    row_time, row_time_std, offset, offset_std = fit(times, rows, spreads, kinds, ramp.reach)
+    jointly = any(np.unique(points.times[points.kinds == kind]).size > 1 for kind in (0, 1))
+    row_time, row_time_std, offset, offset_std = _joint_fit(points) if jointly else _single_fit(points, ramp.reach)
+    period, period_std = _mean_period(bands)
+    off = 1.0 / (frequency * period) - row_time
+    off_std = math.hypot(row_time_std, period_std / (frequency * period**2))
+    is_off = jointly and abs(off) > _MAX_DEVIATION * off_std
+    if is_off:
+        row_time_std = math.hypot(row_time_std, off)
     seen = np.array([one.whole.mean() if one.whole.size >= _MIN_PULSES else math.nan for one in bands])
     exposure_std = math.hypot(ramp.box_std * row_time, ramp.box * row_time_std)
+    named = {"one_duty": not jointly, "model_misfit": ramp.misfit > _MAX_MISFIT, "period_misfit": is_off}
     return PulseCalibration(
-        *(row_time, row_time_std, offset, offset_std, ramp.box * row_time, exposure_std, ramp.blur, ramp.misfit),
+        *(row_time, row_time_std, period, period_std, offset, offset_std),
+        *(ramp.box * row_time, exposure_std, ramp.blur, ramp.misfit),
         rows=seen,
         pulse_widths=seen * row_time - offset,
         bands=bands,
-        flags=("one_duty",) * (not jointly) + ("model_misfit",) * (ramp.misfit > _MAX_MISFIT),
+        flags=tuple(name for name, holds in named.items() if holds),
     )
 
 
@@ -162,25 +177,96 @@ def box_ramp(offsets: npt.ArrayLike, box: float, blur: float) -> Float64s:
     return np.asarray(_box_ramps(np.asarray(offsets, dtype=np.float64), np.array([box]), np.array([blur]))[0])
 
 
+def _mean_period(bands: Sequence[PulseBands]) -> tuple[float, float]:
+    """Mean of the recordings' periods in rows; its error is not reduced, since it is systematic."""
+    found = np.array([one.period_rows for one in bands])
+    found = found[np.isfinite(found[:, 0])]
+    return (float(found[:, 0].mean()), float(found[:, 1].mean())) if found.size else (math.nan, math.nan)
+
+
+def _spread(rows: Float64s) -> float:
+    return max(float(np.std(rows)), _MIN_SPREAD)
+
+
+class _Points(NamedTuple):
+    """Lit rows of the recordings' whole (kind 0) and split (kind 1) bands."""
+
+    times: Float64s  # t_on, s
+    rows: Float64s
+    spreads: Float64s
+    kinds: npt.NDArray[np.int_]
+
+
+def _check(recordings: Sequence[object], frequency: float, duties: Sequence[float]) -> None:
+    if not (math.isfinite(frequency) and frequency > 0.0):
+        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0 (Hz)")
+    if len(recordings) != len(duties) or len(recordings) == 0:
+        raise ValueError(f"duties: got {len(duties)}, allowed: one for each of {len(recordings)} recordings")
+    for duty in duties:
+        if not 0.0 < duty < 1.0:
+            raise ValueError(f"duties: got {duty}, allowed: above 0 and below 1")
+
+
+def _points(bands: Sequence[PulseBands], lit: Float64s) -> _Points:
+    points = [
+        (time, np.mean(some), _spread(some), kind)
+        for one, time in zip(bands, lit, strict=True)
+        for kind, some in enumerate((one.whole, one.split))
+        if some.size >= _MIN_PULSES
+    ]
+    if not points:
+        raise ValueError("recordings: got no lit band with both ends in sight, allowed: pulses of a part of a frame")
+    return _Points(*(np.array(column) for column in zip(*points, strict=True)))
+
+
 def _lit_share(signal: Float64s) -> tuple[Float64s, bool]:
     """Light of each row from 0 (dark) to 1 (lit) in the longest run of bright rows; True if these are all rows."""
-    above = signal - np.percentile(signal, _DARK_SHARE, axis=0)
-    top = above.max(axis=0)
-    if not top.max() > 0.0:
+    low, top = np.percentile(signal, _DARK_SHARE, axis=0), signal.max(axis=0)
+    if not (top - low).max() > 0.0:
         raise ValueError("light: got rows that do not change, allowed: a lamp that is lit in some frames")
-    bright = np.concatenate([[False], top > _MIN_LIGHT * top.max(), [False]])
+    above = signal > 0.5 * (low + top)
+    below, lit = np.where(above, np.nan, signal), np.where(above | (top <= low), signal, np.nan)
+    noise = _NORMAL_MAD * np.nanmedian(np.abs(below - np.nanmedian(below, axis=0)), axis=0)
+    dark, full = -_plateau(-below, noise), _plateau(lit, noise)
+    full -= dark
+    bright = np.concatenate([[False], (full > _MIN_LIGHT * full.max()) & (noise < _MAX_NOISE * full), [False]])
     edges = np.flatnonzero(np.diff(bright))
+    if edges.size == 0:
+        raise ValueError("light: got noise above a tenth of the lamp's light, allowed: less (more columns)")
     longest = np.argmax(edges[1::2] - edges[::2])
     first, last = edges[2 * longest], edges[2 * longest + 1]
-    above, top = above[:, first:last], top[first:last]
-    full = np.nanmedian(np.where(above > 0.5 * top, above, np.nan), axis=0)
-    return above / full, bool(last - first == signal.shape[1])
+    share = (signal[:, first:last] - dark[first:last]) / full[first:last]
+    return share, bool(last - first == signal.shape[1])
 
 
-def _crossings(row: Float64s) -> Float64s:
-    """Positions, between rows, where the light rises through 1/2."""
-    before = np.flatnonzero((row[:-1] <= 0.5) & (row[1:] > 0.5))
-    return np.asarray(before + (0.5 - row[before]) / (row[before + 1] - row[before]))
+def _plateau(signal: Float64s, noise: Float64s) -> Float64s:
+    """Level of each row's brightest samples, without the ramps of pulses, which are many if pulses are short."""
+    high = np.nanpercentile(signal, _PLATEAU_SHARE, axis=0)
+    least = high - np.maximum(4.0 * noise, 0.05 * (high - np.nanmin(signal, axis=0)))
+    return np.asarray(np.nanmedian(np.where(signal >= least, signal, np.nan), axis=0))
+
+
+def _edges(row: Float64s) -> tuple[Float64s, Float64s]:
+    """Positions, between rows, of rises and of falls through 1/2, each between a dark and a lit row."""
+    sure = np.flatnonzero(np.abs(row - 0.5) > _SURE)
+    lit = row[sure] > 0.5
+    turns = np.flatnonzero(lit[1:] != lit[:-1])
+    places = np.array([_half_height(row, sure[turn], sure[turn + 1]) for turn in turns])
+    rising = lit[turns + 1]
+    return places[rising], places[~rising]
+
+
+def _half_height(row: Float64s, first: int, last: int) -> float:
+    """Median of the crossings of 1/2, of which noise makes several."""
+    part = row[first : last + 1] - 0.5
+    crossed = np.flatnonzero((part[:-1] > 0.0) != (part[1:] > 0.0))
+    return float(first + np.median(crossed + part[crossed] / (part[crossed] - part[crossed + 1])))
+
+
+def _pairs(rises: Float64s, falls: Float64s) -> Iterator[tuple[float, float]]:
+    """Begin and end of bands that begin within the frame and end in it."""
+    ends = falls[np.searchsorted(falls, rises[0]) :] if rises.size else falls[:0]
+    return zip(rises.tolist(), ends.tolist(), strict=False)
 
 
 def _ramp(row: Float64s, middle: float, direction: float) -> Float64s:
@@ -208,9 +294,11 @@ def _fitted_ramp(ramps: Sequence[Float64s]) -> _Ramp:
     models = _box_ramps(offsets, box.ravel(), blur.ravel())
     each = [int(np.sum((models - one) ** 2, axis=1).argmin()) for one in (mean, *middles)]
     boxes = box.ravel()[each]
+    seen = float(boxes[0]) if boxes[0] < _BOX_ROWS[-1] else math.nan
     reach = float(np.interp(0.9, mean, offsets) - np.interp(0.1, mean, offsets)) / 0.8
     misfit = float(np.abs(models[each[0]] - mean).max())
-    return _Ramp(float(boxes[0]), float(np.std(boxes[1:])) + 0.25, float(blur.ravel()[each[0]]), misfit, reach)
+    spread = float(np.std(boxes[1:])) + 0.25 if math.isfinite(seen) else math.nan
+    return _Ramp(seen, spread, float(blur.ravel()[each[0]]), misfit, reach)
 
 
 def _box_ramps(offsets: Float64s, box: Float64s, blur: Float64s) -> Float64s:
@@ -225,14 +313,15 @@ def _box_ramps(offsets: Float64s, box: Float64s, blur: Float64s) -> Float64s:
     return np.asarray((integral(offsets + 0.5 * length) - integral(offsets - 0.5 * length)) / length)
 
 
-def _joint_fit(
-    times: Float64s, rows: Float64s, spreads: Float64s, kinds: npt.NDArray[np.int_], _: float
-) -> tuple[float, float, float, float]:
+def _joint_fit(points: _Points) -> tuple[float, float, float, float]:
     """Weighted least squares of rows = times / T_r + a for whole bands or + b for split ones."""
+    times, rows, spreads, kinds = points
     present = [kind for kind in (0, 1) if np.any(kinds == kind)]
     model = np.column_stack([times, *(kinds == kind for kind in present)]) / spreads[:, np.newaxis]
     inverse = np.linalg.inv(model.T @ model)
     slope, *constants = inverse @ model.T @ (rows / spreads)
+    if not slope > _MAX_DEVIATION * math.sqrt(inverse[0, 0]):
+        raise ValueError(f"duties: got {np.round(rows, 1)} lit rows, allowed: rows that increase with the duty")
     row_time = 1.0 / slope
     row_time_std = math.sqrt(inverse[0, 0]) * row_time**2
     if present[0] != 0:
@@ -241,13 +330,16 @@ def _joint_fit(
     return row_time, row_time_std, constants[0] * row_time, math.sqrt(gradient @ inverse[:2, :2] @ gradient)
 
 
-def _single_fit(
-    times: Float64s, rows: Float64s, spreads: Float64s, kinds: npt.NDArray[np.int_], reach: float
-) -> tuple[float, float, float, float]:
-    """Estimate T_r as t_on / rows with the offset 0; the true offset is within +- the length of a ramp."""
+def _single_fit(points: _Points, reach: float) -> tuple[float, float, float, float]:
+    """Estimate T_r as t_on / rows with the offset 0.
+
+    The error is twice the length of a ramp: a light that saturates at the share c of its peak has ramps of c T_e and an
+    offset of (1 - c) T_e.
+    """
+    times, rows, spreads, kinds = points
     whole = kinds == 0
     if not np.any(whole):
         raise ValueError("recordings: got pulses split across frames at one duty, allowed: two duties or whole pulses")
     seen = float(rows[whole].mean())
     row_time = float(times[whole][0]) / seen
-    return row_time, row_time * math.hypot(reach, float(spreads[whole].max())) / seen, math.nan, math.nan
+    return row_time, row_time * math.hypot(2.0 * reach, float(spreads[whole].max())) / seen, math.nan, math.nan
