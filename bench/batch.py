@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from processors import TWO_CORES, hashing_on_two
 
 from ocisac_fast.batch import Task, cluster, measure_recordings
 from ocisac_fast.batch.campaign import MAX_FRAMES, group_size
@@ -37,7 +38,8 @@ TASK = Task("gain", {"frequency": FREQUENCY, "row_time": ROW_TIME, "exposure": E
 KINDS = 8  # different short recordings
 LONG_SECONDS = 100
 SHARE = 25  # gains by the second process are measured on one recording in so many
-ROUNDS = 7
+ROUNDS, MIN_ROUNDS, MAX_ROUNDS = 9, 3, 30  # of gains: with two cores, of these at least, of all at most
+DECODINGS = 6  # of each recording in a round, so that decoding takes about as long as the batch
 TINY = 300
 TRIVIAL, IDLE_SECONDS = 3000, 5
 GAIN_AIM, OVERHEAD_AIM, GROWTH_AIM = 0.9, 10e-3, 0.05
@@ -145,25 +147,44 @@ def measured(client: Any, paths: Path, results: Path) -> tuple[float, Any]:
 
 
 def gains_of_the_second(folder: Path) -> dict[str, float]:
-    """Gains by a second process: all four in turn, in short rounds, since other work shares the machine; medians."""
+    """Gains by a second process: all four in turn, in short rounds, since other work shares the machine; medians.
+
+    Rounds count in which hashing finds two cores before and after, since on a shared host two processors are at times
+    threads of one core or busy with other work; where there are fewer than three, all count.
+    """
     paths = sorted(str(path) for path in (folder / "share").iterdir())
     context = multiprocessing.get_context("spawn")
-    times: dict[str, list[float]] = {}
+    rounds: list[dict[str, float]] = []
     with ExitStack() as opened:
         pools = {count: opened.enter_context(context.Pool(count)) for count in (1, 2)}
         clients = {count: opened.enter_context(processes(count))[0] for count in (1, 2)}
-        for number in range(ROUNDS + 1):  # the first imports
-            for count in (1, 2):
-                seconds, _ = timed(lambda: pools[count].map(decode, paths, chunksize=4))  # noqa: B023, called at once
-                times.setdefault(f"decoding_{count}", []).append(seconds)
-                results = folder / f"results-{number}-{count}"
-                seconds, _ = timed(lambda: measure_recordings(paths, TASK, client=clients[count], output=results))  # noqa: B023
-                times.setdefault(f"batch_{count}", []).append(seconds)
-    rounds = {name: np.array(values[1:]) for name, values in times.items()}
-    decoding, batch = (rounds[f"{name}_1"] / rounds[f"{name}_2"] for name in ("decoding", "batch"))
-    seconds = {name: float(np.median(values)) for name, values in rounds.items()}
-    gains = {"decoding_gain": float(np.median(decoding)), "batch_gain": float(np.median(batch))}
-    return {**seconds, **gains, "ratio": float(np.median(batch / decoding))}
+        hashing = opened.enter_context(hashing_on_two())
+
+        def decoding(count: int) -> float:
+            return timed(lambda: pools[count].map(decode, DECODINGS * paths, chunksize=4))[0] / DECODINGS
+
+        def batch(count: int) -> float:
+            results = folder / f"results-{len(rounds)}-{count}"
+            return timed(lambda: measure_recordings(paths, TASK, client=clients[count], output=results))[0]
+
+        for count in (1, 2):  # the first imports
+            decoding(count)
+            measure_recordings(paths, TASK, client=clients[count])
+        while len(rounds) < MAX_ROUNDS and sum(each["cores"] > TWO_CORES for each in rounds) < ROUNDS:
+            cores = hashing()
+            times = {"decoding_1": decoding(1), "batch_1": batch(1), "batch_2": batch(2), "decoding_2": decoding(2)}
+            rounds.append(times | {"cores": min(cores, hashing())})
+    quiet = [each for each in rounds if each["cores"] > TWO_CORES]
+    counted = quiet if len(quiet) >= MIN_ROUNDS else rounds
+    found = {name: np.array([each[name] for each in counted]) for name in rounds[0]}
+    gains = {kind: found[f"{kind}_1"] / found[f"{kind}_2"] for kind in ("decoding", "batch")}
+    return {
+        **{name: float(np.median(values)) for name, values in found.items()},
+        **{f"{kind}_gain": float(np.median(values)) for kind, values in gains.items()},
+        "ratio": float(np.median(gains["batch"] / gains["decoding"])),
+        "rounds": len(rounds),
+        "rounds_with_two_cores": len(quiet),
+    }
 
 
 def spent(watched: Iterable[Any]) -> float:
@@ -291,8 +312,10 @@ def main() -> int:
         "million": large,
     }
     growth, cost = max(run["growth"]), costs["processor"]
+    quiet = f"{gains['rounds_with_two_cores']} of {gains['rounds']} rounds with two cores"
     aims = {
-        f"gain by the second over that of decoding: {gains['ratio']:.3f}, aim {GAIN_AIM}": gains["ratio"] >= GAIN_AIM,
+        f"gain by the second over that of decoding: {gains['ratio']:.3f}, aim {GAIN_AIM} ({quiet})": gains["ratio"]
+        >= GAIN_AIM,
         f"overhead of a recording: {1e3 * cost:.2f} ms, aim {1e3 * OVERHEAD_AIM:.0f}": cost <= OVERHEAD_AIM,
         f"growth of memory in the second half: {100 * growth:.1f} %, aim {100 * GROWTH_AIM:.0f}": growth <= GROWTH_AIM,
     }

@@ -8,7 +8,7 @@ import hashlib
 import os
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -50,15 +50,22 @@ def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
     return sum(a / b for a, b in zip(alone, together, strict=True))
 
 
-def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
-    """(rounds, 3): the two times measured by `pair`, and the gain of the second processor at that time."""
-    rounds: list[tuple[float, float, float]] = []
-    end = time.perf_counter() + seconds
+@contextlib.contextmanager
+def hashing_on_two() -> Iterator[Callable[[], float]]:
+    """A call of `gain_of_processors` with a thread on each of the first two processors."""
     with contextlib.ExitStack() as stack:
         workers = [
             stack.enter_context(ThreadPoolExecutor(1, initializer=os.sched_setaffinity, initargs=(0, {processor})))
             for processor in two_processors()
         ]
+        yield lambda: gain_of_processors(workers)
+
+
+def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
+    """(rounds, 3): the two times measured by `pair`, and the gain of the second processor at that time."""
+    rounds: list[tuple[float, float, float]] = []
+    end = time.perf_counter() + seconds
+    with hashing_on_two() as hashing:
         while len(rounds) < 9 or time.perf_counter() < end:
-            rounds.append((*pair(), gain_of_processors(workers)))
+            rounds.append((*pair(), hashing()))
     return np.array(rounds)
