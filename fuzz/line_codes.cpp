@@ -2,6 +2,7 @@
 #include "ocisac/packets/line_codes.hpp"
 
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -13,8 +14,16 @@ namespace {
 
 LineCode code_of(FuzzedDataProvider& bytes) {
   constexpr std::array names{"none", "manchester", "4b6b", "8b10b"};
-  if (bytes.ConsumeBool()) return LineCode::named(bytes.PickValueInArray(names));
-  std::vector<std::string> words(bytes.PickValueInArray<std::size_t>({2, 4, 16, 256, 3, 0}));
+  // Codes by name are kept, and large tables seldom: to make one takes longer than the rest of a run.
+  if (bytes.ConsumeBool()) {
+    static std::map<std::string, LineCode> codes;
+    const std::string name = bytes.PickValueInArray(names);
+    auto known = codes.find(name);
+    if (known == codes.end()) known = codes.emplace(name, LineCode::named(name)).first;
+    return known->second;
+  }
+  std::vector<std::string> words(bytes.PickValueInArray<std::size_t>({2, 4, 16, 3, 0}));
+  if (bytes.ConsumeIntegral<std::uint8_t>() == 1) words.resize(256);
   const auto chips = bytes.ConsumeIntegralInRange<std::size_t>(0, 17);
   for (auto& word : words) {
     const auto value = bytes.ConsumeIntegral<std::uint32_t>();

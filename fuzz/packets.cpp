@@ -13,7 +13,8 @@ using namespace ocisac;
 
 namespace {
 
-constexpr std::size_t kMaxStretch = 600;  // chips of a frame; longer ones cost time
+constexpr std::size_t kMaxStretch = 200;  // chips of a frame; longer ones cost time
+constexpr int kMaxStretches = 12;         // of a run
 
 struct Packet {
   PacketFormat format;
@@ -60,7 +61,7 @@ void assemble(FuzzedDataProvider& bytes) {
   const auto& [format, payload, cycle, number] = any_packet(bytes);
   PacketAssembler assembler(format);
   std::size_t place = 0;
-  while (bytes.remaining_bytes() > 0) {
+  for (int stretches = 0; stretches < kMaxStretches && bytes.remaining_bytes() > 0; ++stretches) {
     if (bytes.ConsumeIntegral<std::uint8_t>() == 1) assembler.lose_clock();
     place += bytes.ConsumeIntegral<std::uint16_t>();
     const auto slip = bytes.ConsumeBool() ? bytes.ConsumeIntegralInRange<std::ptrdiff_t>(-300, 300) : 0;

@@ -97,6 +97,19 @@ class TestRestores:
         assert np.abs(result - level - slope * np.arange(rows) * (rows > 1)).max() < 1e-12 * scale
 
     @pytest.mark.parametrize("method", ["inverse", "wiener"])
+    @pytest.mark.parametrize("rows", [2, 31, 720])
+    def test_an_exposure_of_the_frame_leaves_the_mean(self, rows: int, method: Any) -> None:
+        """All rows share the exposure's light: a ramp is known below this length, and is its mean from it on."""
+        seen = 100 + 0.25 * np.arange(rows)
+        for share in (1 + 1e-9, 1.5, 40.0):
+            exposure_rows = share * rows
+            result = of.equalize(seen, camera(exposure_rows), method=method)
+            np.testing.assert_allclose(result, seen.mean(), rtol=1e-13)
+        exposure_rows = rows * (1 - 1e-9)
+        ramp = of.equalize(seen, camera(exposure_rows), method=method)
+        np.testing.assert_allclose(ramp, seen + 0.125 * exposure_rows, rtol=1e-12)
+
+    @pytest.mark.parametrize("method", ["inverse", "wiener"])
     def test_light_close_to_the_smallest_number(self, method: Any) -> None:
         seen = 2.808444181528628e-148 * (np.arange(720) - 180)
         assert np.all(np.isfinite(of.equalize(seen, camera(360.0), method=method)))

@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -98,4 +99,23 @@ TEST_CASE("FSK: rows and amplitudes whose squares overflow are refused by name")
   for (std::size_t n = 0; n < kRows; ++n) rows[n] = 1e90 * near[n];
   CHECK(demodulator.demodulate(rows).symbol == 0);
   CHECK(demodulator.demodulate(rows).snr == doctest::Approx(demodulator.demodulate(near).snr));
+  std::ranges::fill(rows, 0.0);
+  rows[7] = 1e100;
+  CHECK_NOTHROW((void)demodulator.demodulate(rows, 1e100));
+}
+
+TEST_CASE("FSK: likelihoods are those of amplitudes over noise, in any unit") {
+  const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
+  const auto rows = rows_of(500, 1);
+  const auto one = demodulator.demodulate(rows);
+  for (const double unit : {1e-3, 1e3, 1e90}) {
+    CAPTURE(unit);
+    auto scaled = rows;
+    for (double& row : scaled) row *= unit;
+    const auto got = demodulator.demodulate(scaled);
+    CHECK(got.amplitude == doctest::Approx(unit * one.amplitude));
+    CHECK(got.noise == doctest::Approx(unit * one.noise));
+    for (std::size_t m = 0; m < kTones.size(); ++m)
+      CHECK(got.log_likelihoods[m] == doctest::Approx(one.log_likelihoods[m]).epsilon(1e-9));
+  }
 }

@@ -77,6 +77,17 @@ TEST_CASE("8b10b: runs of five chips at most, running disparity within one, word
   CHECK(first.size() == 256);
 }
 
+TEST_CASE("words that a code does not have are violations, however weak the light") {
+  const auto code = ocisac::LineCode::named("manchester");
+  for (const double llr : {1e-3, 0.5, 1.0, 40.0}) {
+    CAPTURE(llr);
+    const auto decoded = code.decode(std::vector<double>{-llr, llr, llr, -llr, llr, llr, -llr, -llr, 0, llr});
+    CHECK(decoded.violations == std::vector<std::uint8_t>{0, 0, 1, 1, 0});
+    CHECK(decoded.llr[0] == doctest::Approx(-2 * llr));
+    CHECK(decoded.llr[1] == doctest::Approx(2 * llr));
+  }
+}
+
 TEST_CASE("tables of 2, 4, 16 and 256 different words of one length are codes, others are refused") {
   for (const std::size_t count : {1, 2, 3, 4, 8, 16, 32, 255, 256}) {
     CAPTURE(count);
