@@ -50,7 +50,7 @@ ocisac_options options_of(FuzzedDataProvider& bytes) {
   options.block_bytes = bytes.ConsumeBool() ? 16 : bytes.ConsumeIntegral<std::uint32_t>() % 300;
   options.lengthened = bytes.ConsumeBool();
   options.want_gain = bytes.ConsumeBool();
-  options.want_data = bytes.ConsumeIntegral<std::uint8_t>() < 16;  // a search for chips takes longer than all else
+  options.want_data = bytes.ConsumeIntegral<std::uint8_t>() < 8;  // a search for chips takes longer than all else
   if (bytes.ConsumeBool())
     for (auto* value : {&options.region.x, &options.region.y, &options.region.width, &options.region.height})
       *value = bytes.ConsumeBool() ? bytes.ConsumeIntegral<std::uint8_t>() : bytes.ConsumeIntegral<std::uint32_t>();
@@ -93,6 +93,20 @@ Picture picture_of(FuzzedDataProvider& bytes) {
   return picture;
 }
 
+// With a stamp, mostly of usual values.
+int push(ocisac_receiver* receiver, const ocisac_frame& frame, FuzzedDataProvider& bytes) {
+  if (bytes.ConsumeBool()) return ocisac_push(receiver, &frame);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  ocisac_stamp stamp;
+  ocisac_stamp_init(&stamp);
+  const auto last = static_cast<double>(frame.number);
+  stamp.time = number(bytes, {nan, last / 30, 0, -1});
+  stamp.exposure = number(bytes, {nan, 40e-6, 50e-6, 1e-3});
+  stamp.gain = number(bytes, {nan, 1, 0.5, 8});
+  if (bytes.ConsumeIntegral<std::uint8_t>() == 1) stamp.size = bytes.ConsumeIntegral<std::uint16_t>();
+  return ocisac_push_stamped(receiver, &frame, &stamp);
+}
+
 void poll(ocisac_receiver* receiver) {
   ocisac_result result;
   ocisac_result_init(&result);
@@ -130,7 +144,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     }
     Picture picture = picture_of(bytes);
     picture.frame.number = bytes.ConsumeBool() ? calls : bytes.ConsumeIntegral<std::int64_t>();
-    check_code(ocisac_push(receiver.get(), &picture.frame));
+    check_code(push(receiver.get(), picture.frame, bytes));
     picture = {};  // freed before the result is read
     if (bytes.ConsumeBool()) poll(receiver.get());
   }
