@@ -56,6 +56,21 @@ def test_a_tone_in_a_texture_is_not_measured_in_silence(run, tmp_path):
     assert re.fullmatch("ocisac: warning: the tone is [0-9]+ dB below what else varies .*", err[0])
 
 
+@pytest.mark.parametrize("ambient", [0, 8, 40])
+def test_other_light_is_told_by_columns_of_a_lamp_that_fades_out(run, square, ambient):
+    """Without it there is no warning; with it the warning has its brightness, and the gain that theory gives."""
+    width = ("--lamp-width", 30, "--columns", 96, "--exposure", "400us", "--noise", 2, "--swing", 150)
+    for seed in range(4):
+        path = square(f"{seed}.png", *width, "--dark-level", 16 + ambient, "--seed", seed, "--force")
+        code, _, err = run("gain", path, "--frequency", "500Hz", "--waveform", "square", *TESTBED, "--dark-level", 16)
+        assert (code, len(err)) == (0, int(ambient > 0))
+        if ambient:
+            told = re.search(r"about ([0-9.]+) DN are other light .* the gain is ([0-9.]+)$", err[0])
+            assert told is not None
+            assert float(told[1]) == pytest.approx(ambient, abs=1)
+            assert float(told[2]) == pytest.approx(np.sinc(500 * 400e-6), rel=0.02)
+
+
 def test_the_testbed_needs_a_region(run, facts, tmp_path):
     scene = Path(__file__).parents[2] / "examples" / "testbed.toml"
     (made,) = facts("simulate", scene, "-o", tmp_path / "testbed.png")

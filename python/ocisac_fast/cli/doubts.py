@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import Any
 
@@ -16,6 +17,8 @@ _FEWEST_COLUMNS = 8
 _COHERENT = 0.5  # of 1: all columns in phase; texture: about 0
 _STILL = 0.995  # the same of the frames
 _FEWEST_FRAMES = 4
+_LARGE_SHARE = 0.05  # of the light
+_SURE = 10.0  # standard errors
 
 
 def warn_of_texture(frames: Frame, camera: Camera, frequency: float) -> None:
@@ -49,6 +52,34 @@ def warn_of_gain(facts: dict[str, Any], whole_picture: bool) -> bool:
         _warn(f"the tone is {-facts['snr_db']:.0f} dB below what else varies along the rows, which may resemble it")
         return True
     return False
+
+
+def warn_of_other_light(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> bool:
+    """Warn if a part of the light of (rows, columns) has no tone, and return True then; ``options`` of `tone_gain`.
+
+    A lamp that does not light all columns alike tells this: amplitudes over means are a line, through the origin if all
+    light is the lamp's. Light of other origin, or a dark level, moves it to the right.
+    """
+    from ocisac_fast.tones import tone_gain
+
+    found = tone_gain(columns, camera, frequency, **{**options, "pooled": False})
+    used = np.isfinite(found.gain_std) & (found.gain_std > 0.0) & (found.mean > 0.0)
+    if used.sum() < _FEWEST_COLUMNS:
+        return False
+    mean, weight = found.mean[used], 1.0 / (found.gain_std * found.mean)[used]
+    line, covariance = np.polyfit(mean, (found.gain * found.mean)[used], 1, w=weight, cov="unscaled")
+    slope, misses = line[0], weight * (found.gain[used] * mean - np.polyval(line, mean))
+    other = -line[1] / slope  # DN at which the amplitude is 0
+    scatter = max(1.0, float(misses @ misses) / (used.sum() - 2))
+    ratio = np.array([other, 1.0])
+    spread = math.sqrt(scatter * float(ratio @ covariance @ ratio)) / abs(slope)
+    if slope <= 0.0 or other < max(_SURE * spread, _LARGE_SHARE * float(np.average(mean, weights=weight**2))):
+        return False
+    _warn(
+        f"the gain rises with the light of the columns: about {other:.3g} DN are other light or a dark level "
+        f"(--background, --dark-level); without them the gain is {slope:.3g}"
+    )
+    return True
 
 
 def _resultant(phases: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:
