@@ -11,7 +11,11 @@ over after (dB), and the depth that texture gives for an absent light; the large
 energy of texture, after over before. For remove_bands, and for vertical blurs, which must fail. For a picture under
 mains light whose truth is known: PSNR after one gain for each colour.
 
-usage: bench/cleaning.py [--recordings FOLDER] [--picture FILE] [--json] [--quick] [--each] [--seeds N ...]
+--video: 1920 x 1080 frames of scenes over which the camera turns, cleaned one after the other (VideoCleaner): PSNR,
+that of every third frame cleaned alone, the stored one and that after FFmpeg's deflicker filter (one gain a frame), and
+processor time of the first frame and of those after it.
+
+usage: bench/cleaning.py [--recordings FOLDER] [--video] [--picture FILE] [--json] [--quick] [--each] [--seeds N ...]
 """
 
 from __future__ import annotations
@@ -19,12 +23,14 @@ from __future__ import annotations
 import argparse
 import json
 import pathlib
+import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from ocisac_fast import Camera, Chips, Tone, integrate_exposure, remove_bands
-from ocisac_fast.cleaning import Mark
+from ocisac_fast.cleaning import Mark, VideoCleaner
 
 ROWS, COLUMNS = 360, 480
 CAMERA = Camera(1e-5, exposure=1e-5)
@@ -41,13 +47,18 @@ def lights() -> dict[str, np.ndarray]:
     return {name: light / light.mean() for name, light in rows.items()}
 
 
+def clouds(rows: int, columns: int, random: np.random.Generator) -> np.ndarray:
+    """Smooth texture of all sizes, standard deviation 1."""
+    fy, fx = np.meshgrid(np.fft.fftfreq(rows), np.fft.rfftfreq(columns), indexing="ij")
+    size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / columns) ** 1.3
+    field = np.fft.irfft2(size * np.exp(2j * np.pi * random.random(size.shape)), (rows, columns))
+    return np.asarray(field / field.std())
+
+
 def albedo(kind: str, random: np.random.Generator) -> np.ndarray:
     """Reflectance of the scene."""
     if kind == "clouds":
-        fy, fx = np.meshgrid(np.fft.fftfreq(ROWS), np.fft.rfftfreq(COLUMNS), indexing="ij")
-        size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / COLUMNS) ** 1.3
-        field = np.fft.irfft2(size * np.exp(2j * np.pi * random.random(size.shape)), (ROWS, COLUMNS))
-        return np.clip(0.45 * np.exp(0.35 * field / field.std()), 0.03, 1.0)
+        return np.clip(0.45 * np.exp(0.35 * clouds(ROWS, COLUMNS, random)), 0.03, 1.0)
     picture = np.full((ROWS, COLUMNS), 0.8 if kind == "text" else 0.4)
     if kind == "boxes":
         for _ in range(60):
@@ -113,6 +124,95 @@ def measured_scene(light: np.ndarray, ground: str, lamp_kind: str, seed: int = 1
         "found": psnr(found, clean, kept),
         "given": psnr(given, clean, kept),
         "oracle": psnr(stored / np.maximum(left, 0.1), clean, kept),
+    }
+
+
+VIDEOS = (  # texture, lamp, rows per cycle, pixels a frame down and right
+    ("boxes", "part", 90, (0, 0)),
+    ("boxes", "part", 90, (3, 7)),
+    ("boxes", "part", 25, (1, 4)),
+    ("clouds", "spot", 90, (3, 7)),
+    ("boxes", "even", 90, (2, 3)),
+)
+
+
+def video(
+    ground: str, kind: str, period: float, speed: tuple[int, int], frames: int, seed: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Stored and clean frames and the light's factor: the camera turns over a scene and its lamp."""
+    random, rows, columns = np.random.default_rng(seed), 1080, 1920
+    height, width = rows + speed[0] * frames, columns + speed[1] * frames
+    picture = np.full((height, width), 0.4)
+    for _ in range(150):
+        top, left = random.integers(0, height - 20), random.integers(0, width - 20)
+        down, right = random.integers(16, rows // 3, 2)
+        picture[top : top + down, left : left + right] = random.uniform(0.06, 0.95)
+    if ground == "clouds":
+        picture = np.clip(0.45 * np.exp(0.35 * clouds(height, width, random)), 0.03, 1.0)
+    y, x = np.mgrid[:height, :width]
+    away = (x - 0.45 * columns) ** 2 + (y - 0.5 * rows) ** 2
+    modulated = {
+        "part": 6 + 84 / (1 + np.exp((x + 0.35 * y - 0.65 * columns) / 4)),
+        "spot": 6 + 90 * np.exp(-away / (2 * (0.3 * columns) ** 2)),
+        "even": np.full(picture.shape, 84.0),
+    }[kind]
+    for k in range(frames):
+        part = np.s_[speed[0] * k : speed[0] * k + rows, speed[1] * k : speed[1] * k + columns]
+        light = 1 + 0.9 * np.cos(2 * np.pi * (np.arange(rows) / period + 0.37 * k))
+        left = 1 + modulated[part] / (50 + modulated[part]) * (light[:, None] - 1)
+        clean = picture[part] * (50 + modulated[part])
+        read = clean * left + 1.5 * random.standard_normal(clean.shape)
+        yield np.clip(np.rint(read), 0, 255).astype(np.uint8), clean, left
+
+
+def deflickered(frames: list[np.ndarray]) -> list[np.ndarray]:
+    """FFmpeg's deflicker: every frame times one factor, so that the mean brightness stays."""
+    import av
+
+    graph = av.filter.Graph()
+    rows, columns = frames[0].shape
+    source = graph.add_buffer(width=columns, height=rows, format="gray", time_base="1/30")
+    steps = [source, graph.add("deflicker", "size=5"), graph.add("buffersink")]
+    graph.link_nodes(*steps).configure()
+    result = []
+    for k, frame in enumerate([*frames, None]):
+        picture = None if frame is None else av.VideoFrame.from_ndarray(frame, format="gray")
+        if picture is not None:
+            picture.pts = k
+        graph.push(picture)
+        while True:
+            try:
+                result.append(graph.pull().to_ndarray())
+            except (av.error.BlockingIOError, av.error.EOFError):
+                break
+    return result
+
+
+def measured_video(scene: tuple[Any, ...], frames: int, seed: int) -> dict[str, float]:
+    cleaner = VideoCleaner(CAMERA, level="mean")
+    stored, seconds, carried, alone, truths = [], [], [], [], []
+    for k, (read, clean, left) in enumerate(video(*scene, frames, seed)):
+        kept = (read < 255) & (left > 0.1)
+        begun = time.process_time()
+        picture = cleaner.push(read).frames
+        seconds.append(time.process_time() - begun)
+        carried.append(psnr(picture, clean, kept))
+        if k % 3 == 0:
+            alone.append(carried[-1] - psnr(remove_bands(read, CAMERA, level="mean").frames, clean, kept))
+        stored.append(read)
+        truths.append((clean, kept))
+    as_stored, even = (
+        np.mean([psnr(picture, *truth) for picture, truth in zip(pictures, truths, strict=True)])
+        for pictures in (stored, deflickered(stored))
+    )
+    return {
+        "stored": float(as_stored),
+        "deflicker": float(even),
+        "carried": float(np.mean(carried)),
+        "worst_over_alone": float(min(alone)),
+        "mean_over_alone": float(np.mean(alone)),
+        "first_s": seconds[0],
+        "after_s": float(np.mean(seconds[1:])),
     }
 
 
@@ -243,6 +343,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--recordings", type=pathlib.Path)
     parser.add_argument("--picture")
+    parser.add_argument("--video", action="store_true", help="videos alone")
+    parser.add_argument("--frames", type=int, default=18, help="of each video")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--quick", action="store_true", help="boxes alone")
     parser.add_argument("--each", action="store_true", help="print dB below the oracle for every scene")
@@ -250,6 +352,12 @@ def main() -> None:
         "--seeds", type=int, nargs="+", default=[1], help="seeds of texture and noise; results are averaged"
     )
     options = parser.parse_args()
+    if options.video:
+        for one in VIDEOS:
+            found = [measured_video(one, options.frames, seed) for seed in options.seeds]
+            values = {**means(found), "worst_over_alone": min(each["worst_over_alone"] for each in found)}
+            print(json.dumps({"video": one, **{key: round(value, 3) for key, value in values.items()}}), flush=True)
+        return
     report: dict[str, Any] = {"scenes": {}, "behind": {}, "recordings": {}}
     for name, light in lights().items():
         grounds = GROUNDS[1:2] if options.quick else GROUNDS

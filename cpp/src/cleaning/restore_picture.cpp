@@ -124,6 +124,8 @@ RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::siz
     places.push_back(place_in_blocks(column, shares.block_columns, across));
   RestoredPicture<Sample> result{std::vector<Sample>(stored.size()), std::vector<std::uint8_t>(stored.size()),
                                  std::vector<float>(stored.size())};
+  std::vector<std::uint8_t> is_saturated;
+  for (const double variance : table.variance) is_saturated.push_back(std::isfinite(variance) ? 0 : 1);
   std::vector<double> line(across);
   for (std::size_t row = 0; row < rows; ++row) {
     check_interrupt();
@@ -131,13 +133,13 @@ RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::siz
     const double* const above = &shares.share[between.before * across];
     const double* const below = &shares.share[between.after * across];
     for (std::size_t k = 0; k < across; ++k) line[k] = above[k] + between.weight * (below[k] - above[k]);
-    const double swing = to.rows[row] - 1;
+    const double swing = to.rows[row] - 1, rise = to.level - 1;
     for (std::size_t column = 0; column < columns; ++column) {
       const std::size_t i = row * columns + column;
       const Place& at = places[column];
       const double share = line[at.before] + at.weight * (line[at.after] - line[at.before]);
-      const double gain = (1 + share * (to.level - 1)) / std::max(1 + share * swing, min_left);
-      const bool saturated = !std::isfinite(table.variance[stored[i]]);
+      const double gain = (1 + share * rise) / std::max(1 + share * swing, min_left);
+      const bool saturated = is_saturated[stored[i]] != 0;
       const bool dark = !saturated && gain > to.max_gain;
       const double light = table.light[stored[i]] * std::min(gain, to.max_gain);
       result.picture[i] = saturated ? stored[i] : static_cast<Sample>(value_of(light));

@@ -7,3 +7,4 @@ from ocisac_fast.cleaning.bands import (
     remove_bands as remove_bands,
     subtract_still as subtract_still,
 )
+from ocisac_fast.cleaning.video import VideoCleaner as VideoCleaner

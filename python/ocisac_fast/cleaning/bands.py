@@ -165,12 +165,19 @@ def remove_bands(
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
     task = Task(model, keep, level, options or CleaningOptions())
-    stack = _stacked(frames, "frames", camera.scan_axis)
+    stack = stacked(frames, "frames", camera.scan_axis)
     given = None if light is None else _given_light(light, camera, start, stack.shape[:2], stack.shape[3])
     parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
     lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
-    done = [_clean(part, camera, None if lights is None else lights[k], task) for k, part in enumerate(parts)]
-    dimensions = np.ndim(frames)
+    done = [
+        finished(estimated(part, camera, None if lights is None else lights[k], task), task)
+        for k, part in enumerate(parts)
+    ]
+    return collected(done, camera, np.ndim(frames))
+
+
+def collected(done: list[Done], camera: Camera, dimensions: int) -> CleanedFrames:
+    """The results of all scenes, for an argument of ``dimensions`` dimensions."""
     pictures = np.concatenate([one.pictures for one in done])
     marks = np.concatenate([one.marks for one in done])
     shares = np.concatenate([one.shares for one in done])
@@ -216,7 +223,7 @@ def subtract_still(
     Raises:
         ValueError: a single frame without ``still``, or an argument of the wrong shape or type.
     """
-    stack = _stacked(frames, "frames", camera.scan_axis)
+    stack = stacked(frames, "frames", camera.scan_axis)
     light = linear_light(stack, camera)
     if still is not None:
         picture = as_frames(still, "still", camera.scan_axis, single=True)
@@ -237,7 +244,7 @@ def _mean_of_others(light: FloatArray, index: int, neighbours: int) -> FloatArra
     return np.asarray(light[others[:neighbours]].mean(axis=0))
 
 
-def _stacked(frames: npt.ArrayLike, name: str, scan_axis: str) -> npt.NDArray[Any]:
+def stacked(frames: npt.ArrayLike, name: str, scan_axis: str) -> npt.NDArray[Any]:
     """Return (frames, rows, columns, colours) in time order, of a type that the core reads."""
     stack = as_frames(frames, name, scan_axis)
     if np.ndim(frames) == 1 or stack.shape[1] < 8:
@@ -292,8 +299,19 @@ class Done:
     unchanged: str
 
 
-def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] | None, task: Task) -> Done:
-    """Clean frames (frames, rows, columns, colours) of one scene."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """Frames of one scene, the light of each row of each frame and colour, and its shares; verdicts as in `Done`."""
+
+    stored: StoredFrames
+    lights: list[list[RowLight]]
+    shares: list[BlockShares]
+    verdicts: list[Verdict]
+    unchanged: str
+
+
+def estimated(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] | None, task: Task) -> Estimate:
+    """Estimate the light in frames (frames, rows, columns, colours) of one scene."""
     stored = StoredFrames(stack, camera, task.options.noise, task.options.toe or 0.0)
     found = given or _lights(stored, camera, task.model)
     if task.options.toe is None and camera.tone_curve != "linear" and found[0][0].model == "chips":
@@ -304,8 +322,7 @@ def _clean(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] 
     rows = np.stack([[own.light for own in of_frame] for of_frame in found])  # (frames, colours, rows)
     shares = shares_of(stored, rows, smooth=all(own.model == "tone" for of_frame in found for own in of_frame))
     verdicts = [verdict_on(stored, k, rows[k], shares) for k in range(len(stack))]
-    unchanged = "" if given else mean_verdict(verdicts).objection
-    return finished(stored, found, shares, verdicts, unchanged, task)
+    return Estimate(stored, found, shares, verdicts, "" if given else mean_verdict(verdicts).objection)
 
 
 def _lights(stored: StoredFrames, camera: Camera, model: str) -> list[list[RowLight]]:
@@ -327,40 +344,41 @@ def shares_of(stored: StoredFrames, rows: FloatArray, *, smooth: bool) -> list[B
     return [BlockShares(share[..., c], height, width) for c in range(share.shape[2])]
 
 
-def verdict_on(stored: StoredFrames, frame: int, rows: FloatArray, shares: list[BlockShares]) -> Verdict:
-    """The verdict on one frame with the row light of each colour, ``rows`` (colours, rows)."""
+def verdict_on(
+    stored: StoredFrames,
+    frame: int,
+    rows: FloatArray,
+    shares: list[BlockShares],
+    columns: int = MAX_JUDGED_COLUMNS,
+    slow_bands: float | None = None,
+) -> Verdict:
+    """The verdict on one frame with the row light of each colour, ``rows`` (colours, rows), by so many columns."""
     light, variance = stored.light[frame], stored.variance[frame]
-    every = max(1, light.shape[1] // MAX_JUDGED_COLUMNS)
+    every = max(1, light.shape[1] // columns)
     verdicts = []
     for colour, own in enumerate(shares):
         down = np.arange(light.shape[0]) // own.rows
         across = np.arange(0, light.shape[1], every) * stored.merged // own.columns
         thin = light[:, ::every, colour], variance[:, ::every, colour]
-        verdicts.append(judged(*thin, rows[colour], own.share[np.ix_(down, across)]))
+        verdicts.append(judged(*thin, rows[colour], own.share[np.ix_(down, across)], slow_bands))
     return mean_verdict(verdicts)
 
 
-def finished(
-    stored: StoredFrames,
-    found: list[list[RowLight]],
-    shares: list[BlockShares],
-    verdicts: list[Verdict],
-    unchanged: str,
-    task: Task,
-) -> Done:
+def finished(found: Estimate, task: Task) -> Done:
     """Restore every frame and colour."""
+    stored, shares = found.stored, found.shares
     stack = stored.stack
-    if unchanged:
+    if found.unchanged:
         shares = [replace(own, share=np.zeros_like(own.share)) for own in shares]
     pictures, marks = np.empty_like(stack), np.empty(stack.shape, np.uint8)
     each = np.empty(stack.shape, np.float32)
     for colour, own in enumerate(shares):
-        for k, of_frame in enumerate(found):
+        for k, of_frame in enumerate(found.lights):
             one = _restored(stored, k, colour, own, of_frame[colour], task)
             pictures[k, ..., colour], marks[k, ..., colour], each[k, ..., colour] = one
-    if unchanged and task.keep == "picture":
+    if found.unchanged and task.keep == "picture":
         pictures = stack.copy()
-    return Done(pictures, marks, each, found, stored.toe, verdicts, unchanged)
+    return Done(pictures, marks, each, found.lights, stored.toe, found.verdicts, found.unchanged)
 
 
 def _restored(

@@ -32,8 +32,14 @@ def merged(values: FloatArray, count: int) -> FloatArray:
 class Columns:
     """A picture in at most 192 bundles of columns, and least-squares estimates of its row light."""
 
-    def __init__(self, light: FloatArray, variance: FloatArray) -> None:
+    def __init__(self, light: FloatArray, variance: FloatArray, share: FloatArray | None = None) -> None:
+        """``share``: of the light in each column, where it is known."""
         self.light, self.variance = _bundled(light, variance)
+        self._share = None
+        if share is not None:
+            width = -(-len(share) // self.light.shape[1])
+            starts = np.arange(0, len(share), width)
+            self._share = np.add.reduceat(share, starts) / np.diff(np.append(starts, len(share)))
 
     def refined(
         self, rows: FloatArray, basis: FloatArray | None = None, deviation: float = np.inf, steps: int = 6
@@ -58,6 +64,8 @@ class Columns:
         return misfit(self.light / left, self.variance / left**2, lag)
 
     def _share_of_columns(self, rows: FloatArray) -> FloatArray:
+        if self._share is not None:
+            return self._share
         lit = np.maximum(rows, 0.0)[None]
         count = block_rows(len(rows), _core.comparison_lag(lit))
         light, variance = (merged(values, count) for values in (self.light, self.variance / count))

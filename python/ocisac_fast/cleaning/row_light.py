@@ -60,10 +60,11 @@ def _tone_of_colour(picture: Columns, of_group: RowLight, frequency: float, row_
     assert of_group.tone is not None
     own = with_frequency(picture, of_group.tone, frequency, row_time)
     agrees = np.corrcoef(own.light, of_group.light)[0, 1] > _AGREEMENT
-    return of_group if agrees else _row_light_of(own)
+    return of_group if agrees else row_light_of(own)
 
 
-def _row_light_of(tone: ToneLight) -> RowLight:
+def row_light_of(tone: ToneLight) -> RowLight:
+    """The light of the rows under a tone."""
     return RowLight(tone.light, float(tone.light.max()), "tone", tone.frequency, tone)
 
 
@@ -79,7 +80,7 @@ def find_row_light(picture: Columns, camera: Camera, model: str) -> RowLight:
         if kind == "tone":
             tone = tone_light(picture, rows, weight, camera.row_period, enough)
             if tone is not None:
-                return _row_light_of(tone)
+                return row_light_of(tone)
         else:
             chips = chip_light(picture, rows, weight, camera.row_period, always=model == "chips")
             if chips is not None:

@@ -37,19 +37,22 @@ class StoredFrames:
         light, variance: (frames, rows, merged columns, colours) linear light and its noise variance, infinite where
             all pixels are saturated.
         merged: number of columns in each mean.
+        white: light of a white pixel.
+        noise: standard deviation of a pixel, DN.
+        toe: of the tone curve.
     """
 
     def __init__(self, stack: Stack, camera: Camera, noise: float | None, toe: float) -> None:
         self.stack, self._camera = stack, camera
         self.white = white_level(camera, stack.dtype) - camera.dark_level
-        self._noise = noise_of(stack) if noise is None else noise
+        self.noise = noise_of(stack) if noise is None else noise
         self.merged = min(-(-stack[0, ..., 0].size // _SUMS), _MAX_MERGED)
         self.set_toe(toe)
 
     def set_toe(self, toe: float) -> None:
         """Convert with another toe of the tone curve."""
         self.toe = toe
-        self._table = _table(self.stack.dtype, self._camera, self._noise, toe, self.white)
+        self._table = _table(self.stack.dtype, self._camera, self.noise, toe, self.white)
         frames, _, _, colours = self.stack.shape
         sums = [[self._sums(self.stack[k, ..., c]) for c in range(colours)] for k in range(frames)]
         self.light, self.variance = (
@@ -64,7 +67,7 @@ class StoredFrames:
         return merged(*self._of_floats(stored), self.merged, axis=1)
 
     def _of_floats(self, stored: Stack) -> tuple[FloatArray, FloatArray]:
-        variance = (self._noise * light_per_step(stored, self._camera)) ** 2
+        variance = (self.noise * light_per_step(stored, self._camera)) ** 2
         variance[stored >= saturation_level(self._camera, stored.dtype)] = np.inf
         return with_toe(linear_light(stored, self._camera), variance, self.toe, self.white)
 
@@ -161,14 +164,25 @@ def merged(light: FloatArray, variance: FloatArray, count: int, axis: int) -> tu
     """Means of ``count`` neighbours along an axis that are not saturated, and their variance."""
     if count == 1:
         return light, variance
-    starts = np.arange(0, light.shape[axis], count)
     known = np.isfinite(variance)
+    if known.all():
+        size = _sums(np.ones(light.shape[axis]), count, 0).reshape(-1, *[1] * (light.ndim - 1 - axis))
+        return _sums(light, count, axis) / size, _sums(variance, count, axis) / size**2
     number, value, spread = (
-        np.add.reduceat(part, starts, axis=axis)
+        _sums(part, count, axis)
         for part in (known.astype(float), np.where(known, light, 0.0), np.where(known, variance, 0.0))
     )
     some = np.maximum(number, 1.0)
     return value / some, np.where(number > 0, spread / some**2, np.inf)
+
+
+def _sums(values: FloatArray, count: int, axis: int) -> FloatArray:
+    """Sums of ``count`` neighbours along an axis, by slices, which are long; the last sum has what is left."""
+    every = [values[(slice(None),) * axis + (slice(k, None, count),)] for k in range(min(count, values.shape[axis]))]
+    total = every[0].copy()
+    for part in every[1:]:
+        total[(slice(None),) * axis + (slice(part.shape[axis]),)] += part
+    return total
 
 
 def noise_of(stack: Stack) -> float:

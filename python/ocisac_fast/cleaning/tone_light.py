@@ -10,6 +10,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, slow_terms
 from ocisac_fast.core.flags import Flag
 
+_STEPS_TO_FOLLOW = 10  # of the fit to another frame, with known shares
 _MUCH_LIKELIER = 0.01  # min. decrease of the misfit
 
 
@@ -56,6 +57,14 @@ def with_frequency(picture: Columns, tone: ToneLight, frequency: float, row_time
     return ToneLight(_fully_modulated(basis[:, 1:] @ fitted[1:]), frequency, tone.harmonics)
 
 
+def followed(picture: Columns, tone: ToneLight, row_time: float) -> ToneLight:
+    """The tone in another frame, of any phase; its frequency, one Gauss-Newton step from that of ``tone``."""
+    light, frequency = _tone_of_picture(
+        picture, np.ones_like(tone.light), tone.harmonics, tone.frequency * row_time, steps=_STEPS_TO_FOLLOW
+    )
+    return ToneLight(light, frequency / row_time, tone.harmonics)
+
+
 def _likeliest(
     picture: Columns, all_of_rows: FloatArray, fundamental: FloatArray, harmonics: int, frequency: float
 ) -> ToneLight:
@@ -95,14 +104,16 @@ def _harmonics(rows: int, harmonics: int, frequency: float) -> FloatArray:
     return np.concatenate([np.cos(cycles), np.sin(cycles)], axis=1)
 
 
-def _tone_of_picture(picture: Columns, light: FloatArray, harmonics: int, frequency: float) -> tuple[FloatArray, float]:
+def _tone_of_picture(
+    picture: Columns, light: FloatArray, harmonics: int, frequency: float, steps: int = 24
+) -> tuple[FloatArray, float]:
     """Fit the tone to the picture, and its frequency f by one Gauss-Newton step; d/df is proportional to t."""
     rows = len(light)
     periodic = _periodic_basis(rows, harmonics, frequency)
     half, time = periodic.shape[1] // 2, np.arange(rows) - 0.5 * (rows - 1)
     drift = time[:, None] * periodic[:, [1, 1 + half]] / rows
     basis = np.concatenate([periodic, drift], axis=1)
-    fitted = np.linalg.lstsq(basis, picture.refined(light, basis, steps=24)[0], rcond=None)[0]
+    fitted = np.linalg.lstsq(basis, picture.refined(light, basis, steps=steps)[0], rcond=None)[0]
     cosine, sine = fitted[1], fitted[1 + half]
     change = (fitted[-2] * sine - fitted[-1] * cosine) / (2 * np.pi * rows * max(cosine**2 + sine**2, 1e-300))
     if abs(change) * rows > 0.25:  # cycles: outside the range of a linear step

@@ -57,10 +57,12 @@ class Verdict:
         return ""
 
 
-def judged(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray) -> Verdict:
+def judged(
+    light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray, slow_bands: float | None = None
+) -> Verdict:
     """Compare one colour (rows, columns) of linear light before and after division by its row light with its shares.
 
-    ``variance``: of the noise before, infinite for pixels without data.
+    ``variance``: of the noise before, infinite for pixels without data; ``slow_bands``: where they are known.
     """
     before = light
     left = np.maximum(1 + share * (rows[:, None] - 1), _MIN_LEFT)
@@ -76,13 +78,15 @@ def judged(light: FloatArray, variance: FloatArray, rows: FloatArray, share: Flo
     swings, swings_left = course.T @ first, course.T @ second
     energy = float((swings**2).sum())
     mean = swings.mean(axis=1)
+    if slow_bands is None:
+        slow_bands = _slow_bands(np.log(np.maximum(second, 0.0) + _FLOOR * max(float(second.mean()), 1e-300)))
     return Verdict(
         light_left=float(np.sqrt((swings_left**2).sum() / energy)) if energy > 0 else 0.0,
         texture_change=_decibels(_texture(after, kept), _texture(before, kept)),
         gain=whole[0] - whole[1],
         worse=float(np.mean(grown)),
         level=float(mean @ mean) * swings.shape[1] / energy if energy > 0 else 1.0,
-        slow_bands=_slow_bands(np.log(np.maximum(second, 0.0) + _FLOOR * max(float(second.mean()), 1e-300))),
+        slow_bands=slow_bands,
         energy=energy,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -15,6 +15,9 @@ from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame
+
+if TYPE_CHECKING:
+    from ocisac_fast.cleaning import VideoCleaner
 
 _HEADER = (
     "frame", "light", "frequency or chip rate", "share", "toe", "saturated", "too dark", "light left", "texture",
@@ -42,6 +45,7 @@ _HEADER = (
 )
 @click.option("--fill", is_flag=True, help="Interpolate pixels that are too dark to restore.")
 @click.option("--still", is_flag=True, help="Static scene: clean all frames together.")
+@click.option("--each", is_flag=True, help="Clean every frame of a video by itself: slower, nothing is carried on.")
 @click.option(
     "--max-gain", type=float, default=8.0, show_default=True, help="Rows that need a larger gain are too dark."
 )
@@ -61,19 +65,21 @@ def clean(
     max_gain: float,
     fill: bool,
     toe: float | None,
+    each: bool,
     **options: Any,
 ) -> None:
     """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
     OUT is .png, .jpg, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
-    is measured; a frame that cleaning would make worse stays as it is, and the reason is printed.
+    is measured; a frame that cleaning would make worse stays as it is, and the reason is printed. In a video the light
+    is carried from frame to frame; a video written as a video keeps its sound and time stamps.
     """
     from ocisac_fast.cleaning import CleaningOptions
 
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
-    cleaner = _Cleaner(picture, marks is not None, options)
     with open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream:
+        cleaner = _Cleaner(picture, marks is not None, stream.kind == "video" and not each, options)
         shown = progress(stream, "cleaning", stream.frame_count)
         rate = stream.frame_rate
         frames = cleaner.frames(shown, lambda first: _camera(picture, stream.response, rate, first))
@@ -99,12 +105,14 @@ def _camera(picture: PictureOptions, response: Any, rate: float | None, first: F
 class _Cleaner:
     """Cleans frames in stored order; collects the results."""
 
-    def __init__(self, picture: PictureOptions, mark: bool, options: dict[str, Any]) -> None:
+    def __init__(self, picture: PictureOptions, mark: bool, carries: bool, options: dict[str, Any]) -> None:
         self.facts: list[dict[str, Any]] = []
         self.marks: list[Frame] = []
         self._picture = picture
         self._mark = mark
+        self._carries = carries
         self._options = options
+        self._video: VideoCleaner | None = None
 
     def frames(self, stored: Iterable[Frame], camera_of: Any) -> Iterator[Frame]:
         camera: Camera | None = None
@@ -124,9 +132,14 @@ class _Cleaner:
             yield from self._cleaned(waiting, camera)
 
     def _cleaned(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
-        from ocisac_fast.cleaning import Mark, remove_bands
+        from ocisac_fast.cleaning import Mark, VideoCleaner, remove_bands
 
-        done = remove_bands(stack(views), camera, **self._options)
+        if self._carries and not self._options["still"]:
+            options = {name: value for name, value in self._options.items() if name != "still"}
+            self._video = self._video or VideoCleaner(camera, **options)
+            done = self._video.push(stack(views))
+        else:
+            done = remove_bands(stack(views), camera, **self._options)
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
             self.facts.append(
                 self._picture.in_units(

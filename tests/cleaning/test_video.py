@@ -1,0 +1,159 @@
+"""Frames of a video cleaned one after the other: light and shares are carried on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from ocisac_fast import Camera, remove_bands
+from ocisac_fast.cleaning import VideoCleaner
+from ocisac_fast.cleaning.motion import displacement, moved
+
+Array = npt.NDArray[np.float64]
+ROWS, COLUMNS, FRAMES = 320, 400, 10
+CAMERA = Camera(1e-5)
+PERIOD, STEP = 37.3, 0.37  # rows per cycle; cycles from frame to frame
+
+
+def albedo(seed: int, rows: int, columns: int) -> Array:
+    random = np.random.default_rng(seed)
+    picture = np.full((rows, columns), 0.4)
+    for _ in range(80):
+        top, left = random.integers(0, rows - 20), random.integers(0, columns - 20)
+        height, width = random.integers(8, 90, 2)
+        picture[top : top + height, left : left + width] = random.uniform(0.1, 0.9)
+    return picture
+
+
+def shown(light: Array, picture: Array, lamp: Array, seed: int) -> tuple[npt.NDArray[np.uint8], Array]:
+    clean = picture * (50 + lamp)
+    read = clean + picture * lamp * (light[:, None] - 1)
+    read += 1.5 * np.random.default_rng(seed).standard_normal(read.shape)
+    return np.clip(np.rint(read), 0, 255).astype(np.uint8), clean
+
+
+def video(
+    seed: int, speed: tuple[float, float], lamp: str = "part", frames: int = FRAMES
+) -> Iterator[tuple[npt.NDArray[np.uint8], Array]]:
+    """Stored and clean frames; the camera turns by ``speed`` pixels a frame over a scene lit in part."""
+    margin = int(max(speed) * frames) + 1
+    picture = albedo(seed, ROWS + margin, COLUMNS + margin)
+    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    lit = {"part": 6 + 84 / (1 + np.exp((x + 0.35 * y - 0.65 * COLUMNS) / 3)), "even": np.full(picture.shape, 70.0)}
+    for k in range(frames):
+        light = 1 + 0.9 * np.cos(2 * np.pi * (np.arange(ROWS) / PERIOD + STEP * k))
+        part = np.s_[int(speed[0] * k) :, int(speed[1] * k) :]
+        yield shown(light, picture[part][:ROWS, :COLUMNS], lit[lamp][part][:ROWS, :COLUMNS], 100 * seed + k)
+
+
+def psnr(picture: npt.NDArray[np.uint8], clean: Array) -> float:
+    return float(10 * np.log10(255**2 / np.mean((picture - clean) ** 2)))
+
+
+@pytest.mark.parametrize("speed", [(0.0, 0.0), (1.0, 4.0), (3.0, 7.0)])
+@pytest.mark.parametrize("lamp", ["part", "even"])
+def test_frames_are_as_good_as_cleaned_alone(speed: tuple[float, float], lamp: str) -> None:
+    cleaner, behind = VideoCleaner(CAMERA, level="mean"), []
+    for stored, clean in video(11, speed, lamp):
+        done = cleaner.push(stored)
+        assert done.unchanged == ("",)
+        assert done.model == ("tone",)
+        behind.append(psnr(remove_bands(stored, CAMERA, level="mean").frames, clean) - psnr(done.frames, clean))
+    assert max(behind) < 0.3
+    assert abs(behind[0]) == 0.0
+    frequency = float(done.frequency[0])
+    assert abs(frequency - 1e5 / PERIOD) < 1e-3 * frequency
+
+
+def test_the_frequency_becomes_more_precise() -> None:
+    errors = []
+    for seed in range(4):
+        cleaner = VideoCleaner(CAMERA)
+        found = [float(cleaner.push(stored).frequency[0]) for stored, _ in video(seed, (0.0, 0.0), "even", 8)]
+        errors.append([abs(found[k] - 1e5 / PERIOD) for k in (0, -1)])
+    first, last = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert last < first
+
+
+def test_colours_keep_lights_of_their_own() -> None:
+    row = np.arange(ROWS)
+    phases = np.radians([0.0, 25.0, -30.0])
+    cleaner = VideoCleaner(CAMERA, level="mean")
+    picture = np.stack([albedo(seed, ROWS, COLUMNS) for seed in (1, 1, 2)], axis=-1)
+    for k in range(4):
+        lights = [1 + 0.8 * np.cos(2 * np.pi * (row / PERIOD + STEP * k) + phase) for phase in phases]
+        both = [shown(light, picture[..., c], np.full((ROWS, COLUMNS), 60.0), k) for c, light in enumerate(lights)]
+        stored, clean = (np.stack([one[part] for one in both], axis=-1) for part in (0, 1))
+        done = cleaner.push(stored[None])
+        assert done.frames.shape == (1, ROWS, COLUMNS, 3)
+        assert done.light.shape == (1, ROWS, 3)
+        found = np.exp(-2j * np.pi * row / PERIOD) @ (done.light[0] - 1)
+        turned = np.angle(found * np.exp(-1j * (phases + 2 * np.pi * STEP * k)))
+        np.testing.assert_allclose(turned, 0, atol=np.radians(5))
+        assert psnr(done.frames[0], clean) > 38
+
+
+def test_another_scene_and_a_light_that_goes_out() -> None:
+    cleaner = VideoCleaner(CAMERA, level="mean")
+    frames = [one for seed in (1, 2) for one in list(video(seed, (0.0, 2.0)))[:4]]
+    for stored, clean in frames:
+        assert psnr(cleaner.push(stored).frames, clean) > psnr(stored, clean) + 10
+    dark, _ = shown(np.ones(ROWS), albedo(2, ROWS, COLUMNS), np.full((ROWS, COLUMNS), 6.0), 5)
+    done = cleaner.push(dark)
+    assert done.unchanged[0]
+    np.testing.assert_array_equal(done.frames, dark)
+    stored, clean = frames[-1]
+    again = cleaner.push(stored)
+    np.testing.assert_array_equal(again.frames, remove_bands(stored, CAMERA, level="mean").frames)
+
+
+def test_frames_of_another_size_begin_again() -> None:
+    cleaner = VideoCleaner(CAMERA)
+    (stored, _), *_ = video(3, (0.0, 0.0))
+    cleaner.push(stored)
+    np.testing.assert_array_equal(cleaner.push(stored[:200]).frames, remove_bands(stored[:200], CAMERA).frames)
+    cleaner.push(stored)
+    cleaner.forget()
+    np.testing.assert_array_equal(cleaner.push(stored).frames, remove_bands(stored, CAMERA).frames)
+    with pytest.raises(ValueError, match="frame: got 2 frames, allowed: one"):
+        cleaner.push(np.stack([stored, stored]))
+    with pytest.raises(ValueError, match="model: got 'sawtooth'"):
+        VideoCleaner(CAMERA, model="sawtooth")  # type: ignore[arg-type]
+
+
+def test_a_chip_light_is_found_in_every_frame() -> None:
+    bits = np.random.default_rng(5).integers(0, 2, 400).astype(float)
+    picture, lamp = albedo(4, ROWS, COLUMNS), np.full((ROWS, COLUMNS), 70.0)
+    cleaner = VideoCleaner(CAMERA, level="mean")
+    for k in range(3):
+        fine = bits[((np.arange(4 * ROWS) / 4 + 500 * k) / 6.2).astype(int)]
+        light = fine.reshape(ROWS, 4).mean(axis=1)
+        stored, clean = shown(light / light.mean(), picture, lamp, k)
+        done = cleaner.push(stored)
+        alone = remove_bands(stored, CAMERA, level="mean")
+        assert done.model == alone.model == ("chips",)
+        assert psnr(done.frames, clean) > psnr(alone.frames, clean) - 0.3
+
+
+@pytest.mark.parametrize("way", [(0.0, 0.0), (0.4, -0.3), (2.3, 5.6), (-7.2, 11.4)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_displacements_are_found(way: tuple[float, float], seed: int) -> None:
+    size = np.hypot(*np.meshgrid(np.fft.fftfreq(260), np.fft.fftfreq(300), indexing="ij"))
+    noise = np.fft.fft2(np.random.default_rng(seed).standard_normal(size.shape))
+    whole = noise * np.maximum(size, 0.01) ** -1.2 * np.exp(-30 * size**2)
+    turn = np.exp(-2j * np.pi * (np.fft.fftfreq(260)[:, None] * way[0] + np.fft.fftfreq(300) * way[1]))
+    before, after = (
+        0.3 * part / part.std() for part in (np.fft.ifft2(values).real for values in (whole, whole * turn))
+    )
+    part = np.s_[60:200, 60:240]
+    ways = displacement(before[part], after[part])
+    inner = np.s_[15:-15, 15:-15]
+    for found, true in zip(ways, way, strict=True):
+        assert abs(found[inner].mean() - true) < 0.05
+        assert found[inner].std() < 0.3
+    if way != (0.0, 0.0):
+        left = (moved(before[part], ways) - after[part])[inner]
+        assert left.std() < 0.3 * (before[part] - after[part])[inner].std()
