@@ -146,7 +146,7 @@ cpp-build: build
 
 cpp-test: cpp-build
 	@echo '==> C++ tests'
-	@ctest --test-dir $(build) --output-on-failure
+	@ctest --test-dir $(build) -j $(JOBS) --output-on-failure
 
 lint: build $(VENV)/.requirements-lint
 	@scripts/system-packages lint

@@ -241,6 +241,18 @@ def test_the_package_does_without_dask(monkeypatch):
         pass
 
 
+def test_without_semaphores_one_process_does_the_work_and_says_so(monkeypatch):
+    def refused(*_):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("ocisac_fast.batch.engines.multiprocessing.get_context", refused)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1}, raising=False)
+    with pytest.warns(UserWarning, match="one recording after another: no semaphores"), cluster() as client:
+        assert client is None
+    with pytest.raises(ClusterError, match=r"workers: no semaphores .*Read-only"), cluster(workers=2):
+        pass
+
+
 def test_version_error_and_cluster_error_survive_the_way_to_the_client():
     for kind in (VersionError, ClusterError):
         error = distributed.protocol.deserialize(*distributed.protocol.serialize(kind("one line")))

@@ -8,10 +8,12 @@ import importlib
 import importlib.metadata
 import json
 import logging
+import multiprocessing
 import os
 import queue
 import time
 import uuid
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -146,19 +148,29 @@ def _require_same_version(client: Any) -> None:
             raise VersionError(f"ocisac_fast: worker {worker} has {has}, this process {here}; allowed: the same")
 
 
+def _missing_semaphores() -> str | None:
+    """The reason if worker processes cannot be started: they share semaphores, which need /dev/shm."""
+    try:
+        multiprocessing.get_context("spawn").Lock()
+    except (OSError, ImportError) as error:
+        return f"no semaphores between processes here, is /dev/shm writable? ({error})"
+    return None
+
+
 @contextlib.contextmanager
 def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iterator[Any | None]:
     """A Dask client: of a running scheduler, or of workers started on this machine, a process for each processor.
 
     Args:
         scheduler: address (``tcp://host:8786``) or scheduler file; None: this machine.
-        workers: number of worker processes; None: one for each processor, none where Dask is not installed; 0: none.
+        workers: number of worker processes; None: one for each processor, none where Dask is not installed or processes
+            have no semaphores; 0: none.
 
     Yields:
         ``distributed.Client``; None: the calling process does the work.
 
     Raises:
-        ClusterError: no such scheduler, or Dask is needed and not installed.
+        ClusterError: no such scheduler, or what is needed is missing here: Dask, semaphores.
     """
     count = len(os.sched_getaffinity(0)) if workers is None and hasattr(os, "sched_getaffinity") else workers
     count = os.cpu_count() or 1 if count is None else count
@@ -171,6 +183,13 @@ def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iter
     except ModuleNotFoundError as error:
         if wanted:
             raise ClusterError("Dask: not installed: pip install 'ocisac-fast[dask]'") from error
+        yield None
+        return
+    missing = _missing_semaphores() if scheduler is None else None
+    if missing is not None:
+        if wanted:
+            raise ClusterError(f"workers: {missing}")
+        warnings.warn(f"one recording after another: {missing}", stacklevel=3)
         yield None
         return
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
