@@ -126,8 +126,8 @@ HWY_INLINE void product_tile(const T* matrix, std::size_t inputs, const T* in, T
     for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[i][v], d, out + v * lanes);
 }
 
-// The columns' inputs are copied next to each other: rows of a block, a power of two apart, would evict one another
-// from the first-level cache.
+// The columns' inputs are copied next to each other, unless they are: rows of a block, a power of two apart, would
+// evict one another from the first-level cache.
 template <std::size_t kVectors, class T>
 HWY_INLINE void product_columns(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,
                                 std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride) {
@@ -135,14 +135,22 @@ HWY_INLINE void product_columns(const T* matrix, std::size_t outputs, std::size_
   const hn::ScalableTag<T> d;
   const std::size_t width = kVectors * hn::Lanes(d);
   thread_local std::vector<T> packed;  // reused from call to call
-  packed.resize(inputs * width);
-  for (std::size_t j = 0; j < inputs; ++j)
-    std::copy_n(in + static_cast<std::ptrdiff_t>(j) * stride, width, &packed[j * width]);
+  if (stride != static_cast<std::ptrdiff_t>(width)) {
+    packed.resize(inputs * width);
+    for (std::size_t j = 0; j < inputs; ++j)
+      std::copy_n(in + static_cast<std::ptrdiff_t>(j) * stride, width, &packed[j * width]);
+    in = packed.data();
+  }
   const auto row = [&](std::size_t i) { return out + static_cast<std::ptrdiff_t>(i) * out_stride; };
   std::size_t i = 0;
   for (; i + kOutputs <= outputs; i += kOutputs)
-    product_tile<kOutputs, kVectors>(matrix + i * inputs, inputs, packed.data(), row(i), out_stride);
-  for (; i < outputs; ++i) product_tile<1, kVectors>(matrix + i * inputs, inputs, packed.data(), row(i), out_stride);
+    product_tile<kOutputs, kVectors>(matrix + i * inputs, inputs, in, row(i), out_stride);
+  const auto rest = [&]<std::size_t kRest>() {
+    if (outputs - i == kRest) product_tile<kRest, kVectors>(matrix + i * inputs, inputs, in, row(i), out_stride);
+  };
+  rest.template operator()<1>();
+  rest.template operator()<2>();
+  rest.template operator()<3>();
 }
 
 template <class T>

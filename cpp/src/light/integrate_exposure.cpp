@@ -1,7 +1,6 @@
 #include "ocisac/light/integrate_exposure.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -55,25 +54,61 @@ DoubleDouble frame_start(const Camera& camera, double start, std::int64_t frame)
   return exact_product(static_cast<double>(frame), *camera.frame_time) + DoubleDouble{start, 0};
 }
 
+// Row numbers as factors of the row time, and the first and the last of them.
+class RowNumbers {
+ public:
+  explicit RowNumbers(std::span<const std::int64_t> rows) : values_(rows.size()) {
+    require(!rows.empty(), "rows", "none", "at least one row");
+    std::int64_t first = rows.front(), last = first;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      first = rows[i] < first ? rows[i] : first;
+      last = rows[i] > last ? rows[i] : last;
+      values_[i] = static_cast<double>(rows[i]);
+    }
+    require(first >= -kMaxRow, "rows", first, "from -2^52 to 2^52");
+    require(last <= kMaxRow, "rows", last, "from -2^52 to 2^52");
+    first_ = static_cast<double>(first);
+    last_ = static_cast<double>(last);
+  }
+
+  void integrate(const Waveform& waveform, const Camera& camera, double start, std::int64_t frame,
+                 std::span<double> out) const {
+    const TimeLine line{frame_start(camera, start, frame), camera.row_time};
+    const Light light(waveform, {line, known_exposure(camera, "the light that it collects"), first_, last_});
+    for (std::size_t i = 0; i < values_.size(); i += kBlock) {
+      check_interrupt();
+      const std::size_t size = std::min(kBlock, values_.size() - i);
+      light.fill(std::span(values_).subspan(i, size), out.subspan(i, size));
+    }
+  }
+
+ private:
+  std::vector<double> values_;
+  double first_ = 0, last_ = 0;
+};
+
 }  // namespace
 
 void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
                         double start, std::int64_t frame, std::span<double> out) {
   check(camera);
-  require(!rows.empty(), "rows", "none", "at least one row");
+  const RowNumbers numbers(rows);
   require_one_each(rows.size(), out.size());
-  const auto [first, last] = std::minmax_element(rows.begin(), rows.end());
-  require(*first >= -kMaxRow, "rows", *first, "from -2^52 to 2^52");
-  require(*last <= kMaxRow, "rows", *last, "from -2^52 to 2^52");
-  const TimeLine line{frame_start(camera, start, frame), camera.row_time};
-  const Light light(waveform, {line, known_exposure(camera, "the light that it collects"), static_cast<double>(*first),
-                               static_cast<double>(*last)});
-  std::array<double, kBlock> x;
-  for (std::size_t i = 0; i < rows.size(); i += kBlock) {
-    check_interrupt();
-    const auto block = rows.subspan(i, std::min(kBlock, rows.size() - i));
-    std::transform(block.begin(), block.end(), x.begin(), [](std::int64_t row) { return static_cast<double>(row); });
-    light.fill({x.data(), block.size()}, out.subspan(i, block.size()));
+  numbers.integrate(waveform, camera, start, frame, out);
+}
+
+void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
+                        double start, std::span<const std::int64_t> frames, const FramesView<double>& out) {
+  if (frames.empty()) return;
+  check(camera);
+  const RowNumbers numbers(rows);
+  require(out.rows == frames.size() && out.columns == rows.size(), "out", "another shape",
+          "one value for each frame and row");
+  std::vector<double> buffer(out.column_stride == 1 ? 0 : rows.size());
+  for (std::size_t j = 0; j < frames.size(); ++j) {
+    const std::span<double> means = buffer.empty() ? std::span(out.at(0, j, 0), rows.size()) : std::span(buffer);
+    numbers.integrate(waveform, camera, start, frames[j], means);
+    for (std::size_t i = 0; i < buffer.size(); ++i) out(0, j, i) = buffer[i];
   }
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include "light/waveform_kernels.hpp"
@@ -160,12 +161,6 @@ class SquareElement final : public WaveformElement {
 
 double difference(DoubleDouble a, DoubleDouble b) { return (a.high - b.high) + (a.low - b.low); }
 
-struct Cell {
-  double value;         // at its beginning
-  double slope;         // per cell
-  DoubleDouble before;  // light of all cells before it, in cells
-};
-
 // Light of a cell above its straight line: height·exp(−u/time), u cells after its beginning.
 struct Decay {
   double height = 0;
@@ -177,27 +172,43 @@ struct Decay {
 };
 
 struct Cells {
-  std::vector<Cell> cells;
-  std::vector<Decay> decays;  // one a cell, or none
-  DoubleDouble total;
+  std::vector<double> values, slopes;                 // at the beginning of each cell; per cell
+  std::vector<double> before_high{0}, before_low{0};  // (cells + 1) light of all cells before each, in cells
+  std::vector<Decay> decays;                          // one a cell, or none
   double left = 0;  // before the first cell and after the last, where they do not repeat
   double right = 0;
   bool repeat = false;
+  bool has_slopes = false, has_lows = false;
 
-  std::int64_t count() const { return static_cast<std::int64_t>(cells.size()); }
+  std::int64_t count() const { return static_cast<std::int64_t>(values.size()); }
+
+  void reserve(std::size_t count) {
+    for (auto* each : {&values, &slopes, &before_high, &before_low}) each->reserve(count + 1);
+  }
 
   void append(double value, double slope) {
-    cells.push_back({value, slope, total});
-    total = total + exact_sum(value, slope / 2);
+    const DoubleDouble after = total() + exact_sum(value, slope / 2);
+    values.push_back(value);
+    slopes.push_back(slope);
+    has_slopes = has_slopes || slope != 0;
+    before_high.push_back(after.high);
+    before_low.push_back(after.low);
+    has_lows = has_lows || after.low != 0;
   }
 
   void append(double value, const Decay& decay) {
     append(value, 0);
     decays.push_back(decay);
-    total = total + DoubleDouble{decay.integral(0, 1), 0};
+    const DoubleDouble after = total() + DoubleDouble{decay.integral(0, 1), 0};
+    before_high.back() = after.high;
+    before_low.back() = after.low;
   }
 
-  DoubleDouble before(std::int64_t k) const { return k < count() ? cells[static_cast<std::size_t>(k)].before : total; }
+  DoubleDouble before(std::int64_t k) const {
+    const auto at = static_cast<std::size_t>(std::min(k, count()));
+    return {before_high[at], before_low[at]};
+  }
+  DoubleDouble total() const { return {before_high.back(), before_low.back()}; }
 
   // The cell of the first period that equals repeating cell k.
   std::int64_t inside_round(std::int64_t k) const {
@@ -213,8 +224,7 @@ struct Cells {
     if (repeat && k < 0) k += count();
     if (k < 0) return {left, 0};
     if (k >= count()) return {right, 0};
-    const Cell& cell = cells[static_cast<std::size_t>(k)];
-    return {cell.value, cell.slope};
+    return {values[static_cast<std::size_t>(k)], slopes[static_cast<std::size_t>(k)]};
   }
 
   Decay decay_of(std::int64_t k) const {
@@ -227,7 +237,7 @@ struct Cells {
     if (first >= last) return 0;
     if (repeat) {
       if (first >= 0) return difference(before(last), before(first));
-      return difference(total, before(first + count())) + difference(before(last), before(0));
+      return difference(total(), before(first + count())) + difference(before(last), before(0));
     }
     const auto inside = [&](std::int64_t k) { return std::clamp<std::int64_t>(k, 0, count()); };
     const auto on_left = std::max<std::int64_t>(0, std::min<std::int64_t>(last, 0) - first);
@@ -248,17 +258,32 @@ class CellsLight final : public MeanLight {
     if (cells.repeat) {
       const double rounds = std::floor(length_ / static_cast<double>(cells.count()));
       length = length - exact_product(rounds, static_cast<double>(cells.count()));
-      whole_light_ = rounds * cells.total.value();
+      whole_light_ = rounds * cells.total().value();
       whole_ = rounds > 0;
     }
     part_ = std::max(length.value(), 0.0);
+    has_tables_ = fits_tables(exposures);
   }
 
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
+    if (has_tables_) {
+      const kernels::CellTables tables{cells_.values.data(), cells_.has_slopes ? cells_.slopes.data() : nullptr,
+                                       cells_.before_high.data(), cells_.has_lows ? cells_.before_low.data() : nullptr,
+                                       static_cast<double>(cells_.count())};
+      return kernels::add_means(kernels::CellMeans{counter_, tables, scale * amplitude_, length_, part_, whole_light_},
+                                x.data(), x.size(), out.data());
+    }
     cells_.decays.empty() ? add_means<false>(x, scale, out) : add_means<true>(x, scale, out);
   }
 
  private:
+  // True if an exposure of some length needs no more than the tables.
+  bool fits_tables(const Exposures& exposures) const {
+    if (point_ || !cells_.decays.empty() || cells_.count() > std::numeric_limits<std::int32_t>::max()) return false;
+    return cells_.repeat || (counter_.at(exposures.x_first).whole - length_ > 2 &&
+                             counter_.at(exposures.x_last).whole + 1 < static_cast<double>(cells_.count()));
+  }
+
   template <bool decays>
   void add_means(std::span<const double> x, double scale, std::span<double> out) const {
     for (std::size_t i = 0; i < x.size(); ++i) {
@@ -306,6 +331,7 @@ class CellsLight final : public MeanLight {
   double part_;             // what is left of it after whole rounds of repeating cells
   double whole_light_ = 0;  // in those rounds
   bool whole_ = false;
+  bool has_tables_ = false;
 };
 
 class CellsElement final : public WaveformElement {
@@ -317,7 +343,7 @@ class CellsElement final : public WaveformElement {
     require_time_constant("rise", chips.rise);
     require_time_constant("fall", chips.fall);
     cells_.repeat = chips.repeat;
-    cells_.cells.reserve(chips.levels.size());
+    cells_.reserve(chips.levels.size());
     if (chips.rise > 0 || chips.fall > 0)
       append_decays(chips);
     else
@@ -331,7 +357,7 @@ class CellsElement final : public WaveformElement {
     cells_.repeat = samples.repeat;
     cells_.left = values.front();
     cells_.right = values.back();
-    cells_.cells.reserve(values.size());
+    cells_.reserve(values.size());
     for (std::size_t k = 0; k + 1 < values.size(); ++k) cells_.append(values[k], values[k + 1] - values[k]);
     if (samples.repeat) cells_.append(values.back(), values.front() - values.back());
   }

@@ -20,8 +20,26 @@ struct SquareMeans {
   double length, part, whole_light;  // cycles
 };
 
+// Cells, in each of which the light is value + slope·(cells since its beginning). Those of one round, if they repeat;
+// else no exposure begins before the first or ends after the last.
+struct CellTables {
+  const double *values, *slopes;  // (count,); slopes: null if there are none
+  // (count + 1,) light of all cells before it, in cells; low: null if all are 0.
+  const double *before_high, *before_low;
+  double count;
+};
+
+// level·(light of whole rounds + that of the remaining part of a round)/length
+struct CellMeans {
+  CycleCounter counter;  // of cells, at the end of the exposure
+  CellTables cells;
+  double level;
+  double length, part, whole_light;  // cells
+};
+
 // out[i] += mean light of the exposure at x[i].
 void add_means(const ToneMeans& light, const double* x, std::size_t count, double* out);
 void add_means(const SquareMeans& light, const double* x, std::size_t count, double* out);
+void add_means(const CellMeans& light, const double* x, std::size_t count, double* out);
 
 }  // namespace ocisac::kernels

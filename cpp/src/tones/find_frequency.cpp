@@ -43,10 +43,12 @@ double energy(std::span<const double> x) {
 // Normalised to unit energy, so that bright overlays do not dominate; constant signals are omitted.
 Signals normalised(const Signals& signals) {
   Signals out{{}, signals.rows};
+  out.samples.reserve(signals.samples.size());
   for (std::size_t s = 0; s < signals.count(); ++s) {
     const double power = energy(signals.signal(s));
     if (!(power > 0)) continue;
-    for (const double v : signals.signal(s)) out.samples.push_back(v / std::sqrt(power));
+    const double scale = 1 / std::sqrt(power);
+    for (const double v : signals.signal(s)) out.samples.push_back(scale * v);
   }
   return out;
 }
@@ -220,6 +222,7 @@ FinalFit final_fit(const PeriodicSignals& signals, double frequency, const Range
 // Signals of the selected blocks, grouped by frame.
 Signals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
   Signals out{{}, blocks.rows};
+  out.samples.reserve(blocks.signals.size());
   for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
     if (used[signal % blocks.blocks]) {
       const double* first = &blocks.signals[signal * blocks.rows];

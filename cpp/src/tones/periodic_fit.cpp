@@ -6,12 +6,14 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "columns/equalizer_kernels.hpp"
 #include "core/legendre.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 #include "tones/design_matrix.hpp"
+#include "tones/row_moments.hpp"
 
 namespace ocisac {
 
@@ -22,12 +24,16 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Signals = Eigen::Map<const MatrixXd>;  // (rows × signals)
 
+constexpr std::size_t kStrip = kernels::kBlockAlignment;  // lanes
+
 Signals as_matrix(std::span<const double> signals, std::size_t rows) {
   require(rows > 0 && signals.size() % rows == 0, "rows", rows, "a divisor of the number of samples");
   return {signals.data(), static_cast<Index>(rows), static_cast<Index>(signals.size() / rows)};
 }
 
 Index trend_columns(const PeriodicModel& model) { return static_cast<Index>(model.trend_degree) + 1; }
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // The model's columns: trend, then cosine and sine of each harmonic.
 MatrixXd model_matrix(const PeriodicModel& model, Index rows, double frequency) {
@@ -36,114 +42,145 @@ MatrixXd model_matrix(const PeriodicModel& model, Index rows, double frequency) 
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// The model's functions and their slopes (times 2πhu: with the coefficients (b, −a) they give ∂y/∂f up to a tone, which
-// the fit absorbs) at the rows from the middle on, by their parity.
+// A trend's polynomial of v = 2u/rows, cos(2πhfu), or sin(2πhfu); and those times 2πhu = π·rows·h·v: with the
+// coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.
+struct Function {
+  std::vector<double> powers;  // coefficients of v^p
+  int harmonic = 0;
+  bool sine = false;
+};
+
+// Sum of the product of two functions of the same parity over all rows.
+double inner_product(const Function& a, const Function& b, const RowMoments& moments) {
+  const int less = a.harmonic - b.harmonic, more = a.harmonic + b.harmonic;
+  double sum = 0;
+  for (std::size_t p = 0; p < a.powers.size(); ++p)
+    for (std::size_t q = 0; q < b.powers.size(); ++q) {
+      const double weight = a.powers[p] * b.powers[q] / 2;
+      if (weight == 0) continue;
+      if (a.sine && b.sine)
+        sum += weight * (moments.at(p + q, less) - moments.at(p + q, more));
+      else
+        sum += weight * (moments.at(p + q, more) + (b.sine ? -1 : 1) * moments.at(p + q, less));
+    }
+  return sum;
+}
+
+// The functions of one parity about the middle row, by their places among all: the model's, then the slopes. Those of
+// the other parity are orthogonal to them.
+struct Parity {
+  std::vector<Function> functions, slopes;
+  std::vector<Index> at, slopes_at;
+  Index trend = 0;  // functions of the trend, the first ones
+};
+
+struct Parities {
+  Parity even, odd;
+};
+
+Parities parities_of(const PeriodicModel& model, std::size_t rows) {
+  Parities both;
+  std::vector<double> before, legendre{1};  // d·L_d = (2d − 1)·v·L_{d−1} − (d − 1)·L_{d−2}
+  for (std::size_t d = 0; d <= model.trend_degree; ++d) {
+    Parity& own = d % 2 == 0 ? both.even : both.odd;
+    own.functions.push_back({legendre});
+    own.at.push_back(static_cast<Index>(d));
+    ++own.trend;
+    std::vector<double> next(legendre.size() + 1);
+    const auto degree = static_cast<double>(d + 1);
+    for (std::size_t p = 0; p < legendre.size(); ++p) next[p + 1] += (2 * degree - 1) / degree * legendre[p];
+    for (std::size_t p = 0; p < before.size(); ++p) next[p] -= (degree - 1) / degree * before[p];
+    before = std::exchange(legendre, std::move(next));
+  }
+  Index place = trend_columns(model), slope = 0;
+  for (const std::size_t order : model.harmonics) {
+    const auto h = static_cast<int>(order);
+    const std::vector<double> times{0, std::numbers::pi * static_cast<double>(rows) * static_cast<double>(order)};
+    both.even.functions.push_back({{1}, h, false});
+    both.even.at.push_back(place++);
+    both.odd.functions.push_back({{1}, h, true});
+    both.odd.at.push_back(place++);
+    both.odd.slopes.push_back({times, h, false});
+    both.odd.slopes_at.push_back(slope++);
+    both.even.slopes.push_back({times, h, true});
+    both.even.slopes_at.push_back(slope++);
+  }
+  return both;
+}
+
+RowMoments moments_of(const PeriodicModel& model, std::size_t rows, double frequency) {
+  return {rows, frequency, 2 * model.harmonics.back(), std::max<std::size_t>(2 * model.trend_degree, 2)};
+}
+
+MatrixXd inner_products(const std::vector<Function>& some, const std::vector<Function>& others,
+                        const RowMoments& moments) {
+  return MatrixXd::NullaryExpr(
+      static_cast<Index>(some.size()), static_cast<Index>(others.size()), [&](Index a, Index b) {
+        return inner_product(some[static_cast<std::size_t>(a)], others[static_cast<std::size_t>(b)], moments);
+      });
+}
+
+// The model's functions at the rows from the middle on: (functions × half), the trend first.
 struct HalfBasis {
-  struct Place {
-    bool odd;
-    Index row;
-  };
-  RowMajor even, odd;         // (functions × half)
-  std::vector<Place> places;  // of the parameters, then of the slopes
-  bool has_middle;            // the first row is the middle of the column: it counts once
+  RowMajor even, odd;
 };
 
 // cos and sin of 2πfu, by a rotation from row to row that starts anew every 16 rows: exact to some 10⁻¹⁵.
-void fill_waves(double frequency, double first, RowMajor& cosines, RowMajor& sines) {
+void fill_waves(double frequency, double first, Eigen::RowVectorXd& cosine, Eigen::RowVectorXd& sine) {
   constexpr Index kAnchors = 16;
   const Phasor turn = phasor(frequency, 1);
   Phasor at{1, 0};
-  for (Index i = 0; i < cosines.cols(); ++i) {
+  for (Index i = 0; i < cosine.size(); ++i) {
     at = i % kAnchors == 0
              ? phasor(frequency, first + static_cast<double>(i))
              : Phasor{at.cosine * turn.cosine - at.sine * turn.sine, at.sine * turn.cosine + at.cosine * turn.sine};
-    cosines(0, i) = at.cosine;
-    sines(0, i) = at.sine;
-  }
-  for (Index h = 1; h < cosines.rows(); ++h) {
-    const auto c = cosines.row(0).array(), s = sines.row(0).array();
-    cosines.row(h) = cosines.row(h - 1).array() * c - sines.row(h - 1).array() * s;
-    sines.row(h) = sines.row(h - 1).array() * c + cosines.row(h - 1).array() * s;
+    cosine(i) = at.cosine;
+    sine(i) = at.sine;
   }
 }
 
 HalfBasis half_basis(const PeriodicModel& model, std::size_t rows, double frequency) {
   const auto half = static_cast<Index>((rows + 1) / 2), count = static_cast<Index>(model.harmonics.size());
   const double first = rows % 2 == 0 ? 0.5 : 0.0;
-  RowMajor cosines(static_cast<Index>(model.harmonics.back()), half), sines(cosines.rows(), half);
-  fill_waves(frequency, first, cosines, sines);
-  const Index even_trend = model.trend_degree / 2 + 1, odd_trend = (model.trend_degree + 1) / 2;
-  HalfBasis basis{RowMajor(even_trend + 2 * count, half), RowMajor(odd_trend + 2 * count, half), {}, rows % 2 == 1};
+  const Index even_trend = static_cast<Index>(model.trend_degree) / 2 + 1,
+              odd_trend = trend_columns(model) - even_trend;
+  HalfBasis basis{RowMajor(even_trend + count, half), RowMajor(odd_trend + count, half)};
   std::vector<double> polynomials(model.trend_degree + 1);
   for (Index i = 0; i < half; ++i) {
     legendre(2 * (first + static_cast<double>(i)) / static_cast<double>(rows), polynomials);
     for (std::size_t d = 0; d < polynomials.size(); ++d)
       (d % 2 == 0 ? basis.even : basis.odd)(static_cast<Index>(d / 2), i) = polynomials[d];
   }
-  for (std::size_t d = 0; d < polynomials.size(); ++d) basis.places.push_back({d % 2 == 1, static_cast<Index>(d / 2)});
-  const Eigen::RowVectorXd time =
-      2 * std::numbers::pi * Eigen::RowVectorXd::LinSpaced(half, first, first + static_cast<double>(half - 1));
+  Eigen::RowVectorXd cosine(half), sine(half);
+  fill_waves(frequency, first, cosine, sine);
+  Eigen::RowVectorXd of_cosine = cosine, of_sine = sine;  // of the harmonic
+  std::size_t order = 1;
   for (Index h = 0; h < count; ++h) {
-    const auto order = static_cast<Index>(model.harmonics[static_cast<std::size_t>(h)]);
-    basis.even.row(even_trend + h) = cosines.row(order - 1);
-    basis.odd.row(odd_trend + h) = sines.row(order - 1);
-    basis.odd.row(odd_trend + count + h) = static_cast<double>(order) * time.cwiseProduct(cosines.row(order - 1));
-    basis.even.row(even_trend + count + h) = static_cast<double>(order) * time.cwiseProduct(sines.row(order - 1));
-    basis.places.push_back({false, even_trend + h});
-    basis.places.push_back({true, odd_trend + h});
-  }
-  for (Index h = 0; h < count; ++h) {
-    basis.places.push_back({true, odd_trend + count + h});
-    basis.places.push_back({false, even_trend + count + h});
+    for (; order < model.harmonics[static_cast<std::size_t>(h)]; ++order)
+      for (Index i = 0; i < half; ++i) {
+        const Phasor at{of_cosine(i), of_sine(i)};
+        of_cosine(i) = at.cosine * cosine(i) - at.sine * sine(i);
+        of_sine(i) = at.sine * cosine(i) + at.cosine * sine(i);
+      }
+    basis.even.row(even_trend + h) = of_cosine;
+    basis.odd.row(odd_trend + h) = of_sine;
   }
   return basis;
 }
 
-// Inner products of all functions over all rows; those of different parity are 0.
-MatrixXd inner_products(const HalfBasis& basis) {
-  const auto of_half = [&](const RowMajor& functions) {
-    MatrixXd weighted = functions * std::numbers::sqrt2;
-    if (basis.has_middle) weighted.col(0) = functions.col(0);
-    return gram(weighted);
+// The model's functions at all rows.
+MatrixXd at_all_rows(const HalfBasis& basis, const Parities& both, Index rows) {
+  MatrixXd matrix(rows, basis.even.rows() + basis.odd.rows());
+  const auto fill = [&](const RowMajor& values, const Parity& parity, double sign) {
+    for (Index j = 0; j < values.rows(); ++j) {
+      auto column = matrix.col(parity.at[static_cast<std::size_t>(j)]);
+      column.tail(values.cols()) = values.row(j).transpose();
+      column.head(rows / 2) = sign * values.row(j).tail(rows / 2).reverse().transpose();
+    }
   };
-  const MatrixXd even = of_half(basis.even), odd = of_half(basis.odd);
-  const auto size = static_cast<Index>(basis.places.size());
-  return MatrixXd::NullaryExpr(size, size, [&](Index a, Index b) {
-    const auto& one = basis.places[static_cast<std::size_t>(a)];
-    const auto& other = basis.places[static_cast<std::size_t>(b)];
-    return one.odd != other.odd ? 0.0 : (one.odd ? odd : even)(one.row, other.row);
-  });
-}
-
-// Functions first … first + count at all rows.
-MatrixXd at_all_rows(const HalfBasis& basis, Index rows, Index first, Index count) {
-  MatrixXd matrix(rows, count);
-  for (Index j = 0; j < count; ++j) {
-    const auto& place = basis.places[static_cast<std::size_t>(first + j)];
-    const auto values = (place.odd ? basis.odd : basis.even).row(place.row);
-    matrix.col(j).tail(values.size()) = values.transpose();
-    matrix.col(j).head(rows / 2) = (place.odd ? -1 : 1) * values.tail(rows / 2).reverse().transpose();
-  }
+  fill(basis.even, both.even, 1);
+  fill(basis.odd, both.odd, -1);
   return matrix;
-}
-
-// (functions × signals)
-MatrixXd products_with(const HalfBasis& basis, const PeriodicSignals& signals) {
-  const std::size_t width = signals.width();
-  const auto of_half = [&](const RowMajor& functions, const std::vector<double>& parts) {
-    RowMajor sums(functions.rows(), static_cast<Index>(width));
-    const auto stride = static_cast<std::ptrdiff_t>(width);
-    kernels::matrix_times_rows(functions.data(), static_cast<std::size_t>(functions.rows()), signals.half(),
-                               parts.data(), stride, sums.data(), stride, width);
-    return sums;
-  };
-  const RowMajor even = of_half(basis.even, signals.even()), odd = of_half(basis.odd, signals.odd());
-  MatrixXd products(static_cast<Index>(basis.places.size()), static_cast<Index>(signals.count()));
-  for (Index a = 0; a < products.rows(); ++a) {
-    const auto& place = basis.places[static_cast<std::size_t>(a)];
-    products.row(a) = (place.odd ? odd : even).row(place.row).head(products.cols());
-  }
-  return products;
 }
 
 // The tones times 2πhu: with the coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.
@@ -223,25 +260,35 @@ PeriodicSignals::PeriodicSignals(std::span<const double> samples, std::size_t ro
     : samples_(samples), rows_(rows), width_(0) {
   require(rows > 0 && samples.size() % rows == 0, "rows", rows, "a divisor of the number of samples");
   const std::size_t signals = samples.size() / rows;
-  width_ = (signals + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment;
+  width_ = (2 * signals + kStrip - 1) / kStrip * kStrip;
   energies_.resize(signals);
-  even_.assign(half() * width_, 0.0);
-  odd_.assign(half() * width_, 0.0);
+  of_cosines_.assign(half() * width_, 0.0);
+  of_sines_.assign(half() * width_, 0.0);
+  const auto place = [&](std::size_t i, std::size_t lane) {
+    return (lane / kStrip * half() + i) * kStrip + lane % kStrip;
+  };
   for (std::size_t s = 0; s < signals; ++s) {
     const auto signal = samples.subspan(s * rows, rows);
     for (const double v : signal) energies_[s] += v * v;
     for (std::size_t i = 0; i < half(); ++i) {
       const std::size_t after = rows / 2 + i, before = rows - 1 - after;
-      even_[i * width_ + s] = after == before ? signal[after] : signal[after] + signal[before];
-      odd_[i * width_ + s] = signal[after] - signal[before];
+      const double even = after == before ? signal[after] : signal[after] + signal[before];
+      const double odd = signal[after] - signal[before];
+      const double time = 2 * std::numbers::pi * (static_cast<double>(after) - static_cast<double>(rows - 1) / 2);
+      of_cosines_[place(i, s)] = even;
+      of_cosines_[place(i, signals + s)] = time * odd;
+      of_sines_[place(i, s)] = odd;
+      of_sines_[place(i, signals + s)] = time * even;
     }
   }
 }
 
 namespace {
 
-// Normal equations of the model and its slopes.
+// Normal equations of functions of the model and of slopes, by their places.
 struct Equations {
+  std::vector<Index> at, slopes_at;
+  Index trend;                   // functions of the trend, the first ones
   MatrixXd triangle;             // R of the model's functions, basis = functions·R⁻¹ orthonormal
   MatrixXd coordinates;          // of the signals in the basis
   MatrixXd inside, slopes_gram;  // of the slopes in the basis; inner products of the slopes
@@ -250,28 +297,71 @@ struct Equations {
 
 constexpr double kMinPivot = 0.03;  // less loses more than three digits by normal equations: orthogonal factors then
 
-std::optional<Equations> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model,
-                                          double frequency) {
-  const HalfBasis basis = half_basis(model, signals.rows(), frequency);
-  const auto parameters = static_cast<Index>(model.parameters());
-  const MatrixXd gram = inner_products(basis);
-  const Index slopes = gram.rows() - parameters;
-  auto triangle = cholesky_factor(gram.topLeftCorner(parameters, parameters), kMinPivot);
+// (functions × width): the products of the rows' functions and what a PeriodicSignals holds for them.
+RowMajor products_with(const RowMajor& functions, const std::vector<double>& parts, std::size_t width) {
+  RowMajor sums(functions.rows(), static_cast<Index>(width));
+  const auto half = static_cast<std::size_t>(functions.cols());
+  for (std::size_t first = 0; first < width; first += kStrip)
+    kernels::matrix_times_rows(functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
+                               static_cast<std::ptrdiff_t>(kStrip), sums.data() + first,
+                               static_cast<std::ptrdiff_t>(width), kStrip);
+  return sums;
+}
+
+// `own`: products of the functions; `other`: of those of the other parity, whose last ones become slopes.
+std::optional<Equations> normal_equations(const Parity& parity, const RowMoments& moments, const RowMajor& own,
+                                          const RowMajor& other, Index signals) {
+  auto triangle = cholesky_factor(inner_products(parity.functions, parity.functions, moments), kMinPivot);
   if (!triangle) return std::nullopt;
-  const MatrixXd products = products_with(basis, signals);
-  MatrixXd coordinates = solve_upper_transposed(*triangle, products.topRows(parameters));
-  MatrixXd inside = solve_upper_transposed(*triangle, gram.topRightCorner(parameters, slopes));
-  return Equations{std::move(*triangle), std::move(coordinates), std::move(inside),
-                   gram.bottomRightCorner(slopes, slopes), products.bottomRows(slopes)};
+  const auto count = static_cast<Index>(parity.slopes.size());
+  MatrixXd of_slopes = other.bottomRows(count).middleCols(signals, signals);
+  for (Index j = 0; j < count; ++j) of_slopes.row(j) *= parity.slopes[static_cast<std::size_t>(j)].harmonic;
+  MatrixXd coordinates = solve_upper_transposed(*triangle, own.leftCols(signals));
+  MatrixXd inside = solve_upper_transposed(*triangle, inner_products(parity.functions, parity.slopes, moments));
+  return Equations{parity.at,
+                   parity.slopes_at,
+                   parity.trend,
+                   std::move(*triangle),
+                   std::move(coordinates),
+                   std::move(inside),
+                   inner_products(parity.slopes, parity.slopes, moments),
+                   std::move(of_slopes)};
+}
+
+// One set of equations for each parity; empty where they lose digits.
+std::vector<Equations> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
+  const Parities both = parities_of(model, signals.rows());
+  const RowMoments moments = moments_of(model, signals.rows(), frequency);
+  const HalfBasis basis = half_basis(model, signals.rows(), frequency);
+  const RowMajor even = products_with(basis.even, signals.of_cosines(), signals.width());
+  const RowMajor odd = products_with(basis.odd, signals.of_sines(), signals.width());
+  const auto count = static_cast<Index>(signals.count());
+  auto of_even = normal_equations(both.even, moments, even, odd, count);
+  auto of_odd = normal_equations(both.odd, moments, odd, even, count);
+  std::vector<Equations> equations;
+  if (of_even && of_odd) {
+    equations.push_back(std::move(*of_even));
+    equations.push_back(std::move(*of_odd));
+  }
+  return equations;
 }
 
 Equations orthogonal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
   const Signals y = as_matrix(signals.samples(), signals.rows());
   const MatrixXd matrix = model_matrix(model, y.rows(), frequency);
   const MatrixXd slopes = slope_matrix(model, matrix);
+  std::vector<Index> at(static_cast<std::size_t>(matrix.cols())), slopes_at(static_cast<std::size_t>(slopes.cols()));
+  std::iota(at.begin(), at.end(), Index{0});
+  std::iota(slopes_at.begin(), slopes_at.end(), Index{0});
   OrthogonalFactors factors = orthogonal_factors(matrix);
-  return {std::move(factors.triangle), transposed_product(factors.basis, y), transposed_product(factors.basis, slopes),
-          transposed_product(slopes, slopes), transposed_product(slopes, y)};
+  return {std::move(at),
+          std::move(slopes_at),
+          trend_columns(model),
+          std::move(factors.triangle),
+          transposed_product(factors.basis, y),
+          transposed_product(factors.basis, slopes),
+          transposed_product(slopes, slopes),
+          transposed_product(slopes, y)};
 }
 
 }  // namespace
@@ -281,27 +371,40 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   require(rows > model.parameters(), "rows", rows, "more rows than the model has parameters");
   const Index first = trend_columns(model), parameters = static_cast<Index>(model.parameters());
   auto equations = normal_equations(signals, model, frequency);
-  if (!equations) equations = orthogonal_equations(signals, model, frequency);
-  const MatrixXd& coordinates = equations->coordinates;
-  const MatrixXd coefficients = solve_upper(equations->triangle, coordinates);
+  if (equations.empty()) equations.push_back(orthogonal_equations(signals, model, frequency));
 
   PeriodicFit fit;
   fit.frequency = frequency;
-  const Eigen::Map<const Eigen::RowVectorXd> energies(signals.energies().data(), coordinates.cols());
-  fit.residual_energy = as_vector((energies - coordinates.colwise().squaredNorm()).cwiseMax(0.0));
-  fit.periodic_energy = as_vector(coordinates.bottomRows(parameters - first).colwise().squaredNorm());
+  const auto count = static_cast<Index>(signals.count());
+  Eigen::RowVectorXd residual = Eigen::Map<const Eigen::RowVectorXd>(signals.energies().data(), count);
+  Eigen::RowVectorXd periodic = Eigen::RowVectorXd::Zero(count);
+  MatrixXd coefficients(parameters, count);
+  for (const Equations& of : equations) {
+    residual -= of.coordinates.colwise().squaredNorm();
+    periodic += of.coordinates.bottomRows(of.coordinates.rows() - of.trend).colwise().squaredNorm();
+    const MatrixXd own = solve_upper(of.triangle, of.coordinates);
+    for (std::size_t j = 0; j < of.at.size(); ++j) coefficients.row(of.at[j]) = own.row(static_cast<Index>(j));
+  }
+  fit.residual_energy = as_vector(residual.cwiseMax(0.0));
+  fit.periodic_energy = as_vector(periodic);
   for (Index j = first; j < parameters; j += 2)
     fit.harmonic_energy.push_back(static_cast<double>(rows) / 2 * coefficients.middleRows(j, 2).squaredNorm());
 
   for (Index j = first; j < first + 2; ++j)
     fit.amplitudes.insert(fit.amplitudes.end(), coefficients.row(j).begin(), coefficients.row(j).end());
 
-  const MatrixXd turned = slope_coefficients(model, coefficients);
-  const MatrixXd& inside = equations->inside;  // projection of the slopes on the model
-  const MatrixXd gram = equations->slopes_gram - transposed_product(inside, inside);
-  const MatrixXd against_residual = equations->slopes_signals - transposed_product(inside, coordinates);
-  const double gradient = against_residual.cwiseProduct(turned).sum();
-  const double information = product(gram, turned).cwiseProduct(turned).sum();
+  const MatrixXd all_turned = slope_coefficients(model, coefficients);
+  double gradient = 0, information = 0;
+  for (const Equations& of : equations) {
+    MatrixXd turned(of.slopes_signals.rows(), count);
+    for (std::size_t j = 0; j < of.slopes_at.size(); ++j)
+      turned.row(static_cast<Index>(j)) = all_turned.row(of.slopes_at[j]);
+    const MatrixXd& inside = of.inside;  // projection of the slopes on the model
+    const MatrixXd gram = of.slopes_gram - transposed_product(inside, inside);
+    const MatrixXd against_residual = of.slopes_signals - transposed_product(inside, of.coordinates);
+    gradient += against_residual.cwiseProduct(turned).sum();
+    information += product(gram, turned).cwiseProduct(turned).sum();
+  }
   fit.step = information > 0 ? gradient / information : 0;
   return fit;
 }
@@ -345,8 +448,17 @@ struct Projection {
   MatrixXd coefficients;  // of the model's columns
 };
 
-Projection project(const HalfBasis& functions, const MatrixXd& matrix, const Signals& signals) {
-  const MatrixXd gram = inner_products(functions).topLeftCorner(matrix.cols(), matrix.cols());
+Projection project(const PeriodicModel& model, double frequency, const MatrixXd& matrix, const Signals& signals) {
+  const auto rows = static_cast<std::size_t>(signals.rows());
+  const Parities both = parities_of(model, rows);
+  const RowMoments moments = moments_of(model, rows, frequency);
+  MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
+  for (const Parity* parity : {&both.even, &both.odd}) {
+    const MatrixXd own = inner_products(parity->functions, parity->functions, moments);
+    for (Index a = 0; a < own.rows(); ++a)
+      for (Index b = 0; b < own.cols(); ++b)
+        gram(parity->at[static_cast<std::size_t>(a)], parity->at[static_cast<std::size_t>(b)]) = own(a, b);
+  }
   OrthogonalFactors factors;
   if (auto triangle = cholesky_factor(gram, kMinPivot))
     factors = {solve_upper_transposed(*triangle, matrix.transpose()).transpose(), *triangle, {}};
@@ -364,13 +476,11 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const Signals y = as_matrix(signals, rows);
   const auto members = static_cast<Index>(group);
   require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
-  const HalfBasis functions = half_basis(model, rows, frequency);
-  const auto parameters = static_cast<Index>(model.parameters());
-  const MatrixXd matrix = at_all_rows(functions, y.rows(), 0, parameters);
-  const Projection p = project(functions, matrix, y);
+  const MatrixXd matrix =
+      at_all_rows(half_basis(model, rows, frequency), parities_of(model, rows), static_cast<Index>(rows));
+  const Projection p = project(model, frequency, matrix, y);
   const MatrixXd residual = y - product(p.q, p.coordinates);
-  const MatrixXd slopes =
-      at_all_rows(functions, y.rows(), parameters, static_cast<Index>(functions.places.size()) - parameters);
+  const MatrixXd slopes = slope_matrix(model, matrix);
   MatrixXd derivative = product(slopes, slope_coefficients(model, p.coefficients));
   derivative -= product(p.q, transposed_product(p.q, derivative));
   const double information = derivative.squaredNorm();

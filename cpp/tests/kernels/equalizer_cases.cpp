@@ -78,24 +78,26 @@ KernelCase line_case(std::size_t rows, std::size_t width, bool back) {
 }
 
 template <class T>
-KernelCase product_case(std::size_t outputs, std::size_t inputs, std::size_t width) {
+KernelCase product_case(std::size_t outputs, std::size_t inputs, std::size_t width, bool forwards = false) {
   auto matrix = std::make_shared<Misaligned<T>>(random_rows<T>(outputs, inputs, inputs));
   auto rows = std::make_shared<Misaligned<T>>(random_rows<T>(inputs, width, width));
-  const auto run = [=](bool plain, T* out) {  // from the last row to the first
-    const T* const last = rows->data() + (inputs - 1) * width;
+  const auto run = [=](bool plain, T* out) {  // or from the last row to the first
+    const T* const first = rows->data() + (forwards ? 0 : (inputs - 1) * width);
     const auto stride = static_cast<std::ptrdiff_t>(width);
     if (!plain)
-      return ocisac::kernels::matrix_times_rows<T>(matrix->data(), outputs, inputs, last, -stride, out, stride, width);
+      return ocisac::kernels::matrix_times_rows<T>(matrix->data(), outputs, inputs, first, forwards ? stride : -stride,
+                                                   out, stride, width);
     for (std::size_t i = 0; i < outputs; ++i)
       for (std::size_t c = 0; c < width; ++c) {
         double sum = 0;
         for (std::size_t j = 0; j < inputs; ++j)
           sum += static_cast<double>(matrix->data()[i * inputs + j]) *
-                 static_cast<double>(rows->data()[(inputs - 1 - j) * width + c]);
+                 static_cast<double>(rows->data()[(forwards ? j : inputs - 1 - j) * width + c]);
         out[i * width + c] = static_cast<T>(sum);
       }
   };
-  return kernel_case<T>(named<T>("matrix_times_rows", size_of(outputs, inputs) + "x" + std::to_string(width)),
+  return kernel_case<T>(named<T>(forwards ? "matrix_times_rows forwards" : "matrix_times_rows",
+                                 size_of(outputs, inputs) + "x" + std::to_string(width)),
                         kTolerance<T>, {1, outputs * width, outputs * width}, run, outputs > 50);
 }
 
@@ -148,7 +150,8 @@ void add_cases_of(std::vector<KernelCase>& cases) {
       cases.push_back(line_case<T>(rows, width, false));
       cases.push_back(line_case<T>(rows, width, true));
     }
-    for (const std::size_t outputs : {1u, 3u, 4u, 9u}) cases.push_back(product_case<T>(outputs, 7, width));
+    for (const std::size_t outputs : {1u, 2u, 3u, 4u, 9u})
+      for (const bool forwards : {false, true}) cases.push_back(product_case<T>(outputs, 7, width, forwards));
   }
   cases.push_back(product_case<T>(70, 233, 32));
   for (const std::size_t count : kLengths) cases.push_back(multiply_case<T>(count));

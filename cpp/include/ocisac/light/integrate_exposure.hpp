@@ -5,6 +5,7 @@
 #include <span>
 
 #include "ocisac/camera/camera.hpp"
+#include "ocisac/core/views.hpp"
 #include "ocisac/light/waveform.hpp"
 
 namespace ocisac {
@@ -23,6 +24,10 @@ namespace ocisac {
 // pieces.
 void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
                         double start, std::int64_t frame, std::span<double> out);
+
+// The same for several frames; out: one frame of (frames × rows).
+void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
+                        double start, std::span<const std::int64_t> frames, const FramesView<double>& out);
 
 // The waveform's value at each of the times (s).
 void sample_waveform(const Waveform& waveform, std::span<const double> times, std::span<double> out);

@@ -34,8 +34,8 @@ struct PeriodicFit {
   [[nodiscard]] double total_residual() const;
 };
 
-// Signals prepared for many fits: their even and odd parts about the middle row, with one signal in each lane, so that
-// a product with a cosine sums half of the rows. The samples belong to the caller.
+// Signals prepared for many fits, one in each lane: what cosines and what sines are multiplied with, from the middle
+// row on. The samples belong to the caller.
 class PeriodicSignals {
  public:
   // samples: (count × rows) dense.
@@ -44,16 +44,19 @@ class PeriodicSignals {
   [[nodiscard]] std::span<const double> samples() const { return samples_; }
   [[nodiscard]] std::size_t rows() const { return rows_; }
   [[nodiscard]] std::size_t count() const { return energies_.size(); }
-  [[nodiscard]] std::size_t half() const { return (rows_ + 1) / 2; }               // rows from the middle to the end
-  [[nodiscard]] std::size_t width() const { return width_; }                       // lanes: (half × width) dense
+  [[nodiscard]] std::size_t half() const { return (rows_ + 1) / 2; }  // rows from the middle to the end
+  // Lanes, in dense strips of 16: (width/16 × half × 16).
+  [[nodiscard]] std::size_t width() const { return width_; }
   [[nodiscard]] const std::vector<double>& energies() const { return energies_; }  // (count) Σ y(n)²
-  [[nodiscard]] const std::vector<double>& even() const { return even_; }          // y(u) + y(−u); y(0) once
-  [[nodiscard]] const std::vector<double>& odd() const { return odd_; }            // y(u) − y(−u)
+  // Even parts y(u) + y(−u), y(0) once; in the next lanes odd parts y(u) − y(−u) times 2πu.
+  [[nodiscard]] const std::vector<double>& of_cosines() const { return of_cosines_; }
+  // Odd parts; even parts times 2πu.
+  [[nodiscard]] const std::vector<double>& of_sines() const { return of_sines_; }
 
  private:
   std::span<const double> samples_;
   std::size_t rows_, width_;
-  std::vector<double> energies_, even_, odd_;
+  std::vector<double> energies_, of_cosines_, of_sines_;
 };
 
 // `signals`: (count × rows) dense, preferably with mean removed (energies are differences); more rows than parameters

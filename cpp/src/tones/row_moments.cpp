@@ -1,0 +1,67 @@
+#include "tones/row_moments.hpp"
+
+#include <array>
+#include <cmath>
+#include <span>
+
+#include "ocisac/tones/tone_design.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kMinOscillation = 16;  // rows·|sin(x/2)|: above it, no digits are lost
+
+void add_up(std::size_t rows, double cycles_per_row, std::span<double> moments) {
+  constexpr std::size_t kAnchors = 16;  // rows after which a rotation begins anew, exact to some 10⁻¹⁵
+  const Phasor turn = phasor(cycles_per_row, 1);
+  Phasor wave{1, 0};
+  for (std::size_t i = 0; i < (rows + 1) / 2; ++i) {
+    const double u = static_cast<double>(i) + (rows % 2 == 0 ? 0.5 : 0.0);
+    wave = i % kAnchors == 0 ? phasor(cycles_per_row, u)
+                             : Phasor{wave.cosine * turn.cosine - wave.sine * turn.sine,
+                                      wave.sine * turn.cosine + wave.cosine * turn.sine};
+    double power = u == 0 ? 1 : 2;  // the middle row once, all others on both sides
+    for (std::size_t p = 0; p < moments.size(); ++p, power *= 2 * u / static_cast<double>(rows))
+      moments[p] += power * (p % 2 == 0 ? wave.cosine : wave.sine);
+  }
+}
+
+// sin(angle + quarters·π/2)
+double turned(const Phasor& angle, std::size_t quarters) {
+  const double value = quarters % 2 == 0 ? angle.sine : angle.cosine;
+  return quarters % 4 < 2 ? value : -value;
+}
+
+// D(x) = sin(rows·x/2)/sin(x/2): the derivatives of D·sin(x/2) are those of sin(rows·x/2), by Leibniz' rule.
+void differentiate(std::size_t rows, double cycles_per_row, std::span<double> moments) {
+  const auto n = static_cast<double>(rows);
+  const Phasor short_angle = phasor(cycles_per_row, 0.5), long_angle = phasor(cycles_per_row, n / 2);
+  for (std::size_t p = 0; p < moments.size(); ++p) {
+    double rest = turned(long_angle, p), binomial = 1, scale = 1;
+    for (std::size_t i = p; i-- > 0;) {  // derivatives i of D, times (2/rows)^i
+      binomial *= static_cast<double>(i + 1) / static_cast<double>(p - i);
+      scale /= n;
+      rest -= binomial * scale * moments[i] * turned(short_angle, p - i);
+    }
+    moments[p] = rest / short_angle.sine;
+  }
+  for (std::size_t p = 0; p < moments.size(); ++p)
+    if (p % 4 == 1 || p % 4 == 2) moments[p] = -moments[p];
+}
+
+}  // namespace
+
+RowMoments::RowMoments(std::size_t rows, double frequency, std::size_t highest, std::size_t power)
+    : powers_(power + 1), values_((highest + 1) * powers_) {
+  for (std::size_t k = 0; k <= highest; ++k) {
+    const double cycles = static_cast<double>(k) * frequency;
+    const std::span<double> moments = std::span(values_).subspan(k * powers_, powers_);
+    if (static_cast<double>(rows) * std::abs(phasor(cycles, 0.5).sine) < kMinOscillation)
+      add_up(rows, cycles, moments);
+    else
+      differentiate(rows, cycles, moments);
+  }
+}
+
+}  // namespace ocisac
