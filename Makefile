@@ -37,7 +37,7 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test docs docs-links chart limits reproduce nightly fuzz soak coverage mutants lint format clean build cpp-build cpp-test packages standalone wheel deb arm64
+.PHONY: help demo test docs docs-links chart limits reproduce nightly fuzz soak coverage mutants lint lint-python lint-cpp format clean build cpp-build cpp-test packages standalone wheel deb arm64
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
@@ -148,14 +148,20 @@ cpp-test: cpp-build
 	@echo '==> C++ tests'
 	@ctest --test-dir $(build) -j $(JOBS) --output-on-failure
 
+# Both at once: neither keeps all processors busy.
 lint: build $(VENV)/.requirements-lint
 	@scripts/system-packages lint
+	@$(MAKE) --no-print-directory --output-sync=line -j 2 lint-python lint-cpp
+
+lint-python:
 	@echo '==> ruff'
 	@$(bin)/ruff check -q $(python_sources) && $(bin)/ruff format -q --check $(python_sources)
 	@echo '==> mypy --strict'
 	@$(bin)/mypy
 	@echo '==> stubtest'
 	@MYPYPATH=python $(bin)/python -m mypy.stubtest --allowlist python/stubtest-allowlist ocisac_fast._core
+
+lint-cpp:
 	@echo '==> clang-format'
 	@$(bin)/clang-format --dry-run -Werror $(cpp_files)
 	@echo '==> clang-tidy'

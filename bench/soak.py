@@ -33,7 +33,7 @@ GROWTH_PROGRAM, GROWTH_PYTHON = 64, 1024  # kB
 
 
 def resident(process: int | str) -> int:
-    """kB of memory of the process's own: pages of its program and libraries that it runs for the first time are none."""
+    """kB of the process's own memory: pages of programs and libraries that it runs for the first time are none."""
     status = Path(f"/proc/{process}/status").read_text()
     return int(next(line for line in status.splitlines() if line.startswith("RssAnon")).split()[1])
 
