@@ -36,7 +36,8 @@ ocisac_options options_of(FuzzedDataProvider& bytes) {
   ocisac_options options;
   ocisac_options_init(&options);
   options.row_time = number(bytes, {20e-6, 20e-6, 10e-6, 1});
-  options.exposure = number(bytes, {nan, 40e-6, 200e-6, 0});
+  // Seldom unknown: it is searched for eight lengths then.
+  options.exposure = bytes.ConsumeIntegral<std::uint8_t>() < 8 ? nan : number(bytes, {60e-6, 40e-6, 200e-6, 0});
   options.frame_time = number(bytes, {nan, 1.0 / 30, 300 * 20e-6, 0});
   options.frequency = number(bytes, {nan, 900, 25e3, 1e9});
   options.chip_rate = number(bytes, {nan, 5000, 12.5e3, 1});

@@ -65,6 +65,26 @@ def test_gains_are_those_of_the_library(receiver, dtype, name, scale, frequency)
         assert line["gain"] == pytest.approx(abs(np.sinc(500 * EXPOSURE)), abs=0.02)
 
 
+def test_a_power_of_the_tone_curve_is_that_of_the_library(receiver):
+    stored = np.rint(255 * (recording(SquareWave(500.0)) / 255) ** (1 / 1.8)).astype(np.uint8)
+    done = run(receiver, stored.tobytes(), "--frequency", "500Hz", "--tone-curve", "gamma:1.8", "--no-bits")
+    camera = Camera(ROW_TIME, EXPOSURE, tone_curve="gamma", gamma=1.8)
+    for line, frame in zip(lines_of(done)[0], stored, strict=True):
+        x, y, width, height = line["region"]
+        want = ocisac.tone_gain(frame[y : y + height, x : x + width], camera, 500.0, pooled=True)
+        assert line["gain"] == pytest.approx(float(want.gain), rel=1e-6)
+
+
+def test_version_and_help(receiver):
+    done = subprocess.run([receiver, "--version"], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith(f"ocisac-rx {_core.version()} (")
+    assert "SIMD" in done.stdout
+    done = subprocess.run([receiver, "--help"], capture_output=True, text=True, timeout=60, check=True)
+    for option in ("--row-time", "--region", "--payload", "--config"):
+        assert option in done.stdout
+    assert not done.stderr
+
+
 def test_bits_are_those_that_were_sent(receiver):
     bits = "".join(np.random.default_rng(4).choice(["0", "1"], 500))
     frames = recording(Chips(bits, 2000.0), frames=1)

@@ -8,8 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/core/version.hpp"
 #include "ocisac/ocisac.h"
+#include "ocisac/packets/packets.hpp"
 
 namespace {
 
@@ -65,6 +67,50 @@ TEST_CASE("C: frames in, results out") {
   ocisac_destroy(receiver);
   ocisac_destroy(nullptr);
   CHECK(std::string(ocisac_version()) == ocisac::version());
+}
+
+TEST_CASE("C: bits and the payload of a packet") {
+  constexpr double kChip = 5, kFrameRows = 500;  // rows
+  const std::vector<std::uint8_t> payload{1, 2, 3, 255};
+  const auto chips = ocisac::packet_chips(payload, {}, 9);
+  ocisac_options options = packet_options();
+  options.exposure = 40e-6;
+  options.frame_time = kFrameRows * options.row_time;
+  options.chip_rate = 1 / (kChip * options.row_time);
+  options.want_gain = 0;
+  options.want_data = 1;
+  options.region = {0, 0, kColumns, kRows};
+  ocisac_receiver* receiver = nullptr;
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  bool got = false;
+  for (std::int64_t number = 0; number < 40 && !got; ++number) {
+    CAPTURE(number);
+    std::vector<double> levels, light(kRows);
+    const auto first = static_cast<std::size_t>(number) * 100;  // chip at the first row
+    for (std::size_t k = 0; k < 90; ++k) levels.push_back(chips[(first + k) % chips.size()]);
+    ocisac::expose_chips({levels, 0}, {kChip, 0, 2}, light);
+    std::vector<std::uint8_t> pixels;
+    for (std::size_t k = 0; k < kRows * kColumns; ++k)
+      pixels.push_back(static_cast<std::uint8_t>(30 + 180 * light[k / kColumns] + static_cast<double>(k * 7 % 3)));
+    const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, std::ptrdiff_t{kColumns}, number};
+    REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
+    ocisac_result result;
+    ocisac_result_init(&result);
+    REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
+    CHECK(result.chip_rate == doctest::Approx(options.chip_rate).epsilon(1e-3));
+    CHECK(result.error_rate < 1e-6);
+    CHECK(result.data_snr > 100);
+    std::string sent;
+    for (const double level : levels) sent += level > 0 ? '1' : '0';
+    CHECK(result.bit_count >= 78);
+    CHECK(sent.find(result.bits) != std::string::npos);
+    if (result.payload == nullptr) continue;
+    CHECK(std::vector<std::uint8_t>(result.payload, result.payload + result.payload_bytes) == payload);
+    CHECK(result.packet == 9);
+    got = true;
+  }
+  CHECK(got);
+  ocisac_destroy(receiver);
 }
 
 TEST_CASE("C: what has no meaning is a code and a line") {

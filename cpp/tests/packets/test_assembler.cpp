@@ -434,6 +434,21 @@ TEST_CASE("a lost clock keeps the symbols and waits for a header") {
   CHECK(report.bytes == 8);
 }
 
+TEST_CASE("a header counts as far from its place as the clock may have jumped") {
+  const Sender sender(80);
+  for (const double slip : {3.0, 6.0, 12.0})
+    for (const double errors : {3.0, 4.0, 5.0}) {  // of the jump's standard error
+      CAPTURE(slip);
+      CAPTURE(errors);
+      PacketAssembler assembler(sender.format);
+      for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+      const auto jump = static_cast<std::ptrdiff_t>(2 + errors * slip);  // two chips are no jump
+      const auto report =
+          assembler.push(place_of_block(4) + jump, sender.blocks(4, 1), {.offset = 0, .scatter = 0, .slip = slip});
+      CHECK((report.outcome == StretchOutcome::placed) == (errors <= 4));
+    }
+}
+
 TEST_CASE("preamble, header and line code show the place of a stretch whose clock has slipped") {
   const Sender sender(80);
   for (const std::ptrdiff_t slip : {-3, -1, 0, 1, 3}) {
