@@ -552,6 +552,10 @@ def test_the_value_of_the_summary_is_that_of_the_command(campaign, task, tmp_pat
         (["nothing-*.mkv", "-o", "r", *GAIN], "recordings: got nothing-*.mkv, allowed: "),
         (["a.mkv", "-o", "r", *GAIN, "b.mkv"], "gain: got b.mkv, allowed: options "),
         (["a.mkv", "-o", "r", *GAIN, "--nope"], "No such option"),
+        (
+            ["a.mkv", "-o", "r", *GAIN, "--json"],
+            "gain: got --json, allowed: its other options (batch's stand before it)",
+        ),
         (["--summary", "nothing"], "nothing: no results of `ocisac batch`"),
     ],
 )

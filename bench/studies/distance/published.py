@@ -70,8 +70,9 @@ def long_exposure_errors(
 ) -> tuple[ErrorCount, float]:
     """Count wrong chips of Manchester code after a long exposure, with a known channel; and Q(d/2 sigma).
 
-    d is the distance of the two closest sequences. Chips within four exposures of a frame's ends are not counted: there
-    sequences differ by half of d², since the frame does not show all rows in which they do.
+    d is the distance of the two closest sequences. Sequences that differ in a swapped pair of chips an exposure, from a
+    frame's end on, differ by half of d² only, as the frame does not show where they begin. Every further pair is half
+    as probable, since its chips have to fit, so chips within ten exposures of an end are not counted.
 
     Args:
         exposure_chips: exposure, chips, at most 15.
@@ -81,8 +82,8 @@ def long_exposure_errors(
         seed: of bits, phases and noise.
     """
     random = np.random.default_rng(seed)
-    rows, wrong, counted = 1080, 0, 0
-    reach, margin = math.ceil(exposure_chips / 2) + 1, math.ceil(4 * exposure_chips)
+    rows, wrong, counted = 4320, 0, 0
+    reach, margin = math.ceil(exposure_chips / 2) + 1, math.ceil(10 * exposure_chips)
     while counted < chips:
         count = math.ceil(rows / rows_per_chip) + 2 * reach
         bits = random.integers(0, 2, count // 2 + 1).astype(np.uint8)

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <optional>
 #include <type_traits>
+#include <utility>
 
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
@@ -185,12 +186,25 @@ struct BlockGroup {
   std::vector<Index> members;
 };
 
-// The next seed is the strongest block that is apart from all seeds and correlates with another such block.
+// True if a block between two others shows the light of neither.
+bool has_gap(const Matrix& cosines, Index first, Index last) {
+  for (Index k = std::min(first, last) + 1; k < std::max(first, last); ++k)
+    if (std::abs(cosines(k, first)) < kApart && std::abs(cosines(k, last)) < kApart) return true;
+  return false;
+}
+
+// The next seed is the strongest block that is apart from all seeds and correlates with another such block. Beyond a
+// gap, blocks are apart unless they are together: two blocks of one light that correlate with its seed by less than
+// kTogether correlate with each other by less than its square, while swings of two lights are alike by chance up to
+// 0.4. Without a gap, blocks of an oblique lamp change little by little.
 std::vector<BlockGroup> block_groups(const Matrix& cosines, const VectorXd& power) {
   const Index count = cosines.rows();
   std::vector<BlockGroup> groups;
   const auto is_apart = [&](Index block) {
-    return std::ranges::all_of(groups, [&](const auto& g) { return std::abs(cosines(block, g.seed)) < kApart; });
+    return std::ranges::all_of(groups, [&](const auto& g) {
+      const double alike = std::abs(cosines(block, g.seed));
+      return alike < kApart || (alike < kTogether && has_gap(cosines, block, g.seed));
+    });
   };
   while (groups.size() < kMaxLights) {
     Index seed = -1;
@@ -281,12 +295,15 @@ std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t fr
   auto& [clipped, usable, blocks, means, swings] = pixels;
   Index reach = long_reach(means.rows());
   auto groups = groups_by(swings);
-  if (groups.size() < 2) {
-    const Eigen::RowVectorXd swing = (swings.colwise().squaredNorm().array() > 0).cast<double>();
+  // Of several lamps on the same rows some may be apart by chance over the long reach too.
+  const Eigen::RowVectorXd swing = (swings.colwise().squaredNorm().array() > 0).cast<double>();
+  Matrix quick;
+  take_swings(means, swing, short_reach(means.rows()), quick);  // a block without swing has none but by rounding
+  leave_out_ends(quick);
+  if (auto quick_groups = groups_by(quick); groups.size() < 2 || quick_groups.size() > groups.size()) {
     reach = short_reach(means.rows());
-    take_swings(means, swing, reach, swings);  // a block without swing has none but by rounding
-    leave_out_ends(swings);
-    groups = groups_by(swings);
+    groups = std::move(quick_groups);
+    swings = std::move(quick);
   }
   if (groups.size() < 2) return {};
   std::vector<LightGroup> lights;

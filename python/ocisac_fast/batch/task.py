@@ -63,6 +63,11 @@ class Task:
         given = [value for name in names for value in _several(values.pop(name, None))]
         if given or left:
             raise ValueError(f"{words[0]}: got {[*given, *left][0]}, allowed: options (recordings stand before it)")
+        for option in command.params:
+            if option.name in _NOT_FOR_MANY and option.name in values:
+                raise ValueError(
+                    f"{words[0]}: got {option.opts[0]}, allowed: its other options (batch's stand before it)"
+                )
         return cls(words[0], values)
 
     def arguments(self) -> tuple[dict[str, Any], PictureOptions]:
