@@ -14,7 +14,7 @@ py::tuple as_tuple(const Received& received) {
   return py::make_tuple(received.frame, received.source, received.colour, received.bits, received.rows_per_chip,
                         received.rows_per_chip_std, received.phase, received.snr, array_of(received.detection.dark),
                         array_of(received.detection.bright), array_of(received.detection.relative_levels),
-                        array_of(received.weights), received.flags);
+                        array_of(received.weights), received.flags, array_of(received.colour_weights));
 }
 
 py::list receive_list(const std::vector<py::array>& colours, const Camera& camera, std::optional<double> chip_rate) {

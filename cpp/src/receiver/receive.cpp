@@ -19,6 +19,7 @@
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
+#include "receiver/colour_streams.hpp"
 #include "receiver/rows_of_noise.hpp"
 
 namespace ocisac {
@@ -41,6 +42,9 @@ constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 5,
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;  // in the frame
 constexpr int kSquareRounds = 3;
 constexpr double kBetter = 1.5;  // times the signal-to-noise ratio
+constexpr std::size_t kMinChipsOfStreams = 16;
+constexpr double kSameClock = 0.005,
+                 kDiffering = 0.05;  // rows per chip of the colours of one lamp; bits of two streams
 
 // A decoded signal: timing and decisions.
 struct Decoded {
@@ -327,7 +331,7 @@ void refine_square(const CombinedColumn& column, const Search& what, double freq
     CombinedColumn other = column;
     other.signal = difference(
         column.signal, difference(beside, without_square_wave(beside, frequency, what.exposure_rows.value_or(0.0))));
-    Received again{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};
+    Received again{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, {}};
     if (!decode(other, what, again) || !(again.snr > received.snr)) return;
     received = std::move(again);
     rest = std::move(other.signal);
@@ -350,7 +354,7 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
   for (auto& [rest, square] : without_other_light(column.signal, tone, row_time, what.exposure_rows.value_or(0.0))) {
     CombinedColumn other = column;
     other.signal = std::move(rest);
-    Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0};
+    Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, {}};
     if (!decode(other, what, tried)) continue;
     if (square > 0) refine_square(column, what, square, other.signal, tried);
     if (better && tried.snr < kBetter * received.snr) continue;
@@ -365,14 +369,15 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
 struct Source {
   Received received;
   std::vector<double> signal;
-  double slope = 0;  // of the light that all columns show
+  double slope = 0;                       // of the light that all columns show
+  std::vector<CombinedColumn> columns{};  // of each colour; empty where decoding failed
 };
 
 // The light of best quality in the `allowed` columns (empty: all).
 Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                       const Search& what, std::span<const std::uint8_t> allowed) {
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0};
+  Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0, {}};
   double slope = 0;
   bool first = true;
   for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
@@ -386,13 +391,71 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
     if (first) slope = columns.front().first.slope;
     for (auto& [column, colour] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
-      Received received{frame, 0, colour, {}, nan, nan, nan, nan, {}, {}, 0};
-      if (decode_any(column, what, camera.row_time, received))
-        return {std::move(received), std::move(column.signal), slope};
+      Received received{frame, 0, colour, {}, nan, nan, nan, nan, {}, {}, 0, {}};
+      if (decode_any(column, what, camera.row_time, received)) {
+        Source source{std::move(received), column.signal, slope, {}};
+        std::ranges::sort(columns, {}, [](const auto& one) { return one.second; });
+        for (auto& one : columns) source.columns.push_back(std::move(one.first));
+        return source;
+      }
       if (std::exchange(first, false)) best = std::move(received);
     }
   }
-  return {std::move(best), {}, slope};
+  return {std::move(best), {}, slope, {}};
+}
+
+// Share of the bits that differ where both have some; 1 where they overlap in less than half of the first.
+double differing(const Received& a, const Received& b) {
+  const auto moved = static_cast<std::ptrdiff_t>(std::lround((b.phase - a.phase) / a.rows_per_chip));
+  std::size_t both = 0, wrong = 0;
+  for (std::size_t k = 0; k < b.bits.size(); ++k) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(k) + moved;
+    if (at < 0 || at >= static_cast<std::ptrdiff_t>(a.bits.size())) continue;
+    ++both;
+    wrong += a.bits[static_cast<std::size_t>(at)] != b.bits[k];
+  }
+  return 2 * both < a.bits.size() ? 1.0 : static_cast<double>(wrong) / static_cast<double>(both);
+}
+
+// The weighted sum of the colours, from the columns of the one that shows the stream best.
+CombinedColumn sum_of(const std::vector<CombinedColumn>& columns, const ColourStream& stream) {
+  CombinedColumn sum = columns[stream.colour];
+  std::ranges::fill(sum.signal, 0.0);
+  double variance = 0;
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    for (std::size_t n = 0; n < sum.signal.size(); ++n) sum.signal[n] += stream.weights[c] * columns[c].signal[n];
+    if (stream.weights[c] == 0) continue;
+    variance += std::pow(stream.weights[c] * columns[c].noise, 2);
+    sum.saturated |= columns[c].saturated;
+  }
+  sum.noise = std::sqrt(variance);
+  return sum;
+}
+
+// The streams of a source's colours where they differ; the source itself, or its colours added, where they agree.
+std::vector<Received> streams_of(const Source& source, std::size_t frame, const Camera& camera, const Search& what) {
+  const Received& first = source.received;
+  if (source.columns.size() < 2 || first.bits.size() < kMinChipsOfStreams) return {first};
+  const ChipGrid grid{{first.rows_per_chip, first.phase}, 0, first.bits.size()};
+  std::vector<std::vector<double>> values;
+  for (const auto& column : source.columns) values.push_back(chip_values(column.signal, grid, what.exposure_rows));
+  const auto streams = colour_streams(values);
+  std::vector<Received> found;
+  for (const auto& stream : streams) {
+    Received one{frame, 0, stream.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, stream.weights};
+    if (!decode_any(sum_of(source.columns, stream), what, camera.row_time, one)) continue;
+    const bool same_clock = std::abs(one.rows_per_chip / first.rows_per_chip - 1) < kSameClock;
+    bool is_new = (one.flags & ~(flag::saturated | first.flags)) == 0 && same_clock;
+    for (const Received& other : found) is_new &= differing(other, one) > kDiffering;
+    if (is_new) found.push_back(std::move(one));
+  }
+  if (streams.size() > 1 && found.size() > 1) {
+    std::ranges::stable_sort(found, [](const Received& a, const Received& b) { return a.snr > b.snr; });
+    return found;
+  }
+  const bool is_better = streams.size() == 1 && found.size() == 1 && found[0].snr > kBetter * first.snr &&
+                         differing(first, found[0]) < kDiffering;
+  return {is_better ? found[0] : first};
 }
 
 bool is_clean(const Source& source) {
@@ -433,6 +496,7 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
     else if (seen)
       sources.insert(sources.begin(), whole.received);
   }
+  if (lights.empty()) sources = streams_of(whole, frame, camera, what);
   if (sources.empty()) return {std::move(whole.received)};
   for (std::size_t k = 0; k < sources.size(); ++k) sources[k].source = k;
   return sources;
@@ -457,6 +521,11 @@ std::vector<Received> receive(std::span<const AnyFramesView> colours, const Came
   std::vector<Received> received;
   for (std::size_t frame = 0; frame < shape.frames; ++frame)
     std::ranges::move(receive_frame(colours, frame, camera, what), std::back_inserter(received));
+  for (Received& one : received) {
+    if (!one.colour_weights.empty()) continue;
+    one.colour_weights.assign(colours.size(), 0.0);
+    one.colour_weights[one.colour] = 1;
+  }
   return received;
 }
 

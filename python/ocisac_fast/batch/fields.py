@@ -107,6 +107,7 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
     "receive": (
         _FRAME,
         Field("source", "int64", "", "index of the light; 0: the strongest of the frame"),
+        Field("colour", "int64", "", "index of the colour that shows the light best; null: there is one only"),
         Field("rows", "int64", "", "rows of the camera in the picture"),
         Field("region", "[int64]", "px", "x, y, width, height of the light"),
         Field("bits", "string", "", "chips in time order, 1 = bright"),

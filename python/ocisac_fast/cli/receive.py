@@ -169,6 +169,7 @@ def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera
     return {
         "frame": first_frame + int(result.frame),
         "source": int(result.source),
+        "colour": int(result.colour) if len(result.colour_weights) > 1 else None,
         "rows": rows_and_columns(shape, camera)[0],
         "bits": result.bits,
         "rows_per_chip": result.rows_per_chip,

@@ -26,7 +26,7 @@ class Received:
     Attributes:
         frame: index of the frame.
         source: index of the source in the frame, the strongest first.
-        colour: index of the colour used; 0 for grey frames.
+        colour: index of the colour used, or that shows the source best; 0 for grey frames.
         bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded.
         rows_per_chip: length of a chip in rows.
         rows_per_chip_std: its standard error.
@@ -41,6 +41,8 @@ class Received:
         weights: (columns,) share of each column in the signal, sum 1; 0 for columns that are not used.
         columns: indices of the columns with a weight above 0.
         flags: :class:`ocisac_fast.Flag`.
+        colour_weights: (colours,) weights of the colours' light in the signal: one colour, the sum of those that agree,
+            or the sum that follows one stream of a lamp and no other one.
     """
 
     frame: int
@@ -58,6 +60,7 @@ class Received:
     weights: FloatArray
     columns: npt.NDArray[np.intp]
     flags: Flag
+    colour_weights: FloatArray
 
 
 @checked
@@ -81,11 +84,13 @@ def receive(
             Exposures longer than a chip are flagged (LONG_EXPOSURE).
         chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: estimated, from 2 to 64 rows
             per chip and at least 4 chips per frame.
-        colour: index of the colour to use. None: the one with the strongest light.
+        colour: index of the colour to use. None: the one with the strongest light; where a single lamp sends streams of
+            chips that differ from colour to colour, all of them, each a source.
 
     Returns:
         At least one :class:`Received` for each frame, in the order of the frames, the strongest source first. Several
-        sources are separated if they are side by side; further ones are returned only if their bits are certain.
+        sources are separated if they are side by side; a single one by its colours, which are unmixed blindly (camera
+        and lamp have other primaries). Further ones are returned only if their bits are certain.
 
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.
@@ -100,7 +105,7 @@ def receive(
 
 
 def _received(values: tuple[Any, ...], camera: Camera, first_colour: int) -> Received:
-    frame, source, colour, bits, rows, rows_std, phase, snr, dark, bright, relative, weights, flags = values
+    frame, source, colour, bits, rows, rows_std, phase, snr, dark, bright, relative, weights, flags, mixed = values
     rate = 1 / (rows * camera.row_period)
     return Received(
         frame=frame,
@@ -118,4 +123,5 @@ def _received(values: tuple[Any, ...], camera: Camera, first_colour: int) -> Rec
         weights=weights,
         columns=np.flatnonzero(weights),
         flags=Flag(flags),
+        colour_weights=mixed,
     )

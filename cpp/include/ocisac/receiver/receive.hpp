@@ -32,12 +32,15 @@ struct Received {
   SlicedChips detection;        // levels and relative levels
   std::vector<double> weights;  // (columns), sum 1; 0: not used
   Flags flags = 0;
+  std::vector<double> colour_weights;  // (colours) of the signal in the colours' light
 };
 
 // The sources in each frame, at least one result per frame, the strongest source first. `colours`: one view per colour,
-// all of one shape; the colour of best quality is received. Several sources are separated by their columns
-// (light_groups); further sources are returned only if decoded without a warning flag. Frames are decoded
-// independently.
+// all of one shape. Several sources are separated by their columns (light_groups), and the colour of best quality is
+// received of each. A single source may send a stream in each colour (colour_streams): streams that differ are sources,
+// each from the sum of colours that follows it alone; colours that agree are added where that betters the
+// signal-to-noise ratio by half. Further sources are returned only if decoded without a warning flag. Frames are
+// decoded independently.
 std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
                               const ReceiveOptions& options = {});
 

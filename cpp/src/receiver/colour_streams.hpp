@@ -1,0 +1,22 @@
+// Streams of chips that the colours of one lamp send: as many as differ.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace ocisac {
+
+// A stream, or the opposite of one.
+struct ColourStream {
+  std::vector<double> weights;  // of the colours' signals: their sum follows this stream and no other one
+  std::size_t colour = 0;       // the colour that shows it best, in whose swing the sum is scaled
+};
+
+// Model: v = A·s + b + noise, v (colours) of each chip, s one or several streams of −1 and 1, A the mixing of the
+// lamp's colours by those of the camera. Streams start as the colours' own decisions, those that agree or are opposite
+// as one; A and s are then fitted in turns (least squares, and the nearest of all combinations of bits). Colours that
+// show one stream alone are added with the weights of the best signal-to-noise ratio, those with its opposite apart.
+// `values`: (colours × chips) light of each chip. Empty where a colour has no two levels.
+std::vector<ColourStream> colour_streams(const std::vector<std::vector<double>>& values);
+
+}  // namespace ocisac
