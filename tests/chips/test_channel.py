@@ -117,6 +117,9 @@ def test_an_exposed_chip_is_a_waveform_seen_by_a_camera(exposure_known):
     degrees=(3, 0),
     exposure_known=False,
 )
+@example(
+    seed=13861, rows_per_chip=3.8387955685106068, exposure=7.0, rows=540, degrees=(0, 0), exposure_known=False
+)  # the fit stops at a kink
 def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, rows, degrees, exposure_known):
     column = Column(seed, rows_per_chip, exposure, rows=rows)
     options = dict(zip(("dark_degree", "swing_degree"), degrees, strict=True), exposure_known=exposure_known)
