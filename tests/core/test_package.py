@@ -91,3 +91,18 @@ def test_the_bill_of_materials_names_all_that_the_wheel_links(tmp_path: Path) ->
     pinned = (scripts / "standalone-sources.txt").read_text()
     assert all(part["hashes"][0]["content"] in pinned for part in parts[1:])
     assert all("--hash=sha256:" in line for line in pinned.splitlines())
+
+
+def test_the_workflow_of_ci_runs_every_step() -> None:
+    """Of ``.ci/run``, which the contributors' page lists too."""
+    root = Path(__file__).parents[2]
+    run = root / ".ci" / "run"
+    if not run.is_file():
+        pytest.skip("no repository here")
+    found = re.search(r"^steps=\((.*)\)$", run.read_text(), re.MULTILINE)
+    assert found is not None
+    steps = set(found[1].split())
+    called = re.findall(r"\.ci/run ([a-z ]+)|step: \[(.*)\]", (root / ".github" / "workflows" / "ci.yml").read_text())
+    assert {step for words in called for step in re.findall("[a-z]+", " ".join(words))} == steps
+    page = (root / "CONTRIBUTING.md").read_text().partition("## CI\n")[2]
+    assert {step for step in steps if f"`{step}`" not in page} == set()
