@@ -466,6 +466,20 @@ TEST_CASE("preamble, header and line code show the place of a stretch whose cloc
   }
 }
 
+TEST_CASE("words from elsewhere that contradict the header expected there wait") {
+  const Sender sender(80), other(80, 1);
+  for (const std::size_t first : {0U, 1U}) {  // of the alignments of a word
+    CAPTURE(first);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    const auto report = assembler.push(place_of_block(5) - 100 + static_cast<std::ptrdiff_t>(first),
+                                       other.soft(7 * kBlock + kStart + first, kBlock - kStart - first),
+                                       {.offset = 0, .scatter = 1, .slip = 0});
+    CHECK(report.outcome == StretchOutcome::waiting);
+    CHECK(report.share == doctest::Approx(32 / 85.0));
+  }
+}
+
 TEST_CASE("a stretch that fits at several places waits, and eight of them at most") {
   const Sender sender(80);
   PacketAssembler assembler(sender.format);
