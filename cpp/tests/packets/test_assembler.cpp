@@ -449,6 +449,19 @@ TEST_CASE("a header counts as far from its place as the clock may have jumped") 
     }
 }
 
+TEST_CASE("the scatter of places is learned from headers") {
+  const Sender sender(80);
+  for (const std::ptrdiff_t jitter : {0, -2}) {
+    CAPTURE(jitter);
+    PacketAssembler assembler(sender.format);
+    const auto push = [&](std::size_t block, std::ptrdiff_t off) {
+      return assembler.push(place_of_block(block) + off, sender.soft(block * kBlock, kBlock - 16)).outcome;
+    };
+    for (std::size_t block = 0; block < 8; ++block) push(block, block % 2 == 0 ? 0 : jitter);
+    CHECK((push(8, 5) == StretchOutcome::placed) == (jitter != 0));
+  }
+}
+
 TEST_CASE("preamble, header and line code show the place of a stretch whose clock has slipped") {
   const Sender sender(80);
   for (const std::ptrdiff_t slip : {-3, -1, 0, 1, 3}) {

@@ -104,6 +104,24 @@ TEST_CASE("FSK: rows and amplitudes whose squares overflow are refused by name")
   CHECK_NOTHROW((void)demodulator.demodulate(rows, 1e100));
 }
 
+TEST_CASE("FSK: the energy told is right on average") {
+  constexpr double kEnergy = 16;
+  constexpr int kTrials = 1000;
+  const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
+  const double amplitude = std::sqrt(4 * kEnergy / kRows);  // for noise of 1
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0, 1);
+  double sum = 0;
+  std::vector<double> rows(kRows);
+  for (int trial = 0; trial < kTrials; ++trial) {
+    for (std::size_t n = 0; n < kRows; ++n)
+      rows[n] =
+          amplitude * std::cos(2 * std::numbers::pi * 1500 * static_cast<double>(n) * kCamera.row_time) + noise(random);
+    sum += demodulator.demodulate(rows).snr;
+  }
+  CHECK(std::abs(sum / kTrials - kEnergy) < 3 * std::sqrt(2 * kEnergy / kTrials));  // standard errors
+}
+
 TEST_CASE("FSK: likelihoods are those of amplitudes over noise, in any unit") {
   const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
   const auto rows = rows_of(500, 1);
