@@ -16,6 +16,7 @@ from ocisac_fast.cli import main
 from ocisac_fast.packets import PacketFormat
 from ocisac_fast.packets.goodput import possible_goodput
 from ocisac_fast.receiver import GainOptions, MultiReceiver, Receiver
+from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture as scene_texture
 
 ROW_TIME, FRAME_TIME, CHIP_RATE = 22.2e-6, 1 / 30, 8e3
 PAYLOAD = np.random.default_rng(11).bytes(1000)
@@ -235,6 +236,34 @@ def test_rows_displaced_by_a_stabiliser_are_received():
             break
     assert result.payload is not None
     assert result.payload.data == b"displaced"
+
+
+@pytest.mark.parametrize(
+    ("texture", "light", "hum", "most"),
+    [(0.1, {"rise": 0.4, "fall": 0.4}, 0.0, 16), (0.1, {}, 0.3, 18), (0.15, {}, 0.0, 14)],
+    ids=["rise and fall", "hum", "alone"],
+)
+def test_texture_is_learned_beside_other_disturbances(texture, light, hum, most):
+    """The limit of frames is that of 100 bytes in a clean stream (11 to 13), and a few to learn from."""
+    chips = ocisac.transmit(PAYLOAD[:100]).chips
+    frames = simulate_frames(
+        ocisac.Chips(chips, CHIP_RATE, repeat=True, **light),
+        Camera(ROW_TIME, 622e-6, frame_time=FRAME_TIME),
+        *(1080, 64, most),
+        swing=100,
+        dark_level=20,
+        noise=2,
+        start=0.7,
+        lamp=lamp_bar(1080, 64, 26),
+        ambient=ocisac.Tone(100, amplitude=hum),
+        reflectance=scene_texture(1080, 64, texture, seed=3),
+        seed=3,
+    )
+    receiver = Receiver(Camera(ROW_TIME, 622e-6, frame_time=FRAME_TIME), chip_rate=CHIP_RATE)
+    results = [receiver.push(pixels) for pixels in frames]
+    payloads = [result.payload.data for result in results if result.payload is not None]
+    assert payloads
+    assert set(payloads) == {PAYLOAD[:100]}
 
 
 def test_a_search_ends_where_its_passes_are_used_up():

@@ -10,6 +10,7 @@ namespace ocisac {
 namespace {
 
 constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
+constexpr double kLowestHum = 90, kSameTone = 0.2;  // Hz; spectral lines of a frame
 constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
 constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
@@ -24,6 +25,16 @@ std::vector<double> without_slow_light(std::span<const std::span<const double>> 
 }
 
 }  // namespace
+
+RowNuisance RowModelSearch::prominent_tone(std::span<const double> signals, std::size_t rows) const {
+  const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
+  const auto tone = strongest_tone(signals, rows, kLowestHum * camera_.row_time, highest);
+  if (tone.prominence < kMinProminence) return {};
+  for (const double mains : kMains)
+    if (std::abs(mains * camera_.row_time - tone.frequency) * static_cast<double>(rows) < kSameTone)
+      return {0, {mains * camera_.row_time}};
+  return {0, {tone.frequency}};
+}
 
 // Slow light and tones that the rows show, the most likely first.
 std::vector<RowNuisance> RowModelSearch::other_nuisances(std::span<const double> signal, const FrameRows& frame) const {

@@ -16,11 +16,14 @@ constexpr std::size_t kProfilePause = 2, kQuickAttempts = 4;  // frames between 
 constexpr std::int64_t kProfileInterval = 4;                  // frames between fits of a profile in use
 constexpr std::size_t kMaxHeldAttempts = 8;  // in vain, until the columns' weights follow each frame again
 constexpr std::size_t kMaxProfileMisfits = 6;
-constexpr int kProfileRounds = 8;
+constexpr std::size_t kProfileRounds = 12;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
 constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
 constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
+constexpr double kBetterProfile = 0.8;        // the same of a profile that replaces one in use
 constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
+constexpr double kMaxLearnedErrors = 0.08;    // expected error rate of chips that a profile is learned from
+constexpr double kMaxProfileGrowth = 1.5;     // ratio of a frame's noise to that of those that the profile is of
 constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
 constexpr double kProfileFrameShare = 0.5;    // of the kept frames that a profile must explain
 constexpr double kProfileChips = 8;           // chips either side over which a profile's swing is smoothed, at least
@@ -35,11 +38,30 @@ std::size_t smoothing(const RowModelSearch& rows) {
   return static_cast<std::size_t>(std::max(chips, 2 * rows.state().model.exposure_rows.value_or(0.0)));
 }
 
+// No more than noise is left, and the chips are no guesses.
+bool fits_well(const std::optional<FrameReading>& reading) {
+  return reading && !is_misfit(*reading) && reading->error_rate < kMaxLearnedErrors;
+}
+
+// True if as little is left as of the frames that the profile was learned from, or no more than noise.
+bool explains(const LearnedProfile& learned, const std::optional<FrameReading>& reading) {
+  return fits_well(reading) || (reading && reading->error_rate < kMaxLearnedErrors &&
+                                reading->relative_noise < kMaxProfileGrowth * learned.noise);
+}
+
 }  // namespace
 
-void KeptFrame::expose(const FrameReading& reading, RowRange rows) {
+void KeptFrame::expose(const FrameReading& reading, const LearnedProfile& learned, const RowNuisance& nuisance) {
+  const auto begin = static_cast<std::ptrdiff_t>(learned.rows.begin);
+  const auto light = exposed_rows(reading, learned.rows.size());
   exposed.assign(signal.size(), 0.0);
-  std::ranges::copy(exposed_rows(reading, rows.size()), exposed.begin() + static_cast<std::ptrdiff_t>(rows.begin));
+  std::ranges::copy(light, exposed.begin() + begin);
+  lamp = signal;
+  if (nuisance.empty()) return;
+  const auto rest = without_profile(signal, learned.profile, learned.rows);
+  const auto fit = remove_nuisance(rest, nuisance, light);
+  for (std::size_t n = 0; fit && n < rest.size(); ++n)
+    lamp[learned.rows.begin + n] -= learned.profile.swing[learned.rows.begin + n] * (rest[n] - fit->rest[n]);
 }
 
 void ProfileLearning::forget() {
@@ -62,6 +84,7 @@ void ProfileLearning::keep(const CombinedColumn& column, std::int64_t frame, dou
   now.number = frame;
   now.time = time;
   now.signal.assign(column.signal.begin(), column.signal.end());
+  now.lamp = now.signal;
   now.exposed.clear();
   now.bright = column.quality > kBrightLight;
   now.seen = now.fits = false;
@@ -87,7 +110,7 @@ std::vector<std::span<const double>> ProfileLearning::rows_of_all(std::size_t fi
 
 std::vector<ProfileFrame> ProfileLearning::frames() const {
   std::vector<ProfileFrame> frames;
-  for (const KeptFrame& kept : kept_) frames.push_back({kept.signal, kept.exposed});
+  for (const KeptFrame& kept : kept_) frames.push_back({kept.lamp, kept.exposed});
   return frames;
 }
 
@@ -99,17 +122,20 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
   KeptFit fit;
   const SearchEffort effort = rows.effort(learned.rows.size());
   double searches = use ? std::numeric_limits<double>::infinity() : kProfileSearches;
+  const RowNuisance nuisance = rows.state().model.nuisance;
   for (KeptFrame& kept : kept_) {
+    rows.state().model.nuisance = nuisance;  // a wrong profile moves the tones of a frame anywhere
     const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
     FrameRows now{column, kept.time, searches > 0, effort, effort};
     const auto reading = rows.read_with_last(rest, now);
     if (std::isfinite(effort.rows)) searches -= 1 - now.effort.rows / effort.rows;
     kept.exposed.clear();
-    kept.fits = reading && !is_misfit(*reading);
+    kept.fits = fits_well(reading);
     fit.frames += kept.fits;
-    fit.noise += reading ? reading->relative_noise : kMaxProfileNoise;
+    fit.read += reading.has_value();
+    fit.noise += (reading ? reading->relative_noise : kMaxProfileNoise) / static_cast<double>(kept_.size());
     if (!reading) continue;
-    kept.expose(*reading, learned.rows);
+    kept.expose(*reading, learned, rows.state().model.nuisance);
     if (use) {
       use(kept, *reading, rest);
       continue;
@@ -121,55 +147,94 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
   return fit;
 }
 
-// Alternates chips of all kept frames and the profile, from the frames' mean and standard deviation on. The first
-// rounds have wrong chips: they keep near the first shape.
-bool ProfileLearning::learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row) {
-  const std::size_t smooth = smoothing(rows);
-  auto first = first_profile(frames(), smooth);
-  if (!first) return false;
-  const LightState before = rows.state();
-  const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(kept_.size()));
+// The first profile, 0 where the lamp is too dark.
+std::optional<LearnedProfile> ProfileLearning::first_learned(std::size_t smooth) const {
+  std::vector<ProfileFrame> signals;
+  for (const KeptFrame& kept : kept_) signals.push_back({kept.signal, {}});
+  auto first = first_profile(signals, smooth);
+  if (!first) return std::nullopt;
   const RowRange bright = profile_rows(*first, kMinProfileSwing);
   std::fill_n(first->swing.begin(), bright.begin, 0.0);
   std::fill(first->swing.begin() + static_cast<std::ptrdiff_t>(bright.end), first->swing.end(), 0.0);
-  LearnedProfile learned{*first, bright};
-  double noise = std::numeric_limits<double>::infinity();
-  for (int round = 0; round < kProfileRounds; ++round) {
-    rows.restart_clock();
-    const KeptFit fit = read_kept(rows, learned, column, first_row, {});
-    if (fit.frames >= enough && round > 0) {
-      profile_ = std::move(learned);
-      return true;
-    }
-    const auto step = static_cast<std::size_t>(round);
-    if (step >= kShapeWeights.size() && fit.noise > kProfileGain * noise) break;
-    noise = fit.noise;
-    const double weight = kShapeWeights[std::min(step, kShapeWeights.size() - 1)];
-    auto profile = fit_profile(frames(), first->swing, smoothing(rows), weight);
-    if (!profile || !is_bright(*profile, bright)) break;
-    learned.profile = std::move(*profile);
+  return LearnedProfile{std::move(*first), bright};
+}
+
+// A tone in what a profile leaves of the kept frames: the profile divides hum and lamp alike.
+RowNuisance ProfileLearning::tone_beside(const LearnedProfile& learned, const RowModelSearch& rows) const {
+  std::vector<double> rests;
+  for (const KeptFrame& kept : kept_) {
+    const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
+    rests.insert(rests.end(), rest.begin(), rest.end());
   }
-  rows.state() = before;
-  return false;
+  return rows.prominent_tone(rests, learned.rows.size());
+}
+
+// True if the residual falls by more than two unknowns a row cost (Schwarz's criterion).
+bool ProfileLearning::is_worth(const LearnedProfile& learned) const {
+  double without = 0;
+  for (const KeptFrame& kept : kept_) without += kept.noise / static_cast<double>(kept_.size());
+  const auto count = static_cast<double>(kept_.size());
+  return 2 * std::log(without / learned.noise) > 2 * std::log(count) / count;
+}
+
+// Alternates chips of all kept frames and the profile, from the frames' mean and standard deviation on. The first
+// rounds have wrong chips: they keep near the first shape. Where a settled profile leaves more than noise, rise and
+// fall of the light are fitted, too.
+std::optional<LearnedProfile> ProfileLearning::learn(RowModelSearch& rows, const CombinedColumn& column,
+                                                     std::size_t first_row) {
+  auto learned = first_learned(smoothing(rows));
+  if (!learned) return std::nullopt;
+  const RowProfile first = learned->profile;
+  rows.restart_clock();
+  rows.state().model.nuisance = tone_beside(*learned, rows);
+  const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(kept_.size()));
+  std::optional<std::pair<LearnedProfile, SignalModel>> best;
+  double noise = std::numeric_limits<double>::infinity();
+  for (std::size_t round = 0; round < kProfileRounds; ++round) {
+    const KeptFit fit = read_kept(rows, *learned, column, first_row, {});
+    rows.restart_phase(fit.read >= enough);
+    learned->noise = fit.noise;
+    learned->fits = fit.frames >= enough && round > 0;
+    const bool slower = best && rows.state().model.slow_light && !best->second.slow_light;
+    const double highest = best ? (slower ? kBetterProfile : 1.0) * best->first.noise : kMaxProfileNoise;
+    if (round > 0 && fit.read >= enough && (fit.noise < highest || (learned->fits && !slower)))
+      best.emplace(*learned, rows.state().model);
+    if (best && best->first.fits) break;
+    if (round >= kShapeWeights.size() && fit.noise > kProfileGain * noise && !rows.start_slow_light()) break;
+    noise = fit.noise;
+    const double weight = kShapeWeights[std::min(round, kShapeWeights.size() - 1)];
+    auto profile = fit_profile(frames(), first.swing, smoothing(rows), weight);
+    if (!profile || !is_bright(*profile, learned->rows)) break;
+    learned->profile = std::move(*profile);
+  }
+  if (!best || !(best->first.fits || is_worth(best->first))) return std::nullopt;
+  rows.state().model = std::move(best->second);
+  return std::move(best->first);
 }
 
 bool ProfileLearning::learn_if_due(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row) {
   if (until_attempt_ > 0) --until_attempt_;
   const bool poor = static_cast<double>(misfits()) > kProfileFrameShare * static_cast<double>(kept_.size());
-  if (profile_ || until_attempt_ > 0 || kept_.size() < kMinProfileFrames || !poor) return false;
-  if (learn(rows, column, first_row)) {
-    attempts_ = 0;
-    return true;
+  if (until_attempt_ > 0 || kept_.size() < kMinProfileFrames || (profile_ ? profile_->fits : !poor)) return false;
+  const LightState before = rows.state();
+  auto kept = kept_;
+  auto learned = learn(rows, column, first_row);
+  const bool better = learned && (!profile_ || learned->fits || learned->noise < kBetterProfile * profile_->noise);
+  if (better) {
+    profile_ = std::move(learned);
+  } else {
+    rows.state() = before;
+    kept_ = std::move(kept);
   }
-  ++attempts_;
+  attempts_ = better ? 0 : attempts_ + 1;
   const std::size_t slower = attempts_ - std::min(attempts_, kQuickAttempts);
   until_attempt_ = kProfilePause << std::min<std::size_t>(slower, 5);
-  return false;
+  return better;
 }
 
 void ProfileLearning::read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row,
                                  const UseReading& use) {
-  rows.restart_clock();
+  rows.restart_phase(true);
   read_kept(rows, *profile_, column, first_row, use);
 }
 
@@ -182,16 +247,18 @@ void ProfileLearning::read_again(RowModelSearch& rows, const CombinedColumn& col
 bool ProfileLearning::follow(const std::optional<FrameReading>& reading, RowModelSearch& rows) {
   KeptFrame& now = kept_.back();
   now.seen = reading.has_value();
-  now.fits = reading && !is_misfit(*reading);
+  now.noise = reading ? reading->relative_noise : kMaxProfileNoise;
+  now.fits = fits_well(reading);
   if (!profile_) return true;
-  if (now.fits) {
-    now.expose(*reading, profile_->rows);
+  const bool explained = explains(*profile_, reading);
+  if (explained) {
+    now.expose(*reading, *profile_, rows.state().model.nuisance);
     if (now.number % kProfileInterval == 0) {
       auto again = fit_profile(frames(), profile_->profile.swing, smoothing(rows), kShapeWeights.back());
       if (again && is_bright(*again, profile_->rows)) profile_->profile = std::move(*again);
     }
   }
-  profile_misfits_ = now.fits ? 0 : profile_misfits_ + 1;
+  profile_misfits_ = explained ? 0 : profile_misfits_ + 1;
   if (profile_misfits_ < kMaxProfileMisfits) return true;
   profile_.reset();
   kept_.clear();

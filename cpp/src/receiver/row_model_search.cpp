@@ -36,6 +36,7 @@ constexpr double kFollowedEffort = 0.1;      // of the others' effort, where a c
 constexpr double kWarpEffort = 3;            // of the other models'
 constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
 constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
+constexpr double kModeratelySlow = 0.3;      // chips
 constexpr double kMaxWrongExposure = 2;      // ratio; a stated one is believed so far
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 
@@ -81,6 +82,23 @@ void RowModelSearch::restart_clock() {
   state_.model = {{}, {}, camera_.exposure.has_value()};
   if (camera_.exposure) state_.model.exposure_rows = *camera_.exposure / camera_.row_time;
   state_.relative_noise = 0;
+}
+
+void RowModelSearch::restart_phase(bool readable) {
+  if (state_.tracker) state_.tracker->reset();
+  if (!readable) state_.channel.reset();
+  state_.mean = 0;  // not to be compared
+  if (!state_.channel) return;
+  state_.channel->noise = state_.relative_noise;
+  state_.channel->dark = {0.0};
+  state_.channel->swing = {1.0};
+}
+
+bool RowModelSearch::start_slow_light() {
+  if (state_.model.slow_light || !state_.channel) return false;
+  state_.model.slow_light = true;
+  state_.channel->clock.rise = state_.channel->clock.fall = kModeratelySlow;
+  return true;
 }
 
 void RowModelSearch::forget() {

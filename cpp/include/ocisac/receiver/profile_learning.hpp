@@ -15,23 +15,27 @@
 
 namespace ocisac {
 
+// The lamp's profile, the rows in which it is bright enough, and what it leaves of the frames, relative to the swing.
+struct LearnedProfile {
+  RowProfile profile;
+  RowRange rows;
+  double noise = 0;
+  bool fits = false;  // no more than noise
+};
+
 // A recent frame: its rows, and s of each where its chips are known.
 struct KeptFrame {
   std::int64_t number;
   double time;  // on the tracker's clock, in frames
   std::vector<double> signal, exposed;
+  std::vector<double> lamp;  // the signal less slow light and tones beside the chips
   bool bright = false;  // its columns show a common light
   bool seen = false;    // chips were detected
   bool fits = false;    // no more than noise is left
+  double noise = 1;     // that is left, relative to the swing
 
-  // `rows`: those that were read.
-  void expose(const FrameReading& reading, RowRange rows);
-};
-
-// The lamp's profile and the rows in which it is bright enough.
-struct LearnedProfile {
-  RowProfile profile;
-  RowRange rows;
+  // `reading`: of the rows less the profile.
+  void expose(const FrameReading& reading, const LearnedProfile& learned, const RowNuisance& nuisance);
 };
 
 class ProfileLearning {
@@ -71,13 +75,16 @@ class ProfileLearning {
 
  private:
   struct KeptFit {
-    std::size_t frames = 0;  // that fit
-    double noise = 0;        // sum over the frames, relative to the swing
+    std::size_t frames = 0, read = 0;  // that leave no more than noise; that were read
+    double noise = 0;                  // mean over the frames, relative to the swing
   };
   [[nodiscard]] std::vector<ProfileFrame> frames() const;
   KeptFit read_kept(RowModelSearch& rows, const LearnedProfile& learned, const CombinedColumn& column,
                     std::size_t first_row, const UseReading& use);
-  bool learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
+  [[nodiscard]] std::optional<LearnedProfile> first_learned(std::size_t smooth) const;
+  [[nodiscard]] RowNuisance tone_beside(const LearnedProfile& learned, const RowModelSearch& rows) const;
+  [[nodiscard]] bool is_worth(const LearnedProfile& learned) const;
+  std::optional<LearnedProfile> learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
 
   std::deque<KeptFrame> kept_;                    // the last frames, the current one included
   std::size_t kept_first_row_ = 0;                // of the picture, at index 0 of their signals

@@ -74,6 +74,13 @@ class RowModelSearch {
   void restart_clock();
   // The same with the rate.
   void forget();
+  // The next rows have levels of 0 and 1. The model stays, and where `readable`, of the clock all but its phase.
+  void restart_phase(bool readable);
+  // Rise and fall belong to the model from now on, starting from those of a moderately slow light. False where they do,
+  // and where no frame was read.
+  bool start_slow_light();
+  // A tone that stands out of frames of `rows` rows; none.
+  [[nodiscard]] RowNuisance prominent_tone(std::span<const double> signals, std::size_t rows) const;
 
   std::optional<FrameReading> read(std::span<const double> signal, FrameRows& frame);
   // With the model of the last frame only.
