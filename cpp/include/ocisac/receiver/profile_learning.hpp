@@ -29,10 +29,10 @@ struct KeptFrame {
   double time;  // on the tracker's clock, in frames
   std::vector<double> signal, exposed;
   std::vector<double> lamp;  // the signal less slow light and tones beside the chips
-  bool bright = false;  // its columns show a common light
-  bool seen = false;    // chips were detected
-  bool fits = false;    // no more than noise is left
-  double noise = 1;     // that is left, relative to the swing
+  bool bright = false;       // its columns show a common light
+  bool seen = false;         // chips were detected
+  bool fits = false;         // no more than noise is left
+  double noise = 1;          // that is left, relative to the swing
 
   // `reading`: of the rows less the profile.
   void expose(const FrameReading& reading, const LearnedProfile& learned, const RowNuisance& nuisance);
