@@ -124,6 +124,24 @@ def test_frames_of_another_size_begin_again() -> None:
         VideoCleaner(CAMERA, model="sawtooth")  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("shape", [(8, 1), (9, 3), (200, 1), (8, 60)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("kind", ["noise", "tone", "black", "white"])
+def test_frames_of_any_size_and_content(shape: tuple[int, int], dtype: type, kind: str) -> None:
+    random, cleaner = np.random.default_rng(0), VideoCleaner(Camera(1e-5, white_level=255.0))
+    for k in range(3):
+        light = 1 + 0.8 * np.cos(2 * np.pi * (np.arange(shape[0]) / 7.3 + 0.3 * k))
+        values = {
+            "noise": random.uniform(0, 200, shape),
+            "tone": np.broadcast_to(100 * light[:, None], shape),
+            "black": np.zeros(shape),
+            "white": np.full(shape, 255.0),
+        }
+        done = cleaner.push(values[kind].astype(dtype))
+        assert done.frames.shape == shape
+        assert np.isfinite(done.frames.astype(float)).all()
+
+
 def test_a_chip_light_is_found_in_every_frame() -> None:
     bits = np.random.default_rng(5).integers(0, 2, 400).astype(float)
     picture, lamp = albedo(4, ROWS, COLUMNS), np.full((ROWS, COLUMNS), 70.0)

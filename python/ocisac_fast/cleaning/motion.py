@@ -13,12 +13,18 @@ FloatArray = npt.NDArray[np.float64]
 
 _REACH = 4  # half width of a window, pixels
 _ROUNDS = 2
-_HOLD = 0.02  # mean squared gradient that halves a displacement: texture of a few percent a pixel
+_MIN_SIDE = 4  # pixels
+_HOLD = 2e-4  # mean squared gradient that halves a displacement: texture of 1.4 percent a pixel
 _MAX_STEP = 2.0  # pixels, of what the mean displacement leaves
 
 
 def displacement(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(rows, columns) arrays of the way, down and right in pixels, of each pixel of ``after`` since ``before``."""
+    """(rows, columns) arrays of the way, down and right in pixels, of each pixel of ``after`` since ``before``.
+
+    Pictures of fewer than 4 rows or columns are taken to stand still.
+    """
+    if min(after.shape) < _MIN_SIDE:
+        return np.zeros(after.shape), np.zeros(after.shape)
     down, right = _mean_displacement(before, after)
     ways = np.full(after.shape, down), np.full(after.shape, right)
     for _ in range(_ROUNDS):
@@ -35,8 +41,7 @@ def displacement(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Flo
                 (gradients[1], change),
             )
         )
-        hold = _HOLD * 0.01
-        rr, cc = rr + hold, cc + hold
+        rr, cc = rr + _HOLD, cc + _HOLD
         scale = rr * cc - rc**2
         steps = (cc * rt - rc * ct) / scale, (rr * ct - rc * rt) / scale
         ways = tuple(way + np.clip(step, -_MAX_STEP, _MAX_STEP) for way, step in zip(ways, steps, strict=True))  # type: ignore[assignment]

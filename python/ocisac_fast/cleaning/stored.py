@@ -187,7 +187,7 @@ def _sums(values: FloatArray, count: int, axis: int) -> FloatArray:
 
 def noise_of(stack: Stack) -> float:
     """Noise, DN, from second differences along the rows, where bands cancel; at least half a step of integers."""
-    noise = 0.5 if stack.dtype.kind == "u" else 1e-4 * max(float(np.abs(stack).max()), 1e-300)
+    noise = 0.5 if stack.dtype.kind == "u" else 1e-4 * max(float(np.abs(stack).max()), 1e-100)
     if stack.shape[2] < 3:
         return noise
     every = max(2, stack.size // _NOISE_ROWS)
