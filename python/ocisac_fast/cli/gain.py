@@ -131,9 +131,11 @@ class Light:
     misfit: int
 
     def columns(self, frames: Frame) -> Frame:
-        """The selected columns of the selected colour; a view if all are selected."""
+        """The selected columns of the selected colour; a view if they are neighbours."""
         one = frames[..., self.colour or 0]
-        return one if self.used.all() else one[..., self.used]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], self.used, [False]]).astype(np.int8)))
+        runs = [one[..., first:last] for first, last in zip(edges[::2], edges[1::2], strict=True)]
+        return runs[0] if len(runs) == 1 else np.concatenate([*runs, one[..., :0]], axis=-1)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,117 @@
+#!/usr/bin/env python3
+"""Processor time of commands on a 1080p video, over that of decoding it: gain, receive, detect, sense.
+
+Two videos, H.264 as cameras write it: a lamp of 500 px with a tone, and one with packets, before a still texture.
+Start-up cancels: each command reads a long and a short cut of a video, and the difference counts, the least of several
+rounds. Decoding is PyAV alone, which makes no array.
+
+usage: bench/commands.py [--rounds N] [--long FRAMES] [--json] [--check]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import av
+import numpy as np
+
+from ocisac_fast import Camera, Chips, Tone, integrate_exposure
+from ocisac_fast.packets import transmit
+
+ROWS, COLUMNS, ROW_TIME, EXPOSURE, RATE, CHIP_RATE = 1080, 1920, 22.2e-6, 622e-6, 30, 8e3
+SHORT = 16  # frames
+LIMIT = 0.2  # of decoding
+DECODE = "import av, sys\nfor _ in av.open(sys.argv[1]).decode(video=0): pass"
+CAMERA = ["--row-time", f"{ROW_TIME}", "--exposure", f"{EXPOSURE}", "--scan-axis", "y", "--json"]
+
+
+def write_video(path: Path, waveform: Tone | Chips, frames: int) -> None:
+    """A round lamp that shows the waveform, before a still texture."""
+    random = np.random.default_rng(1)
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    coarse = random.normal(0.0, 1.0, (ROWS // 40 + 1, COLUMNS // 40 + 1))
+    texture = 70.0 + 12.0 * np.kron(coarse, np.ones((40, 40)))[:ROWS, :COLUMNS]
+    lamp = 90.0 * np.clip((260.0 - np.hypot(y - 540.0, x - 900.0)) / 20.0, 0.0, 1.0)
+    camera = Camera(ROW_TIME, EXPOSURE, 1.0 / RATE)
+    noise = 2.0 * random.standard_normal((ROWS, COLUMNS))
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("libx264", rate=RATE, options={"preset": "veryfast", "crf": "20"})
+        stream.width, stream.height, stream.pix_fmt = COLUMNS, ROWS, "yuv420p"
+        for k in range(frames):
+            light = integrate_exposure(waveform, camera, ROWS, frames=np.array([k]))[0]
+            picture = texture + lamp * light[:, None] + np.roll(noise, 97 * k, axis=1)
+            image = av.VideoFrame.from_ndarray(np.clip(np.rint(picture), 0, 255).astype(np.uint8), format="gray")
+            file.mux(stream.encode(image.reformat(format="yuv420p")))
+        file.mux(stream.encode())
+
+
+def seconds_of(command: list[str], path: Path) -> float:
+    """Processor time of a process on a recording."""
+    run = [str(path) if part == "FILE" else part for part in command]
+    before = os.times()
+    subprocess.run(run, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    after = os.times()
+    return after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def measure(folder: Path, rounds: int, long: int) -> dict[str, float]:
+    """Milliseconds a frame: of decoding each video, and of each command."""
+    payload = np.random.default_rng(2).bytes(200)
+    waveforms = {
+        "tone": Tone(500.0),
+        "packets": Chips(transmit(payload).chips, chip_rate=CHIP_RATE, repeat=True),
+    }
+    paths = {(name, n): folder / f"{name}-{n}.mp4" for name in waveforms for n in (SHORT, long)}
+    for (name, frames), path in paths.items():
+        write_video(path, waveforms[name], frames)
+    ocisac = [sys.executable, "-m", "ocisac_fast.cli"]
+    decode = [sys.executable, "-c", DECODE, "FILE"]
+    commands = {
+        "decoding, tone": ("tone", decode),
+        "gain": ("tone", [*ocisac, "gain", "FILE", "--frequency", "500", *CAMERA]),
+        "detect": ("tone", [*ocisac, "detect", "FILE", *CAMERA]),
+        "sense": ("tone", [*ocisac, "sense", "FILE", "--frames", "FRAMES", *CAMERA]),
+        "decoding, packets": ("packets", decode),
+        "receive": ("packets", [*ocisac, "receive", "FILE", "--packets", "--chip-rate", f"{CHIP_RATE}", *CAMERA]),
+    }
+    found = dict.fromkeys(commands, math.inf)
+    for _ in range(rounds):
+        for name, (video, command) in commands.items():
+            of_long, of_short = (
+                seconds_of([str(n) if part == "FRAMES" else part for part in command], paths[video, n])
+                for n in (long, SHORT)
+            )
+            found[name] = min(found[name], 1e3 * (of_long - of_short) / (long - SHORT))
+    return found
+
+
+def main() -> int:
+    """Exit code 1 with --check if a command takes more than a fifth of decoding beside it."""
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--long", type=int, default=76, help="frames of the long cut")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = measure(Path(folder), arguments.rounds, arguments.long)
+    own = {"gain": "tone", "detect": "tone", "sense": "tone", "receive": "packets"}
+    shares = {name: found[name] / found[f"decoding, {video}"] - 1 for name, video in own.items()}
+    if arguments.json:
+        print(json.dumps({"milliseconds": found, "shares": shares}))
+    else:
+        for name, value in found.items():
+            share = f"{100 * shares[name]:6.0f} % beside decoding" if name in shares else ""
+            print(f"{name:20} {value:7.2f} ms a frame {share}")
+    return 1 if arguments.check and max(shares.values()) > LIMIT else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
