@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast import Camera, Tone, chips, core, exposure, files, lights, packets, receiver, scene, sensing
+from ocisac_fast import Camera, Tone, chips, cleaning, core, exposure, files, lights, packets, receiver, scene, sensing
 
 CAMERA = Camera(1e-5, 1e-4, frame_time=1 / 30)
 FRAME = 100 + 50 * np.sin(np.arange(64) * 0.3)[:, None] * np.ones(8)
@@ -159,6 +159,9 @@ VALID: dict[str, Any] = {
     "receiver.Receiver.push": (lambda: receiver.Receiver(CAMERA), {"frame": FRAME}),
     "receiver.Receiver": {"camera": CAMERA},
     "cleaning.CleaningOptions": {},
+    "cleaning.VideoCleaner.push": (lambda: cleaning.VideoCleaner(CAMERA), {"frame": FRAME}),
+    "cleaning.VideoCleaner.forget": (lambda: cleaning.VideoCleaner(CAMERA), {}),
+    "cleaning.VideoCleaner": {"camera": CAMERA},
     "cleaning.remove_bands": FRAMES,
     "cleaning.subtract_still": {"frames": np.stack([FRAME, FRAME]), "camera": CAMERA},
     "scene.Ambient": {},
