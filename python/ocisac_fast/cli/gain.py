@@ -225,6 +225,7 @@ class FrameGains:
 
 _NO_TONE = {**dict.fromkeys(("gain", "gain_std", "phase", "mean", "snr"), math.nan), "flags": 0}
 _FRAME_VALUES = ("gain", "gain_std", "phase", "mean", "snr", "flags")
+_BYTES_AT_ONCE = 1 << 21  # a frame of 1080p: copies stay in the cache, and their memory is used again
 
 
 def frame_gains(
@@ -245,15 +246,17 @@ def frame_gains(
 
     options = {**options, "waveform": picture.waveform, "duty": picture.duty, "pooled": True}
     with open_pictures(file, picture, part) as pictures:
-        camera, batches = pictures.camera.in_time_order, pictures.row_batches()
+        camera, batches = pictures.camera.in_time_order, pictures.row_batches(_BYTES_AT_ONCE)
         first = next(batches)
+        at_once = max(_BYTES_AT_ONCE // first[0].nbytes, 1)
+        parts = (first[k : k + at_once] for k in range(0, len(first), at_once))
         if light is None:
             light = _find_light(first, pictures.camera, picture, frequency, options)
-        columns = light.columns(first)[0]
+        columns = light.columns(first[:1])[0]
         if math.isnan(light.frequency):
             return FrameGains(camera, light, {name: np.zeros(0) for name in _FRAME_VALUES}, columns, len(first))
         gains, of_columns = [], []
-        for batch in _shown(itertools.chain([first], batches), pictures.frame_count, len(first)):
+        for batch in _shown(itertools.chain(parts, batches), pictures.frame_count, at_once):
             gains.append(tone_gain(light.columns(batch), camera, light.frequency, **options))
             if per_column:
                 every = batch[..., light.colour or 0]
@@ -293,7 +296,7 @@ def _find_light(
     light = Light(stored.scan_axis, given, spread, flags, colour, used, misfit=0)
     if options["method"] == "dft" or math.isnan(given):
         return light
-    return dataclasses.replace(light, misfit=_misfit(light.columns(frames)[0], camera, given, options))
+    return dataclasses.replace(light, misfit=_misfit(light.columns(frames[:1])[0], camera, given, options))
 
 
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:

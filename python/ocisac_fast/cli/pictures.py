@@ -181,20 +181,21 @@ class OpenPictures:
     frame_count: int | None
     frame_rate: float | None
 
-    def batches(self) -> Iterator[Frame]:
-        """The frames in arrays (frames, height, width, colours) of a bounded size."""
+    def batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
+        """The frames in arrays (frames, height, width, colours) of a bounded size, after the first of another."""
         batch: list[Frame] = []
+        most = _BATCH_BYTES
         for frame in self.frames:
-            if batch and (frame.shape != batch[0].shape or (len(batch) + 1) * frame.nbytes > _BATCH_BYTES):
+            if batch and (frame.shape != batch[0].shape or (len(batch) + 1) * frame.nbytes > most):
                 yield stack(batch)
-                batch = []
+                batch, most = [], later_bytes
             batch.append(frame)
         if batch:
             yield stack(batch)
 
-    def row_batches(self) -> Iterator[Frame]:
+    def row_batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
         """`batches` as (frames, rows, columns, colours) with rows in time order, for ``camera.in_time_order``."""
-        for batch in self.batches():
+        for batch in self.batches(later_bytes):
             yield as_frames(batch, scan_axis=self.camera.scan_axis)
 
 
