@@ -55,7 +55,21 @@ def warn_of_gain(facts: dict[str, Any], whole_picture: bool) -> bool:
 
 
 def warn_of_other_light(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> bool:
-    """Warn if a part of the light of (rows, columns) has no tone, and return True then; ``options`` of `tone_gain`.
+    """Warn if a part of the light of (rows, columns) has no tone, and return True then; ``options`` of `tone_gain`."""
+    found = other_light(columns, camera, frequency, options)
+    if found is None:
+        return False
+    _warn(
+        f"the gain rises with the light of the columns: about {found[0]:.3g} DN are other light or a dark level "
+        f"(--background, --dark-level); without them the gain is {found[1]:.3g}"
+    )
+    return True
+
+
+def other_light(
+    columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]
+) -> tuple[float, float] | None:
+    """Light without the tone, DN, and the gain of the rest; None if there is no sign of such light.
 
     A lamp that does not light all columns alike tells this: amplitudes over means are a line, through the origin if all
     light is the lamp's. Light of other origin, or a dark level, moves it to the right.
@@ -65,7 +79,7 @@ def warn_of_other_light(columns: Frame, camera: Camera, frequency: float, option
     found = tone_gain(columns, camera, frequency, **{**options, "pooled": False})
     used = np.isfinite(found.gain_std) & (found.gain_std > 0.0) & (found.mean > 0.0)
     if used.sum() < _FEWEST_COLUMNS:
-        return False
+        return None
     mean, weight = found.mean[used], 1.0 / (found.gain_std * found.mean)[used]
     line, covariance = np.polyfit(mean, (found.gain * found.mean)[used], 1, w=weight, cov="unscaled")
     slope, misses = line[0], weight * (found.gain[used] * mean - np.polyval(line, mean))
@@ -73,13 +87,8 @@ def warn_of_other_light(columns: Frame, camera: Camera, frequency: float, option
     scatter = max(1.0, float(misses @ misses) / (used.sum() - 2))
     ratio = np.array([other, 1.0])
     spread = math.sqrt(scatter * float(ratio @ covariance @ ratio)) / abs(slope)
-    if slope <= 0.0 or other < max(_SURE * spread, _LARGE_SHARE * float(np.average(mean, weights=weight**2))):
-        return False
-    _warn(
-        f"the gain rises with the light of the columns: about {other:.3g} DN are other light or a dark level "
-        f"(--background, --dark-level); without them the gain is {slope:.3g}"
-    )
-    return True
+    least = max(_SURE * spread, _LARGE_SHARE * float(np.average(mean, weights=weight**2)))
+    return (float(other), float(slope)) if slope > 0.0 and other >= least else None
 
 
 def _resultant(phases: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:
