@@ -92,6 +92,12 @@ def test_text_lines_and_outline_are_no_tone(seed, cycles, error):
     assert not got.flags & ~Flag.SATURATED
 
 
+def test_an_outline_without_bars_is_flagged():
+    """A steady lamp with text and lines: its outline resembles a tone; a line of text may pass for a light."""
+    flags = [oc.calibrate(lamp_with_text(seed, 1e-9, 150.0), 1000.0).flags & ~Flag.SATURATED for seed in range(20)]
+    assert sum(map(bool, flags)) >= 16
+
+
 @pytest.mark.parametrize("rows", [1, 2, 3, 7])
 def test_too_few_rows_are_flagged(rows):
     found = oc.calibrate(np.arange(2.0 * rows).reshape(rows, 2), 500.0)

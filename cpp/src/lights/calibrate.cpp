@@ -26,7 +26,9 @@ constexpr std::size_t max_lights = 8;  // of a frame
 constexpr std::size_t harmonics = 3;   // as of detect_sources()
 constexpr double few_cycles = 2;
 constexpr double same_frequency = 0.02;  // relative
-constexpr double even_snr = 4;           // of a tone over the whole frame: outlines, text and lines leave 1 and less
+constexpr double even_snr = 6;           // of a tone over the whole frame: outlines, text and lines leave 4 and less
+constexpr double outline_cycles = 3;     // in the frame: the outline of a lamp resembles fewer
+constexpr double likely = 0.5;           // probability of a light
 
 // Energy of the pixels that a tone with its first harmonics explains, DN².
 double explained_energy(const AnyFramesView& frames, double frequency) {
@@ -42,7 +44,8 @@ struct Lamp {
   double energy;  // as of explained_energy(), in its box
 };
 
-// The light of the first frame, within the bounds of the search, that explains most of the picture.
+// The light of the first frame, within the bounds of the search, that explains most of the picture; an unlikely one
+// only without likely ones.
 std::optional<Lamp> strongest_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   Camera per_row;
   per_row.row_time = 1;
@@ -51,7 +54,10 @@ std::optional<Lamp> strongest_lamp(const AnyFramesView& frames, const FrequencyS
        detect_sources(frame_of(frames, 0), per_row, {false_alarms, min_cycles, max_lights})) {
     if (light.frequency < search.lower || light.frequency > search.upper) continue;
     const double energy = explained_energy(part_of(frames, light.box), light.frequency);
-    if (!best || energy > best->energy) best = Lamp{light, energy};
+    const auto rank = [](const LightSource& one, double explains) {
+      return std::pair{one.probability >= likely, explains};
+    };
+    if (!best || rank(light, energy) > rank(best->light, best->energy)) best = Lamp{light, energy};
   }
   return best;
 }
@@ -82,9 +88,13 @@ FoundFrequency find_in_frame(const AnyFramesView& frames, const FrequencySearch&
 
 FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search) {
   FoundFrequency whole = find_in_frame(frames, search);
-  if (answered(whole) && whole.snr >= even_snr) return whole;
+  const double cycles = whole.frequency * static_cast<double>(shape_of(frames).rows);
+  if (answered(whole) && whole.snr >= even_snr && cycles >= outline_cycles) return whole;
   const auto lamp = strongest_lamp(frames, search);
-  if (!lamp) return whole;
+  if (!lamp) {
+    if (answered(whole)) whole.flags |= flag::model_misfit;
+    return whole;
+  }
   const LightSource& light = lamp->light;
   const bool contested = answered(whole) && !agree(whole.frequency, whole.frequency_std, light);
   if (contested && explained_energy(frames, whole.frequency) > lamp->energy) {
@@ -98,7 +108,8 @@ FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencyS
   ToneColumns all{std::vector<std::uint8_t>(columns), std::vector<double>(columns), own.saturated};
   std::ranges::copy(own.used, all.used.begin() + first);
   std::ranges::copy(own.strength, all.strength.begin() + first);
-  const Flags flags = (own.saturated ? flag::saturated : 0) | (contested ? flag::model_misfit : 0);
+  const bool doubtful = contested || (light.probability < likely && !answered(whole));
+  const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
   return {light.frequency, light.frequency_std, light.snr, harmonics, flags, std::move(all)};
 }
 
