@@ -55,6 +55,10 @@ ocisac_options options_of(FuzzedDataProvider& bytes) {
   if (bytes.ConsumeBool())
     for (auto* value : {&options.region.x, &options.region.y, &options.region.width, &options.region.height})
       *value = bytes.ConsumeBool() ? bytes.ConsumeIntegral<std::uint8_t>() : bytes.ConsumeIntegral<std::uint32_t>();
+  options.max_lights = bytes.ConsumeIntegralInRange<std::uint32_t>(0, 3);
+  options.tone_curve = bytes.ConsumeIntegralInRange<std::int32_t>(0, 3);
+  options.gamma = number(bytes, {2.2, 2.2, 1, 0});
+  options.scan_axis = bytes.ConsumeIntegralInRange<std::int32_t>(-1, 3);
   if (bytes.ConsumeIntegral<std::uint8_t>() == 0) options.size = bytes.ConsumeIntegral<std::uint16_t>();
   return options;
 }
@@ -68,10 +72,10 @@ struct Picture {
 Picture picture_of(FuzzedDataProvider& bytes) {
   Picture picture;
   ocisac_frame& frame = picture.frame;
-  frame.format = bytes.ConsumeIntegral<std::uint8_t>() % 16 == 0 ? 2 : bytes.ConsumeBool();
+  frame.format = bytes.ConsumeIntegral<std::uint8_t>() % 16 == 0 ? 3 : bytes.ConsumeIntegralInRange(0, 2);
   frame.width = bytes.PickValueInArray({8U, 1U, 3U, 17U});
   frame.height = bytes.PickValueInArray({40U, 1U, 60U, 0U});
-  const std::size_t pixel = frame.format == OCISAC_GRAY16 ? 2 : 1, row = pixel * frame.width;
+  const std::size_t pixel = frame.format == OCISAC_GRAY8 ? 1 : 2, row = pixel * frame.width;
   const auto added = bytes.ConsumeIntegralInRange<std::ptrdiff_t>(-2, 9);
   frame.stride = static_cast<std::ptrdiff_t>(row) + added;
   const auto distance = std::max(row, static_cast<std::size_t>(std::abs(frame.stride)));
@@ -127,6 +131,23 @@ void check_code(int code) {
     fuzz::claim(std::string_view(ocisac_last_error()).find(": got ") != std::string_view::npos);
 }
 
+// Lights and row time of a picture on its own.
+void ask(const ocisac_options& options, const ocisac_frame& frame, FuzzedDataProvider& bytes) {
+  std::array<ocisac_light, 2> lights;
+  for (auto& light : lights) ocisac_light_init(&light);
+  std::size_t found = 0;
+  const int code = ocisac_detect(&options, &frame, lights.data(), lights.size(), &found);
+  check_code(code);
+  if (code == OCISAC_OK && found > 0) {
+    const ocisac_region& box = lights[0].box;
+    fuzz::claim(std::uint64_t{box.x} + box.width <= frame.width && std::uint64_t{box.y} + box.height <= frame.height);
+    fuzz::claim(lights[0].probability >= 0 && lights[0].probability <= 1);
+  }
+  ocisac_calibration calibration;
+  ocisac_calibration_init(&calibration);
+  check_code(ocisac_calibrate(&options, &frame, number(bytes, {900, 900, 50, 1e4}), &calibration));
+}
+
 }  // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -144,6 +165,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
       continue;
     }
     Picture picture = picture_of(bytes);
+    if (bytes.ConsumeIntegral<std::uint8_t>() < 8) ask(options_of(bytes), picture.frame, bytes);
     picture.frame.number = bytes.ConsumeBool() ? calls : bytes.ConsumeIntegral<std::int64_t>();
     check_code(push(receiver.get(), picture.frame, bytes));
     picture = {};  // freed before the result is read

@@ -14,7 +14,6 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receiver.hpp"
-#include "orientation.hpp"
 #include "output.hpp"
 #include "report.hpp"
 #include "stop_signal.hpp"

@@ -5,12 +5,11 @@
 #include <string>
 
 #include "ocisac/camera/camera.hpp"
+#include "ocisac/core/scan_axis.hpp"
 #include "ocisac/receiver/receiver.hpp"
 #include "pixel_format.hpp"
 
 namespace ocisac::apps {
-
-enum class ScanAxis { down, up, right, left };  // direction of the rows in time, in the stored picture
 
 // Separation of payloads on standard output.
 enum class Delimiter { none, newline, length };

@@ -1,5 +1,5 @@
-/* The receiver for C and languages that call C. It searches one light, tracks it, and estimates its gain and data in
- * every frame.
+/* The receiver for C and languages that call C. It searches lights, tracks them, and estimates their gains and data in
+ * every frame. ocisac_detect() and ocisac_calibrate() answer for a single picture.
  *
  *   ocisac_options options;
  *   ocisac_options_init(&options);
@@ -31,13 +31,18 @@ enum { /* return values */
        OCISAC_FAILED = -3
 };
 
-enum { OCISAC_GRAY8 = 0, OCISAC_GRAY16 = 1 }; /* pixels; 16 bits in the machine's own byte order */
-enum { OCISAC_TONE = 0, OCISAC_SQUARE = 1 };  /* waveforms */
+/* Pixels; 16 bits in the machine's own byte order, YUYV: luma in every second byte. Of planar formats the first plane
+ * is OCISAC_GRAY8. */
+enum { OCISAC_GRAY8 = 0, OCISAC_GRAY16 = 1, OCISAC_YUYV = 2 };
+/* Direction in which rows are exposed, in the stored picture. */
+enum { OCISAC_DOWN = 0, OCISAC_UP = 1, OCISAC_RIGHT = 2, OCISAC_LEFT = 3 };
+enum { OCISAC_TONE = 0, OCISAC_SQUARE = 1 };                                        /* waveforms */
+enum { OCISAC_LINEAR = 0, OCISAC_SRGB = 1, OCISAC_GAMMA = 2 };                      /* tone curves */
 enum { OCISAC_NONE = 0, OCISAC_MANCHESTER = 1, OCISAC_4B6B = 2, OCISAC_8B10B = 3 }; /* line codes */
 
 typedef struct ocisac_receiver ocisac_receiver;
 
-typedef struct ocisac_region { /* pixels; width 0: none */
+typedef struct ocisac_region { /* stored pixels; width 0: none */
   uint32_t x, y, width, height;
 } ocisac_region;
 
@@ -59,14 +64,18 @@ typedef struct ocisac_options {
   int32_t lengthened;     /* 1: packets with the lengthened preamble; default 0 */
   int32_t want_gain;      /* default 1 */
   int32_t want_data;      /* default 1 */
-  ocisac_region region;   /* of the light; none: the light is searched */
+  ocisac_region region;   /* of the light; none: lights are searched */
+  uint32_t max_lights;    /* searched, the strongest first; default 1 */
+  int32_t tone_curve;     /* of the pixels; default OCISAC_LINEAR */
+  double gamma;           /* exponent of OCISAC_GAMMA; default 2.2 */
+  int32_t scan_axis;      /* default OCISAC_DOWN */
 } ocisac_options;
 
 typedef struct ocisac_frame {
-  const void* pixels; /* the first row in time order */
-  int32_t format;     /* OCISAC_GRAY8 or OCISAC_GRAY16 */
+  const void* pixels; /* the first row */
+  int32_t format;     /* OCISAC_GRAY8, OCISAC_GRAY16 or OCISAC_YUYV */
   uint32_t width, height;
-  ptrdiff_t stride; /* bytes from row to row; negative where rows go up in time */
+  ptrdiff_t stride; /* bytes from row to row; may be negative */
   int64_t number;   /* ascending; frames may be missing */
 } ocisac_frame;
 
@@ -92,11 +101,37 @@ typedef struct ocisac_result {
   const uint8_t* payload; /* NULL unless this frame completed one */
   size_t payload_bytes;
   uint32_t packet; /* number of the payload's packet */
+  uint32_t source; /* number of the light in order of detection, from 0 */
+  double frequency_std, rows_per_chip;
+  double exposure;     /* given or estimated */
+  double packet_share; /* bytes of the packet so far over those that its payload needs */
 } ocisac_result;
+
+/* A modulated light in a picture. */
+typedef struct ocisac_light {
+  size_t size;
+  ocisac_region box;
+  double probability; /* that it is a light */
+  double frequency, frequency_std;
+  double gain, gain_std, snr; /* all light in the box attributed to the source */
+  double phase;               /* rad, at the end of row 0's exposure */
+  int32_t carries_data;       /* 1: not periodic */
+  int32_t reflection_of;      /* index of the light that it reflects; -1: of none */
+  uint32_t flags;
+} ocisac_light;
+
+/* The row time, from a lamp of known frequency. */
+typedef struct ocisac_calibration {
+  size_t size;
+  double row_time, row_time_std;
+  uint32_t flags;
+} ocisac_calibration;
 
 void ocisac_options_init(ocisac_options* options);
 void ocisac_result_init(ocisac_result* result);
 void ocisac_stamp_init(ocisac_stamp* stamp);
+void ocisac_light_init(ocisac_light* light);
+void ocisac_calibration_init(ocisac_calibration* calibration);
 
 /* Stores a new receiver in *receiver, NULL on failure. */
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver);
@@ -107,8 +142,22 @@ int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame);
 /* The same with a stamp: its time joins frames instead of their numbers, exposure and gain begin the estimates. */
 int ocisac_push_stamped(ocisac_receiver* receiver, const ocisac_frame* frame, const ocisac_stamp* stamp);
 
-/* Returns the result of the last frame once (OCISAC_OK), then OCISAC_NOTHING. The next push discards it. */
+/* Returns the results of the last frame (OCISAC_OK), one light a call, the strongest first, then OCISAC_NOTHING. The
+ * next push discards them. */
 int ocisac_poll(ocisac_receiver* receiver, ocisac_result* result);
+
+/* Finds the modulated lights of one picture, the most probable first, and copies up to `capacity` of them to `lights`,
+ * each initialised. *found: number of all. Uses row_time, exposure and the tone curve of the options. */
+int ocisac_detect(const ocisac_options* options, const ocisac_frame* frame, ocisac_light* lights, size_t capacity,
+                  size_t* found);
+
+/* Estimates the row time from one picture of a lamp of this frequency (Hz), below half the row rate. Uses dark and
+ * white level of the options; the row time is not read. */
+int ocisac_calibrate(const ocisac_options* options, const ocisac_frame* frame, double frequency,
+                     ocisac_calibration* calibration);
+
+/* Name of one bit of gain_flags, data_flags or flags; NULL for a bit without meaning. */
+const char* ocisac_flag_name(uint32_t bit);
 
 /* NULL is allowed. */
 void ocisac_destroy(ocisac_receiver* receiver);

@@ -30,6 +30,12 @@ constexpr std::array<std::pair<Flags, const char*>, 20> kNames{{{flag::saturated
 
 }  // namespace
 
+const char* flag_name(Flags bit) {
+  for (const auto& [known, name] : kNames)
+    if (known == bit) return name;
+  return nullptr;
+}
+
 std::vector<std::string> flag_names(Flags flags) {
   std::vector<std::string> names;
   for (const auto& [bit, name] : kNames)

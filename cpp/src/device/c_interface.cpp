@@ -10,18 +10,24 @@
 #include <utility>
 #include <vector>
 
+#include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/core/scan_axis.hpp"
 #include "ocisac/core/version.hpp"
+#include "ocisac/lights/calibrate.hpp"
+#include "ocisac/lights/detect_sources.hpp"
 #include "ocisac/ocisac.h"
 #include "ocisac/receiver/receiver.hpp"
 
 struct ocisac_receiver {
-  ocisac::Receiver receiver;
-  double row_time;
-  std::vector<ocisac::Region> regions;  // the given one, or empty
-  ocisac::LightFrame latest{};
-  bool polled = true;
-  std::optional<std::array<std::int64_t, 3>> kind{};  // width, height and format of the first frame
+  ocisac::ReceiverOptions options;  // without regions, which depend on the size of the picture
+  ocisac::Camera camera;
+  ocisac::ScanAxis axis;
+  std::optional<ocisac::Region> region;        // the given one, stored pixels
+  std::optional<ocisac::Receiver> receiver{};  // from the first frame on
+  std::array<std::int64_t, 3> kind{};          // width, height and format of the first frame
+  std::vector<ocisac::LightFrame> latest{};    // of the last frame
+  std::size_t polled = 0;                      // of them
 };
 
 namespace {
@@ -65,22 +71,37 @@ Struct completed(const Struct* given, Struct defaults, const char* name) {
 
 std::optional<double> known(double value) { return std::isnan(value) ? std::nullopt : std::optional(value); }
 
+// The value that a constant of the header stands for.
+template <class Value, std::size_t count>
+Value chosen(const char* name, std::int32_t number, const std::array<Value, count>& values) {
+  ocisac::require(number >= 0 && number < static_cast<std::int32_t>(count), name, number,
+                  "0 to " + std::to_string(count - 1));
+  return values[static_cast<std::size_t>(number)];
+}
+
+ocisac::ToneCurve tone_curve_of(const ocisac_options& options) {
+  using Kind = ocisac::ToneCurve::Kind;
+  constexpr std::array kinds{Kind::linear, Kind::srgb, Kind::gamma};
+  return {chosen("tone_curve", options.tone_curve, kinds), options.gamma, options.dark_level, options.white_level};
+}
+
+ocisac::ScanAxis scan_axis_of(const ocisac_options& options) {
+  using ocisac::ScanAxis;
+  constexpr std::array axes{ScanAxis::down, ScanAxis::up, ScanAxis::right, ScanAxis::left};
+  return chosen("scan_axis", options.scan_axis, axes);
+}
+
 ocisac::Camera camera_of(const ocisac_options& options) {
-  ocisac::Camera camera{options.row_time, known(options.exposure), known(options.frame_time), {}};
-  camera.tone_curve.dark_level = options.dark_level;
-  camera.tone_curve.white_level = options.white_level;
-  return camera;
+  return {options.row_time, known(options.exposure), known(options.frame_time), tone_curve_of(options)};
 }
 
 const char* line_code_name(std::int32_t code) {
-  constexpr std::array<const char*, 4> names{"none", "manchester", "4b6b", "8b10b"};
-  ocisac::require(code >= 0 && code < static_cast<std::int32_t>(names.size()), "line_code", code, "0 to 3");
-  return names[static_cast<std::size_t>(code)];
+  return chosen("line_code", code, std::array{"none", "manchester", "4b6b", "8b10b"});
 }
 
-// Options that receive the strongest light only.
 ocisac::ReceiverOptions receiver_options(const ocisac_options& options) {
-  ocisac::ReceiverOptions result{.light = {}, .regions = {}, .max_sources = 1};
+  ocisac::require(options.max_lights > 0, "max_lights", 0, "1 or above");
+  ocisac::ReceiverOptions result{.light = {}, .regions = {}, .max_sources = options.max_lights};
   ocisac::require(options.waveform == OCISAC_TONE || options.waveform == OCISAC_SQUARE, "waveform", options.waveform,
                   "OCISAC_TONE or OCISAC_SQUARE");
   const auto shape = options.waveform == OCISAC_SQUARE ? ocisac::WaveformShape::square : ocisac::WaveformShape::tone;
@@ -91,60 +112,89 @@ ocisac::ReceiverOptions receiver_options(const ocisac_options& options) {
   if (options.lengthened != 0) data.format.preamble = ocisac::Preamble::lengthened;
   result.light.data = options.want_data != 0 ? std::optional(data) : std::nullopt;
   result.light.sense_frequency = known(options.sense_frequency);
-  const ocisac_region& region = options.region;
-  if (region.width > 0) result.regions = {{region.x, region.y, region.width, region.height}};
   return result;
 }
 
+std::optional<ocisac::Region> given_region(const ocisac_options& options) {
+  const ocisac_region& region = options.region;
+  if (region.width == 0) return std::nullopt;
+  return ocisac::Region{region.x, region.y, region.width, region.height};
+}
+
 template <class T>
-ocisac::AnyFramesView view_of(const ocisac_frame& frame) {
+ocisac::AnyFramesView view_of(const ocisac_frame& frame, std::ptrdiff_t pixel_stride = 1) {
   constexpr auto bytes = static_cast<std::ptrdiff_t>(sizeof(T));
-  const auto row = bytes * static_cast<std::ptrdiff_t>(frame.width);
+  const auto row = bytes * pixel_stride * static_cast<std::ptrdiff_t>(frame.width);
   ocisac::require(frame.stride % bytes == 0 && (frame.stride >= row || frame.stride <= -row), "stride", frame.stride,
                   "whole pixels, at least a row of them");
   return ocisac::FramesView<const T>{
-      static_cast<const T*>(frame.pixels), 1, frame.height, frame.width, 0, frame.stride / bytes, 1};
+      static_cast<const T*>(frame.pixels), 1, frame.height, frame.width, 0, frame.stride / bytes, pixel_stride};
 }
 
+// The stored picture.
 ocisac::AnyFramesView any_view_of(const ocisac_frame& frame) {
   ocisac::require(frame.pixels != nullptr && frame.width > 0 && frame.height > 0, "frame", "no pixels",
                   "at least one pixel");
-  ocisac::require(frame.format == OCISAC_GRAY8 || frame.format == OCISAC_GRAY16, "format", frame.format,
-                  "OCISAC_GRAY8 or OCISAC_GRAY16");
-  return frame.format == OCISAC_GRAY8 ? view_of<std::uint8_t>(frame) : view_of<std::uint16_t>(frame);
+  switch (frame.format) {
+    case OCISAC_GRAY8: return view_of<std::uint8_t>(frame);
+    case OCISAC_GRAY16: return view_of<std::uint16_t>(frame);
+    case OCISAC_YUYV: return view_of<std::uint8_t>(frame, 2);
+    default: ocisac::refuse("format", std::to_string(frame.format), "OCISAC_GRAY8, OCISAC_GRAY16 or OCISAC_YUYV");
+  }
+}
+
+// The receiver of pictures of this size.
+void start(ocisac_receiver& receiver, const ocisac_frame& frame, const std::array<std::int64_t, 3>& kind) {
+  ocisac::ReceiverOptions options = receiver.options;
+  if (receiver.region) {
+    ocisac::require_inside("region", *receiver.region, frame.width, frame.height);
+    options.regions = {ocisac::to_time_order(*receiver.region, receiver.axis, frame.width, frame.height)};
+  }
+  receiver.receiver.emplace(receiver.camera, options);
+  receiver.kind = kind;
 }
 
 ocisac_result empty_result() {
   ocisac_result result{};
   result.size = sizeof result;
   for (double* value : {&result.frequency, &result.gain, &result.gain_std, &result.gain_snr, &result.chip_rate,
-                        &result.data_snr, &result.error_rate, &result.suggested_exposure})
+                        &result.data_snr, &result.error_rate, &result.suggested_exposure, &result.frequency_std,
+                        &result.rows_per_chip, &result.exposure, &result.packet_share})
     *value = kNaN;
   result.bits = "";
   return result;
 }
 
-ocisac_result result_of(const ocisac::LightFrame& frame, double row_time) {
+ocisac_region region_of(const ocisac::Region& region) {
+  const auto narrow = [](std::size_t value) { return static_cast<std::uint32_t>(value); };
+  return {narrow(region.x), narrow(region.y), narrow(region.width), narrow(region.height)};
+}
+
+// `row_time`: s; `region`: of the light, stored pixels.
+ocisac_result result_of(const ocisac::LightFrame& frame, double row_time, const ocisac::Region& region) {
   ocisac_result result = empty_result();
   result.frame = frame.frame;
-  const auto narrow = [](std::size_t value) { return static_cast<std::uint32_t>(value); };
-  result.region = {narrow(frame.region.x), narrow(frame.region.y), narrow(frame.region.width),
-                   narrow(frame.region.height)};
+  result.source = static_cast<std::uint32_t>(frame.source);
+  result.region = region_of(region);
   result.searched = frame.searched ? 1 : 0;
   if (frame.gain) {
     result.gain_flags = frame.gain->flags;
     result.frequency = frame.gain->frequency;
+    result.frequency_std = frame.gain->frequency_std;
     result.gain = frame.gain->gain;
     result.gain_std = frame.gain->gain_std;
     result.gain_snr = frame.gain->snr;
   }
   if (frame.received) {
     result.data_flags = frame.received->flags;
+    result.rows_per_chip = frame.received->rows_per_chip;
     result.chip_rate = 1 / (frame.received->rows_per_chip * row_time);
+    result.exposure = frame.received->exposure;
     result.data_snr = frame.received->snr;
     result.error_rate = frame.received->error_rate;
     result.bits = frame.received->bits.c_str();
     result.bit_count = frame.received->bits.size();
+    if (frame.received->stretch) result.packet_share = frame.received->stretch->share;
     if (frame.received->stretch && frame.received->stretch->payload) {
       const ocisac::Payload& payload = *frame.received->stretch->payload;
       result.payload = payload.bytes.data();
@@ -168,7 +218,42 @@ ocisac_options default_options() {
   options.line_code = OCISAC_MANCHESTER;
   options.block_bytes = 16;
   options.want_gain = options.want_data = 1;
+  options.max_lights = 1;
+  options.gamma = ocisac::ToneCurve{}.gamma;
   return options;
+}
+
+ocisac_light empty_light() {
+  ocisac_light light{};
+  light.size = sizeof light;
+  light.reflection_of = -1;
+  return light;
+}
+
+// `box`: stored pixels.
+ocisac_light light_of(const ocisac::LightSource& source, const ocisac::Region& box) {
+  ocisac_light light = empty_light();
+  light.box = region_of(box);
+  light.probability = source.probability;
+  light.frequency = source.frequency;
+  light.frequency_std = source.frequency_std;
+  light.gain = source.gain;
+  light.gain_std = source.gain_std;
+  light.snr = source.snr;
+  light.phase = source.phase;
+  light.carries_data = source.carries_data ? 1 : 0;
+  if (source.reflection_of) light.reflection_of = static_cast<std::int32_t>(*source.reflection_of);
+  light.flags = source.flags;
+  return light;
+}
+
+// Fills in the fields that the calling program knows.
+template <class Struct>
+void answer(Struct* place, Struct full, const char* name) {
+  ocisac::require(place->size >= sizeof(std::size_t) && place->size <= 4096, name, place->size,
+                  "the size that its _init function fills in");
+  full.size = place->size;
+  std::memcpy(place, &full, std::min(full.size, sizeof(Struct)));
 }
 
 }  // namespace
@@ -187,13 +272,21 @@ void ocisac_result_init(ocisac_result* result) {
   if (result != nullptr) *result = empty_result();
 }
 
+void ocisac_light_init(ocisac_light* light) {
+  if (light != nullptr) *light = empty_light();
+}
+
+void ocisac_calibration_init(ocisac_calibration* calibration) {
+  if (calibration != nullptr) *calibration = {sizeof(ocisac_calibration), kNaN, kNaN, 0};
+}
+
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
   return guarded([&] {
     ocisac::require(receiver != nullptr, "receiver", "NULL", "a place for it");
     *receiver = nullptr;
     const ocisac_options all = completed(options, default_options(), "options");
-    const auto wanted = receiver_options(all);
-    *receiver = new ocisac_receiver{ocisac::Receiver(camera_of(all), wanted), all.row_time, wanted.regions};
+    const ocisac::Receiver checked(camera_of(all), receiver_options(all));
+    *receiver = new ocisac_receiver{receiver_options(all), camera_of(all), scan_axis_of(all), given_region(all)};
     return static_cast<int>(OCISAC_OK);
   });
 }
@@ -207,18 +300,18 @@ int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame) {
 int ocisac_push_stamped(ocisac_receiver* receiver, const ocisac_frame* frame, const ocisac_stamp* stamp) {
   return guarded([&] {
     ocisac::require(receiver != nullptr && frame != nullptr, "receiver or frame", "NULL", "both");
-    receiver->polled = true;
+    receiver->latest.clear();
+    receiver->polled = 0;
     const auto view = any_view_of(*frame);
     const std::array<std::int64_t, 3> kind{frame->width, frame->height, frame->format};
-    ocisac::require(receiver->kind.value_or(kind) == kind, "frame",
+    ocisac::require(!receiver->receiver || receiver->kind == kind, "frame",
                     std::to_string(frame->width) + "x" + std::to_string(frame->height),
                     "one picture as large as the first, of its type");
-    for (const auto& region : receiver->regions) ocisac::require_inside("region", region, frame->width, frame->height);
     const ocisac_stamp all = completed(stamp, default_stamp(), "stamp");
-    receiver->kind = kind;
+    if (!receiver->receiver) start(*receiver, *frame, kind);
     const ocisac::FrameStamp stated{frame->number, known(all.time), known(all.exposure), known(all.gain)};
-    receiver->latest = std::move(receiver->receiver.push({&view, 1}, stated).front());
-    receiver->polled = false;
+    const auto in_time = ocisac::in_time_order(view, receiver->axis);
+    receiver->latest = receiver->receiver->push({&in_time, 1}, stated);
     return static_cast<int>(OCISAC_OK);
   });
 }
@@ -226,17 +319,53 @@ int ocisac_push_stamped(ocisac_receiver* receiver, const ocisac_frame* frame, co
 int ocisac_poll(ocisac_receiver* receiver, ocisac_result* result) {
   return guarded([&] {
     ocisac::require(receiver != nullptr && result != nullptr, "receiver or result", "NULL", "both");
-    ocisac::require(result->size >= sizeof(std::size_t) && result->size <= 4096, "result", result->size,
-                    "the size that ocisac_result_init fills in");
-    if (receiver->polled) return static_cast<int>(OCISAC_NOTHING);
-    const std::size_t size = std::min(result->size, sizeof(ocisac_result));
-    ocisac_result full = result_of(receiver->latest, receiver->row_time);
-    full.size = result->size;
-    std::memcpy(result, &full, size);
-    receiver->polled = true;
+    if (receiver->polled == receiver->latest.size()) return static_cast<int>(OCISAC_NOTHING);
+    const ocisac::LightFrame& light = receiver->latest[receiver->polled];
+    const auto [width, height, format] = receiver->kind;
+    const auto region = ocisac::to_stored(light.region, receiver->axis, static_cast<std::size_t>(width),
+                                          static_cast<std::size_t>(height));
+    answer(result, result_of(light, receiver->camera.row_time, region), "result");
+    ++receiver->polled;
     return static_cast<int>(OCISAC_OK);
   });
 }
+
+int ocisac_detect(const ocisac_options* options, const ocisac_frame* frame, ocisac_light* lights, size_t capacity,
+                  size_t* found) {
+  return guarded([&] {
+    ocisac::require(frame != nullptr && found != nullptr, "frame or found", "NULL", "both");
+    ocisac::require(lights != nullptr || capacity == 0, "lights", "NULL", "places for `capacity` lights");
+    *found = 0;
+    const ocisac_options all = completed(options, default_options(), "options");
+    const ocisac::ScanAxis axis = scan_axis_of(all);
+    const auto sources = ocisac::detect_sources(ocisac::in_time_order(any_view_of(*frame), axis), camera_of(all));
+    const std::size_t stride = capacity > 0 ? lights->size : 0;
+    auto* place = reinterpret_cast<std::byte*>(lights);
+    for (std::size_t k = 0; k < std::min(capacity, sources.size()); ++k, place += stride)
+      answer(reinterpret_cast<ocisac_light*>(place),
+             light_of(sources[k], ocisac::to_stored(sources[k].box, axis, frame->width, frame->height)), "lights");
+    *found = sources.size();
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_calibrate(const ocisac_options* options, const ocisac_frame* frame, double frequency,
+                     ocisac_calibration* calibration) {
+  return guarded([&] {
+    ocisac::require(frame != nullptr && calibration != nullptr, "frame or calibration", "NULL", "both");
+    ocisac::require_positive("frequency", frequency);
+    const ocisac_options all = completed(options, default_options(), "options");
+    const auto view = ocisac::in_time_order(any_view_of(*frame), scan_axis_of(all));
+    ocisac::FrequencySearch search;
+    search.saturation = ocisac::saturation_level(view, tone_curve_of(all));
+    const ocisac::Calibration found = ocisac::calibrate(view, frequency, search);
+    answer(calibration, {sizeof(ocisac_calibration), found.row_time, found.row_time_std, found.found.flags},
+           "calibration");
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+const char* ocisac_flag_name(uint32_t bit) { return ocisac::flag_name(bit); }
 
 void ocisac_destroy(ocisac_receiver* receiver) { delete receiver; }
 

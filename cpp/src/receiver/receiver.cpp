@@ -57,10 +57,19 @@ double strength(const LightFrame& light) {
   return std::isfinite(snr) ? snr : -1.0;
 }
 
-// Separate lights; a region that overlaps a larger one is a part of it.
-std::vector<Region> several_lights(const AnyFramesView& frame, const ToneCurve& curve) {
+// Boxes of the lights that reflect no other.
+std::vector<Region> light_boxes(const AnyFramesView& frame, const Camera& camera) {
+  std::vector<Region> boxes;
+  for (const LightSource& light : detect_sources(frame, camera))
+    if (!light.reflection_of) boxes.push_back(light.box);
+  return boxes;
+}
+
+// Separate lights; a region that overlaps a larger one is a part of it. Lights with data swing without a common tone.
+std::vector<Region> several_lights(const AnyFramesView& frame, const Camera& camera, bool data) {
   const std::size_t columns = shape_of(frame).columns, step = thinning_of(columns);
-  auto regions = light_regions(thinned(frame, step), curve);
+  const AnyFramesView thin = thinned(frame, step);
+  auto regions = data ? light_regions(thin, camera.tone_curve) : light_boxes(thin, camera);
   for (Region& region : regions) {
     region.x *= step;
     region.width = std::min(region.width * step, columns - region.x);
@@ -147,7 +156,7 @@ void Receiver::search_one(const AnyFramesView& frame) {
 // Several lights are adopted only if consecutive frames agree on their places: false detections from long runs of one
 // light change place between frames.
 void Receiver::search_several(const AnyFramesView& frame) {
-  auto found = several_lights(frame, camera_.tone_curve);
+  auto found = several_lights(frame, camera_, options_.light.data.has_value());
   if (found.size() < 2) {
     agreed_ = attempts_ = 0;
     return;

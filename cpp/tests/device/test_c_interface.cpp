@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -190,4 +191,148 @@ TEST_CASE("C: a frame's stamp is checked, and not stated by default") {
   stamp.time = 12.5;
   CHECK(ocisac_push_stamped(receiver, &frame, &stamp) == OCISAC_OK);
   ocisac_destroy(receiver);
+}
+
+namespace {
+
+constexpr std::uint32_t kWidth = 200, kHeight = 400;
+
+// Two lamps side by side on dark ground, of 900 and 1700 Hz at 20 us per row, with a little noise.
+std::vector<std::uint8_t> two_lamps() {
+  std::vector<std::uint8_t> pixels(std::size_t{kWidth} * kHeight);
+  for (std::uint32_t row = 0; row < kHeight; ++row)
+    for (std::uint32_t column = 0; column < kWidth; ++column) {
+      const auto noise = static_cast<double>((row * 977U + column * 131U) * 2654435761U >> 24 & 7U);
+      const bool lit = row >= 40 && row < 360 && (column % 100) >= 20 && (column % 100) < 80;
+      const double frequency = column < 100 ? 900 : 1700;
+      const double light = 110 + 80 * std::cos(2 * std::numbers::pi * std::fmod(frequency * 20e-6 * row, 1.0));
+      pixels[row * std::size_t{kWidth} + column] = static_cast<std::uint8_t>(std::lround((lit ? light : 10) + noise));
+    }
+  return pixels;
+}
+
+}  // namespace
+
+TEST_CASE("C: several lights, one result each") {
+  ocisac_options options = packet_options();
+  options.frequency = std::nan("");
+  options.max_lights = 0;
+  ocisac_receiver* receiver = nullptr;
+  CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("max_lights: got 0") == 0);
+  options.max_lights = 4;
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  const auto pixels = two_lamps();
+  ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kWidth, kHeight, kWidth, 0};
+  std::vector<double> frequencies;
+  for (frame.number = 0; frame.number < 6; ++frame.number) {  // three frames must agree on several lights
+    REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
+    frequencies.clear();
+    ocisac_result result;
+    ocisac_result_init(&result);
+    while (ocisac_poll(receiver, &result) == OCISAC_OK) {
+      CHECK(result.frame == frame.number);
+      frequencies.push_back(result.frequency);
+    }
+  }
+  std::sort(frequencies.begin(), frequencies.end());
+  REQUIRE(frequencies.size() == 2);
+  CHECK(frequencies[0] == doctest::Approx(900).epsilon(0.01));
+  CHECK(frequencies[1] == doctest::Approx(1700).epsilon(0.01));
+  ocisac_destroy(receiver);
+}
+
+TEST_CASE("C: lights of one picture") {
+  const ocisac_options options = packet_options();
+  const auto pixels = two_lamps();
+  const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kWidth, kHeight, kWidth, 0};
+  std::vector<ocisac_light> lights(3);
+  for (auto& light : lights) ocisac_light_init(&light);
+  std::size_t found = 99;
+  REQUIRE(ocisac_detect(&options, &frame, lights.data(), lights.size(), &found) == OCISAC_OK);
+  REQUIRE(found == 2);
+  std::sort(lights.begin(), lights.begin() + 2, [](const auto& a, const auto& b) { return a.box.x < b.box.x; });
+  CHECK(lights[0].frequency == doctest::Approx(900).epsilon(0.01));
+  CHECK(lights[1].frequency == doctest::Approx(1700).epsilon(0.01));
+  CHECK(lights[0].probability > 0.9);
+  CHECK(lights[0].box.x < 30);
+  CHECK(lights[0].box.x + lights[0].box.width > 70);
+  CHECK(lights[2].probability == 0);  // not written
+
+  CHECK(ocisac_detect(&options, &frame, lights.data(), 1, &found) == OCISAC_OK);
+  CHECK(found == 2);
+  CHECK(ocisac_detect(&options, &frame, nullptr, 0, &found) == OCISAC_OK);
+  CHECK(found == 2);
+  CHECK(ocisac_detect(&options, &frame, nullptr, 1, &found) == OCISAC_BAD_ARGUMENT);
+  CHECK(ocisac_detect(nullptr, &frame, lights.data(), 1, &found) == OCISAC_BAD_ARGUMENT);
+  lights[0].size = 0;
+  CHECK(ocisac_detect(&options, &frame, lights.data(), 1, &found) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("lights: got 0") == 0);
+}
+
+TEST_CASE("C: rows in any direction, luma between chroma: the same light, in stored pixels") {
+  ocisac_options options = packet_options();
+  const auto down = two_lamps();
+  const auto lit_box = [&](const ocisac_frame& frame) {
+    ocisac_light light;
+    ocisac_light_init(&light);
+    std::size_t found = 0;
+    REQUIRE(ocisac_detect(&options, &frame, &light, 1, &found) == OCISAC_OK);
+    REQUIRE(found == 2);
+    return light;
+  };
+  const ocisac_light upright = lit_box({down.data(), OCISAC_GRAY8, kWidth, kHeight, kWidth, 0});
+
+  std::vector<std::uint8_t> across(down.size()), yuyv(2 * down.size(), 128);
+  for (std::size_t row = 0; row < kHeight; ++row)
+    for (std::size_t column = 0; column < kWidth; ++column) {
+      across[column * kHeight + (kHeight - 1 - row)] = down[row * kWidth + column];
+      yuyv[2 * (row * kWidth + column)] = down[row * kWidth + column];
+    }
+  const ocisac_light luma = lit_box({yuyv.data(), OCISAC_YUYV, kWidth, kHeight, 2 * kWidth, 0});
+  CHECK(luma.frequency == upright.frequency);
+  CHECK(luma.box.x == upright.box.x);
+
+  options.scan_axis = OCISAC_LEFT;
+  const ocisac_frame turned{across.data(), OCISAC_GRAY8, kHeight, kWidth, kHeight, 0};
+  const ocisac_light left = lit_box(turned);
+  CHECK(left.frequency == upright.frequency);
+  CHECK(left.box.y == upright.box.x);
+  CHECK(left.box.x == kHeight - upright.box.y - upright.box.height);
+
+  options.region = left.box;
+  options.frequency = std::nan("");
+  ocisac_receiver* receiver = nullptr;
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  REQUIRE(ocisac_push(receiver, &turned) == OCISAC_OK);
+  ocisac_result result;
+  ocisac_result_init(&result);
+  REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
+  CHECK(result.frequency == doctest::Approx(left.frequency).epsilon(0.01));
+  CHECK(result.region.x == left.box.x);
+  CHECK(result.region.height == left.box.height);
+  ocisac_destroy(receiver);
+  options.scan_axis = 4;
+  CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("scan_axis: got 4, allowed: 0 to 3") == 0);
+}
+
+TEST_CASE("C: the row time from a lamp of known frequency") {
+  ocisac_options options;
+  ocisac_options_init(&options);  // without a row time
+  const auto pixels = picture<std::uint8_t>();
+  const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 0};
+  ocisac_calibration calibration;
+  ocisac_calibration_init(&calibration);
+  REQUIRE(ocisac_calibrate(&options, &frame, 900, &calibration) == OCISAC_OK);
+  CHECK(calibration.row_time == doctest::Approx(20e-6).epsilon(1e-4));
+  CHECK(calibration.row_time_std > 0);
+  CHECK(calibration.row_time_std < 2e-9);
+  CHECK(ocisac_calibrate(&options, &frame, -1, &calibration) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("frequency: got -1") == 0);
+  options.tone_curve = 3;
+  CHECK(ocisac_calibrate(&options, &frame, 900, &calibration) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("tone_curve: got 3") == 0);
+  CHECK(std::string(ocisac_flag_name(1)) == "saturated");
+  CHECK(ocisac_flag_name(3) == nullptr);
 }

@@ -35,6 +35,9 @@ inline constexpr Flags ambiguous_motion = 1U << 26;  // sense: several motions s
 inline constexpr Flags ambiguous_kind = 1U << 27;    // sense: a light, a moving or a still texture would look alike
 }  // namespace flag
 
+// Name of a single bit; null for any other mask.
+const char* flag_name(Flags bit);
+
 // Names of the bits that are set.
 std::vector<std::string> flag_names(Flags flags);
 

@@ -1,8 +1,8 @@
-#include "orientation.hpp"
+#include "ocisac/core/scan_axis.hpp"
 
 #include <utility>
 
-namespace ocisac::apps {
+namespace ocisac {
 
 AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis) {
   return std::visit(
@@ -40,4 +40,4 @@ Region to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_
   return {box.x, box.y, box.width, box.height};
 }
 
-}  // namespace ocisac::apps
+}  // namespace ocisac

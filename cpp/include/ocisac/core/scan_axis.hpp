@@ -2,10 +2,10 @@
 #pragma once
 
 #include "ocisac/core/views.hpp"
-#include "pixel_format.hpp"
-#include "settings.hpp"
 
-namespace ocisac::apps {
+namespace ocisac {
+
+enum class ScanAxis { down, up, right, left };  // direction of the rows in time, in the stored picture
 
 // A view with rows in time order.
 AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis);
@@ -14,4 +14,4 @@ AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis);
 Region to_time_order(const Region& stored, ScanAxis axis, std::size_t width, std::size_t height);
 Region to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height);
 
-}  // namespace ocisac::apps
+}  // namespace ocisac
