@@ -37,12 +37,13 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test docs docs-links chart limits reproduce nightly fuzz soak coverage mutants lint lint-python lint-cpp format clean build cpp-build cpp-test packages standalone wheel deb arm64
+.PHONY: help demo test docs docs-links gstreamer chart limits reproduce nightly fuzz soak coverage mutants lint lint-python lint-cpp format clean build cpp-build cpp-test packages standalone wheel deb arm64
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
 	@echo 'make test      all tests: C++, then Python (installs what is missing)'
 	@echo 'make docs      the documentation: build/docs/html/index.html; docs-links checks its external links'
+	@echo 'make gstreamer the plugin of GStreamer: $(build)/cpp/gstreamer/libgstocisac.so, and its tests'
 	@echo 'make chart     speed against accuracy of every method: docs/measured/chart.png, docs/measured/chart.csv, docs/measured/accuracy.md'
 	@echo 'make limits    where methods fail, and what the library does there: docs/measured/limits.png, docs/measured/limits.md'
 	@echo 'make reproduce the paper'\''s figures and table, and links over distance: docs/measured/paper*, docs/measured/distance*'
@@ -79,6 +80,14 @@ docs: cpp-build $(VENV)/.requirements-docs
 docs-links: docs
 	@$(bin)/python -m sphinx -q -b linkcheck -d build/docs/doctrees docs build/docs/links || \
 	  sed 's/^/warning: /' build/docs/links/output.txt
+
+# A shell over the C interface: cpp/gstreamer.
+gstreamer: build
+	@scripts/system-packages gstreamer
+	@echo '==> plugin of GStreamer'
+	@cmake -S . -B $(build) -DOCISAC_BUILD_TESTS=ON -DOCISAC_BUILD_GSTREAMER=ON >$(build)/configure.log || { cat $(build)/configure.log; exit 1; }
+	@scripts/with-progress $(build)/build.log cmake --build $(build) --target gstocisac ocisac_gstreamer_tests
+	@ctest --test-dir $(build) --output-on-failure -R '^gstreamer'
 
 chart: build $(VENV)/.requirements-studies
 	@$(study).chart --directory docs/measured --text docs/measured/accuracy.md
