@@ -5,9 +5,10 @@
 #include <vector>
 
 #include "ocisac/camera/linear_light.hpp"
-#include "orientation.hpp"
+#include "ocisac/core/scan_axis.hpp"
 #include "pixel_format.hpp"
 
+using namespace ocisac;
 using namespace ocisac::apps;
 
 namespace {
