@@ -14,6 +14,7 @@ from ocisac_fast.files.recording import Frame
 
 _SIGNIFICANT = 5.0  # standard errors; the phase is then known to 0.2 rad
 _FEWEST_COLUMNS = 8
+_LEAST_SPREAD = 1e-3  # of the largest mean: columns that are alike tell no line
 _COHERENT = 0.5  # of 1: all columns in phase; texture: about 0
 _STILL = 0.995  # the same of the frames
 _FEWEST_FRAMES = 4
@@ -78,7 +79,7 @@ def other_light(
 
     found = tone_gain(columns, camera, frequency, **{**options, "pooled": False})
     used = np.isfinite(found.gain_std) & (found.gain_std > 0.0) & (found.mean > 0.0)
-    if used.sum() < _FEWEST_COLUMNS:
+    if used.sum() < _FEWEST_COLUMNS or np.ptp(found.mean[used]) < _LEAST_SPREAD * found.mean[used].max():
         return None
     mean, weight = found.mean[used], 1.0 / (found.gain_std * found.mean)[used]
     line, covariance = np.polyfit(mean, (found.gain * found.mean)[used], 1, w=weight, cov="unscaled")
