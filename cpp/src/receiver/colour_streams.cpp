@@ -92,8 +92,8 @@ Mixing fit_mixing(const MatrixXd& values, const Streams& streams) {
   const MatrixXd rest = values - product(terms, mixing.gains);
   mixing.variance = rest.colwise().squaredNorm().transpose() / static_cast<double>(values.rows());
   for (Index c = 0; c < values.cols(); ++c)
-    mixing.variance(c) =
-        std::max(mixing.variance(c), kMinSpread * (values.col(c).squaredNorm() / values.rows() + 1e-300));
+    mixing.variance(c) = std::max(
+        mixing.variance(c), kMinSpread * (values.col(c).squaredNorm() / static_cast<double>(values.rows()) + 1e-300));
   return mixing;
 }
 
