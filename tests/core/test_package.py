@@ -94,7 +94,7 @@ def test_the_bill_of_materials_names_all_that_the_wheel_links(tmp_path: Path) ->
 
 
 def test_the_workflow_of_ci_runs_every_step() -> None:
-    """Of ``.ci/run``, which the contributors' page lists too."""
+    """The workflow and the contributors' page name every step of ``.ci/run``."""
     root = Path(__file__).parents[2]
     run = root / ".ci" / "run"
     if not run.is_file():

@@ -31,7 +31,7 @@ struct PairSums {
   std::array<double, lanes> aa{}, ab{}, bb{}, pull_a{}, pull_b{};
 };
 
-// Of the columns from `i`, one to a lane.
+// The columns from `i` on, one in each lane.
 template <std::size_t count>
 inline void add_columns(const Cleaned& frame, std::size_t i, std::size_t j, double texture, PairSums& sums) {
   const double* const light = frame.light.data();

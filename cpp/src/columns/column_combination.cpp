@@ -295,7 +295,7 @@ std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t fr
   auto& [clipped, usable, blocks, means, swings] = pixels;
   Index reach = long_reach(means.rows());
   auto groups = groups_by(swings);
-  // Of several lamps on the same rows some may be apart by chance over the long reach too.
+  // Some of several lamps on the same rows may differ by chance over the long reach too.
   const Eigen::RowVectorXd swing = (swings.colwise().squaredNorm().array() > 0).cast<double>();
   Matrix quick;
   take_swings(means, swing, short_reach(means.rows()), quick);  // a block without swing has none but by rounding

@@ -1,4 +1,4 @@
-// What is costly to make, kept for calls with the same parameters.
+// Keeps values that are costly to make, for calls with the same parameters.
 #pragma once
 
 #include <algorithm>

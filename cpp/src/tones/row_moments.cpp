@@ -13,7 +13,7 @@ namespace {
 constexpr double kMinOscillation = 16;  // rows·|sin(x/2)|: above it, no digits are lost
 
 void add_up(std::size_t rows, double cycles_per_row, std::span<double> moments) {
-  constexpr std::size_t kAnchors = 16;  // rows after which a rotation begins anew, exact to some 10⁻¹⁵
+  constexpr std::size_t kAnchors = 16;  // rows after which a rotation restarts from an exact value; error about 10⁻¹⁵
   const Phasor turn = phasor(cycles_per_row, 1);
   Phasor wave{1, 0};
   for (std::size_t i = 0; i < (rows + 1) / 2; ++i) {

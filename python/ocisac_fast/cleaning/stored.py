@@ -130,7 +130,7 @@ class BlockShares:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    """Of all stored values: linear light, noise variance, and light at which one value changes to the next."""
+    """Linear light and noise variance of all stored values, and the light at which one value changes to the next."""
 
     light: FloatArray
     variance: FloatArray
