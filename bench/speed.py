@@ -337,7 +337,7 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
     else:
         import scipy.fft
 
-        cases.append((np.float32, scipy.fft, 1.65, 1e-5))  # aim 1.5: bench/README.md
+        cases.append((np.float32, scipy.fft, 1.5, 1e-5))
     for dtype, peer, limit, tolerance in cases:
         frames = list(pool()[:8].astype(dtype))
         out = np.empty((ROWS, COLUMNS), dtype)
@@ -356,7 +356,7 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
         timing = in_turn(own, hand, frames, seconds, (9, 200))
         yield figure_of(f"{name} / {peer.__name__}: rfft, product, irfft", timing, limit)
         yield figure_of(
-            f"  {name} / its transforms alone, OpenCV's DFT there and back",
+            f"  {name} / OpenCV's DFT of its columns there and back",
             in_turn(own, lambda _, padded=padded: _core.transform_there_and_back(padded), frames, seconds, (9, 200)),
         )
         two = functools.partial(own, threads=2)

@@ -31,8 +31,8 @@ py::object without_nuisance(const Doubles& signal, double slow, const std::vecto
   return py::make_tuple(array_of(fit->rest), fit->squares);
 }
 
-// Every row of (count, length) transformed and back as the equaliser does it, in batches and memory that is kept: the
-// yardstick of bench/speed.py. Nothing is returned.
+// Every row of (count, length) transformed and back by OpenCV's DFT, in batches and memory that is kept: the yardstick
+// of the equaliser in bench/speed.py. Nothing is returned.
 template <class T>
 void there_and_back(const py::array_t<std::complex<T>, py::array::c_style>& signals) {
   require(signals.ndim() == 2, "signals", std::to_string(signals.ndim()) + " dimensions", "(count, length)");

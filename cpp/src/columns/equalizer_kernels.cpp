@@ -163,25 +163,6 @@ void rows_product(const T* matrix, std::size_t outputs, std::size_t inputs, cons
   for (; c < width; c += lanes) product_columns<1>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
 }
 
-template <class T>
-void times_gain(T* values, const T* gain, std::size_t count) {
-  const hn::ScalableTag<T> d;
-  const std::size_t lanes = hn::Lanes(d);
-  std::size_t k = 0;
-  for (; k + lanes <= count; k += lanes) {
-    hn::Vec<decltype(d)> real, imaginary;
-    hn::LoadInterleaved2(d, values + 2 * k, real, imaginary);
-    const auto gain_real = hn::LoadU(d, gain + k), gain_imaginary = hn::LoadU(d, gain + count + k);
-    hn::StoreInterleaved2(hn::NegMulAdd(imaginary, gain_imaginary, hn::Mul(real, gain_real)),
-                          hn::MulAdd(imaginary, gain_real, hn::Mul(real, gain_imaginary)), d, values + 2 * k);
-  }
-  for (; k < count; ++k) {
-    const T real = values[2 * k], imaginary = values[2 * k + 1];
-    values[2 * k] = real * gain[k] - imaginary * gain[count + k];
-    values[2 * k + 1] = real * gain[count + k] + imaginary * gain[k];
-  }
-}
-
 // NOLINTBEGIN(bugprone-macro-parentheses): T names a type, which takes no parentheses.
 #define OCISAC_OF_BOTH(T, NAME)                                                                             \
   void ColumnLines##NAME(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {   \
@@ -198,8 +179,7 @@ void times_gain(T* values, const T* gain, std::size_t count) {
   void MatrixTimesRows##NAME(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,         \
                              std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride, std::size_t width) { \
     rows_product(matrix, outputs, inputs, in, stride, out, out_stride, width);                              \
-  }                                                                                                         \
-  void MultiplyComplex##NAME(T* values, const T* gain, std::size_t count) { times_gain(values, gain, count); }
+  }
 
 OCISAC_OF_BOTH(float, Float)
 OCISAC_OF_BOTH(double, Double)
@@ -219,7 +199,6 @@ namespace ocisac::kernels {
   HWY_EXPORT(TakeLinesOff##NAME);                                                                                      \
   HWY_EXPORT(PutLinesBack##NAME);                                                                                      \
   HWY_EXPORT(MatrixTimesRows##NAME);                                                                                   \
-  HWY_EXPORT(MultiplyComplex##NAME);                                                                                   \
   template <>                                                                                                          \
   void column_lines(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {                   \
     HWY_DYNAMIC_DISPATCH(ColumnLines##NAME)(block, rows, width, lines);                                                \
@@ -237,10 +216,6 @@ namespace ocisac::kernels {
   void matrix_times_rows(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in, std::ptrdiff_t stride, \
                          T* out, std::ptrdiff_t out_stride, std::size_t width) {                                       \
     HWY_DYNAMIC_DISPATCH(MatrixTimesRows##NAME)(matrix, outputs, inputs, in, stride, out, out_stride, width);          \
-  }                                                                                                                    \
-  template <>                                                                                                          \
-  void multiply_complex(T* values, const T* gain, std::size_t count) {                                                 \
-    HWY_DYNAMIC_DISPATCH(MultiplyComplex##NAME)(values, gain, count);                                                  \
   }
 
 OCISAC_OF_BOTH(float, Float)

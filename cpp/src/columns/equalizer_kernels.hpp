@@ -31,8 +31,4 @@ template <class T>
 void matrix_times_rows(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in, std::ptrdiff_t stride,
                        T* out, std::ptrdiff_t out_stride, std::size_t width);
 
-// (count,) complex, interleaved: values = values·gain. gain: real parts, then imaginary parts.
-template <class T>
-void multiply_complex(T* values, const T* gain, std::size_t count);
-
 }  // namespace ocisac::kernels

@@ -12,10 +12,12 @@
 #include <tuple>
 #include <type_traits>
 
+#include "columns/column_dft.hpp"
 #include "columns/continuation.hpp"
 #include "columns/equalizer_kernels.hpp"
 #include "columns/light_and_noise.hpp"
 #include "columns/light_rows.hpp"
+#include "core/aligned_memory.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
@@ -79,29 +81,26 @@ Filter inverse_filter(const Response& response, double max_boost) {
   return filter_of(std::move(gain), response);
 }
 
-// (length) Both halves of a real filter for a DFT that is not scaled: real parts, then imaginary parts.
-template <class T>
-std::vector<T> both_halves(const Filter& filter, std::size_t length) {
-  std::vector<T> all(2 * length);
+// (length) Both halves of a real filter for a DFT that is not scaled.
+std::vector<std::complex<double>> both_halves(const Filter& filter, std::size_t length) {
+  std::vector<std::complex<double>> all(length);
   const double scale = 1 / static_cast<double>(length);
   for (std::size_t k = 0; k < filter.gain.size(); ++k) {
     const bool real = k == 0 || 2 * k == length;
-    const auto gain = scale * filter.gain[k];
-    all[k] = static_cast<T>(gain.real());
-    all[length + k] = static_cast<T>(real ? 0 : gain.imag());
-    if (real) continue;
-    all[length - k] = all[k];
-    all[2 * length - k] = -all[length + k];
+    all[k] = scale * (real ? filter.gain[k].real() : filter.gain[k]);
+    if (!real) all[length - k] = std::conj(all[k]);
   }
   return all;
 }
 
 // What does not depend on the columns.
 struct Plan {
-  // The factors of the continuation and the inverse filter, in the precision of the columns.
+  // The factors of the continuation, the DFT and the inverse filter in its order, in the precision of the columns.
   template <class T>
   struct Tables {
-    std::vector<T> terms, smooth, gain;
+    std::vector<T> terms, smooth;
+    ColumnDft<T> dft;
+    std::vector<T> gain;  // (length × 2) real and imaginary part
   };
 
   Plan(std::size_t row_count, double exposure, double max_boost, EqualizerMethod method)
@@ -142,7 +141,13 @@ struct Plan {
                      [](double value) { return static_cast<T>(value); });
       return values;
     };
-    return {of(ends.terms), of(ends.smooth), both_halves<T>(inverse, response.length)};
+    Tables<T> result{of(ends.terms), of(ends.smooth), ColumnDft<T>(response.length), {}};
+    const auto gain = both_halves(inverse, response.length);
+    for (const std::size_t k : result.dft.order()) {
+      result.gain.push_back(static_cast<T>(gain[k].real()));
+      result.gain.push_back(static_cast<T>(gain[k].imag()));
+    }
+    return result;
   }
 };
 
@@ -156,22 +161,22 @@ std::shared_ptr<const Plan> plan_of(const PlanKey& key) {
 
 // ---- Blocks of columns ---------------------------------------------------------------------------------------------
 
-constexpr std::size_t kColumnsPerBlock = 32;  // of float: the block and its spectra fit the second-level cache
+template <class T>
+constexpr std::size_t kColumnsPerBlock = 2 * kernels::kColumnPairs<T>;  // the block fits the second-level cache
 
 // Memory of a thread, reused from call to call.
 template <class T>
 struct Memory {
-  std::vector<T> block, terms;                           // (length × width), (terms × width)
-  std::vector<std::complex<T>> signals, spectra;         // (width/2 × length): two columns are one complex signal
+  AlignedMemory<T> block;                                // (length × width)
+  std::vector<T> terms;                                  // (terms × width)
   std::vector<double> mean, slope, reach, units, scale;  // (width)
   std::vector<double> column;                            // (rows)
 };
 
 template <class T>
-void store(const T* block, std::size_t width, std::size_t frame, std::size_t first, std::size_t count,
-           const FramesView<T>& out) {
+void store(const T* block, std::size_t frame, std::size_t first, std::size_t count, const FramesView<T>& out) {
   for (std::size_t row = 0; row < out.rows; ++row) {
-    const T* const from = block + row * width;
+    const T* const from = block + row * kColumnsPerBlock<T>;
     if (out.column_stride == 1)
       std::copy_n(from, count, out.at(frame, row, first));
     else
@@ -179,86 +184,60 @@ void store(const T* block, std::size_t width, std::size_t frame, std::size_t fir
   }
 }
 
-constexpr std::size_t kTile = 8;  // rows: whole cache lines are written
-
-// (rows × pairs) to (pairs × pitch) and back.
-template <class T>
-void pairs_of_rows(const std::complex<T>* block, std::size_t rows, std::size_t pairs, std::size_t stride,
-                   std::complex<T>* signals, std::size_t pitch) {
-  for (std::size_t first = 0; first < rows; first += kTile)
-    for (std::size_t pair = 0; pair < pairs; ++pair)
-      for (std::size_t row = first; row < std::min(first + kTile, rows); ++row)
-        signals[pair * pitch + row] = block[row * stride + pair];
-}
-
-template <class T>
-void rows_of_pairs(const std::complex<T>* signals, std::size_t pitch, std::size_t rows, std::size_t pairs,
-                   std::size_t stride, std::complex<T>* block) {
-  for (std::size_t first = 0; first < rows; first += kTile)
-    for (std::size_t pair = 0; pair < pairs; ++pair)
-      for (std::size_t row = first; row < std::min(first + kTile, rows); ++row)
-        block[row * stride + pair] = signals[pair * pitch + row];
-}
-
 // Z = X₁ + j·X₂ of two real columns becomes G₁·X₁ + j·G₂·X₂, with X₁ = (Z(k) + Z*(−k))/2 and j·X₂ = (Z(k) − Z*(−k))/2.
-template <class T>
-void filter_pair(const Filter& one, const Filter& two, std::size_t length, std::complex<T>* values) {
-  const auto first = both_halves<T>(one, length), second = both_halves<T>(two, length);
-  const auto filtered = [&](std::size_t k, std::complex<T> own, std::complex<T> opposite) {
-    const std::complex<T> sum = own + std::conj(opposite), difference = own - std::conj(opposite);
-    const std::complex<T> of_one(first[k], first[length + k]), of_two(second[k], second[length + k]);
-    return T{0.5} * (of_one * sum + of_two * difference);
-  };
-  for (std::size_t k = 0; 2 * k <= length; ++k) {
-    const std::size_t opposite = k == 0 ? 0 : length - k;
-    const auto here = values[k], there = values[opposite];
-    values[k] = filtered(k, here, there);
-    values[opposite] = filtered(opposite, there, here);
+// values: (length) in the order of the DFT.
+void filter_pair(const Filter& one, const Filter& two, std::span<const std::size_t> order,
+                 std::span<std::complex<double>> values) {
+  const std::size_t length = values.size();
+  const auto first = both_halves(one, length), second = both_halves(two, length);
+  std::vector<std::complex<double>> spectrum(length);
+  for (std::size_t n = 0; n < length; ++n) spectrum[order[n]] = values[n];
+  for (std::size_t n = 0; n < length; ++n) {
+    const std::size_t k = order[n];
+    const auto own = spectrum[k], opposite = std::conj(spectrum[k == 0 ? 0 : length - k]);
+    values[n] = 0.5 * (first[k] * (own + opposite) + second[k] * (own - opposite));
   }
 }
 
 template <class T>
 class BlockEqualizer {
  public:
+  static constexpr std::size_t kWidth = kColumnsPerBlock<T>;
+
   BlockEqualizer(const Plan& plan, std::size_t count, double max_boost)
       : plan_(plan),
         count_(count),
         max_boost_(max_boost),
-        width_((count + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment),
-        pairs_((count + 1) / 2) {
-    const std::size_t length = plan.response.length;
-    memory_.block.resize(length * width_);
-    memory_.terms.resize(static_cast<std::size_t>(plan.ends.terms.rows()) * width_);
-    memory_.signals.resize(length * pairs_);
-    memory_.spectra.resize(length * pairs_);
+        pairs_(std::min(count, kWidth / 2)),
+        block_(memory_.block.at_least(plan.response.length * kWidth)) {
+    memory_.terms.resize(static_cast<std::size_t>(plan.ends.terms.rows()) * kWidth);
     for (auto* values : {&memory_.mean, &memory_.slope, &memory_.reach, &memory_.units, &memory_.scale})
-      values->resize(width_);
+      values->resize(kWidth);
     memory_.column.resize(plan.rows);
   }
 
-  [[nodiscard]] T* block() { return memory_.block.data(); }  // (rows × width)
-  [[nodiscard]] std::size_t width() const { return width_; }
+  [[nodiscard]] T* block() { return block_; }  // (rows × width)
 
   // Equalises the block in place. noise (count, or empty: estimated), noise_gain and assumed (count). restored: sum
   // over the columns of the restored fraction of the amplitude (bins, or empty).
   void run(std::span<const double> noise, std::span<double> noise_gain, std::span<double> assumed,
            std::span<double> restored) {
     const kernels::ColumnLines lines{memory_.mean.data(), memory_.slope.data(), memory_.reach.data()};
-    kernels::column_lines(block(), plan_.rows, width_, lines);
-    for (std::size_t c = 0; c < width_; ++c) {
+    kernels::column_lines(block(), plan_.rows, kWidth, lines);
+    for (std::size_t c = 0; c < kWidth; ++c) {
       memory_.units[c] = unit_of(memory_.reach[c]);
       memory_.scale[c] = memory_.units[c] > 0 ? 1 / memory_.units[c] : 1;
     }
-    kernels::take_lines_off(block(), plan_.rows, width_, lines, memory_.scale.data());
+    kernels::take_lines_off(block(), plan_.rows, kWidth, lines, memory_.scale.data());
     const auto analysed = analyse(noise);
     extend();
     filter(analysed, noise_gain, restored);
     for (std::size_t c = 0; c < analysed.size(); ++c) {
       assumed[c] = std::sqrt(analysed[c].rest.noise) / memory_.scale[c];
       for (std::size_t n = 0; n < analysed[c].course.size(); ++n)
-        memory_.block[n * width_ + c] += static_cast<T>(analysed[c].course[n]);
+        block_[n * kWidth + c] += static_cast<T>(analysed[c].course[n]);
     }
-    kernels::put_lines_back(block(), plan_.rows, width_, lines, memory_.units.data(), plan_.exposure_rows / 2);
+    kernels::put_lines_back(block(), plan_.rows, kWidth, lines, memory_.units.data(), plan_.exposure_rows / 2);
   }
 
  private:
@@ -277,11 +256,10 @@ class BlockEqualizer {
       check_interrupt();
       const double scaled = noise.empty() ? 1 : noise[c] * memory_.scale[c];
       if (scaled == 0) continue;
-      for (std::size_t n = 0; n < plan_.rows; ++n)
-        memory_.column[n] = static_cast<double>(memory_.block[n * width_ + c]);
+      for (std::size_t n = 0; n < plan_.rows; ++n) memory_.column[n] = static_cast<double>(block_[n * kWidth + c]);
       analysed[c] = plan_.analysis->take_off_course(memory_.column,
                                                     noise.empty() ? std::nullopt : std::optional(scaled * scaled));
-      for (std::size_t n = 0; n < plan_.rows; ++n) memory_.block[n * width_ + c] = static_cast<T>(memory_.column[n]);
+      for (std::size_t n = 0; n < plan_.rows; ++n) block_[n * kWidth + c] = static_cast<T>(memory_.column[n]);
     }
     return analysed;
   }
@@ -291,16 +269,16 @@ class BlockEqualizer {
     const auto& tables = plan_.template in<T>();
     const Continuation& ends = plan_.ends;
     const std::size_t length = plan_.response.length;
-    const auto stride = static_cast<std::ptrdiff_t>(width_);
-    const auto row = [&](std::size_t n) { return block() + n * width_; };
+    const auto stride = static_cast<std::ptrdiff_t>(kWidth);
+    const auto row = [&](std::size_t n) { return block() + n * kWidth; };
     const auto end = [&](const T* nearest, std::ptrdiff_t inwards, T* next) {
       const auto terms = static_cast<std::size_t>(ends.terms.rows());
       T* const of_terms = memory_.terms.data();
-      kernels::matrix_times_rows(tables.terms.data(), terms, ends.used, nearest, inwards, of_terms, stride, width_);
-      kernels::matrix_times_rows(tables.smooth.data(), ends.predicted, terms - ends.near, of_terms + ends.near * width_,
-                                 stride, next, -inwards, width_);
+      kernels::matrix_times_rows(tables.terms.data(), terms, ends.used, nearest, inwards, of_terms, stride, kWidth);
+      kernels::matrix_times_rows(tables.smooth.data(), ends.predicted, terms - ends.near, of_terms + ends.near * kWidth,
+                                 stride, next, -inwards, kWidth);
       for (std::size_t i = 0; i < ends.near; ++i, next -= inwards)
-        for (std::size_t c = 0; c < width_; ++c) next[c] += of_terms[i * width_ + c];
+        for (std::size_t c = 0; c < kWidth; ++c) next[c] += of_terms[i * kWidth + c];
     };
     end(row(plan_.rows - 1), -stride, row(plan_.rows));
     end(row(0), stride, row(length - 1));
@@ -309,34 +287,37 @@ class BlockEqualizer {
 
   void filter(const std::vector<ColumnAnalysis::Result>& analysed, std::span<double> noise_gain,
               std::span<double> restored) {
-    const std::size_t length = plan_.response.length;
-    std::complex<T>* const signals = memory_.signals.data();
-    std::complex<T>* const spectra = memory_.spectra.data();
-    auto* const block_of_pairs = reinterpret_cast<std::complex<T>*>(block());  // two neighbours are one number
-    pairs_of_rows(block_of_pairs, length, pairs_, width_ / 2, signals, length);
-    transform_rows(Transform::forward, signals, spectra, pairs_, length, length);
-    for (std::size_t pair = 0; pair < pairs_; ++pair) {
-      const Filter one = filter_of_column(analysed, 2 * pair), two = filter_of_column(analysed, 2 * pair + 1);
-      for (std::size_t c = 2 * pair; c < std::min(2 * pair + 2, count_); ++c) {
-        const Filter& own = c == 2 * pair ? one : two;
-        const Filter& used = own.gain.empty() ? plan_.inverse : own;
-        noise_gain[c] = used.noise_gain;
-        for (std::size_t k = 0; k < restored.size(); ++k) restored[k] += used.restored[k];
-      }
-      std::complex<T>* const values = spectra + pair * length;
-      if (one.gain.empty() && two.gain.empty())
-        kernels::multiply_complex(reinterpret_cast<T*>(values), plan_.template in<T>().gain.data(), length);
-      else
-        filter_pair(one.gain.empty() ? plan_.inverse : one, two.gain.empty() ? plan_.inverse : two, length, values);
+    const auto& tables = plan_.template in<T>();
+    std::vector<Filter> own(analysed.size());
+    for (std::size_t c = 0; c < own.size(); ++c) own[c] = filter_of_column(analysed[c]);
+    const auto used = [&](std::size_t c) -> const Filter& {
+      return c < own.size() && !own[c].gain.empty() ? own[c] : plan_.inverse;
+    };
+    for (std::size_t c = 0; c < count_; ++c) {
+      noise_gain[c] = used(c).noise_gain;
+      for (std::size_t k = 0; k < restored.size(); ++k) restored[k] += used(c).restored[k];
     }
-    transform_rows(Transform::inverse, spectra, signals, pairs_, length, length);
-    rows_of_pairs(signals, length, plan_.rows, pairs_, width_ / 2, block_of_pairs);
+    if (std::ranges::all_of(own, [](const Filter& filter) { return filter.gain.empty(); }))
+      return tables.dft.filter(block_, tables.gain.data(), pairs_);
+    tables.dft.forward(block_, pairs_);
+    std::vector<std::complex<double>> values(tables.dft.length());
+    for (std::size_t c = 0; c < pairs_; ++c) {
+      T* const real = block_ + c;
+      T* const imaginary = real + kWidth / 2;
+      for (std::size_t n = 0; n < values.size(); ++n) values[n] = {real[n * kWidth], imaginary[n * kWidth]};
+      filter_pair(used(c), used(c + kWidth / 2), tables.dft.order(), values);
+      for (std::size_t n = 0; n < values.size(); ++n) {
+        real[n * kWidth] = static_cast<T>(values[n].real());
+        imaginary[n * kWidth] = static_cast<T>(values[n].imag());
+      }
+    }
+    tables.dft.inverse(block_, pairs_);
   }
 
   // Empty for the inverse.
-  [[nodiscard]] Filter filter_of_column(const std::vector<ColumnAnalysis::Result>& analysed, std::size_t c) const {
-    if (c >= analysed.size() || analysed[c].course.empty()) return {};
-    auto gain = plan_.analysis->gain(analysed[c].rest);
+  [[nodiscard]] Filter filter_of_column(const ColumnAnalysis::Result& analysed) const {
+    if (analysed.course.empty()) return {};
+    auto gain = plan_.analysis->gain(analysed.rest);
     for (auto& value : gain)
       if (const double size = std::abs(value); size > max_boost_) value *= max_boost_ / size;
     return filter_of(std::move(gain), plan_.response);
@@ -350,8 +331,9 @@ class BlockEqualizer {
   const Plan& plan_;
   std::size_t count_;
   double max_boost_;
-  std::size_t width_, pairs_;
+  std::size_t pairs_;
   Memory<T>& memory_ = kept();
+  T* block_;
 };
 
 // Bands (cycles per row) whose restored amplitude is below 1/2.
@@ -379,9 +361,9 @@ EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, c
   const bool identity = *camera.exposure == 0;
   const std::size_t columns = out.frames * out.columns;
   for (std::size_t frame = 0; frame < out.frames; ++frame)
-    for (std::size_t first = 0; first < out.columns; first += kColumnsPerBlock) {
+    for (std::size_t first = 0; first < out.columns; first += kColumnsPerBlock<T>) {
       check_interrupt();
-      const std::size_t count = std::min(kColumnsPerBlock, out.columns - first);
+      const std::size_t count = std::min(kColumnsPerBlock<T>, out.columns - first);
       const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
       for (std::size_t c = 0; c < count; ++c) {
         const auto signal = std::span(signals).subspan(c * out.rows, out.rows);
@@ -463,22 +445,22 @@ EqualizerReport equalize_as(const AnyFramesView& frames, const Camera& camera, c
 
   const auto plan = plan_of({shape.rows, exposure_rows, settings.max_boost, settings.method});
   EqualizerReport report{{}, std::vector<double>(columns), std::vector<double>(columns)};
-  const std::size_t per_frame = (shape.columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
+  const std::size_t per_frame = (shape.columns + kColumnsPerBlock<T> - 1) / kColumnsPerBlock<T>;
   const std::size_t blocks = shape.frames * per_frame;
   const bool inverse = settings.method == EqualizerMethod::inverse;
   const std::size_t bins = inverse ? 0 : plan->inverse.restored.size();
   std::vector<double> restored(blocks * bins);  // of each block: their sum does not depend on the threads
   for_each_block(blocks, settings.threads, [&](std::size_t index) {
-    const std::size_t frame = index / per_frame, first = index % per_frame * kColumnsPerBlock;
-    const std::size_t count = std::min(kColumnsPerBlock, shape.columns - first), at = frame * shape.columns + first;
+    const std::size_t frame = index / per_frame, first = index % per_frame * kColumnsPerBlock<T>;
+    const std::size_t count = std::min(kColumnsPerBlock<T>, shape.columns - first), at = frame * shape.columns + first;
     std::vector<double> noise;
     if (settings.noise.size() == 1) noise.assign(count, settings.noise[0]);
     if (settings.noise.size() > 1) noise.assign(&settings.noise[at], &settings.noise[at] + count);
     BlockEqualizer<T> block(*plan, count, settings.max_boost);
-    light_rows(frames, frame, first, count, camera.tone_curve, block.width(), block.block());
+    light_rows(frames, frame, first, count, camera.tone_curve, block.kWidth, block.block());
     block.run(noise, std::span(report.noise_gain).subspan(at, count), std::span(report.noise).subspan(at, count),
               std::span(restored).subspan(index * bins, bins));
-    store(block.block(), block.width(), frame, first, count, out);
+    store(block.block(), frame, first, count, out);
   });
   if (inverse) {
     report.frequencies_lost = lost_frequencies(camera, settings.max_boost);

@@ -2,18 +2,18 @@
 
 #include <algorithm>
 #include <array>
-#include <new>
 #include <numeric>
 #include <span>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "core/aligned_memory.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tones/projection_kernels.cpp"
 #include <hwy/foreach_target.h>  // compiles the rest once for each target
 //
-#include <hwy/aligned_allocator.h>
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
@@ -361,15 +361,8 @@ constexpr std::size_t kPerSum = kVectors * hn::MaxLanes(d32);
 
 // Memory of a thread for this many numbers, reused from call to call.
 std::int32_t* kept_memory(std::size_t size) {
-  thread_local hwy::AlignedFreeUniquePtr<std::int32_t[]> memory;
-  thread_local std::size_t room = 0;
-  if (room < size) {
-    room = 0;
-    memory = hwy::AllocateAligned<std::int32_t>(size);
-    if (!memory) throw std::bad_alloc();
-    room = size;
-  }
-  return memory.get();
+  thread_local AlignedMemory<std::int32_t> memory;
+  return memory.at_least(size);
 }
 
 // Accumulators of all strips, contiguous, because every block moves them to the first-level cache and back.

@@ -101,23 +101,6 @@ KernelCase product_case(std::size_t outputs, std::size_t inputs, std::size_t wid
                         kTolerance<T>, {1, outputs * width, outputs * width}, run, outputs > 50);
 }
 
-template <class T>
-KernelCase multiply_case(std::size_t count) {
-  auto values = std::make_shared<Misaligned<T>>(random_rows<T>(1, 2 * count, 2 * count));
-  auto gain = std::make_shared<Misaligned<T>>(random_rows<T>(1, 2 * count, 2 * count));
-  const auto run = [=](bool plain, T* out) {
-    std::copy_n(values->data(), 2 * count, out);
-    if (!plain) return ocisac::kernels::multiply_complex<T>(out, gain->data(), count);
-    for (std::size_t k = 0; k < count; ++k) {
-      const T real = out[2 * k], imaginary = out[2 * k + 1], a = gain->data()[k], b = gain->data()[count + k];
-      out[2 * k] = real * a - imaginary * b;
-      out[2 * k + 1] = real * b + imaginary * a;
-    }
-  };
-  return kernel_case<T>(named<T>("multiply_complex", std::to_string(count)), kTolerance<T>, {1, 2 * count, 2 * count},
-                        run, count > 1000);
-}
-
 // (2·length + 2) × count
 template <class T>
 KernelCase fold_case(std::size_t count, std::size_t folds, std::size_t length) {
@@ -154,8 +137,6 @@ void add_cases_of(std::vector<KernelCase>& cases) {
       for (const bool forwards : {false, true}) cases.push_back(product_case<T>(outputs, 7, width, forwards));
   }
   cases.push_back(product_case<T>(70, 233, 32));
-  for (const std::size_t count : kLengths) cases.push_back(multiply_case<T>(count));
-  cases.push_back(multiply_case<T>(1600));
 }
 
 }  // namespace

@@ -31,6 +31,7 @@ std::vector<KernelCase> gain_cases();
 std::vector<KernelCase> screening_cases();
 std::vector<KernelCase> refinement_cases();
 std::vector<KernelCase> equalizer_cases();
+std::vector<KernelCase> column_dft_cases();
 std::vector<KernelCase> folding_cases();
 std::vector<KernelCase> waveform_cases();
 std::vector<KernelCase> sequence_cases();
@@ -38,7 +39,7 @@ std::vector<KernelCase> sequence_cases();
 inline std::vector<KernelCase> all() {
   std::vector<KernelCase> cases;
   for (const auto& some : {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases,
-                           folding_cases, waveform_cases, sequence_cases})
+                           column_dft_cases, folding_cases, waveform_cases, sequence_cases})
     for (auto& one : some()) cases.push_back(std::move(one));
   return cases;
 }

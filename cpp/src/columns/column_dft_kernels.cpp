@@ -1,0 +1,232 @@
+#include "columns/column_dft_kernels.hpp"
+
+#include <cmath>
+#include <numbers>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "columns/column_dft_kernels.cpp"
+#include <hwy/foreach_target.h>  // compiles the rest once for each target
+//
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ocisac::kernels {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+template <class T>
+using Tag = hn::CappedTag<T, kColumnPairs<T>>;
+
+template <class T>
+struct Complex {
+  hn::Vec<Tag<T>> real, imaginary;
+};
+
+template <class T>
+HWY_INLINE Complex<T> plus(const Complex<T>& a, const Complex<T>& b) {
+  return {hn::Add(a.real, b.real), hn::Add(a.imaginary, b.imaginary)};
+}
+
+template <class T>
+HWY_INLINE Complex<T> minus(const Complex<T>& a, const Complex<T>& b) {
+  return {hn::Sub(a.real, b.real), hn::Sub(a.imaginary, b.imaginary)};
+}
+
+// a + j·b
+template <class T>
+HWY_INLINE Complex<T> plus_j(const Complex<T>& a, const Complex<T>& b) {
+  return {hn::Sub(a.real, b.imaginary), hn::Add(a.imaginary, b.real)};
+}
+
+// a − j·b
+template <class T>
+HWY_INLINE Complex<T> minus_j(const Complex<T>& a, const Complex<T>& b) {
+  return {hn::Add(a.real, b.imaginary), hn::Sub(a.imaginary, b.real)};
+}
+
+// a + factor·b
+template <class T>
+HWY_INLINE Complex<T> plus_times(const Complex<T>& a, double factor, const Complex<T>& b) {
+  const auto real = hn::Set(Tag<T>(), static_cast<T>(factor));
+  return {hn::MulAdd(real, b.real, a.real), hn::MulAdd(real, b.imaginary, a.imaginary)};
+}
+
+template <class T>
+HWY_INLINE Complex<T> times(double factor, const Complex<T>& a) {
+  const auto real = hn::Set(Tag<T>(), static_cast<T>(factor));
+  return {hn::Mul(real, a.real), hn::Mul(real, a.imaginary)};
+}
+
+// (real, imaginary) at `factor` times a
+template <class T>
+HWY_INLINE Complex<T> times(const T* factor, const Complex<T>& a) {
+  const auto real = hn::Set(Tag<T>(), factor[0]), imaginary = hn::Set(Tag<T>(), factor[1]);
+  return {hn::NegMulAdd(imaginary, a.imaginary, hn::Mul(real, a.real)),
+          hn::MulAdd(imaginary, a.real, hn::Mul(real, a.imaginary))};
+}
+
+// The DFT of kRadix values, in place.
+template <class T>
+HWY_INLINE void short_dft(Complex<T> (&x)[2]) {
+  const auto first = x[0];
+  x[0] = plus(first, x[1]);
+  x[1] = minus(first, x[1]);
+}
+
+template <class T>
+HWY_INLINE void short_dft(Complex<T> (&x)[3]) {
+  const auto sum = plus(x[1], x[2]), difference = times(std::numbers::sqrt3 / 2, minus(x[1], x[2]));
+  const auto middle = plus_times(x[0], -0.5, sum);
+  x[0] = plus(x[0], sum);
+  x[1] = minus_j(middle, difference);
+  x[2] = plus_j(middle, difference);
+}
+
+template <class T>
+HWY_INLINE void short_dft(Complex<T> (&x)[4]) {
+  const auto even = plus(x[0], x[2]), even_difference = minus(x[0], x[2]);
+  const auto odd = plus(x[1], x[3]), odd_difference = minus(x[1], x[3]);
+  x[0] = plus(even, odd);
+  x[1] = minus_j(even_difference, odd_difference);
+  x[2] = minus(even, odd);
+  x[3] = plus_j(even_difference, odd_difference);
+}
+
+template <class T>
+HWY_INLINE void short_dft(Complex<T> (&x)[5]) {
+  constexpr double cos_72 = 0.30901699437494742410, cos_144 = -0.80901699437494742410;
+  constexpr double sin_72 = 0.95105651629515357212, sin_144 = 0.58778525229247312917;
+  const auto outer = plus(x[1], x[4]), inner = plus(x[2], x[3]);
+  const auto outer_difference = minus(x[1], x[4]), inner_difference = minus(x[2], x[3]);
+  const auto first = plus_times(plus_times(x[0], cos_72, outer), cos_144, inner);
+  const auto second = plus_times(plus_times(x[0], cos_144, outer), cos_72, inner);
+  const auto of_first = plus_times(times(sin_144, inner_difference), sin_72, outer_difference);
+  const auto of_second = plus_times(times(-sin_72, inner_difference), sin_144, outer_difference);
+  x[0] = plus(x[0], plus(outer, inner));
+  x[1] = minus_j(first, of_first);
+  x[2] = minus_j(second, of_second);
+  x[3] = plus_j(second, of_second);
+  x[4] = plus_j(first, of_first);
+}
+
+template <class T>
+HWY_INLINE void short_dft(Complex<T> (&x)[8]) {
+  Complex<T> even[4] = {x[0], x[2], x[4], x[6]}, odd[4] = {x[1], x[3], x[5], x[7]};
+  short_dft(even);
+  short_dft(odd);
+  const double half = std::numbers::sqrt2 / 2;
+  const auto one = times(half, minus_j(odd[1], odd[1])), three = times(-half, plus_j(odd[3], odd[3]));
+  x[0] = plus(even[0], odd[0]);
+  x[4] = minus(even[0], odd[0]);
+  x[1] = plus(even[1], one);
+  x[5] = minus(even[1], one);
+  x[2] = minus_j(even[2], odd[2]);
+  x[6] = plus_j(even[2], odd[2]);
+  x[3] = plus(even[3], three);
+  x[7] = minus(even[3], three);
+}
+
+// The inverse is the DFT of numbers whose real and imaginary parts are exchanged, with the turns in front of it.
+template <class T, std::size_t kRadix, bool kInverse, bool kTurns>
+HWY_INLINE void butterfly(T* rows, std::size_t apart, const T* turns, std::size_t pairs) {
+  const Tag<T> d;
+  constexpr std::size_t kReal = kInverse ? kColumnPairs<T> : 0, kImaginary = kColumnPairs<T> - kReal;
+  for (std::size_t c = 0; c < pairs; c += hn::Lanes(d)) {
+    Complex<T> x[kRadix];
+    for (std::size_t p = 0; p < kRadix; ++p) {
+      x[p] = {hn::LoadU(d, rows + p * apart + kReal + c), hn::LoadU(d, rows + p * apart + kImaginary + c)};
+      if (kTurns && kInverse && p > 0) x[p] = times(turns + 2 * (p - 1), x[p]);
+    }
+    short_dft(x);
+    for (std::size_t p = 0; p < kRadix; ++p) {
+      if (kTurns && !kInverse && p > 0) x[p] = times(turns + 2 * (p - 1), x[p]);
+      hn::StoreU(x[p].real, d, rows + p * apart + kReal + c);
+      hn::StoreU(x[p].imaginary, d, rows + p * apart + kImaginary + c);
+    }
+  }
+}
+
+template <class T, std::size_t kRadix, bool kInverse>
+void step_of(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) {
+  constexpr std::size_t kRow = 2 * kColumnPairs<T>;
+  const std::size_t part = step.length / kRadix;
+  for (std::size_t block = 0; block < blocks; ++block, rows += step.length * kRow) {
+    butterfly<T, kRadix, kInverse, false>(rows, part * kRow, nullptr, pairs);
+    for (std::size_t j = 1; j < part; ++j)
+      butterfly<T, kRadix, kInverse, true>(rows + j * kRow, part * kRow, step.turns + 2 * (kRadix - 1) * j, pairs);
+  }
+}
+
+template <class T, bool kInverse>
+void any_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) {
+  switch (step.radix) {
+    case 2: return step_of<T, 2, kInverse>(step, rows, blocks, pairs);
+    case 3: return step_of<T, 3, kInverse>(step, rows, blocks, pairs);
+    case 4: return step_of<T, 4, kInverse>(step, rows, blocks, pairs);
+    case 5: return step_of<T, 5, kInverse>(step, rows, blocks, pairs);
+    default: return step_of<T, 8, kInverse>(step, rows, blocks, pairs);
+  }
+}
+
+template <class T>
+void times_gain(T* rows, const T* gain, std::size_t count, std::size_t pairs) {
+  const Tag<T> d;
+  for (std::size_t n = 0; n < count; ++n, rows += 2 * kColumnPairs<T>)
+    for (std::size_t c = 0; c < pairs; c += hn::Lanes(d)) {
+      T* const imaginary = rows + kColumnPairs<T> + c;
+      const auto product = times(gain + 2 * n, Complex<T>{hn::LoadU(d, rows + c), hn::LoadU(d, imaginary)});
+      hn::StoreU(product.real, d, rows + c);
+      hn::StoreU(product.imaginary, d, imaginary);
+    }
+}
+
+// NOLINTBEGIN(bugprone-macro-parentheses): T names a type, which takes no parentheses.
+#define OCISAC_OF_BOTH(T, NAME)                                                                       \
+  void DftStep##NAME(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) {        \
+    any_step<T, false>(step, rows, blocks, pairs);                                                    \
+  }                                                                                                   \
+  void InverseDftStep##NAME(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) { \
+    any_step<T, true>(step, rows, blocks, pairs);                                                     \
+  }                                                                                                   \
+  void MultiplyRows##NAME(T* rows, const T* gain, std::size_t count, std::size_t pairs) {             \
+    times_gain(rows, gain, count, pairs);                                                             \
+  }
+
+OCISAC_OF_BOTH(float, Float)
+OCISAC_OF_BOTH(double, Double)
+#undef OCISAC_OF_BOTH
+// NOLINTEND(bugprone-macro-parentheses)
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ocisac::kernels
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ocisac::kernels {
+
+// NOLINTBEGIN(bugprone-macro-parentheses): as above.
+#define OCISAC_OF_BOTH(T, NAME)                                                                   \
+  HWY_EXPORT(DftStep##NAME);                                                                      \
+  HWY_EXPORT(InverseDftStep##NAME);                                                               \
+  HWY_EXPORT(MultiplyRows##NAME);                                                                 \
+  template <>                                                                                     \
+  void dft_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) {         \
+    HWY_DYNAMIC_DISPATCH(DftStep##NAME)(step, rows, blocks, pairs);                               \
+  }                                                                                               \
+  template <>                                                                                     \
+  void inverse_dft_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) { \
+    HWY_DYNAMIC_DISPATCH(InverseDftStep##NAME)(step, rows, blocks, pairs);                        \
+  }                                                                                               \
+  template <>                                                                                     \
+  void multiply_rows(T* rows, const T* gain, std::size_t count, std::size_t pairs) {              \
+    HWY_DYNAMIC_DISPATCH(MultiplyRows##NAME)(rows, gain, count, pairs);                           \
+  }
+
+OCISAC_OF_BOTH(float, Float)
+OCISAC_OF_BOTH(double, Double)
+#undef OCISAC_OF_BOTH
+// NOLINTEND(bugprone-macro-parentheses)
+
+}  // namespace ocisac::kernels
+#endif
