@@ -148,6 +148,61 @@ void ask(const ocisac_options& options, const ocisac_frame& frame, FuzzedDataPro
   check_code(ocisac_calibrate(&options, &frame, number(bytes, {900, 900, 50, 1e4}), &calibration));
 }
 
+// The tone of a picture, with places for as many rows as it has, or others.
+void fit(const ocisac_options& options, const ocisac_frame& frame, FuzzedDataProvider& bytes) {
+  ocisac_tone tone;
+  ocisac_tone_init(&tone);
+  std::vector<double> column(64), amplitude(129), response(129);
+  tone.rows = bytes.ConsumeBool() ? frame.height : bytes.ConsumeIntegralInRange<std::size_t>(0, 64);
+  if (bytes.ConsumeBool()) tone.column = column.data();
+  if (bytes.ConsumeBool()) tone.amplitude = amplitude.data();
+  if (bytes.ConsumeBool()) tone.response = response.data();
+  const int code = ocisac_find_frequency(&options, &frame, &tone);
+  check_code(code);
+  if (code == OCISAC_OK) fuzz::claim(tone.columns <= std::max(frame.width, frame.height) && tone.rows <= 64);
+}
+
+// Lights of a few hundred Hz, mostly; exposures of a few milliseconds, so that a request takes no minutes.
+void advise(FuzzedDataProvider& bytes) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  ocisac_exposure_request request;
+  ocisac_exposure_request_init(&request);
+  request.comm_frequency = number(bytes, {nan, 700, 50, 0});
+  request.sense_frequency = number(bytes, {nan, nan, 175, 1e6});
+  request.comm_weight = number(bytes, {1, 1, 0, -1});
+  request.shortest = number(bytes, {nan, 0, 1e-4, 2e-3});
+  request.longest = number(bytes, {nan, 2e-3, 1e-2, 0});
+  request.step = number(bytes, {nan, nan, 1e-4, 0});
+  request.below = number(bytes, {0.02, 0.02, 0.1, 1});
+  request.near = number(bytes, {nan, nan, 5e-3, 0});
+  request.min_gain = number(bytes, {nan, nan, 0.5, 1});
+  std::array<ocisac_flicker, 2> lights;
+  for (auto& light : lights) {
+    ocisac_flicker_init(&light);
+    light.frequency = number(bytes, {100, 120, 90, 0});
+    light.uncertainty = number(bytes, {0, 0, 1, 200});
+    light.duty = number(bytes, {nan, nan, 0.1, 1});
+    light.depth = number(bytes, {1, 1, 0.01, 0});
+  }
+  ocisac_exposure_advice advice;
+  ocisac_exposure_advice_init(&advice);
+  const int code =
+      ocisac_advise_exposure(&request, lights.data(), bytes.ConsumeIntegralInRange<std::size_t>(0, 2), &advice);
+  check_code(code);
+  if (code == OCISAC_OK) fuzz::claim(advice.exposure > 0 && std::isfinite(advice.exposure));
+}
+
+void encode(const ocisac_options& options, FuzzedDataProvider& bytes) {
+  const auto payload = bytes.ConsumeBytes<std::uint8_t>(bytes.ConsumeIntegral<std::uint8_t>());
+  std::array<char, 100> chips{};
+  std::size_t count = 0;
+  const int code =
+      ocisac_packet_chips(&options, payload.data(), payload.size(), bytes.ConsumeIntegralInRange<std::uint32_t>(0, 256),
+                          chips.data(), chips.size(), &count);
+  check_code(code);
+  fuzz::claim((code == OCISAC_OK) == (count > 0));
+}
+
 }  // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -166,6 +221,9 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     }
     Picture picture = picture_of(bytes);
     if (bytes.ConsumeIntegral<std::uint8_t>() < 8) ask(options_of(bytes), picture.frame, bytes);
+    if (bytes.ConsumeIntegral<std::uint8_t>() < 8) fit(options_of(bytes), picture.frame, bytes);
+    if (bytes.ConsumeIntegral<std::uint8_t>() < 8) advise(bytes);
+    if (bytes.ConsumeIntegral<std::uint8_t>() < 8) encode(options_of(bytes), bytes);
     picture.frame.number = bytes.ConsumeBool() ? calls : bytes.ConsumeIntegral<std::int64_t>();
     check_code(push(receiver.get(), picture.frame, bytes));
     picture = {};  // freed before the result is read

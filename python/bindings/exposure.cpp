@@ -1,6 +1,7 @@
 #include "bindings.hpp"
 #include "ocisac/exposure/best_exposure.hpp"
 #include "ocisac/exposure/exposure_controller.hpp"
+#include "ocisac/exposure/flicker.hpp"
 
 namespace ocisac::bindings {
 
@@ -111,6 +112,55 @@ Shared<ExposureController> make_controller(double shortest, double longest, doub
                                     noise_level}));
 }
 
+// (lights, 4): frequency, uncertainty, duty (NaN: a raised cosine), depth
+std::vector<FlickeringLight> flickering_lights(const Doubles& table) {
+  std::vector<FlickeringLight> lights;
+  for (py::ssize_t i = 0; i < table.shape(0); ++i) {
+    const double duty = table.at(i, 2);
+    lights.push_back(
+        {table.at(i, 0), table.at(i, 1), std::isnan(duty) ? std::nullopt : std::optional(duty), table.at(i, 3)});
+  }
+  return lights;
+}
+
+// The largest modulation of any light, of the shape of `exposures`.
+py::array_t<double> run_exposure_modulation(const Doubles& lights, const Doubles& exposures) {
+  const auto all = flickering_lights(lights);
+  py::array_t<double> modulations(std::vector<py::ssize_t>(exposures.shape(), exposures.shape() + exposures.ndim()));
+  const auto values = mutable_span_of(modulations);
+  unlocked([&] {
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      values[i] = 0;
+      for (const FlickeringLight& light : all)
+        values[i] = std::max(values[i], exposure_modulation(light, span_of(exposures)[i]));
+    }
+  });
+  return modulations;
+}
+
+// (intervals, 2)
+py::array_t<double> run_cycles_below(const Doubles& light, double below, double most) {
+  const auto one = flickering_lights(light).at(0);
+  const auto found = unlocked([&] { return cycles_below(one, below, most); });
+  py::array_t<double> result({static_cast<py::ssize_t>(found.size()), py::ssize_t{2}});
+  double* place = result.mutable_data();
+  for (const Interval& interval : found) *place++ = interval.low, *place++ = interval.high;
+  return result;
+}
+
+// exposure, modulation, holds, modulations, objective, gain
+py::tuple run_flicker_free_exposure(const Doubles& lights, double below, std::optional<double> near,
+                                    const std::pair<double, double>& bounds, std::optional<double> step,
+                                    std::optional<double> f_comm, std::optional<double> f_sense,
+                                    std::optional<double> min_gain, const std::pair<double, double>& weights) {
+  const auto all = flickering_lights(lights);
+  const FlickerFreeRequest request{
+      below, near, {bounds.first, bounds.second}, step, f_comm, f_sense, min_gain, weights.first, weights.second};
+  const auto found = unlocked([&] { return flicker_free_exposure(all, request); });
+  return py::make_tuple(found.exposure, found.modulation, found.holds, py::tuple(py::cast(found.modulations)),
+                        found.objective, found.gain);
+}
+
 }  // namespace
 
 void register_exposure(py::module_& module) {
@@ -120,6 +170,10 @@ void register_exposure(py::module_& module) {
   module.def("exposure_objective", &run_exposure_objective, arg("exposure"), arg("frequencies"), arg("weights"));
   module.def("best_noisy_exposure", &run_best_noisy_exposure, arg("frequencies"), arg("weights"), arg("noise_exposure"),
              arg("low"), arg("high"), arg("step"));
+  module.def("exposure_modulation", &run_exposure_modulation, arg("lights"), arg("exposure"));
+  module.def("cycles_below", &run_cycles_below, arg("light"), arg("below"), arg("most"));
+  module.def("flicker_free_exposure", &run_flicker_free_exposure, arg("lights"), arg("below"), arg("near"),
+             arg("bounds"), arg("step"), arg("f_comm"), arg("f_sense"), arg("min_gain"), arg("weights"));
   py::class_<Shared<ExposureController>>(module, "ExposureController")
       .def(py::init(&make_controller), arg("shortest"), arg("longest"), arg("step"), arg("lowest_gain"),
            arg("highest_gain"), arg("comm_weight"), arg("sense_weight"), arg("hysteresis"), arg("level_floor"),

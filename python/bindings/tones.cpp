@@ -9,6 +9,7 @@
 #include "ocisac/tones/read_bytes.hpp"
 #include "ocisac/tones/tone_design.hpp"
 #include "ocisac/tones/tone_gain.hpp"
+#include "ocisac/tones/tone_spectrum.hpp"
 #include "ocisac/tones/varying_tone.hpp"
 
 namespace ocisac::bindings {
@@ -208,6 +209,9 @@ void register_tones(py::module_& module) {
   module.def("find_frequency", &find, arg("columns"), arg("camera"), arg("bounds"), arg("waveform"),
              arg("select_columns"));
   module.def("tone_columns", &columns_of_tone, arg("columns"), arg("camera"), arg("frequency"));
+  module.def(
+      "amplitude_spectrum", [](const Doubles& signal) { return array_of(amplitude_spectrum(span_of(signal))); },
+      arg("signal"));
   module.def("tone_design", &design_of, arg("rows"), arg("cycles_per_row"), arg("trend_degree"));
   module.def("equalize", &run_equalize, arg("columns"), arg("camera"), arg("method"), arg("noise"), arg("max_boost"),
              arg("threads"), arg("out"));

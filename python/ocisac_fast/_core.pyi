@@ -80,6 +80,22 @@ def best_exposure(
 def exposure_objective(
     exposure: npt.NDArray[np.float64], frequencies: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]: ...
+def exposure_modulation(
+    lights: npt.NDArray[np.float64], exposure: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]: ...
+def cycles_below(light: npt.NDArray[np.float64], below: float, most: float) -> npt.NDArray[np.float64]: ...
+def flicker_free_exposure(
+    lights: npt.NDArray[np.float64],
+    below: float,
+    near: float | None,
+    bounds: tuple[float, float],
+    step: float | None,
+    f_comm: float | None,
+    f_sense: float | None,
+    min_gain: float | None,
+    weights: tuple[float, float],
+) -> tuple[float, float, bool, tuple[float, ...], float, float]: ...
+def amplitude_spectrum(signal: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
 def equalize(
     columns: npt.NDArray[Any],
     camera: Camera,

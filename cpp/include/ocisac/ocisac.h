@@ -1,5 +1,6 @@
 /* The receiver for C and languages that call C. It searches lights, tracks them, and estimates their gains and data in
- * every frame. ocisac_detect() and ocisac_calibrate() answer for a single picture.
+ * every frame. ocisac_detect(), ocisac_calibrate() and ocisac_find_frequency() answer for a single picture,
+ * ocisac_advise_exposure() without one.
  *
  *   ocisac_options options;
  *   ocisac_options_init(&options);
@@ -105,6 +106,7 @@ typedef struct ocisac_result {
   double frequency_std, rows_per_chip;
   double exposure;     /* given or estimated */
   double packet_share; /* bytes of the packet so far over those that its payload needs */
+  double first_bit; /* row, in order of time, at which the first bit begins; half an exposure after the light's edge */
 } ocisac_result;
 
 /* A modulated light in a picture. */
@@ -127,11 +129,63 @@ typedef struct ocisac_calibration {
   uint32_t flags;
 } ocisac_calibration;
 
+/* The tone of a picture's columns, and their spectrum. */
+typedef struct ocisac_tone {
+  size_t size;
+  /* Set by the caller: places for `rows` and for 2·rows + 1 numbers, NULL if not wanted. rows: those of the region, in
+   * order of time. */
+  double* column;    /* mean of the columns that show the tone, linear light, DN above dark */
+  double* amplitude; /* of the column over its mean, 1 for a tone of full depth; at multiples of `step` from 0 on */
+  double* response;  /* |sinc(f·exposure)| at the same frequencies; NaN without an exposure in the options */
+  size_t rows;
+  /* Answers */
+  double step; /* Hz */
+  double frequency, frequency_std, gain, gain_std, phase, mean, snr;
+  double theory; /* |sinc(frequency·exposure)| */
+  uint32_t columns;
+  uint32_t flags;
+} ocisac_tone;
+
+/* A light that must leave no bands; any phase. */
+typedef struct ocisac_flicker {
+  size_t size;
+  double frequency;   /* must be set */
+  double uncertainty; /* half width of the interval that contains the frequency, Hz; default 0 */
+  double duty;        /* bright share of a PWM period; NaN: a raised cosine, the default */
+  double depth;       /* (max − min)/(max + min) of the light; default 1 */
+} ocisac_flicker;
+
+/* The best exposure for communication and sensing (maximum of |sin(πf_c T)|/(πf_c) + |sin(πf_s T)|/(πf_s)), or without
+ * bands of lights. */
+typedef struct ocisac_exposure_request {
+  size_t size;
+  double comm_frequency, sense_frequency; /* f_c, f_s; NaN: none, the default */
+  double comm_weight, sense_weight;       /* of the sum; default 1 */
+  double shortest, longest; /* s; NaN, the default: 0 to 1/min(f_c, f_s), with lights to avoid 0 to 0.1 s */
+  double step;              /* s: whole multiples only; NaN, the default: any */
+  double below;             /* bound of the modulation (max − min)/(max + min) of lights to avoid; default 0.02 */
+  double near;              /* s: the nearest without bands instead of the shortest; default NaN */
+  double min_gain;          /* of f_c beside lights to avoid; default NaN */
+} ocisac_exposure_request;
+
+typedef struct ocisac_exposure_advice {
+  size_t size;
+  double exposure;   /* s */
+  double objective;  /* the sum at that exposure, s; NaN if it was not maximised */
+  double gain;       /* |sinc(f_c·exposure)|; NaN without f_c */
+  double modulation; /* the largest of the lights to avoid; NaN without any */
+  int32_t holds;     /* 0: no exposure satisfies the bound and the gain, this one comes closest */
+} ocisac_exposure_advice;
+
 void ocisac_options_init(ocisac_options* options);
 void ocisac_result_init(ocisac_result* result);
 void ocisac_stamp_init(ocisac_stamp* stamp);
 void ocisac_light_init(ocisac_light* light);
 void ocisac_calibration_init(ocisac_calibration* calibration);
+void ocisac_tone_init(ocisac_tone* tone);
+void ocisac_flicker_init(ocisac_flicker* light);
+void ocisac_exposure_request_init(ocisac_exposure_request* request);
+void ocisac_exposure_advice_init(ocisac_exposure_advice* advice);
 
 /* Stores a new receiver in *receiver, NULL on failure. */
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver);
@@ -155,6 +209,20 @@ int ocisac_detect(const ocisac_options* options, const ocisac_frame* frame, ocis
  * white level of the options; the row time is not read. */
 int ocisac_calibrate(const ocisac_options* options, const ocisac_frame* frame, double frequency,
                      ocisac_calibration* calibration);
+
+/* Fits the tone of one picture, in the region of the options or in all of it: at their frequency, or at the estimated
+ * one. Uses row_time, exposure, waveform, duty, background, scan axis and tone curve too. */
+int ocisac_find_frequency(const ocisac_options* options, const ocisac_frame* frame, ocisac_tone* tone);
+
+/* Chooses an exposure. `lights`: `count` lights to avoid, each initialised; NULL with 0. */
+int ocisac_advise_exposure(const ocisac_exposure_request* request, const ocisac_flicker* lights, size_t count,
+                           ocisac_exposure_advice* advice);
+
+/* Chips that transmit a payload as packet `number`, 0 to 255, sent repeatedly: '0' and '1', 1 = bright, not
+ * null-terminated. Copies up to `capacity` of them to `chips`. *count: number of all. Uses line_code, block_bytes and
+ * lengthened of the options. */
+int ocisac_packet_chips(const ocisac_options* options, const uint8_t* payload, size_t payload_bytes, uint32_t number,
+                        char* chips, size_t capacity, size_t* count);
 
 /* Name of one bit of gain_flags, data_flags or flags; NULL for a bit without meaning. */
 const char* ocisac_flag_name(uint32_t bit);

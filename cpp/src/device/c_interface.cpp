@@ -14,10 +14,13 @@
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/scan_axis.hpp"
 #include "ocisac/core/version.hpp"
+#include "ocisac/exposure/flicker.hpp"
+#include "ocisac/light/exposure_response.hpp"
 #include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 #include "ocisac/ocisac.h"
 #include "ocisac/receiver/receiver.hpp"
+#include "ocisac/tones/tone_spectrum.hpp"
 
 struct ocisac_receiver {
   ocisac::ReceiverOptions options;  // without regions, which depend on the size of the picture
@@ -99,17 +102,26 @@ const char* line_code_name(std::int32_t code) {
   return chosen("line_code", code, std::array{"none", "manchester", "4b6b", "8b10b"});
 }
 
+ocisac::WaveformShape waveform_of(const ocisac_options& options) {
+  ocisac::require(options.waveform == OCISAC_TONE || options.waveform == OCISAC_SQUARE, "waveform", options.waveform,
+                  "OCISAC_TONE or OCISAC_SQUARE");
+  return options.waveform == OCISAC_SQUARE ? ocisac::WaveformShape::square : ocisac::WaveformShape::tone;
+}
+
+ocisac::PacketFormat packet_format(const ocisac_options& options) {
+  ocisac::PacketFormat format;
+  format.line_code = ocisac::LineCode::named(line_code_name(options.line_code));
+  format.block_bytes = options.block_bytes;
+  if (options.lengthened != 0) format.preamble = ocisac::Preamble::lengthened;
+  return format;
+}
+
 ocisac::ReceiverOptions receiver_options(const ocisac_options& options) {
   ocisac::require(options.max_lights > 0, "max_lights", 0, "1 or above");
   ocisac::ReceiverOptions result{.light = {}, .regions = {}, .max_sources = options.max_lights};
-  ocisac::require(options.waveform == OCISAC_TONE || options.waveform == OCISAC_SQUARE, "waveform", options.waveform,
-                  "OCISAC_TONE or OCISAC_SQUARE");
-  const auto shape = options.waveform == OCISAC_SQUARE ? ocisac::WaveformShape::square : ocisac::WaveformShape::tone;
+  const auto shape = waveform_of(options);
   if (options.want_gain != 0) result.light.gain = {known(options.frequency), shape, options.duty, options.background};
-  ocisac::ChipOptions data{known(options.chip_rate)};
-  data.format.line_code = ocisac::LineCode::named(line_code_name(options.line_code));
-  data.format.block_bytes = options.block_bytes;
-  if (options.lengthened != 0) data.format.preamble = ocisac::Preamble::lengthened;
+  const ocisac::ChipOptions data{known(options.chip_rate), packet_format(options)};
   result.light.data = options.want_data != 0 ? std::optional(data) : std::nullopt;
   result.light.sense_frequency = known(options.sense_frequency);
   return result;
@@ -159,7 +171,7 @@ ocisac_result empty_result() {
   result.size = sizeof result;
   for (double* value : {&result.frequency, &result.gain, &result.gain_std, &result.gain_snr, &result.chip_rate,
                         &result.data_snr, &result.error_rate, &result.suggested_exposure, &result.frequency_std,
-                        &result.rows_per_chip, &result.exposure, &result.packet_share})
+                        &result.rows_per_chip, &result.exposure, &result.packet_share, &result.first_bit})
     *value = kNaN;
   result.bits = "";
   return result;
@@ -189,6 +201,7 @@ ocisac_result result_of(const ocisac::LightFrame& frame, double row_time, const 
     result.data_flags = frame.received->flags;
     result.rows_per_chip = frame.received->rows_per_chip;
     result.chip_rate = 1 / (frame.received->rows_per_chip * row_time);
+    result.first_bit = frame.received->phase;
     result.exposure = frame.received->exposure;
     result.data_snr = frame.received->snr;
     result.error_rate = frame.received->error_rate;
@@ -247,6 +260,103 @@ ocisac_light light_of(const ocisac::LightSource& source, const ocisac::Region& b
   return light;
 }
 
+ocisac_tone empty_tone() {
+  return {
+      sizeof(ocisac_tone), nullptr, nullptr, nullptr, 0, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, 0, 0};
+}
+
+// `all`: with the caller's places for arrays. `exposure`: s.
+ocisac_tone tone_of(const ocisac::ToneSpectrum& found, ocisac_tone all, double row_time, double exposure) {
+  const std::size_t rows = found.column.size();
+  const bool wanted = all.column != nullptr || all.amplitude != nullptr || all.response != nullptr;
+  ocisac::require(!wanted || all.rows == rows, "rows", all.rows, std::to_string(rows));
+  all.rows = rows;
+  all.step = 1 / (4 * static_cast<double>(rows) * row_time);
+  if (all.column != nullptr) std::ranges::copy(found.column, all.column);
+  if (all.amplitude != nullptr) std::ranges::copy(found.amplitude, all.amplitude);
+  const auto response = [&](double frequency) { return std::abs(ocisac::sinc(frequency * exposure)); };
+  for (std::size_t k = 0; all.response != nullptr && k < found.amplitude.size(); ++k)
+    all.response[k] = response(static_cast<double>(k) * all.step);
+  all.frequency = found.frequency;
+  all.frequency_std = found.frequency_std;
+  all.gain = found.gain;
+  all.gain_std = found.gain_std;
+  all.phase = found.phase;
+  all.mean = found.mean;
+  all.snr = found.snr;
+  all.theory = response(found.frequency);
+  all.columns = static_cast<std::uint32_t>(found.columns);
+  all.flags = found.flags;
+  return all;
+}
+
+ocisac_flicker default_flicker() { return {sizeof(ocisac_flicker), kNaN, 0, kNaN, 1}; }
+
+ocisac_exposure_request default_request() {
+  return {sizeof(ocisac_exposure_request),    kNaN, kNaN, 1, 1, kNaN, kNaN, kNaN,
+          ocisac::FlickerFreeRequest{}.below, kNaN, kNaN};
+}
+
+ocisac_exposure_advice empty_advice() { return {sizeof(ocisac_exposure_advice), kNaN, kNaN, kNaN, kNaN, 0}; }
+
+std::vector<ocisac::FlickeringLight> lights_of(const ocisac_flicker* lights, std::size_t count) {
+  ocisac::require(lights != nullptr || count == 0, "lights", "NULL", "`count` lights");
+  const std::size_t stride = count > 0 ? lights->size : 0;
+  const auto* place = reinterpret_cast<const std::byte*>(lights);
+  std::vector<ocisac::FlickeringLight> result;
+  for (; result.size() < count; place += stride) {
+    const ocisac_flicker light = completed(reinterpret_cast<const ocisac_flicker*>(place), default_flicker(), "lights");
+    result.push_back({light.frequency, light.uncertainty, known(light.duty), light.depth});
+  }
+  return result;
+}
+
+std::optional<ocisac::ExposureDomain::Bounds> bounds_of(const ocisac_exposure_request& request) {
+  if (std::isnan(request.shortest) && std::isnan(request.longest)) return std::nullopt;
+  return ocisac::ExposureDomain::Bounds{request.shortest, request.longest};
+}
+
+// Communication and sensing alone.
+ocisac_exposure_advice best_advice(const ocisac_exposure_request& request) {
+  ocisac::require(std::isnan(request.near) && std::isnan(request.min_gain), "near or min_gain", "a number",
+                  "NaN without lights to avoid");
+  std::vector<double> frequencies, weights;
+  for (const auto& [frequency, weight] : {std::pair(request.comm_frequency, request.comm_weight),
+                                          std::pair(request.sense_frequency, request.sense_weight)})
+    if (!std::isnan(frequency)) {
+      frequencies.push_back(frequency);
+      weights.push_back(weight);
+    }
+  ocisac::require(!frequencies.empty(), "request", "neither frequencies nor lights", "either");
+  const auto best = ocisac::best_exposure_exact(frequencies, weights, {bounds_of(request), known(request.step)});
+  ocisac_exposure_advice advice = empty_advice();
+  advice.exposure = best.exposure;
+  advice.objective = best.objective;
+  advice.gain = std::abs(ocisac::sinc(request.comm_frequency * best.exposure));
+  advice.holds = 1;
+  return advice;
+}
+
+ocisac_exposure_advice advice_without_bands(const ocisac_exposure_request& request,
+                                            const std::vector<ocisac::FlickeringLight>& lights) {
+  ocisac::FlickerFreeRequest wanted{.below = request.below,
+                                    .near = known(request.near),
+                                    .step = known(request.step),
+                                    .f_comm = known(request.comm_frequency),
+                                    .f_sense = known(request.sense_frequency),
+                                    .min_gain = known(request.min_gain),
+                                    .comm_weight = request.comm_weight,
+                                    .sense_weight = request.sense_weight};
+  if (const auto bounds = bounds_of(request)) wanted.bounds = *bounds;
+  const auto found = ocisac::flicker_free_exposure(lights, wanted);
+  return {sizeof(ocisac_exposure_advice),
+          found.exposure,
+          found.objective,
+          found.gain,
+          found.modulation,
+          found.holds ? 1 : 0};
+}
+
 // Fills in the fields that the calling program knows.
 template <class Struct>
 void answer(Struct* place, Struct full, const char* name) {
@@ -278,6 +388,22 @@ void ocisac_light_init(ocisac_light* light) {
 
 void ocisac_calibration_init(ocisac_calibration* calibration) {
   if (calibration != nullptr) *calibration = {sizeof(ocisac_calibration), kNaN, kNaN, 0};
+}
+
+void ocisac_tone_init(ocisac_tone* tone) {
+  if (tone != nullptr) *tone = empty_tone();
+}
+
+void ocisac_flicker_init(ocisac_flicker* light) {
+  if (light != nullptr) *light = default_flicker();
+}
+
+void ocisac_exposure_request_init(ocisac_exposure_request* request) {
+  if (request != nullptr) *request = default_request();
+}
+
+void ocisac_exposure_advice_init(ocisac_exposure_advice* advice) {
+  if (advice != nullptr) *advice = empty_advice();
 }
 
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
@@ -361,6 +487,49 @@ int ocisac_calibrate(const ocisac_options* options, const ocisac_frame* frame, d
     const ocisac::Calibration found = ocisac::calibrate(view, frequency, search);
     answer(calibration, {sizeof(ocisac_calibration), found.row_time, found.row_time_std, found.found.flags},
            "calibration");
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_find_frequency(const ocisac_options* options, const ocisac_frame* frame, ocisac_tone* tone) {
+  return guarded([&] {
+    ocisac::require(frame != nullptr && tone != nullptr, "frame or tone", "NULL", "both");
+    const ocisac_options all = completed(options, default_options(), "options");
+    const ocisac_tone places = completed(tone, empty_tone(), "tone");
+    const ocisac::ScanAxis axis = scan_axis_of(all);
+    auto view = ocisac::in_time_order(any_view_of(*frame), axis);
+    if (const auto region = given_region(all)) {
+      ocisac::require_inside("region", *region, frame->width, frame->height);
+      view = part_of(view, ocisac::to_time_order(*region, axis, frame->width, frame->height));
+    }
+    const auto found =
+        ocisac::tone_spectrum(view, camera_of(all), {known(all.frequency), waveform_of(all), all.duty, all.background});
+    answer(tone, tone_of(found, places, all.row_time, all.exposure), "tone");
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_advise_exposure(const ocisac_exposure_request* request, const ocisac_flicker* lights, size_t count,
+                           ocisac_exposure_advice* advice) {
+  return guarded([&] {
+    ocisac::require(advice != nullptr, "advice", "NULL", "a struct");
+    const ocisac_exposure_request all = completed(request, default_request(), "request");
+    const auto avoided = lights_of(lights, count);
+    answer(advice, avoided.empty() ? best_advice(all) : advice_without_bands(all, avoided), "advice");
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_packet_chips(const ocisac_options* options, const uint8_t* payload, size_t payload_bytes, uint32_t number,
+                        char* chips, size_t capacity, size_t* count) {
+  return guarded([&] {
+    ocisac::require(payload != nullptr && count != nullptr, "payload or count", "NULL", "both");
+    ocisac::require(chips != nullptr || capacity == 0, "chips", "NULL", "places for `capacity` chips");
+    *count = 0;
+    const ocisac_options all = completed(options, default_options(), "options");
+    const auto sent = ocisac::packet_chips({payload, payload_bytes}, packet_format(all), number);
+    for (std::size_t k = 0; k < std::min(capacity, sent.size()); ++k) chips[k] = sent[k] != 0 ? '1' : '0';
+    *count = sent.size();
     return static_cast<int>(OCISAC_OK);
   });
 }

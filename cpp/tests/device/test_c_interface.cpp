@@ -105,6 +105,8 @@ TEST_CASE("C: bits and the payload of a packet") {
     for (const double level : levels) sent += level > 0 ? '1' : '0';
     CHECK(result.bit_count >= 78);
     CHECK(sent.find(result.bits) != std::string::npos);
+    CHECK(std::abs(std::remainder(result.first_bit, kChip)) < 0.1);  // chips begin at multiples of 5 rows
+    CHECK(result.first_bit > -0.1);
     if (result.payload == nullptr) continue;
     CHECK(std::vector<std::uint8_t>(result.payload, result.payload + result.payload_bytes) == payload);
     CHECK(result.packet == 9);
@@ -335,4 +337,101 @@ TEST_CASE("C: the row time from a lamp of known frequency") {
   CHECK(std::string(ocisac_last_error()).find("tone_curve: got 3") == 0);
   CHECK(std::string(ocisac_flag_name(1)) == "saturated");
   CHECK(ocisac_flag_name(3) == nullptr);
+}
+
+TEST_CASE("C: the tone of a picture and its spectrum") {
+  ocisac_options options = packet_options();
+  options.frequency = std::nan("");
+  options.exposure = 200e-6;
+  const auto pixels = picture<std::uint8_t>();
+  const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 0};
+  ocisac_tone tone;
+  ocisac_tone_init(&tone);
+  REQUIRE(ocisac_find_frequency(&options, &frame, &tone) == OCISAC_OK);
+  CHECK(tone.frequency == doctest::Approx(900).epsilon(1e-3));
+  CHECK(tone.gain == doctest::Approx(0.8).epsilon(1e-3));
+  CHECK(tone.columns == kColumns);
+  const double cycles = 900 * 200e-6 * std::numbers::pi;
+  CHECK(tone.theory == doctest::Approx(std::sin(cycles) / cycles).epsilon(1e-4));
+  REQUIRE(tone.rows == kRows);
+
+  std::vector<double> column(kRows), amplitude(2 * kRows + 1), response(2 * kRows + 1);
+  tone.column = column.data();
+  tone.amplitude = amplitude.data();
+  tone.response = response.data();
+  REQUIRE(ocisac_find_frequency(&options, &frame, &tone) == OCISAC_OK);
+  CHECK(column[0] == 180);
+  const auto peak = std::max_element(amplitude.begin(), amplitude.end()) - amplitude.begin();
+  CHECK(static_cast<double>(peak) * tone.step == doctest::Approx(900).epsilon(0.01));
+  CHECK(amplitude[static_cast<std::size_t>(peak)] == doctest::Approx(0.8).epsilon(0.01));
+  CHECK(response[static_cast<std::size_t>(peak)] == doctest::Approx(tone.theory).epsilon(0.01));
+
+  const ocisac_tone found = tone;
+  options.frequency = 900;  // a given one; in a part of the columns
+  options.region = {3, 0, 5, kRows};
+  REQUIRE(ocisac_find_frequency(&options, &frame, &tone) == OCISAC_OK);
+  CHECK(tone.frequency == 900);
+  CHECK(std::isnan(tone.frequency_std));
+  CHECK(tone.columns == 5);
+  CHECK(tone.gain == doctest::Approx(found.gain).epsilon(1e-3));
+  options.region.height = 7;
+  CHECK(ocisac_find_frequency(&options, &frame, &tone) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()) == "rows: got 400, allowed: 7");
+  CHECK(ocisac_find_frequency(&options, &frame, nullptr) == OCISAC_BAD_ARGUMENT);
+}
+
+TEST_CASE("C: the best exposure, alone and without bands of other lights") {
+  ocisac_exposure_request request;
+  ocisac_exposure_request_init(&request);
+  ocisac_exposure_advice advice;
+  ocisac_exposure_advice_init(&advice);
+  CHECK(ocisac_advise_exposure(&request, nullptr, 0, &advice) == OCISAC_BAD_ARGUMENT);
+  request.comm_frequency = 700;
+  REQUIRE(ocisac_advise_exposure(&request, nullptr, 0, &advice) == OCISAC_OK);
+  CHECK(advice.exposure == doctest::Approx(1.0 / 1400));
+  CHECK(advice.gain == doctest::Approx(2 / std::numbers::pi));
+  request.sense_frequency = 175;
+  REQUIRE(ocisac_advise_exposure(&request, nullptr, 0, &advice) == OCISAC_OK);
+  CHECK(advice.objective > 1 / (175 * std::numbers::pi));
+  CHECK(std::isnan(advice.modulation));
+
+  std::vector<ocisac_flicker> lights(2);
+  for (auto& light : lights) ocisac_flicker_init(&light);
+  lights[0].frequency = 100;
+  lights[1].frequency = 120;
+  ocisac_exposure_request_init(&request);
+  REQUIRE(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_OK);
+  CHECK(advice.exposure == doctest::Approx(49.00374e-3).epsilon(1e-6));
+  CHECK(advice.holds == 1);
+  CHECK(advice.modulation <= 0.02);
+  request.longest = 0.03;
+  CHECK(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_BAD_ARGUMENT);  // shortest: unknown
+  request.shortest = 1e-3;
+  REQUIRE(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_OK);
+  CHECK(advice.holds == 0);
+  request.min_gain = 0.5;
+  CHECK(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("f_comm: got None") == 0);
+  lights[0].size = 0;
+  CHECK(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_BAD_ARGUMENT);
+  CHECK(ocisac_advise_exposure(&request, nullptr, 2, &advice) == OCISAC_BAD_ARGUMENT);
+}
+
+TEST_CASE("C: chips of a packet") {
+  ocisac_options options = packet_options();
+  options.block_bytes = 8;
+  const std::vector<std::uint8_t> payload{'l', 'a', 'm', 'p'};
+  ocisac::PacketFormat format;
+  format.block_bytes = 8;
+  std::string expected;
+  for (const auto chip : ocisac::packet_chips(payload, format, 3)) expected += chip != 0 ? '1' : '0';
+  std::size_t count = 0;
+  REQUIRE(ocisac_packet_chips(&options, payload.data(), payload.size(), 3, nullptr, 0, &count) == OCISAC_OK);
+  REQUIRE(count == expected.size());
+  std::string chips(count, ' ');
+  REQUIRE(ocisac_packet_chips(&options, payload.data(), payload.size(), 3, chips.data(), count, &count) == OCISAC_OK);
+  CHECK(chips == expected);
+  CHECK(ocisac_packet_chips(&options, payload.data(), 0, 3, nullptr, 0, &count) == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).find("payload: got 0 bytes") == 0);
+  CHECK(ocisac_packet_chips(&options, payload.data(), 4, 256, nullptr, 0, &count) == OCISAC_BAD_ARGUMENT);
 }

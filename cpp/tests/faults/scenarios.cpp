@@ -210,6 +210,37 @@ std::string c_interface() {
   return result.bits;
 }
 
+// The calls without a receiver.
+std::string c_answers() {
+  ocisac_options options;
+  ocisac_options_init(&options);
+  options.row_time = kRowTime;
+  const auto& pixels = tone_picture();
+  const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 0};
+  std::vector<double> amplitude(2 * kRows + 1);
+  ocisac_tone tone;
+  ocisac_tone_init(&tone);
+  tone.amplitude = amplitude.data();
+  tone.rows = kRows;
+  check_code(ocisac_find_frequency(&options, &frame, &tone));
+  ocisac_exposure_request request;
+  ocisac_exposure_request_init(&request);
+  ocisac_flicker light;
+  ocisac_flicker_init(&light);
+  light.frequency = tone.frequency;
+  ocisac_exposure_advice advice;
+  ocisac_exposure_advice_init(&advice);
+  check_code(ocisac_advise_exposure(&request, &light, 1, &advice));
+  std::string answer = bytes_of(amplitude);
+  append(answer, tone.gain);
+  append(answer, advice.exposure);
+  std::array<char, 64> chips{};
+  std::size_t count = 0;
+  const std::uint8_t payload = 7;
+  check_code(ocisac_packet_chips(&options, &payload, 1, 0, chips.data(), chips.size(), &count));
+  return answer.append(chips.data(), chips.size());
+}
+
 }  // namespace
 
 const std::vector<Scenario>& scenarios() {
@@ -233,6 +264,7 @@ const std::vector<Scenario>& scenarios() {
       {"FskDemodulator", symbol},
       {"Receiver", stream},
       {"ocisac.h", c_interface},
+      {"ocisac.h, one picture", c_answers},
   };
   return all;
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +12,8 @@ import numpy.typing as npt
 from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.exposure.flicker import (
     FlickeringLight,
-    clipped,
     cycles_below,
     exposure_modulation,
-    intersection,
-    smallest_level,
 )
 
 Float64s = npt.NDArray[np.float64]
@@ -81,10 +78,10 @@ def flicker_free_frequencies(
         for time in times:
             if found.size:
                 cycles = cycles_below(light, level, longer * time * high)
-                found = intersection(found, clipped(cycles / [shorter * time, longer * time], low, high))
+                found = _intersection(found, _clipped(cycles / [shorter * time, longer * time], low, high))
         return found
 
-    holds, found = smallest_level(below, frequencies_at)
+    holds, found = _smallest_level(below, frequencies_at)
     found = found if holds else np.repeat(found[:1, :1], 2, axis=1)
     shutters = [
         FlickeringLight(time, uncertainty=exposure_spread * time, duty=duty, depth=depth) for time in times
@@ -154,6 +151,35 @@ def flicker_free_chip_rate(exposures: Sequence[float], below: float, *, digital_
     if not 1.0 <= digital_sum_span < math.inf:
         raise ValueError(f"digital_sum_span: got {digital_sum_span}, allowed: 1 or above")
     return digital_sum_span / below / float(_checked_exposures(exposures).min())
+
+
+def _intersection(first: Float64s, second: Float64s) -> Float64s:
+    """(intervals, 2) of the intersection of two ascending lists of disjoint intervals."""
+    begin = np.searchsorted(second[:, 1], first[:, 0], side="left")
+    count = np.maximum(np.searchsorted(second[:, 0], first[:, 1], side="right") - begin, 0)
+    which = np.repeat(np.arange(len(first)), count)
+    other = np.repeat(begin, count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    a, b = first[which], second[other]
+    return np.column_stack([np.maximum(a[:, 0], b[:, 0]), np.minimum(a[:, 1], b[:, 1])])
+
+
+def _clipped(intervals: Float64s, low: float, high: float) -> Float64s:
+    """Intersect the intervals with ``low`` .. ``high``."""
+    kept = np.column_stack([np.maximum(intervals[:, 0], low), np.minimum(intervals[:, 1], high)])
+    return kept[kept[:, 0] <= kept[:, 1]]
+
+
+def _smallest_level(below: float, found_at: Callable[[float], Float64s]) -> tuple[bool, Float64s]:
+    """Return True and the items found at ``below``, or False and those at the smallest level that has any."""
+    found = found_at(below)
+    if found.size:
+        return True, found
+    fails, holds, found = below, 1.0, found_at(1.0)
+    while holds - fails > 1e-12 * holds:
+        middle = 0.5 * (fails + holds)
+        some = found_at(middle)
+        fails, holds, found = (fails, middle, some) if some.size else (middle, holds, found)
+    return False, found
 
 
 def _checked_exposures(exposures: Sequence[float]) -> Float64s:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.light.response import exposure_response
@@ -69,13 +70,10 @@ def _several_cycles(time: npt.NDArray[Any], cycles_per_row: float) -> float:
 def _draw_spectrum(
     axes: Axes, light: npt.NDArray[np.float64], camera: Camera, frequency: float, gain: float, waveform: str
 ) -> None:
-    """Draw amplitude over mean on a logarithmic scale, with a Hann window that suppresses leakage of the mean."""
+    """Draw amplitude over mean on a logarithmic scale."""
     rows = light.size
-    window = np.hanning(rows + 2)[1:-1]
-    length = 4 * rows  # interpolates peaks between two bins
-    mean = light.mean() if light.mean() > 0.0 else 1.0
-    spectrum = 2.0 * np.abs(np.fft.rfft((light - light.mean()) * window, length)) / (window.sum() * mean)
-    frequencies = np.fft.rfftfreq(length, camera.row_period)
+    spectrum = _core.amplitude_spectrum(light)
+    frequencies = np.fft.rfftfreq(4 * rows, camera.row_period)
     in_rows = camera.row_time is None
     scale = 1.0 if in_rows else 1e-3
     factor = 4.0 / np.pi if waveform == "square" else 1.0

@@ -406,6 +406,15 @@ def _amplitude(found: FloatArray, covariance: FloatArray, terms: int) -> tuple[f
     return float(amplitude), slope
 
 
+def amplitude_spectrum(signal: FloatArray) -> FloatArray:
+    """Amplitude over mean at (0 ... 2 rows) / (4 rows) cycles per row, with a Hann window."""
+    rows, mean = len(signal), signal.mean()
+    window = np.hanning(rows + 2)[1:-1]
+    lines = np.exp(-2j * np.pi * np.outer(np.arange(2 * rows + 1) / (4 * rows), np.arange(rows)))
+    scale = window.sum() * (mean if mean > 0.0 else 1.0)
+    return np.asarray(2.0 * np.abs(lines @ ((signal - mean) * window)) / scale)
+
+
 def equalize(
     columns: npt.ArrayLike,
     camera: Camera,

@@ -1,0 +1,115 @@
+#include "ocisac/tones/tone_spectrum.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <type_traits>
+#include <variant>
+
+#include "core/spectrum.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+#include "ocisac/tones/find_frequency.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// (rows) the mean of all columns in linear light.
+std::vector<double> mean_column(const AnyFramesView& frame, const ToneCurve& curve) {
+  constexpr std::size_t block = 64;  // columns at a time
+  const auto [frames, rows, columns] = shape_of(frame);
+  std::vector<double> mean(rows);
+  for (std::size_t first = 0; first < columns; first += block) {
+    const auto signals = column_signals(frame, 0, first, std::min(block, columns - first), curve);
+    for (std::size_t k = 0; k < signals.size(); ++k) mean[k % rows] += signals[k];
+  }
+  for (double& light : mean) light /= static_cast<double>(columns);
+  return mean;
+}
+
+// Calls `use` with a dense view of the selected columns.
+template <class Use>
+void with_columns(const AnyFramesView& frame, const std::vector<std::uint8_t>& used, Use use) {
+  std::visit(
+      [&](const auto& view) {
+        using Sample = std::remove_const_t<std::remove_pointer_t<decltype(view.data)>>;
+        std::vector<Sample> samples;
+        for (std::size_t row = 0; row < view.rows; ++row)
+          for (std::size_t column = 0; column < view.columns; ++column)
+            if (used[column] != 0) samples.push_back(view(0, row, column));
+        use(AnyFramesView(as_const(dense_view(samples.data(), 1, view.rows, samples.size() / view.rows))));
+      },
+      frame);
+}
+
+}  // namespace
+
+std::vector<double> amplitude_spectrum(std::span<const double> signal) {
+  const std::size_t rows = signal.size();
+  require(rows > 0, "signal", "none", "at least one row");
+  const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(rows);
+  std::vector<double> windowed(4 * rows);
+  double sum = 0;
+  for (std::size_t n = 0; n < rows; ++n) {
+    const double turn = 2 * std::numbers::pi * static_cast<double>(n + 1) / static_cast<double>(rows + 1);
+    const double window = 0.5 - 0.5 * std::cos(turn);
+    windowed[n] = (signal[n] - mean) * window;
+    sum += window;
+  }
+  const auto spectrum = half_spectra(windowed, windowed.size());
+  const double scale = 2 / (sum * (mean > 0 ? mean : 1));
+  std::vector<double> amplitude(spectrum.size());
+  std::ranges::transform(spectrum, amplitude.begin(), [&](const auto& line) { return scale * std::abs(line); });
+  return amplitude;
+}
+
+ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, const ToneSpectrumOptions& options) {
+  check(frame);
+  if (options.frequency) require_positive("frequency", *options.frequency);
+  ToneSpectrum result{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, 0, 0, {}, {}};
+  FrequencySearch search;
+  search.saturation = saturation_level(frame, camera.tone_curve);
+  ToneColumns selected;
+  if (options.frequency) {
+    result.frequency = *options.frequency;
+    selected = tone_columns(frame, *options.frequency * camera.row_time, search.saturation);
+  } else {
+    FoundFrequency found = find_frequency(frame, search);
+    result.flags = found.flags;
+    if ((found.flags & flag::no_tone) == 0) {
+      result.frequency = found.frequency / camera.row_time;
+      result.frequency_std = found.frequency_std / camera.row_time;
+    }
+    selected = std::move(found.columns);
+  }
+  if (std::ranges::none_of(selected.used, [](auto used) { return used != 0; }))
+    std::ranges::fill(selected.used, std::uint8_t{1});
+  with_columns(frame, selected.used, [&](const AnyFramesView& columns) {
+    result.columns = shape_of(columns).columns;
+    result.column = mean_column(columns, camera.tone_curve);
+    if (!std::isfinite(result.frequency)) return;
+    ToneGainOptions wanted;
+    wanted.waveform = options.waveform;
+    wanted.duty = options.duty;
+    wanted.background = {&options.background, 1};
+    const ToneGain gain = pooled_tone_gain(columns, camera, {&result.frequency, 1}, wanted);
+    result.gain = gain.gain.front();
+    result.gain_std = gain.gain_std.front();
+    result.phase = gain.phase.front();
+    result.mean = gain.mean.front();
+    result.snr = gain.snr.front();
+    result.flags |= gain.flags.front();
+  });
+  result.amplitude = amplitude_spectrum(result.column);
+  const double ratio = full_depth_ratio(options.waveform, options.duty);
+  for (double& value : result.amplitude) value /= ratio;
+  return result;
+}
+
+}  // namespace ocisac
