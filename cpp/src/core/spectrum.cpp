@@ -2,9 +2,11 @@
 
 #include <limits>
 #include <opencv2/core.hpp>
+#include <opencv2/core/utility.hpp>
 #include <type_traits>
 
 #include "ocisac/core/require.hpp"
+#include "ocisac/core/version.hpp"
 
 namespace ocisac {
 
@@ -17,6 +19,8 @@ int checked_int(const char* what, std::size_t value) {
 }
 
 }  // namespace
+
+std::string opencv_version() { return cv::getVersionString(); }
 
 std::size_t optimal_dft_length(std::size_t length) {
   const int best = cv::getOptimalDFTSize(checked_int("length", length));

@@ -1,7 +1,5 @@
 #include "ocisac/core/version.hpp"
 
-#include <opencv2/core/utility.hpp>
-
 namespace ocisac {
 
 const char* version() { return OCISAC_VERSION; }
@@ -17,7 +15,5 @@ const char* compiler() {
   return "unknown";
 #endif
 }
-
-std::string opencv_version() { return cv::getVersionString(); }
 
 }  // namespace ocisac
