@@ -252,6 +252,14 @@ CommonFactor common_factor(std::span<const double> covariance, std::size_t size)
   return {{loadings.begin(), loadings.end()}, {own.begin(), own.end()}};
 }
 
+// The smallest sample at or above a finite level; none where the level exceeds the type.
+template <class T>
+static std::optional<T> lowest_at_or_above(double level) {
+  const double lowest = std::is_integral_v<T> ? std::ceil(level) : level;
+  if (lowest > static_cast<double>(std::numeric_limits<T>::max())) return std::nullopt;
+  return static_cast<T>(std::max(lowest, static_cast<double>(std::numeric_limits<T>::lowest())));
+}
+
 // False if all samples of a row lie below `level`; the maximum of contiguous integers takes few instructions.
 template <class T>
 static bool reaches(const FramesView<const T>& view, std::size_t row, T level) {
@@ -268,13 +276,11 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
         const auto view = all.frame(frame);
         std::vector<std::uint32_t> counts(view.columns, 0);
         const double level = saturation_level<T>(curve);
-        if (std::isfinite(level)) {
-          const auto lowest = static_cast<T>(std::is_integral_v<T> ? std::ceil(level) : level);
-          for (std::size_t row = 0; row < view.rows; ++row) {
-            if (!reaches(view, row, lowest)) continue;
-            for (std::size_t column = 0; column < view.columns; ++column)
-              counts[column] += view(0, row, column) >= lowest;
-          }
+        const auto lowest = std::isfinite(level) ? lowest_at_or_above<T>(level) : std::nullopt;
+        for (std::size_t row = 0; lowest && row < view.rows; ++row) {
+          if (!reaches(view, row, *lowest)) continue;
+          for (std::size_t column = 0; column < view.columns; ++column)
+            counts[column] += view(0, row, column) >= *lowest;
         }
         std::vector<double> share(counts.begin(), counts.end());
         for (double& value : share) value /= static_cast<double>(view.rows);
