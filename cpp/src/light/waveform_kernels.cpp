@@ -1,5 +1,6 @@
 #include "light/waveform_kernels.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -61,43 +62,79 @@ void AddSquare(const SquareMeans& light, const double* x, std::size_t count, dou
 // Index of a whole number below 2³¹.
 HWY_INLINE std::int32_t index_of(double whole) { return static_cast<std::int32_t>(whole); }
 
+constexpr std::size_t kAtOnce = 64;
+using Some = double[kAtOnce];
+using SomeIndices = std::int32_t[kAtOnce];
+
+// What the tables hold is collected by a loop of its own between two of arithmetic: few processors gather well, and
+// compilers leave the whole loop in scalars then. So they do where arithmetic has a condition: factors of 0 and 1 stand
+// for it.
+template <bool kSlopes, bool kLows>
+HWY_INLINE void add_some_cells(const CellMeans& own, const double* x, std::size_t count, double* HWY_RESTRICT out) {
+  const CellTables& of = own.cells;
+  const double rounds = 1 / of.count;
+  const std::int32_t cells = index_of(of.count);
+  const double total_high = of.before_high[cells], total_low = kLows ? of.before_low[cells] : 0.0;
+  Some offset, left_over, cut, wraps;
+  SomeIndices at, at_first, at_next;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Position end = own.counter.at(x[i]);
+    const double since_whole = (end.fraction + end.rest) + 0.0;  // not −0
+    const double below = 0.5 - std::copysign(0.5, since_whole);  // 1 or 0, without a condition
+    offset[i] = since_whole + below;
+    const double cell = end.whole - below;
+    std::int32_t last =
+        index_of(cell - nearest_whole(cell * rounds) * of.count);  // the nearest round or the next to it
+    last += last < 0 ? cells : 0;
+    last -= last >= cells ? cells : 0;
+    left_over[i] = own.part - offset[i];
+    const std::int32_t between = std::max(index_of(left_over[i]), 0);  // whole cells
+    cut[i] = left_over[i] - between;                                   // of the cell in which the exposure begins
+    const std::int32_t first = last - 1 - between, next = last - between;
+    wraps[i] = next < 0 ? 1 : 0;
+    at[i] = last;
+    at_first[i] = first + (first < 0 ? cells : 0);
+    at_next[i] = next + (next < 0 ? cells : 0);
+  }
+  const bool rounds_more = own.part < own.length;
+  Some value, first_value, high, high_of_next, slope, first_slope, low, low_of_next;
+  for (std::size_t i = 0; i < count; ++i) {
+    value[i] = of.values[at[i]];
+    first_value[i] = of.values[at_first[i]];
+    high[i] = of.before_high[at[i]];
+    high_of_next[i] = of.before_high[at_next[i]];
+    if constexpr (kSlopes) {
+      slope[i] = of.slopes[at[i]];
+      first_slope[i] = of.slopes[at_first[i]];
+    }
+    if constexpr (kLows) {
+      low[i] = of.before_low[at[i]];
+      low_of_next[i] = of.before_low[at_next[i]];
+    }
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const double stays = 1 - wraps[i];
+    const double all = kLows ? high[i] + low[i] : high[i];
+    double between = (stays * high[i] + wraps[i] * total_high) - high_of_next[i];
+    if constexpr (kLows) between += (stays * low[i] + wraps[i] * total_low) - low_of_next[i];
+    const double whole_cells = between + wraps[i] * all;
+    const double last_part = kSlopes ? offset[i] * (value[i] + slope[i] * offset[i] / 2) : offset[i] * value[i];
+    const double first_part =
+        kSlopes ? cut[i] * (first_value[i] + first_slope[i] * (1 - cut[i] / 2)) : cut[i] * first_value[i];
+    // of an exposure within one cell
+    const double level = kSlopes ? value[i] + slope[i] * (offset[i] - own.part / 2) : value[i];
+    const double beyond = left_over[i] > 0 ? 1 : 0, averaged = rounds_more ? 1 : beyond;
+    const double light_of_part = beyond * ((last_part + first_part) + whole_cells) + (1 - beyond) * (own.part * level);
+    const double mean = (own.whole_light + light_of_part) / own.length;
+    out[i] += own.level * (averaged * mean + (1 - averaged) * level);
+  }
+}
+
 template <bool kSlopes, bool kLows>
 HWY_INLINE void add_cells(const CellMeans& light, const double* x, std::size_t count, double* HWY_RESTRICT out) {
   const CellMeans own = light;  // out may not change it
-  const CellTables& of = own.cells;
-  const double rounds = 1 / of.count;
-  const std::int32_t end_of_round = index_of(of.count);
-  const double total_high = of.before_high[end_of_round], total_low = kLows ? of.before_low[end_of_round] : 0.0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const Position end = own.counter.at(x[i]);
-    const double sign = end.fraction == 0 ? end.rest : end.fraction;
-    const double below = sign < 0 ? 1 : 0;
-    const double offset = (end.fraction + end.rest) + below;
-    double cell = end.whole - below;
-    cell -= nearest_whole(cell * rounds) * of.count;  // the nearest round or the next to it
-    cell += cell < 0 ? of.count : 0;
-    cell -= cell >= of.count ? of.count : 0;
-    const double left_over = own.part - offset, from_before = left_over > 0 ? left_over : 0;
-    const double nearest = nearest_whole(from_before);
-    const double between = nearest > from_before ? nearest - 1 : nearest;  // whole cells
-    const double cut = left_over - between;                                // of the cell in which the exposure begins
-    const double first = cell - 1 - between, next = cell - between;
-    const double wraps = next < 0 ? 1 : 0, stays = 1 - wraps;
-    const double first_inside = first + (first < 0 ? of.count : 0), next_inside = next + wraps * of.count;
-    const std::int32_t at = index_of(cell), at_first = index_of(first_inside), at_next = index_of(next_inside);
-    const double high = of.before_high[at], high_of_next = of.before_high[at_next];
-    const double low = kLows ? of.before_low[at] : 0.0, low_of_next = kLows ? of.before_low[at_next] : 0.0;
-    const double until_high = stays * high + wraps * total_high, until_low = stays * low + wraps * total_low;
-    const double whole_cells = ((until_high - high_of_next) + (until_low - low_of_next)) + wraps * (high + low);
-    const double value = of.values[at], first_value = of.values[at_first];
-    const double slope = kSlopes ? of.slopes[at] : 0.0, first_slope = kSlopes ? of.slopes[at_first] : 0.0;
-    const double last_part = kSlopes ? offset * (value + slope * offset / 2) : offset * value;
-    const double first_part = kSlopes ? cut * (first_value + first_slope * (1 - cut / 2)) : cut * first_value;
-    const double level = kSlopes ? value + slope * (offset - own.part / 2) : value;  // of an exposure within one cell
-    const double light_of_part = left_over > 0 ? (last_part + first_part) + whole_cells : own.part * level;
-    const double mean = (own.whole_light + light_of_part) / own.length;
-    out[i] += own.level * (left_over > 0 || own.part < own.length ? mean : level);
-  }
+  for (std::size_t i = 0; i < count; i += kAtOnce)
+    add_some_cells<kSlopes, kLows>(own, x + i, std::min(kAtOnce, count - i), out + i);
 }
 
 void AddCells(const CellMeans& light, const double* x, std::size_t count, double* HWY_RESTRICT out) {
