@@ -20,7 +20,10 @@ using Tag = hn::CappedTag<T, kColumnPairs<T>>;
 
 template <class T>
 struct Complex {
-  hn::Vec<Tag<T>> real, imaginary;
+  using Vector = hn::Vec<Tag<T>>;
+  HWY_INLINE Complex() {}  // written, since implicit ones are not compiled for the target
+  HWY_INLINE Complex(Vector real_part, Vector imaginary_part) : real(real_part), imaginary(imaginary_part) {}
+  Vector real, imaginary;
 };
 
 template <class T>

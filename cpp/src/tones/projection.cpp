@@ -356,6 +356,8 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
                      const RowWeights& weights, std::span<const float> light, Projection& result) {
   const auto group = static_cast<std::size_t>(weights.row_group());
   clear(weights.outputs(), columns.count, result);
+  std::vector<double> light_of_bytes;
+  if constexpr (std::is_same_v<Sample, std::uint8_t>) light_of_bytes.assign(light.begin(), light.end());
   DenseRows<Stored, Sample> near(view, frame, columns.count, light), far(view, frame, columns.count, light);
   const bool more = weights.outputs() > 2, folded = more && weights.folds();
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
@@ -373,7 +375,7 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
         mirrored = others.samples + static_cast<std::ptrdiff_t>(read - group) * others.stride;
       }
       kernels::project_samples<Sample>(
-          {rows.samples, mirrored, rows.stride, here, part.count, near.in_place() ? to_next : 0},
+          {rows.samples, mirrored, rows.stride, here, part.count, near.in_place() ? to_next : 0, light_of_bytes.data()},
           {weights.row_group(), from(weights.weights(), g), weights.groups(), weights.output_order(),
            weights.even_outputs()},
           sums_of(result, part.first - columns.first, columns.count));
@@ -411,6 +413,9 @@ void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, 
   std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         const Columns columns{first, count};
+        if constexpr (std::is_same_v<T, std::uint8_t>)
+          if (!light.empty() && kernels::takes_light_of_bytes())
+            return project_samples<T>(view, frame, columns, weights, light, result);
         if constexpr (std::is_integral_v<T>)
           if (!light.empty()) return project_samples<float>(view, frame, columns, weights, light, result);
         if constexpr (std::is_same_v<T, std::uint8_t>)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <numeric>
 #include <span>
 #include <type_traits>
@@ -805,6 +806,22 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
 const hn::ScalableTag<double> d64;
 using Sum64 = hn::Vec<decltype(d64)>;
 
+// The light of a vector of bytes: with AVX2 straight to registers, since stores, one in a cycle, would be the limit.
+HWY_INLINE Sum64 light_of(const std::uint8_t* p, const double* light) {
+#if HWY_TARGET == HWY_AVX2
+  std::uint32_t four = 0;
+  std::memcpy(&four, p, sizeof(four));
+  const auto two = [&](std::uint32_t bytes) OCISAC_INLINE_LAMBDA {
+    return _mm_loadh_pd(_mm_load_sd(light + (bytes & 255)), light + ((bytes >> 8) & 255));
+  };
+  return Sum64{_mm256_set_m128d(two(four >> 16), two(four))};
+#else
+  alignas(64) double values[hn::MaxLanes(d64)];
+  for (std::size_t i = 0; i < hn::Lanes(d64); ++i) values[i] = light[p[i]];
+  return hn::Load(d64, values);
+#endif
+}
+
 HWY_INLINE Sum64 load_samples(const std::uint8_t* p) {
   const hn::Rebind<std::int32_t, decltype(d64)> d_int;
   return hn::PromoteTo(d64, hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint8_t, decltype(d64)>(), p)));
@@ -819,13 +836,21 @@ HWY_INLINE Sum64 load_samples(const std::uint16_t* p) {
   return hn::PromoteTo(d64, hn::PromoteTo(d_int, hn::LoadU(d_short, p)));
 }
 
+template <class T>
+HWY_INLINE Sum64 light_of(const T* p, const double* /*light*/) {
+  return load_samples(p);
+}
+
 // A strip of columns of other samples: sums of four vectors and all of a tone stay in registers.
 constexpr std::size_t kSampleVectors = kWide ? 4 : 2, kOutputsAtOnce = 6;
 
 // Offsets from the rows of a strip to those of strips ahead, whose lines they ask for; none in the cache.
+template <class T>
 constexpr std::array<std::size_t, 2> kSampleStripsAhead{5, 3};
-template <bool kAsk>
-using SamplesAhead = std::array<std::ptrdiff_t, kAsk ? kSampleStripsAhead.size() : 0>;
+template <>
+constexpr std::array<std::size_t, 1> kSampleStripsAhead<std::uint8_t>{kLine / (kSampleVectors * hn::MaxLanes(d64))};
+template <class T, bool kAsk>
+using SamplesAhead = std::array<std::ptrdiff_t, kAsk ? kSampleStripsAhead<T>.size() : 0>;
 
 template <std::size_t kVectors, class T, std::size_t kCount>
 HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t, kCount>& ahead) {
@@ -839,11 +864,11 @@ using StripSums = ProjectionSums;
 
 // Sum of a group of rows of a strip; raises the maximum.
 template <std::size_t kVectors, class T, class Ahead>
-HWY_INLINE void add_group(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, int row_group, const Ahead& ahead,
-                          Sum64 (&sum)[kVectors], Sum64 (&top)[kVectors]) {
+HWY_INLINE void add_group(const T* HWY_RESTRICT pixels, const double* light, std::ptrdiff_t stride, int row_group,
+                          const Ahead& ahead, Sum64 (&sum)[kVectors], Sum64 (&top)[kVectors]) {
   const std::size_t lanes = hn::Lanes(d64);
   for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-    sum[v] = load_samples(pixels + v * lanes);
+    sum[v] = light_of(pixels + v * lanes, light);
     top[v] = hn::Max(top[v], sum[v]);
   });
   ask_for_samples<kVectors>(pixels, ahead);
@@ -851,7 +876,7 @@ HWY_INLINE void add_group(const T* HWY_RESTRICT pixels, std::ptrdiff_t stride, i
   for (int i = 1; i < row_group; ++i, pixels += stride) {
     ask_for_samples<kVectors>(pixels, ahead);
     for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-      const Sum64 next = load_samples(pixels + v * lanes);
+      const Sum64 next = light_of(pixels + v * lanes, light);
       top[v] = hn::Max(top[v], next);
       sum[v] = hn::Add(sum[v], next);
     });
@@ -879,12 +904,12 @@ HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, cons
   const T *near = strip.pixels, *far = strip.mirrored;
   for (std::size_t g = 0; g < strip.groups; ++g, near += step) {
     Sum64 sum[kVectors];
-    add_group(near, strip.row_stride, weights.row_group, ahead, sum, top);
+    add_group(near, strip.light, strip.row_stride, weights.row_group, ahead, sum, top);
     for_each_constant<kVectors>([&](auto v)
                                     OCISAC_INLINE_LAMBDA { square[v] = hn::MulAdd(sum[v], sum[v], square[v]); });
     if constexpr (kFold) {
       Sum64 other[kVectors];
-      add_group(far, strip.row_stride, weights.row_group, SamplesAhead<false>(), other, top);
+      add_group(far, strip.light, strip.row_stride, weights.row_group, SamplesAhead<T, false>(), other, top);
       far -= step;
       for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
         square[v] = hn::MulAdd(other[v], other[v], square[v]);
@@ -990,8 +1015,8 @@ void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights,
   };
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(row_of(o), block.columns, sums.data() + o * kLanes);
   const T* mirrored = block.mirrored ? far.data() + static_cast<std::size_t>(back) * kLanes : nullptr;
-  add_sample_strip<1>(SampleBlock<T>{near.data(), mirrored, kLanes, block.groups, block.columns, 0},
-                      SamplesAhead<false>(), weights,
+  add_sample_strip<1>(SampleBlock<T>{near.data(), mirrored, kLanes, block.groups, block.columns, 0, block.light},
+                      SamplesAhead<T, false>(), weights,
                       {sums.data(), kLanes, {moments, moments + kLanes, moments + 2 * kLanes}});
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
 }
@@ -1000,7 +1025,8 @@ template <bool kAsk, class T>
 void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
   const auto from = [&](std::size_t c) {
     const T* mirrored = block.mirrored ? block.mirrored + c : nullptr;
-    return SampleBlock<T>{block.pixels + c, mirrored, block.row_stride, block.groups, block.columns - c, 0};
+    return SampleBlock<T>{block.pixels + c,  mirrored, block.row_stride, block.groups,
+                          block.columns - c, 0,        block.light};
   };
   const auto sums = [&](std::size_t c) {
     return ProjectionSums{
@@ -1009,16 +1035,17 @@ void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, c
   const std::size_t strip = kSampleVectors * hn::Lanes(d64), lanes = hn::Lanes(d64);
   std::size_t c = 0;
   for (; c + strip <= block.columns; c += strip) {
-    SamplesAhead<kAsk> ahead;
+    SamplesAhead<T, kAsk> ahead;
     for (std::size_t n = 0; n < ahead.size(); ++n) {
-      const std::size_t offset = kSampleStripsAhead[n] * strip;
+      const std::size_t offset = kSampleStripsAhead<T>[n] * strip;
       const bool past = c + offset >= block.columns;
       ahead[n] =
           static_cast<std::ptrdiff_t>(offset) + (past ? block.to_next - static_cast<std::ptrdiff_t>(block.columns) : 0);
     }
     add_sample_strip<kSampleVectors>(from(c), ahead, weights, sums(c));
   }
-  for (; c + lanes <= block.columns; c += lanes) add_sample_strip<1>(from(c), SamplesAhead<false>(), weights, sums(c));
+  for (; c + lanes <= block.columns; c += lanes)
+    add_sample_strip<1>(from(c), SamplesAhead<T, false>(), weights, sums(c));
   if (c < block.columns) add_last_columns(from(c), weights, sums(c));
 }
 
@@ -1028,6 +1055,9 @@ void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, c
   project(block, weights, to);
 }
 
+void ProjectLight(const SampleBlock<std::uint8_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  ProjectSamples(block, weights, to);
+}
 void ProjectShorts(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
   ProjectSamples(block, weights, to);
 }
@@ -1087,6 +1117,8 @@ std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
 #endif
 }
 
+bool TakesLightOfBytes() { return HWY_TARGET == HWY_AVX2; }
+
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace HWY_NAMESPACE
@@ -1097,6 +1129,7 @@ HWY_AFTER_NAMESPACE();
 namespace ocisac::kernels {
 
 HWY_EXPORT(ProjectBytes);
+HWY_EXPORT(ProjectLight);
 HWY_EXPORT(ProjectShorts);
 HWY_EXPORT(ProjectFloats);
 HWY_EXPORT(ProjectDoubles);
@@ -1105,12 +1138,17 @@ HWY_EXPORT(WeightedShorts);
 HWY_EXPORT(WeightedFloats);
 HWY_EXPORT(WeightedDoubles);
 HWY_EXPORT(ReadBytes);
+HWY_EXPORT(TakesLightOfBytes);
 HWY_EXPORT(TargetName);
 
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, to);
 }
 
+template <>
+void project_samples(const SampleBlock<std::uint8_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectLight)(block, weights, to);
+}
 template <>
 void project_samples(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectShorts)(block, weights, to);
@@ -1144,6 +1182,8 @@ double weighted_sum(const double* row, const double* weights, std::size_t count)
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size) {
   return HWY_DYNAMIC_DISPATCH(ReadBytes)(data, size);
 }
+
+bool takes_light_of_bytes() { return HWY_DYNAMIC_DISPATCH(TakesLightOfBytes)(); }
 
 const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
 

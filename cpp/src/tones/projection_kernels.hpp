@@ -55,7 +55,8 @@ struct SampleBlock {
   std::ptrdiff_t row_stride;
   std::size_t groups;  // at most kSampleRows rows, the mirrored ones included
   std::size_t columns;
-  std::ptrdiff_t to_next;  // from the block to the one that will be read next; 0: samples are in the cache
+  std::ptrdiff_t to_next;         // from the block to the one that will be read next; 0: samples are in the cache
+  const double* light = nullptr;  // of bytes: that of each value
 };
 
 inline constexpr std::size_t kSampleRows = 64;
@@ -70,9 +71,12 @@ struct SampleWeights {
   std::size_t even;
 };
 
-// The same in float64 for other samples.
+// The same in float64 for other samples, and for the light of bytes.
 template <class T>
 void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to);
+
+// True if the target whose code runs is faster with the light of bytes than with a copy of it.
+bool takes_light_of_bytes();
 
 // Σ weight·sample of a row.
 template <class T>
