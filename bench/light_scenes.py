@@ -131,6 +131,71 @@ def data_lights(count: int) -> dict[str, dict[str, float]]:
     return result
 
 
+def neighbours_scene(random: np.random.Generator) -> tuple[np.ndarray, list[dict[str, float]]]:
+    """Bytes with two lamps on the same rows, 4 to 100 columns apart, whose frequencies are in a ratio of 1.15 to 2.5.
+
+    Rectangles or ellipses of 5 cycles of the slower one or more, up to 700 rows, and of 25 to 100 columns; its cycles
+    have 25 to 60 rows.
+    """
+    noise = random.uniform(1.0, 3.0)
+    picture = np.full((ROWS, COLUMNS), random.uniform(20.0, 60.0))
+    period = float(np.exp(random.uniform(np.log(25.0), np.log(60.0))))  # rows
+    height = float(np.exp(random.uniform(np.log(5.0 * period), np.log(700.0))))
+    ratio = float(np.exp(random.uniform(np.log(1.15), np.log(2.5))))
+    frequencies = random.permutation([1.0, ratio]) / (period * ROW_TIME)
+    row = random.uniform(height / 2, ROWS - height / 2)
+    left = random.uniform(0.0, 600.0)
+    y, x = np.ogrid[:ROWS, :COLUMNS]
+    truth: list[dict[str, float]] = []
+    for frequency in frequencies:
+        width = float(np.exp(random.uniform(np.log(25.0), np.log(100.0))))
+        wave = Tone(frequency) if random.random() < 0.5 else SquareWave(frequency)
+        light = integrate_exposure(wave, CAMERA, ROWS, start=random.random() / frequency)
+        away = 2 * np.abs(y - row) / height, 2 * np.abs(x - left - width / 2) / width
+        inside = np.maximum(*away) < 1 if random.random() < 0.5 else np.hypot(*away) < 1
+        picture = np.where(inside, 20.0 + random.uniform(40.0, 150.0) * light[:, None], picture)
+        truth.append({"row": row, "column": left + width / 2, "width": width, "height": height, "frequency": frequency})
+        left += width + random.uniform(4.0, 100.0)
+    stored = np.clip(np.rint(picture + noise * random.standard_normal(picture.shape)), 0, 255).astype(np.uint8)
+    return stored, truth
+
+
+def neighbours(count: int) -> dict[str, float]:
+    """Shares of scenes with two lamps on the same rows in which both are found, and of lamps found; other boxes and
+    the overlap of a found lamp's box with the lamp (shared pixels over those of both), a picture and a lamp."""
+    both, boxes, overlaps = 0, 0, []
+    for seed in range(count):
+        frame, truth = neighbours_scene(np.random.default_rng(50_000 + seed))
+        found = [s for s in detect_sources(frame, CAMERA) if s.reflection_of is None]
+        boxes += len(found)
+        hits = 0
+        for light in truth:
+            top, left = light["row"] - light["height"] / 2, light["column"] - light["width"] / 2
+            own = [
+                s
+                for s in found
+                if abs(s.y + s.height / 2 - light["row"]) < light["height"] / 2
+                and abs(s.x + s.width / 2 - light["column"]) < light["width"] / 2
+                and abs(s.frequency / light["frequency"] - 1) < 0.03
+            ]
+            if not own:
+                continue
+            hits += 1
+            s = own[0]
+            down = min(s.y + s.height, top + light["height"]) - max(s.y, top)
+            across = min(s.x + s.width, left + light["width"]) - max(s.x, left)
+            shared = max(down, 0.0) * max(across, 0.0)
+            overlaps.append(shared / (s.width * s.height + light["width"] * light["height"] - shared))
+            boxes -= 1
+        both += hits == 2
+    return {
+        "both": both / count,
+        "found": len(overlaps) / (2 * count),
+        "others": boxes / count,
+        "overlap": float(np.mean(overlaps)),
+    }
+
+
 def judge(found: list[LightSource], truth: list[dict[str, float]]) -> tuple[list[bool], list[bool]]:
     """True for each detected light; true for each detection, without reflections, that is a light."""
     rest = [s for s in found if s.reflection_of is None]

@@ -75,6 +75,9 @@ def find(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
     by_code = light_scenes.data_lights(20 if options.quick else 100)
     for code, row in by_code.items():
         measures.append(Measure("find", f"recall: {code}, 16 chips and more, any ground", row["found"]))
+    pairs = light_scenes.neighbours(30 if options.quick else 300)
+    measures.append(Measure("find", "both of two lamps side by side", pairs["both"], 0.95, True))
+    measures.append(Measure("find", "other boxes a pair of lamps", pairs["others"], 0.05))
     measures += [Measure("find", f"ms, 33 megapixels, {name}", value, 60.0) for name, value in speed().items()]
     details = {
         "lights": len(lights),
@@ -82,6 +85,7 @@ def find(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
         "by_ground": by_ground,
         "false_lights": rates,
         "by_code": by_code,
+        "neighbours": pairs,
     }
     return measures, {**details, "recall_over": recall, "precision_over": precision}
 

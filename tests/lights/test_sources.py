@@ -220,6 +220,23 @@ def test_lamps_that_touch_side_by_side_are_told_apart(first, second):
         assert source.frequency == pytest.approx(frequency, rel=0.02)
 
 
+@pytest.mark.parametrize("ratio", [1.15, 1.6, 2.5])
+@pytest.mark.parametrize(("width", "gap", "height"), [(30, 12, 500), (30, 12, 250), (60, 30, 500), (60, 4, 250)])
+def test_lamps_narrower_than_a_cycle_are_found_side_by_side(ratio, width, gap, height):
+    camera = Camera(22.2e-6, exposure=1e-4)  # 900 Hz: 50 rows a cycle
+    picture, _ = scene(720, 640, level=20.0)
+    for k, frequency in enumerate((900.0 * ratio, 900.0)):
+        light = integrate_exposure(SquareWave(frequency, phase=2.0 * k), camera, 720)
+        left = 134 + k * (width + gap)
+        picture[126 : 126 + height, left : left + width] = 20 + 150 * light[126 : 126 + height, None]
+    fast, slow = sorted(detect_sources(stored(picture), camera), key=lambda s: s.x)
+    assert fast.frequency == pytest.approx(900.0 * ratio, rel=0.02)
+    assert slow.frequency == pytest.approx(900.0, rel=0.02)
+    for source, left in ((fast, 134), (slow, 134 + width + gap)):
+        assert abs(source.x - left) <= 10
+        assert abs(source.x + source.width - left - width) <= 10
+
+
 @pytest.mark.parametrize("shape", [(1,), (7,), (31, 5), (32, 1), (33, 2), (40, 3), (64, 17), (97, 16)])
 def test_small_frames_of_noise_hold_nothing(shape):
     frame = np.random.default_rng(1).integers(90, 110, shape).astype(np.uint8)

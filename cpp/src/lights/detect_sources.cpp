@@ -1,9 +1,12 @@
 #include "ocisac/lights/detect_sources.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "core/check_interrupt.hpp"
 #include "lights/data_light.hpp"
@@ -21,8 +24,9 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t max_suspects = 256;
-constexpr double min_rows = 24;       // of a box
-constexpr double min_periodic = 0.4;  // fraction of the swing common to the columns
+constexpr double min_rows = 24;         // of a box
+constexpr std::size_t min_columns = 8;  // beside a light
+constexpr double min_periodic = 0.4;    // fraction of the swing common to the columns
 constexpr double max_uneven = 0.25;
 constexpr double clear_probability = 0.75, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
 constexpr double default_false_alarms = 0.02;                     // at a probability of 1/2
@@ -136,15 +140,22 @@ bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
   return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, lowest, 0.05 * strong.frequency);
 }
 
-// True if a suspect lies in a light's box, or at most a cycle beside it, and needs no refinement.
-bool explained(const Suspect& suspect, const RefinedLight& light) {
-  const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
-  return 2 * shared_pixels(suspect.box, widened(light.box, cycle)) > suspect.box.pixels();
+// Compares frequencies; that of a suspect or tile is accurate to half a cycle of at least 2.5.
+bool may_show(const auto& suspect, double frequency) {
+  return std::abs(suspect.frequency - frequency) <= 0.25 * frequency;
 }
 
-// Compares frequencies; that of a suspect is accurate to half a cycle of at least 2.5.
-bool may_show(const Suspect& suspect, double frequency) {
-  return std::abs(suspect.frequency - frequency) <= 0.25 * frequency;
+bool covers(const Region& box, const Region& part) { return 2 * shared_pixels(part, box) > part.pixels(); }
+
+// True if a suspect or tile lies in a light's box, or at most a cycle above or below it, or beside it at a frequency of
+// that light: it needs no refinement.
+bool explained(const auto& suspect, const RefinedLight& light) {
+  const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
+  const bool harmonic =
+      std::ranges::any_of(std::array{1, 2, 3}, [&](int order) { return may_show(suspect, order * light.frequency); });
+  Region reach = widened(light.box, cycle);
+  if (!harmonic) reach.x = light.box.x, reach.width = light.box.width;
+  return covers(reach, suspect.box);
 }
 
 // True if a coarse suspect contains a light of its frequency.
@@ -262,6 +273,8 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   return source;
 }
 
+using Columns = std::pair<std::size_t, std::size_t>;  // [first, second)
+
 // Detection of lights in one frame.
 class Look {
  public:
@@ -281,7 +294,7 @@ class Look {
 
   // Returns true if the expected light is confirmed at its place and no other detection is there.
   bool find_expected(const Region& box, double cycles_per_row) {
-    const Suspect suspect{box, cycles_per_row, 1, 0};
+    const Suspect suspect{box, cycles_per_row, 1, 0, box};
     const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
     auto one = light ? found_light(*light) : std::nullopt;
     if (!one) return false;
@@ -294,12 +307,12 @@ class Look {
   // Detects the lights of a region except those already found: tones of `frequencies` in cycles per row. Without
   // frequencies: any tone, and data where no tone explains a suspect.
   void search(const Region& region, std::span<const double> frequencies = {}) {
-    auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms);
-    suspects.resize(std::min(suspects.size(), max_suspects));
-    for (Suspect& suspect : suspects) suspect.box.x += region.x, suspect.box.y += region.y;
+    const auto suspects = suspects_in(region, Coarsening::both);
     suspects_ = suspects.size();
-    find_tones(suspects, frequencies);
-    if (frequencies.empty()) find_data(suspects);
+    find_tones(suspects, frequencies, {0, shape_of(frames_).columns});
+    if (!frequencies.empty()) return;
+    for (std::size_t i = 0; i < found_.size(); ++i) search_beside(found_[i].light);
+    find_data(suspects);
   }
 
   // All measurable tones of a frame, or waveforms of data, of any probability.
@@ -328,27 +341,92 @@ class Look {
   }
 
  private:
-  void find_tones(const std::vector<Suspect>& suspects, std::span<const double> frequencies) {
+  [[nodiscard]] std::vector<Suspect> suspects_in(const Region& region, Coarsening coarsening) const {
+    auto suspects = screen_sources(part_of(frames_, region), frame_, stored_, options_.false_alarms, coarsening);
+    suspects.resize(std::min(suspects.size(), max_suspects));
+    for (Suspect& suspect : suspects) {
+      suspect.box.x += region.x, suspect.box.y += region.y;
+      suspect.best.x += region.x, suspect.best.y += region.y;
+      for (Tile& tile : suspect.tiles) tile.box.x += region.x, tile.box.y += region.y;
+    }
+    return suspects;
+  }
+
+  // Tiles that resolve a light's cycle are up to two cycles wide and show the light alone where a lamp beside it is
+  // narrower. The columns beside it are screened by themselves, for lamps of other frequencies.
+  void search_beside(const RefinedLight light) {
+    const Shape shape = shape_of(frames_);
+    const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
+    const std::size_t right = std::min(light.box.right(), shape.columns);
+    const std::size_t reach = std::max(light.box.height, 2 * cycle);
+    Region near = widened(light.box, reach);
+    near.y = light.box.y - std::min(light.box.y, 2 * cycle);
+    near.height = std::min(light.box.bottom() + 2 * cycle, shape.rows) - near.y;
+    const auto search = [&](std::size_t first, std::size_t end, const Columns& within) {
+      if (end < first + min_columns) return;
+      for (const Suspect& suspect : suspects_in({first, near.y, end - first, near.height}, Coarsening::rows)) {
+        const bool known =
+            std::ranges::any_of(found_, [&](const Found& one) { return covers(one.light.box, suspect.box); }) ||
+            one_light_across(frames_, frame_, stored_.dark_level, floor_, part_of(light),
+                             {suspect.box, suspect.frequency});
+        const auto other = known ? std::nullopt : refine(suspect, within);
+        const auto one = other && !same_frequency(*other, light) ? found_light(*other) : std::nullopt;
+        if (one && std::ranges::none_of(found_, [&](const Found& old) { return doubles(*one, old); })) add_tone(*one);
+      }
+    };
+    search(near.x, light.box.x, {0, light.box.x});
+    search(right, std::min(near.right(), shape.columns), {right, shape.columns});
+  }
+
+  // Tones in columns [within.first, within.second).
+  void find_tones(const std::vector<Suspect>& suspects, std::span<const double> frequencies, const Columns& within) {
     for (const Suspect& suspect : suspects) {
       check_interrupt();
       if (!frequencies.empty() && std::ranges::none_of(frequencies, [&](double f) { return may_show(suspect, f); }))
         continue;
-      if (std::ranges::any_of(found_, [&](const Found& other) { return explained(suspect, other.light); })) continue;
-      const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (const auto one = light ? found_light(*light) : std::nullopt) add_tone(*one);
+      // A light leaves what it does not explain, such as another lamp beside it.
+      for (auto rest = unexplained(suspect); rest;) {
+        const auto light = refine(*rest, within);
+        const auto one = light ? found_light(*light) : std::nullopt;
+        if (!one) break;
+        add_tone(*one);
+        auto left = unexplained(*rest);
+        if (left && left->tiles.size() == rest->tiles.size()) break;
+        rest = std::move(left);
+      }
     }
+  }
+
+  // Refinement that sees the columns `within` alone.
+  [[nodiscard]] std::optional<RefinedLight> refine(Suspect suspect, const Columns& within) const {
+    const auto [first, end] = within;
+    const auto columns = part_of(frames_, {first, 0, end - first, shape_of(frames_).rows});
+    suspect.box.x -= first, suspect.best.x -= first;
+    auto light = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
+    if (light) light->box.x += first;
+    return light;
+  }
+
+  // The part of a suspect that no light explains.
+  [[nodiscard]] std::optional<Suspect> unexplained(const Suspect& suspect) const {
+    const auto known = [&](const auto& one) {
+      return std::ranges::any_of(found_, [&](const Found& other) { return explained(one, other.light); });
+    };
+    if (known(suspect)) return {};
+    std::vector<Tile> tiles;
+    std::ranges::remove_copy_if(suspect.tiles, std::back_inserter(tiles), known);
+    if (tiles.empty()) return {};
+    auto rest = suspect_of(std::move(tiles));
+    if (known(rest)) return {};
+    return rest;
   }
 
   // Adds a light, or adjacent lamps that were detected as one, each refined in its own columns.
   void add_tone(const Found& light) {
     std::vector<Found> lamps;
     for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, light.part)) {
-      const auto columns = part_of(frames_, {part.box.x, 0, part.box.width, shape_of(frames_).rows});
-      const Suspect suspect{{0, part.box.y, part.box.width, part.box.height}, part.frequency, 1, 0};
-      auto lamp = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
-      if (!lamp) continue;
-      lamp->box.x += part.box.x;
-      if (const auto one = found_light(*lamp)) lamps.push_back(*one);
+      const auto lamp = refine({part.box, part.frequency, 1, 0, part.box}, {part.box.x, part.box.right()});
+      if (const auto one = lamp ? found_light(*lamp) : std::nullopt) lamps.push_back(*one);
     }
     if (lamps.size() < 2) lamps.assign(1, light);
     found_.insert(found_.end(), lamps.begin(), lamps.end());

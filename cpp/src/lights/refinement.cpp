@@ -17,9 +17,12 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double box_edge = 0.15;         // relative to the largest amplitude
-constexpr double min_alignment = 0.5;     // cosine of the angle to the light's phase
-constexpr double frequency_reach = 0.12;  // relative, per round
+constexpr double box_edge = 0.15;                             // relative to the largest amplitude
+constexpr double min_alignment = 0.5;                         // cosine of the angle to the light's phase
+constexpr double min_coherence = 0.5;                         // of a group of columns, over the rows
+constexpr double first_reach = 0.22, frequency_reach = 0.12;  // of the frequency, relative: of a suspect, per round
+constexpr double settled_frequency = 0.02;                    // relative change in a round
+constexpr int max_rounds = 8;
 
 constexpr std::size_t max_orders = 9;  // of a periodic light's harmonics
 
@@ -67,18 +70,60 @@ Part connected_part(const Patch& patch, std::span<const double> aligned, std::ve
   return part;
 }
 
-// The light's box: the connected part of largest total swing that begins in the suspect's.
-std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Region& suspect) {
+// Real part of Σ_n s(n, g)·r*(n) over Σ_n |s(n, g)|·|r(n)| for each group g: 1 where the swing s has the phase of the
+// reference r in all rows, near 0 where its frequency differs by a cycle or more over them.
+std::vector<double> coherence_with(const Patch& patch, const SwingMap& swing, const std::vector<Complex>& reference) {
+  std::vector<double> products(patch.stride), sizes(patch.stride);
+  for (std::size_t n = 0; n < patch.rows; ++n) {
+    const double c = reference[n].real(), s = reference[n].imag(), length = size(reference[n]);
+    for (std::size_t g = 0; g < patch.groups; ++g) {
+      const std::size_t i = n * patch.stride + g;
+      products[g] += swing.real[i] * c + swing.imaginary[i] * s;
+      sizes[g] += length * size(swing[i]);
+    }
+  }
+  for (std::size_t g = 0; g < patch.groups; ++g) products[g] = sizes[g] > 0 ? products[g] / sizes[g] : 0;
+  return products;
+}
+
+// Groups that swing with the strongest one of `core`, another lamp on the same rows excluded. Over the rows of a tile a
+// tone of its frequency keeps its phase to half a turn.
+std::vector<std::uint8_t> coherent_groups(const Patch& patch, const SwingMap& swing, const PatchRange& core) {
+  std::vector<Complex> sums(patch.groups);
+  for_each(patch, core, [&](std::size_t i, std::size_t n) { sums[i - n * patch.stride] += swing[i]; });
+  const auto strongest = static_cast<std::size_t>(std::ranges::max_element(sums, {}, size) - sums.begin());
+  std::vector<Complex> reference(patch.rows);
+  for (std::size_t n = 0; n < patch.rows; ++n) reference[n] = swing[n * patch.stride + strongest];
+  for (int round = 0;; ++round) {
+    const auto coherence = coherence_with(patch, swing, reference);
+    std::vector<std::uint8_t> groups(patch.groups);
+    for (std::size_t g = 0; g < patch.groups; ++g) groups[g] = coherence[g] > min_coherence;
+    if (round == 1) return groups;
+    std::ranges::fill(reference, Complex(0));
+    for (std::size_t n = 0; n < patch.rows; ++n)
+      for (std::size_t g = core.first_group; g < core.end_group; ++g)
+        if (groups[g]) reference[n] += swing[n * patch.stride + g];
+  }
+}
+
+// The light's box: the connected part of largest total swing that begins in the suspect's, in columns that swing
+// together. `clear`: where the suspect's tone is clearest.
+std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Region& suspect, const Region& clear) {
+  const PatchRange clearest = patch.range(clear);
+  if (clearest.size() == 0) return {};
+  const auto coherent = coherent_groups(patch, swing, clearest);
   const PatchRange where = patch.range(suspect);
   if (where.size() == 0) return {};
   Complex sum = 0;
   std::vector<double> sizes;
   sizes.reserve(where.size());
-  for_each(patch, where, [&](std::size_t i, std::size_t) {
+  for_each(patch, where, [&](std::size_t i, std::size_t n) {
+    if (!coherent[i - n * patch.stride]) return;
     const double length = size(swing[i]);
     sum += length * swing[i];
     sizes.push_back(length);
   });
+  if (sizes.empty()) return {};
   const auto high = sizes.begin() + static_cast<std::ptrdiff_t>((sizes.size() - 1) * 98 / 100);
   std::ranges::nth_element(sizes, high);
   const double largest = *high;
@@ -88,11 +133,14 @@ std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Regi
   constexpr double alignment = min_alignment * min_alignment;
   std::vector<double> aligned(swing.real.size());
   std::vector<std::uint8_t> open_to(aligned.size());
-  for (std::size_t i = 0; i < aligned.size(); ++i) {
-    const double a = swing.real[i], b = swing.imaginary[i], along = a * c + b * s;
-    aligned[i] = along;
-    open_to[i] = static_cast<std::uint8_t>((along > least) & (along * along > alignment * (a * a + b * b)));
-  }
+  for (std::size_t n = 0; n < patch.rows; ++n)
+    for (std::size_t g = 0; g < patch.groups; ++g) {
+      const std::size_t i = n * patch.stride + g;
+      const double a = swing.real[i], b = swing.imaginary[i], along = a * c + b * s;
+      aligned[i] = along;
+      open_to[i] =
+          static_cast<std::uint8_t>((along > least) & (along * along > alignment * (a * a + b * b)) & coherent[g]);
+    }
   Part best{};
   std::vector<std::size_t> stack;
   for_each(patch, where, [&](std::size_t i, std::size_t) {
@@ -256,16 +304,21 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     const Patch patch = patch_of({frames, frame, dark, floor}, box, {margin, margin});
     const Demodulator demodulator(frequency, patch.rows);
     const SwingMap swing = demodulator.swing(patch, patch.light);
-    const auto lit = lit_box(patch, swing, box);
+    const auto lit = lit_box(patch, swing, box, round == 1 ? suspect.best : box);
     if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
         static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
       return {};
+    const std::size_t known = box.height;
     box = lit->box;
     const Profile profile = profile_of(patch, demodulator, box, frequency);
-    const double lower = frequency * (1 - frequency_reach), upper = std::min(frequency * (1 + frequency_reach), 0.499);
+    const double reach = round == 1 ? first_reach : frequency_reach, last = frequency;
+    const double lower = frequency * (1 - reach), upper = std::min(frequency * (1 + reach), 0.499);
     frequency = strongest_frequency(profile.matched, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
-    if (round < rounds) continue;
+    // A round sees two cycles above and below its box, less at a wrong frequency.
+    const bool settled = std::abs(frequency - last) <= settled_frequency * frequency &&
+                         static_cast<double>(box.height) <= static_cast<double>(known) + 0.5 / frequency;
+    if (round < rounds || (!settled && round < max_rounds)) continue;
     box.width = std::min(box.width, shape_of(frames).columns - box.x);
     const double error =
         jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);

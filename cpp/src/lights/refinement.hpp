@@ -33,7 +33,8 @@ struct RefinedLight {
 // of f, 2f and 3f in log light weighted by the local swing: a real, positive envelope does not bias the peak, even for
 // few cycles. Its standard error is a jackknife over groups of cycles. `dark`: DN without light; a memoryless tone
 // curve preserves every period. `floor`: of the logarithm, DN. Absent if box or amplitude falls below 0.7 of the limits
-// in a round. `rounds`: one suffices if the suspect's box and frequency come from the last frame.
+// in a round. `rounds`: minimum; one suffices if the suspect's box and frequency come from the last frame. Rounds go on
+// until box and frequency stand.
 std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
                                           const Suspect& suspect, double floor, const LightLimits& limits,
                                           int rounds = 2);

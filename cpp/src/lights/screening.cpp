@@ -58,7 +58,7 @@ const Waves& waves() {
   return one;
 }
 
-struct Tile {
+struct Share {
   float share = 0;  // 0: none
   std::uint8_t wave = 0;
 };
@@ -87,7 +87,7 @@ Tone strongest_tone(const kernels::Chunk& earlier, const kernels::Chunk& later, 
 
 struct TileMap {
   std::size_t windows = 0, across = 0;
-  std::vector<Tile> tiles;
+  std::vector<Share> tiles;
 };
 
 std::size_t windows_in(std::size_t rows) { return rows < window ? 0 : (rows - window) / hop + 1; }
@@ -101,31 +101,25 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
   std::vector<std::size_t> open;
   for (std::size_t start = 0; start < map.tiles.size(); ++start) {
     if (seen[start] || map.tiles[start].share == 0) continue;
-    std::size_t top = map.windows, bottom = 0, left = map.across, right = 0;
-    Tile best;
-    double evidence = 0;
+    std::vector<Tile> tiles;
     open.assign(1, start);
     seen[start] = 1;
     while (!open.empty()) {
       const std::size_t at = open.back(), w = at / map.across, g = at % map.across;
       open.pop_back();
-      const Tile tile = map.tiles[at];
-      if (tile.share > best.share) best = tile;
-      evidence -= std::log1p(-static_cast<double>(tile.share));
-      top = std::min(top, w), bottom = std::max(bottom, w), left = std::min(left, g), right = std::max(right, g);
+      const auto [share, wave] = map.tiles[at];
+      tiles.push_back({{g * column_step, w * hop * row_step, groups * column_step, window * row_step},
+                       cycles[wave] / static_cast<double>(window * row_step),
+                       static_cast<double>(share)});
       for (std::size_t v = w - (w > 0); v <= std::min(w + 1, map.windows - 1); ++v)
         for (std::size_t h = g - (g > 0); h <= std::min(g + 1, map.across - 1); ++h) {
           const std::size_t next = v * map.across + h;
-          if (seen[next] || map.tiles[next].share == 0 || !alike(map.tiles[next].wave, tile.wave)) continue;
+          if (seen[next] || map.tiles[next].share == 0 || !alike(map.tiles[next].wave, wave)) continue;
           seen[next] = 1;
           open.push_back(next);
         }
     }
-    suspects.push_back({{left * column_step, top * hop * row_step, (right - left + groups) * column_step,
-                         ((bottom - top) * hop + window) * row_step},
-                        cycles[best.wave] / static_cast<double>(window * row_step),
-                        static_cast<double>(best.share),
-                        evidence});
+    suspects.push_back(suspect_of(std::move(tiles)));
   }
 }
 
@@ -140,7 +134,9 @@ double share_threshold(std::size_t tiles, std::size_t groups, double false_alarm
 // form the next scales.
 class Scale {
  public:
-  Scale(std::size_t rows, std::size_t groups, std::size_t row_step, std::size_t column_step, bool widen)
+  // `widen`: with wide and coarser scales.
+  Scale(std::size_t rows, std::size_t groups, std::size_t row_step, std::size_t column_step, Coarsening coarsening,
+        bool widen)
       : rows_(rows),
         groups_(groups),
         row_step_(row_step),
@@ -153,10 +149,12 @@ class Scale {
     for (auto& values : scratch_) values.resize(stride_);
     for (auto& values : moments_) values.resize(2 * stride_);
     if (widen && groups >= tile_groups * wide_factor)
-      wide_ = std::make_unique<Scale>(rows, groups / wide_factor, row_step, column_step * wide_factor, false);
+      wide_ =
+          std::make_unique<Scale>(rows, groups / wide_factor, row_step, column_step * wide_factor, coarsening, false);
     if (widen && rows / 2 >= window) {
-      across_ = groups > 1 ? 2 : 1;
-      half_ = std::make_unique<Scale>(rows / 2, groups / across_, 2 * row_step, across_ * column_step, true);
+      across_ = groups > 1 && coarsening == Coarsening::both ? 2 : 1;
+      half_ =
+          std::make_unique<Scale>(rows / 2, groups / across_, 2 * row_step, across_ * column_step, coarsening, true);
     }
     light_.resize(std::max(wide_ ? wide_->groups_ : 0, half_ ? half_->groups_ : 0));
   }
@@ -333,6 +331,17 @@ void add_columns(const FramesView<const T>& view, std::size_t group, float dark,
 
 }  // namespace
 
+Suspect suspect_of(std::vector<Tile> tiles) {
+  const Tile& best = *std::ranges::max_element(tiles, {}, &Tile::share);
+  Suspect suspect{tiles.front().box, best.frequency, best.share, 0, best.box};
+  for (const Tile& tile : tiles) {
+    suspect.box = hull(suspect.box, tile.box);
+    suspect.evidence -= std::log1p(-tile.share);
+  }
+  suspect.tiles = std::move(tiles);
+  return suspect;
+}
+
 double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
@@ -349,12 +358,12 @@ double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve) {
 }
 
 std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                                    double false_alarms) {
+                                    double false_alarms, Coarsening coarsening) {
   const auto floor = static_cast<float>(logarithm_floor(frames, curve));
   const Shape shape = shape_of(frames);
   const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
   const float min_swing = holds_integers(frames) ? 0.5F : 0.0F;  // a tone of less than half a stored step is ignored
-  Scale finest(shape.rows, shape.columns / group, 1, group, true);
+  Scale finest(shape.rows, shape.columns / group, 1, group, coarsening, true);
   finest.begin(floor, min_swing, false_alarms, finest.tiles());
   std::visit(
       [&](const auto& view) {

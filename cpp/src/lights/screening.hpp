@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "ocisac/camera/tone_curve.hpp"
@@ -10,12 +11,27 @@
 
 namespace ocisac {
 
+// Part of a picture with a common tone.
+struct Tile {
+  Region box;
+  double frequency;  // cycles per row, accurate to half a cycle in the box
+  double share;      // fraction of the variation explained by the common tone
+};
+
 struct Suspect {
   Region box;
-  double frequency;  // cycles per row, accurate to half a cycle in the window of detection
-  double share;      // fraction of the variation in its best tile explained by the common tone
+  double frequency;  // that of its best tile
+  double share;      // of its best tile
   double evidence;   // Σ −log(1 − share) over its tiles
+  Region best;       // box of that tile
+  std::vector<Tile> tiles = {};
 };
+
+// At least one tile.
+Suspect suspect_of(std::vector<Tile> tiles);
+
+// Sums that form the coarser scales: of rows and columns, or of rows alone, which resolves lamps narrower than a cycle.
+enum class Coarsening : std::uint8_t { both, rows };
 
 // Tiles of 32 rows × 3 groups of columns of log(light + floor), at several scales: sums of 1, 2, 4, … rows and columns.
 // In a tile, with each group's mean and slope removed, `share` is the energy of the best tone common to the groups over
@@ -24,7 +40,7 @@ struct Suspect {
 // light swings by less than half a step are ignored. Tiles that touch and agree in frequency form one suspect. The
 // strongest come first.
 std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                                    double false_alarms);
+                                    double false_alarms, Coarsening coarsening = Coarsening::both);
 
 // Offset added to the light before the logarithm, DN: 1/64 of full light, which suppresses dark areas.
 double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve);
