@@ -76,6 +76,27 @@ def test_commands_find_the_axis_and_name_it(tmp_path, capsys):
     assert gains[0] == gains[1] > 0.2
 
 
+@pytest.mark.parametrize("command", ["gain", "calibrate", "detect", "receive", "clean"])
+def test_a_stated_axis_that_does_not_fit_is_told(tmp_path, capsys, monkeypatch, command):
+    for module in ("click", "rich"):
+        pytest.importorskip(module)
+    from ocisac_fast.cli import main
+
+    file = tmp_path / "lamp.npy"
+    needs = {"gain": ["--frequency", "0.09"], "calibrate": ["--frequency", "9kHz"], "clean": [str(tmp_path / "c.npy")]}
+    for turned in (False, True):
+        np.save(file, picture("lamp").T if turned else picture("lamp"))
+        for axis in ("y", "x", "-y", "-x"):
+            words = [command, str(file), *needs.get(command, []), "--scan-axis", axis, "--json"]
+            monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # put back after the run
+            with warnings.catch_warnings():
+                warnings.simplefilter("default")
+                assert main(words + (["--force"] if command == "clean" else [])) == 0
+            told = [line for line in capsys.readouterr().err.splitlines() if "--scan-axis" in line]
+            assert len(told) == int(axis.endswith("x") != turned)
+            assert all(line.endswith(f"probably --scan-axis {'x' if turned else 'y'}") for line in told)
+
+
 def test_an_axis_that_is_not_clear_is_told(tmp_path, capsys, monkeypatch):
     for module in ("click", "rich"):
         pytest.importorskip(module)

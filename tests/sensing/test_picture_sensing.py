@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -252,6 +253,35 @@ def test_command_tells_regions_in_stored_pixels(run, frames, tmp_path):
     assert (code, err) == (0, "")
     assert "1.751 m/s" in out
     assert "light" in out
+
+
+@pytest.mark.parametrize("lit", [True, False])
+def test_command_finds_the_axis_by_phases_that_advance_with_time(run, tmp_path, lit):
+    """Stripes that move across the rows look like lights along the other axis, without a light too."""
+    view, found = scene(lit=lit), []
+    for turned, axis in ((False, "y"), (True, "x")):
+        np.save(tmp_path / "scene.npy", view.transpose(0, 2, 1) if turned else view)
+        code, out, err = run("sense", tmp_path / "scene.npy", *TIMES, "--json")
+        assert (code, err) == (0, "")
+        facts = json.loads(out)
+        assert (facts["scan_axis"], facts["rows"], facts["columns"]) == (axis, 720, 960)
+        found.append([(one["kind"], one["frequency_hz"], one["gain"]) for one in facts["regions"]])
+        assert ("scan axis x" in run("sense", tmp_path / "scene.npy", *TIMES)[1]) == turned
+        region = ("--region", "0,120,720,200" if turned else "120,0,200,720")
+        _, out, _ = run("sense", tmp_path / "scene.npy", *TIMES, *region, "--json")
+        assert json.loads(out)["scan_axis"] == axis
+    assert found[0] == found[1]
+    assert len(found[0]) >= 2 + lit
+
+
+def test_command_tells_a_stated_axis_against_the_phases(run, frames, tmp_path, monkeypatch):
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # put back after the run
+    np.save(tmp_path / "scene.npy", frames)
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        code, out, err = run("sense", tmp_path / "scene.npy", *TIMES, "--scan-axis", "x", "--json")
+    assert (code, json.loads(out)["scan_axis"]) == (0, "x")
+    assert err.endswith("probably --scan-axis y\n")
 
 
 def test_command_measures_one_region(run, frames, tmp_path):

@@ -146,6 +146,7 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         Field("frames", "int64", "", "frames used"),
         *_SIZE,
         Field("regions", _REGION, "", "the regions"),
+        _AXIS,
     ),
     "calibrate": (
         Field("row_time_s", "float64", "s", "row time"),

@@ -42,9 +42,7 @@ def calibrate(
     """
     unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the row time is estimated
     if pulses is not None:
-        # A band of lit rows does not tell its axis.
-        along = dataclasses.replace(unknown, scan_axis="y") if unknown.scan_axis == "auto" else unknown
-        _calibrate_pulses(files, float(frequency), pulses, along, as_json)
+        _calibrate_pulses(files, float(frequency), pulses, unknown, as_json)
         return
     if len(files) > 1:
         raise click.UsageError(f"FILE: got {len(files)}, allowed: one without --pulses")
@@ -126,6 +124,6 @@ def _calibrate_pulses(
 
 def _row_light(file: str, picture: PictureOptions) -> npt.NDArray[np.float64]:
     """(frames, rows) mean linear light."""
-    with open_pictures(file, picture) as pictures:
+    with open_pictures(file, picture, axis_of_light=False) as pictures:  # a band of lit rows does not tell its axis
         means = [linear_light(batch, pictures.camera).mean(axis=(2, 3)) for batch in pictures.row_batches()]
     return np.concatenate(means)

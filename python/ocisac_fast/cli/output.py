@@ -76,19 +76,24 @@ def csv_of_objects(path: str | None, as_json: bool) -> Iterator[None]:
             write_csv(path, records)
 
 
+def is_collected() -> bool:
+    """True where the objects are collected: nobody reads what a command prints or warns of."""
+    return _collected.get() is not None
+
+
 def emit_json(record: Mapping[str, Any]) -> None:
     """Print one JSON object on a line of standard output, or keep it for a file of ``csv_of_objects``."""
     record = plain(record)
     for records in (_collected.get(), _csv.get()):
         if records is not None:
             records.append(record)
-    if _collected.get() is None and _printed.get():
+    if not is_collected() and _printed.get():
         click.echo(json.dumps(record, allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)))
 
 
 def emit_summary(text: str, as_json: bool) -> None:
     """Print a line after the results; with JSON on standard error."""
-    if _collected.get() is None:
+    if not is_collected():
         click.echo(text, err=as_json)
 
 
@@ -162,7 +167,7 @@ def rate(value: float | None, spread: float | None, in_hertz: bool, digits: int 
 
 def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_Item]:
     """Iterate with a progress bar on standard error, if that is a terminal and several items are expected."""
-    if _collected.get() is not None or not sys.stderr.isatty() or (total is not None and total < 2):
+    if is_collected() or not sys.stderr.isatty() or (total is not None and total < 2):
         yield from items
         return
     from rich.console import Console

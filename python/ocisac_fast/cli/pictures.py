@@ -16,7 +16,7 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import csv_of_objects
+from ocisac_fast.cli.output import csv_of_objects, is_collected
 from ocisac_fast.cli.units import ROW_TIME, TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.checks import shown
@@ -110,17 +110,28 @@ class PictureOptions:
         )
 
     def with_axis_of(self, frame: Frame, response: LightResponse) -> PictureOptions:
-        """The options with the axis of the camera that a first frame shows; a warning where both show lights."""
-        if self.scan_axis != "auto":
+        """The options with the axis of the camera that a first frame shows; a warning where both show lights.
+
+        A stated axis is kept, with a warning where the frame clearly shows the other one.
+        """
+        stated = self.scan_axis != "auto"
+        if stated and is_collected():
             return self
         from ocisac_fast.lights import find_scan_axis
 
-        view = select(frame, self)
-        found = find_scan_axis(grey_of(view), Camera(row_time=1.0, dark_level=response.dark_level))
+        found = find_scan_axis(grey_of(select(frame, self)), Camera(row_time=1.0, dark_level=response.dark_level))
+        other = "xy"[found.axis == "x"]
+        if stated:
+            if found.clear and max(found.energy) > 0.0 and self.scan_axis.endswith(other):
+                warnings.warn(
+                    f"--scan-axis: got {self.scan_axis}, but the picture shows lights along {found.axis} rather than "
+                    f"along {other}: probably --scan-axis {found.axis}",
+                    stacklevel=2,
+                )
+            return self
         if not found.clear and max(found.energy) > 0.0:  # else there is nothing to read along either
             warnings.warn(
-                f"--scan-axis: not clear from the picture, {found.axis} is used (the other one: "
-                f"--scan-axis {'xy'[found.axis == 'x']})",
+                f"--scan-axis: not clear from the picture, {found.axis} is used (the other one: --scan-axis {other})",
                 stacklevel=2,
             )
         return dataclasses.replace(self, scan_axis=found.axis)
@@ -232,6 +243,7 @@ class _Reader:
     path: str
     options: PictureOptions
     part: Part | None
+    axis_of_light: bool
 
     def __enter__(self) -> OpenPictures:
         options = self.options
@@ -247,7 +259,8 @@ class _Reader:
             if options.channel == "y" and response.white_level is None and first.dtype.kind == "u":
                 largest = float(np.iinfo(first.dtype).max)  # the weighted sum is of floats, whose full scale is 1
                 response = dataclasses.replace(response, white_level=largest)
-            options = options.with_axis_of(first, response)
+            if self.axis_of_light:
+                options = options.with_axis_of(first, response)
             camera = options.camera(response, self._stream.frame_rate)
         except BaseException:
             self._stream.close()
@@ -264,9 +277,14 @@ def _chain(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
     yield from rest
 
 
-def open_pictures(path: str, options: PictureOptions, part: Part | None = None) -> _Reader:
-    """Open a recording, or a part of its frames, for a ``with`` statement; yields ``OpenPictures``."""
-    return _Reader(path, options, part)
+def open_pictures(
+    path: str, options: PictureOptions, part: Part | None = None, *, axis_of_light: bool = True
+) -> _Reader:
+    """Open a recording, or a part of its frames, for a ``with`` statement; yields ``OpenPictures``.
+
+    ``axis_of_light``: the first frame's lights tell the read-out axis, or confirm a stated one.
+    """
+    return _Reader(path, options, part, axis_of_light)
 
 
 def select(frame: Frame, options: PictureOptions) -> Frame:
@@ -313,8 +331,8 @@ def grey_of(frame: Frame) -> Frame:
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 
-def picture_options(function: Callable[..., Any], *, scan_axis: str = "auto") -> Callable[..., Any]:
-    """Add the common options, passed to the function as ``picture``; ``scan_axis``: the default."""
+def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the common options, passed to the function as ``picture``."""
 
     @functools.wraps(function)
     def wrapped(**arguments: Any) -> Any:
@@ -326,7 +344,7 @@ def picture_options(function: Callable[..., Any], *, scan_axis: str = "auto") ->
         click.option(
             "--scan-axis",
             type=click.Choice(["auto", "y", "x", "-y", "-x"]),
-            default=scan_axis,
+            default="auto",
             show_default=True,
             help="Direction in which rows are read out: y: down, x: right; auto: y or x, whichever shows lights.",
         ),

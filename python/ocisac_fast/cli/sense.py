@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import math
+import warnings
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import decibels, emit_json, emit_table, flag_names, number, quantity, rate, with_spread
+from ocisac_fast.cli.output import (
+    decibels,
+    emit_json,
+    emit_table,
+    flag_names,
+    is_collected,
+    number,
+    quantity,
+    rate,
+    with_spread,
+)
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import (
     FILE_PATH,
@@ -32,6 +42,7 @@ if TYPE_CHECKING:
 
 _BOX = ("x", "y", "width", "height")
 _HEADER = ("region", "kind", *_BOX, "frequency", "f_x v", "gain", "theory", "speed", "SNR", "flags")
+_CLEAR_EVIDENCE = 5.0  # a coincidence has a probability below e^-5
 _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 
 
@@ -53,7 +64,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @click.option("--background", type=float, help="Background of the light in --region, stored values above dark.")
 @click.option("--unlit", type=click.Path(dir_okay=False), help="Recording of the same view without the lights.")
 @click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
-@functools.partial(picture_options, scan_axis="y")  # moving stripes look like lights along the other axis
+@picture_options
 @plot_option("the first frame with its regions")
 @writes("plot")
 @json_option
@@ -68,24 +79,27 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
         for name in ("frame_rate", "speed"):
             if options[name] is not None:
                 raise click.UsageError(f"--{name.replace('_', '-')}: needs --row-time")
-    view, camera = _read(file, picture, frames, options.pop("frame_rate"))
-    regions = _regions(view, camera, picture, options)
+    view, stored = _read(file, picture, frames, options.pop("frame_rate"))
+    if options["unlit"] is not None:
+        options["unlit"] = _read(options["unlit"], picture, len(view), None)[0]
+    camera, regions = _along_best_axis(view, stored, picture, options)
     if plot is not None:
         from ocisac_fast.plots import plot_regions
 
         plot_regions(view[0, ..., 0], camera, path=plot, regions=regions)
     facts = [_facts(region, picture) for region in regions]
+    axis = camera.scan_axis
     if as_json:
         rows, columns = rows_and_columns(view.shape[1:], camera)
-        emit_json({"frames": len(view), "rows": rows, "columns": columns, "regions": facts})
+        emit_json({"frames": len(view), "rows": rows, "columns": columns, "regions": facts, "scan_axis": axis})
         return
     table = [_row(k, one, picture) for k, one in enumerate(facts)]
-    emit_table("", _HEADER, table, left=("kind", "flags"))
+    emit_table(f"scan axis {axis}" if picture.names(axis) else "", _HEADER, table, left=("kind", "flags"))
 
 
 def _read(file: str, picture: PictureOptions, max_frames: int, frame_rate: Quantity | None) -> tuple[Frame, Camera]:
     """The first frames in grey, (frames, height, width, 1), and their camera."""
-    with open_pictures(file, picture) as pictures:
+    with open_pictures(file, picture, axis_of_light=False) as pictures:
         view = stack([grey_of(frame) for frame in itertools.islice(pictures.frames, max_frames)])
         camera = pictures.camera
     if frame_rate is not None:
@@ -95,15 +109,66 @@ def _read(file: str, picture: PictureOptions, max_frames: int, frame_rate: Quant
     return view, camera
 
 
+def _along_best_axis(
+    view: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]
+) -> tuple[Camera, list[SensedRegion]]:
+    """Regions along the stated axis, or along y or x, whichever has more evidence of being read along it.
+
+    Moving stripes look like lights along the other axis, but their phases do not advance from frame to frame as they do
+    from row to row. Without evidence, an axis along which there is nothing yields to one with a light. The other axis
+    is tried only where not everything along the first one is clearly in step.
+    """
+    regions = _regions(view, camera, picture, options)
+    evidence, stated = _axis_evidence(regions, camera), picture.scan_axis != "auto"
+    if (stated and is_collected()) or (evidence > _CLEAR_EVIDENCE and all(map(_in_step, regions))):
+        return camera, regions
+    other = dataclasses.replace(camera, scan_axis="y" if camera.scan_axis.endswith("x") else "x")
+    crossed = _regions(view, other, picture, options)
+    seen = [one for one in regions if one.kind != "unknown"]
+    alone = evidence == 0.0 and not seen and any(one.kind == "light" for one in crossed)
+    if not (alone or _axis_evidence(crossed, other) > evidence):
+        return camera, regions
+    if not stated:
+        return other, crossed
+    warnings.warn(
+        f"--scan-axis: got {picture.scan_axis}, but what is seen along {other.scan_axis} is more probably read in "
+        f"time: probably --scan-axis {other.scan_axis}",
+        stacklevel=2,
+    )
+    return camera, regions
+
+
+def _axis_evidence(regions: list[SensedRegion], camera: Camera) -> float:
+    """Logarithm of 1 over the probability that the phase of the clearest region in step is a coincidence."""
+    from ocisac_fast.sensing import KnownMotion
+    from ocisac_fast.sensing.kind import step_allowance
+
+    tolerance, least = KnownMotion().timing_tolerance, 1.0
+    frame_time = math.nan if camera.frame_time is None else camera.frame_time
+    for one in filter(_in_step, regions):
+        drift, expected = one.frequency_std * frame_time, one.frequency * frame_time
+        least = min(least, 2.0 * step_allowance(one.cycles_per_frame_std, drift, expected, tolerance))
+    return -math.log(least)
+
+
+def _in_step(region: SensedRegion) -> bool:
+    """True if the phase advances from frame to frame as it does from row to row: a light, or motion across the rows."""
+    from ocisac_fast.core import Flag
+
+    if region.flags & (Flag.AMBIGUOUS_KIND | Flag.AMBIGUOUS_MOTION):
+        return False
+    return region.kind == "light" or math.isclose(region.motion_frequency, region.frequency)
+
+
 def _regions(view: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> list[SensedRegion]:
     from ocisac_fast.sensing import KnownMotion, background_light, sense as sense_picture, sense_region
 
+    options = dict(options)
     frequency = picture.check_frequency("--frequency", options.pop("frequency"))
-    background, unlit, beside = options.pop("background"), options.pop("unlit"), options.pop("beside")
+    background, dark, beside = options.pop("background"), options.pop("unlit"), options.pop("beside")
     direction, axis = _DIRECTIONS.get(options.pop("direction"), 0), options.pop("motion")
     light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": options.pop("depth")}
     motion = KnownMotion(axis=axis, direction=direction, **options)
-    dark = None if unlit is None else _read(unlit, picture, len(view), None)[0]
     if picture.region is None:
         for name, value in (("frequency", frequency), ("background", background)):
             if value is not None:

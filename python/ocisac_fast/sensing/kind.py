@@ -21,6 +21,14 @@ def seen_by(fitted: Fitted, advance: PhaseAdvance, camera: Camera) -> Seen:
     return Seen(fitted.model.cycles, fitted.cycles_std, advance.cycles, advance.std, camera.row_period, frame_time)
 
 
+def step_allowance(per_frame_std: float, drift: float, expected: float, tolerance: float) -> float:
+    """Cycles by which an advance per frame may miss the ``expected`` one, its standard error being ``drift``.
+
+    Twice that is the probability that the phase of something else advances so.
+    """
+    return 4.0 * math.hypot(per_frame_std, drift) + tolerance * expected + 1e-6
+
+
 def kind_of(
     seen: Seen, common: bool, doubt: bool, motion: str | None, tolerance: float
 ) -> tuple[Kind, str | None, Flag]:
@@ -29,7 +37,7 @@ def kind_of(
     if seen.frames_known:
         expected = seen.per_row * seen.frame_time / seen.row_time
         drift = seen.per_row_std * seen.frame_time / seen.row_time
-        allowance = 4.0 * math.hypot(seen.per_frame_std, drift) + tolerance * expected + 1e-6
+        allowance = step_allowance(seen.per_frame_std, drift, expected, tolerance)
         miss = abs((seen.per_frame - expected + 0.5) % 1.0 - 0.5)
         near = miss <= max(allowance, _NEAR_MISS * tolerance * expected)
         still = abs(seen.per_frame) <= 4.0 * seen.per_frame_std + 1e-6
