@@ -177,7 +177,7 @@ def test_an_exposure_of_the_most_chips_is_not_refused_by_rounding():
 
 def test_other_bad_input_is_refused():
     channel = make_channel(4.0, 8.0)
-    with pytest.raises(ValueError, match="method: got best, allowed: slicer, wiener"):
+    with pytest.raises(ValueError, match=f"method: got best, allowed: {', '.join(DETECTORS[:-1])} or auto"):
         ocisac.detect_chips(np.ones(100), CAMERA, channel, method="best")
     with pytest.raises(ValueError, match="exposure_rows: got 64, allowed: 0 to 15 chips"):
         ocisac.detect_chips(np.ones(100), CAMERA, make_channel(4.0, 64.0), method="mlse")
