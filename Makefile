@@ -10,7 +10,7 @@ WERROR ?= OFF
 build := build/make
 bin := $(VENV)/bin
 study := PYTHONPATH=bench $(bin)/python -m studies
-python_sources := python docs/conf.py docs/programs docs/stand-ins examples/gallery tests scripts/requirements scripts/check-wheel scripts/sbom scripts/compare_benchmarks bench
+python_sources := python web/make_demo.py docs/conf.py docs/programs docs/stand-ins examples/gallery tests scripts/requirements scripts/check-wheel scripts/sbom scripts/compare_benchmarks bench
 cpp_files = $(shell git ls-files --cached --others --exclude-standard '*.cpp' '*.hpp')
 # Folders too: their time changes when a source is added or removed. And the log of commits: the build contains its commit.
 native := CMakeLists.txt cpp/CMakeLists.txt python/CMakeLists.txt $(shell find cpp/include cpp/src cpp/cmake python/bindings) \
@@ -37,13 +37,14 @@ export CMAKE_BUILD_PARALLEL_LEVEL ?= $(JOBS)
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test docs docs-links gstreamer chart limits reproduce nightly fuzz soak coverage mutants lint lint-python lint-cpp format clean build cpp-build cpp-test packages standalone wheel deb arm64
+.PHONY: help demo test docs docs-links gstreamer web chart limits reproduce nightly fuzz soak coverage mutants lint lint-python lint-cpp format clean build cpp-build cpp-test packages standalone wheel deb arm64
 
 help:
 	@echo 'make demo      a recording of the testbed made, decoded and shown (installs what is missing)'
 	@echo 'make test      all tests: C++, then Python (installs what is missing)'
 	@echo 'make docs      the documentation: build/docs/html/index.html; docs-links checks its external links'
 	@echo 'make gstreamer the plugin of GStreamer: $(build)/cpp/gstreamer/libgstocisac.so, and its tests'
+	@echo 'make web       the page that measures a lamp in a browser: build/web/site, and its tests in Chromium'
 	@echo 'make chart     speed against accuracy of every method: docs/measured/chart.png, docs/measured/chart.csv, docs/measured/accuracy.md'
 	@echo 'make limits    where methods fail, and what the library does there: docs/measured/limits.png, docs/measured/limits.md'
 	@echo 'make reproduce the paper'\''s figures and table, and links over distance: docs/measured/paper*, docs/measured/distance*'
@@ -88,6 +89,14 @@ gstreamer: build
 	@cmake -S . -B $(build) -DOCISAC_BUILD_TESTS=ON -DOCISAC_BUILD_GSTREAMER=ON >$(build)/configure.log || { cat $(build)/configure.log; exit 1; }
 	@scripts/with-progress $(build)/build.log cmake --build $(build) --target gstocisac ocisac_gstreamer_tests
 	@ctest --test-dir $(build) --output-on-failure -R '^gstreamer'
+
+# The C interface as WebAssembly, a page over it, and a folder for npm: web.
+web: build $(VENV)/.requirements-web
+	@scripts/system-packages web
+	@echo '==> WebAssembly and page'
+	@scripts/build-web $(bin)/python
+	@echo '==> tests of the page in Chromium'
+	@OCISAC_SITE=$(CURDIR)/build/web/site $(bin)/python -m pytest tests/web $(PYTEST_ARGS)
 
 chart: build $(VENV)/.requirements-studies
 	@$(study).chart --directory docs/measured --text docs/measured/accuracy.md
