@@ -33,7 +33,8 @@ def test_the_axis_is_that_of_the_light(kind, seed):
         found = find_scan_axis(frame.T if turned else frame, CAMERA)
         assert found.axis == ("x" if turned else "y")
         assert found.clear
-        assert len(found.energy) == len(found.coherence) == 2
+        assert len(found.energy) == len(found.probability) == len(found.coherence) == 2
+        assert max(found.probability) > 0.99 or kind == "everywhere"
 
 
 def test_without_a_light_no_axis_is_clear():

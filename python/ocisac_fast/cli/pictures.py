@@ -27,6 +27,7 @@ from ocisac_fast.files.recording import Frame
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
 _BATCH_BYTES = 64 << 20
+_SURE_LIGHT = 0.99  # probability of a light that contradicts a statement
 
 
 class _Region(ParameterType):
@@ -122,7 +123,8 @@ class PictureOptions:
         found = find_scan_axis(grey_of(select(frame, self)), Camera(row_time=1.0, dark_level=response.dark_level))
         other = "xy"[found.axis == "x"]
         if stated:
-            if found.clear and max(found.energy) > 0.0 and self.scan_axis.endswith(other):
+            probability = found.probability["yx".index(found.axis)]
+            if found.clear and probability > _SURE_LIGHT and self.scan_axis.endswith(other):
                 warnings.warn(
                     f"--scan-axis: got {self.scan_axis}, but the picture shows lights along {found.axis} rather than "
                     f"along {other}: probably --scan-axis {found.axis}",

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames
 from ocisac_fast.core.checks import checked
-from ocisac_fast.lights.sources import detect_sources
+from ocisac_fast.lights.sources import LightSource, detect_sources
 
 _CLEAR_ENERGY = 100.0  # ratio of the lights' energies
 _CLEAR_COHERENCE = 5.0  # standard errors
@@ -31,12 +31,14 @@ class ScanAxis:
         axis: ``"y"`` or ``"x"``; the direction along it is not found.
         clear: the other axis explains the picture clearly less.
         energy: of the lights found along y and along x, DN^2 times pixels.
+        probability: that of the most probable of these lights, along y and along x; 0 without one.
         coherence: correlation of the rows of both halves of the picture, along y and along x, standard errors.
     """
 
     axis: Literal["y", "x"]
     clear: bool
     energy: tuple[float, float]
+    probability: tuple[float, float]
     coherence: tuple[float, float]
 
 
@@ -63,7 +65,8 @@ def find_scan_axis(frame: npt.ArrayLike, camera: Camera) -> ScanAxis:
         axis: dataclasses.replace(camera, row_time=1.0, exposure=None, frame_time=None, scan_axis=axis)
         for axis in ("y", "x")
     }
-    energy = _energy(picture, along["y"]), _energy(picture, along["x"])
+    lights = [_lights(picture, along[axis]) for axis in ("y", "x")]
+    energy, probability = (_energy(lights[0]), _energy(lights[1])), (_largest(lights[0]), _largest(lights[1]))
     coherence = _coherence(picture), _coherence(picture.T)
     by_energy, by_coherence = int(energy[1] > energy[0]), int(coherence[1] > coherence[0])
     if energy[by_energy] > _CLEAR_ENERGY * energy[1 - by_energy]:
@@ -72,12 +75,19 @@ def find_scan_axis(frame: npt.ArrayLike, camera: Camera) -> ScanAxis:
         better, clear = by_coherence, True
     else:
         better, clear = by_energy, False
-    return ScanAxis("x" if better else "y", clear, energy, coherence)
+    return ScanAxis("x" if better else "y", clear, energy, probability, coherence)
 
 
-def _energy(picture: npt.NDArray[np.generic], camera: Camera) -> float:
-    lights = [light for light in detect_sources(picture, camera) if light.reflection_of is None]
+def _lights(picture: npt.NDArray[np.generic], camera: Camera) -> list[LightSource]:
+    return [light for light in detect_sources(picture, camera) if light.reflection_of is None]
+
+
+def _energy(lights: list[LightSource]) -> float:
     return float(sum(light.probability * light.amplitude**2 * light.width * light.height for light in lights))
+
+
+def _largest(lights: list[LightSource]) -> float:
+    return max((light.probability for light in lights), default=0.0)
 
 
 def _coherence(picture: npt.NDArray[np.generic]) -> float:
