@@ -529,6 +529,8 @@ def test_the_package_has_types_and_a_version() -> None:
     told = json.loads((package / "package.json").read_text())
     assert told["private"]
     for name in told["files"]:
-        assert (package / name).is_file(), name
+        assert (package / name).exists(), name
+    for folder in (package, Path(SITE)):
+        assert {path.name for path in (folder / "licenses").iterdir()} == {"Eigen.txt", "Emscripten.txt", "Highway.txt"}
     root = Path(__file__).parents[2]
     assert f"project(ocisac VERSION {told['version']} " in (root / "cpp" / "CMakeLists.txt").read_text()
