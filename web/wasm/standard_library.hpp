@@ -97,6 +97,11 @@ constexpr void copy(Range&& range, Output out) {
   std::copy(std::begin(range), std::end(range), out);
 }
 
+template <class Range, class Output, class Predicate, class Projection = identity>
+constexpr void remove_copy_if(Range&& range, Output out, Predicate predicate, Projection projection = {}) {
+  std::remove_copy_if(std::begin(range), std::end(range), out, ranges::tested(predicate, projection));
+}
+
 template <class Range, class Output>
 constexpr void move(Range&& range, Output out) {
   std::move(std::begin(range), std::end(range), out);
