@@ -15,7 +15,12 @@ mains light whose truth is known: PSNR after one gain for each colour.
 that of every third frame cleaned alone, the stored one and that after FFmpeg's deflicker filter (one gain a frame), and
 processor time of the first frame and of those after it.
 
-usage: bench/cleaning.py [--recordings FOLDER] [--video] [--picture FILE] [--json] [--quick] [--each] [--seeds N ...]
+--slow FOLDER: photographs under mains light of one to three and a half cycles a picture, sRGB, upright and on their
+side: how many are cleaned, PSNR (peak 255, one gain a colour) stored, cleaned, and with the best gain of each row and
+colour (oracle), and how many of them became worse; the same photographs without bands.
+
+usage: bench/cleaning.py [--recordings FOLDER] [--slow FOLDER] [--video] [--picture FILE] [--json] [--quick] [--each]
+       [--seeds N ...]
 """
 
 from __future__ import annotations
@@ -28,12 +33,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ocisac_fast import Camera, Chips, Tone, integrate_exposure, remove_bands
 from ocisac_fast.cleaning import Mark, VideoCleaner
 
 ROWS, COLUMNS = 360, 480
 CAMERA = Camera(1e-5, exposure=1e-5)
+SRGB = Camera(1.0, tone_curve="srgb")
 RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")
 GROUNDS, LAMPS = ("clouds", "boxes", "text"), ("even", "spot", "part")
 
@@ -309,6 +316,64 @@ def mains(folder: pathlib.Path) -> dict[str, float]:
     return {"stored": fitted(stored, (0, 1)), "cleaned": fitted(cleaned, (0, 1)), "oracle": fitted(stored, (1,))}
 
 
+SLOW_CYCLES, SLOW_DEPTHS = (1.0, 1.5, 2.2, 3.5), (0.1, 0.25, 0.5)
+MAX_SIDE = 640  # pixels of a photograph, reduced
+
+
+def photographs(folder: pathlib.Path) -> Iterator[npt.NDArray[np.float64]]:
+    """Linear light of each photograph (rows, columns, colours), and on its side."""
+    from ocisac_fast.camera.linear_light import linear_light
+    from ocisac_fast.files import read_frames
+
+    for path in sorted(folder.iterdir()):
+        light = linear_light(read_frames(path).frames[0], SRGB)
+        every = -(-max(light.shape) // MAX_SIDE)
+        rows, columns = light.shape[0] // every, light.shape[1] // every
+        light = light[: rows * every, : columns * every].reshape(rows, every, columns, every, -1).mean(axis=(1, 3))
+        yield light
+        yield light.transpose(1, 0, 2)
+
+
+def under_mains(light: np.ndarray, cycles: float, depth: float, phase: float) -> tuple[np.ndarray, np.ndarray]:
+    """Stored bytes of a photograph under mains light, and those under a steady one."""
+    from ocisac_fast.camera.linear_light import stored_values
+
+    angle = 2 * np.pi * cycles * (np.arange(len(light)) + 0.5) / len(light) + phase
+    waves = 1 + depth * np.cos(angle) + 0.2 * depth * np.cos(2 * angle)
+    dimmed = light / (1 + 1.2 * depth)
+    kind = np.dtype(np.uint8)
+    return stored_values(dimmed * waves[:, None, None], SRGB, kind), stored_values(dimmed, SRGB, kind)
+
+
+def fitted_psnr(stored: np.ndarray, truth: np.ndarray, axis: tuple[int, ...]) -> float:
+    """PSNR after the best gain over these axes, peak 255, at most 60 dB."""
+    values, truth = stored.astype(float), truth.astype(float)
+    gain = (values * truth).sum(axis=axis, keepdims=True) / np.maximum((values**2).sum(axis=axis, keepdims=True), 1e-9)
+    return min(psnr(gain * values, truth, np.ones(truth.shape, bool)), 60.0)
+
+
+def slow_bands(folder: pathlib.Path, seed: int) -> Iterator[dict[str, float]]:
+    """Photographs under each depth and number of cycles, and without bands."""
+    lights, random = list(photographs(folder)), np.random.default_rng(seed)
+    for depth, cycles in ((0.0, 0.0), *((depth, cycles) for depth in SLOW_DEPTHS for cycles in SLOW_CYCLES)):
+        found = []
+        for light in lights:
+            stored, truth = under_mains(light, cycles, depth, random.uniform(0, 2 * np.pi))
+            done = remove_bands(stored[None], SRGB)
+            if not done.unchanged[0]:
+                plain, cleaned = (fitted_psnr(one, truth, (0, 1)) for one in (stored, done.frames[0]))
+                found.append((plain, cleaned, fitted_psnr(stored, truth, (1,))))
+        values = np.array(found) if found else np.full((1, 3), np.nan)
+        yield {
+            "depth": depth,
+            "cycles": cycles,
+            "photographs": len(lights),
+            "cleaned": len(found),
+            "worse_by_half_a_db": int((values[:, 1] < values[:, 0] - 0.5).sum()),
+            **dict(zip(("stored_db", "cleaned_db", "oracle_db"), values.mean(axis=0).tolist(), strict=True)),
+        }
+
+
 def means(scenes: list[dict[str, float]]) -> dict[str, float]:
     return {key: float(np.mean([one[key] for one in scenes])) for key in scenes[0]}
 
@@ -342,6 +407,7 @@ def draw(path: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--recordings", type=pathlib.Path)
+    parser.add_argument("--slow", type=pathlib.Path, help="photographs under slow bands alone")
     parser.add_argument("--picture")
     parser.add_argument("--video", action="store_true", help="videos alone")
     parser.add_argument("--frames", type=int, default=18, help="of each video")
@@ -357,6 +423,11 @@ def main() -> None:
             found = [measured_video(one, options.frames, seed) for seed in options.seeds]
             values = {**means(found), "worst_over_alone": min(each["worst_over_alone"] for each in found)}
             print(json.dumps({"video": one, **{key: round(value, 3) for key, value in values.items()}}), flush=True)
+        return
+    if options.slow:
+        for seed in options.seeds:
+            for values in slow_bands(options.slow, seed):
+                print(json.dumps({key: round(value, 2) for key, value in values.items()}), flush=True)
         return
     report: dict[str, Any] = {"scenes": {}, "behind": {}, "recordings": {}}
     for name, light in lights().items():

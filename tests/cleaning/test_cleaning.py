@@ -447,14 +447,6 @@ def test_a_picture_that_cleaning_would_make_worse_stays(seed: int, keep: Literal
         assert not done.share.any()
 
 
-def test_slow_bands_are_told() -> None:
-    """Bands of 200 rows per cycle cannot be told from the picture; that they are there can."""
-    picture = 0.4 + 0.2 * boxes(0, rows=400)
-    done = remove_bands(under_a_tone(picture, cycles=2.0), CAMERA)
-    assert done.slow_bands[0] == pytest.approx(0.6 * 0.8, rel=0.35)
-    assert remove_bands(under_a_tone(picture, cycles=20.0), CAMERA).slow_bands[0] == 0.0
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

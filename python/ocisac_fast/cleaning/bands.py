@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Literal
@@ -14,14 +15,17 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
 from ocisac_fast.cleaning.shares import colour_shares
+from ocisac_fast.cleaning.slow_light import CommonCourse, SlowLight, find_slow_lights
 from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, block_size, merged
 from ocisac_fast.cleaning.toe import find_toe
-from ocisac_fast.cleaning.verdict import MAX_JUDGED_COLUMNS, Verdict, judged, mean_verdict
+from ocisac_fast.cleaning.verdict import MAX_JUDGED_COLUMNS, MIN_LEFT, Verdict, judged, mean_verdict
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
+
+_MUCH_LEFT, _MUCH_TEXTURE = 0.5, 1.0  # of the bands' swing; dB: a remark
 
 
 class Mark(IntEnum):
@@ -51,7 +55,7 @@ class CleanedFrames:
         light_left: (frames,) swing of the row light in the columns after cleaning, over that before.
         texture_change: (frames,) energy of texture after cleaning over that before, dB.
         slow_bands: (frames,) amplitude, relative to the light, of bands above 128 rows per cycle that are left; 0 if
-            none are significant.
+            they are not ten times as likely as none.
         unchanged: why a frame is left as it was, since cleaning would make it worse; "" for a frame that is cleaned.
             ``share`` is 0 then, ``light_left`` and ``texture_change`` are those of the result that was rejected.
     """
@@ -67,6 +71,25 @@ class CleanedFrames:
     texture_change: FloatArray
     slow_bands: FloatArray
     unchanged: tuple[str, ...]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """For each frame what is likely wrong with the result, or ""."""
+        return tuple(
+            _remark(*of_frame)
+            for of_frame in zip(self.unchanged, self.light_left, self.texture_change, self.slow_bands, strict=True)
+        )
+
+
+def _remark(unchanged: str, light_left: float, texture_change: float, slow_bands: float) -> str:
+    remarks = [f"unchanged ({unchanged})"] if unchanged else []
+    if not unchanged and light_left > _MUCH_LEFT:
+        remarks.append(f"bands left: {100 * light_left:.2g} % of their swing")
+    if not unchanged and abs(texture_change) > _MUCH_TEXTURE:
+        remarks.append(f"texture changed: {texture_change:+.2g} dB")
+    if slow_bands > 0:
+        remarks.append(f"bands above 128 rows left: {100 * slow_bands:.2g} % of the light")
+    return "; ".join(remarks)
 
 
 @checked_class
@@ -151,11 +174,12 @@ def remove_bands(
         model: model of a light that is not given. ``"tone"``: a tone with its harmonics; ``"chips"``: the chips that
             :func:`ocisac_fast.receive` detects, with the response that the rows show; ``"rows"``: arbitrary;
             ``"auto"``: a tone that explains 90 % of the swing that rows have in common, else chips that explain 92 %,
-            else a tone that explains 50 %, else arbitrary. Changes slower than 128 rows are attributed to the picture.
+            else a tone that explains 50 %, else arbitrary. A tone slower than 128 rows per cycle is searched in a
+            picture without another light, and removed where the picture's own shades cannot be the reason.
         keep: ``"picture"``, or ``"bands"``: the modulated light alone, c q L_n.
         level: of the steady light: ``"full"``: the brightest rows'; ``"mean"``: its mean over the rows.
-        still: the frames show one static scene: shares are estimated from all of them together. A frame without the
-            light may be among them, with ``light`` 0.
+        still: the frames show one static scene and follow each other: shares, and the phases of a slow tone, are
+            estimated from all of them together. A frame without the light may be among them, with ``light`` 0.
         options: noise, largest gain, filling of dark pixels, toe; None: the defaults.
 
     Returns:
@@ -301,17 +325,30 @@ class Done:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """Frames of one scene, the light of each row of each frame and colour, and its shares; verdicts as in `Done`."""
+    """Frames of one scene, the light of each row of each frame and colour, and its shares; verdicts as in `Done`.
+
+    ``slow``: the slow light of each frame; empty where another light is removed or given.
+    """
 
     stored: StoredFrames
     lights: list[list[RowLight]]
     shares: list[BlockShares]
     verdicts: list[Verdict]
     unchanged: str
+    slow: list[SlowLight]
 
 
-def estimated(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight]] | None, task: Task) -> Estimate:
-    """Estimate the light in frames (frames, rows, columns, colours) of one scene."""
+def estimated(
+    stack: npt.NDArray[Any],
+    camera: Camera,
+    given: list[list[RowLight]] | None,
+    task: Task,
+    earlier: Sequence[CommonCourse] = (),
+) -> Estimate:
+    """Estimate the light in frames (frames, rows, columns, colours) of one scene.
+
+    ``earlier``: courses of the frames before the first one.
+    """
     stored = StoredFrames(stack, camera, task.options.noise, task.options.toe or 0.0)
     found = given or _lights(stored, camera, task.model)
     if task.options.toe is None and camera.tone_curve != "linear" and found[0][0].model == "chips":
@@ -322,7 +359,46 @@ def estimated(stack: npt.NDArray[Any], camera: Camera, given: list[list[RowLight
     rows = np.stack([[own.light for own in of_frame] for of_frame in found])  # (frames, colours, rows)
     shares = shares_of(stored, rows, smooth=all(own.model == "tone" for of_frame in found for own in of_frame))
     verdicts = [verdict_on(stored, k, rows[k], shares) for k in range(len(stack))]
-    return Estimate(stored, found, shares, verdicts, "" if given else mean_verdict(verdicts).objection)
+    objection = "" if given else mean_verdict(verdicts).objection
+    doubtful = objection or found[0][0].model == "rows" or mean_verdict(verdicts).light_left > _MUCH_LEFT
+    if not given and task.model in ("auto", "tone") and doubtful:
+        slow = find_slow_lights(stored.light, stored.variance, camera, earlier)
+        if not any(own.objection for own in slow):
+            return of_slow_light(stored, slow, camera)
+        if objection:
+            objection = next((own.objection for own in slow if own.amplitude > 0.0), objection)
+            return Estimate(stored, found, shares, _with_slow_bands(verdicts, slow), objection, slow)
+    slow = find_slow_lights(stored.light / _light_of_blocks(stored, rows, shares), stored.variance, camera)
+    return Estimate(stored, found, shares, _with_slow_bands(verdicts, slow), objection, [])
+
+
+def _with_slow_bands(verdicts: list[Verdict], slow: list[SlowLight]) -> list[Verdict]:
+    return [replace(one, slow_bands=own.amplitude) for one, own in zip(verdicts, slow, strict=True)]
+
+
+def _light_of_blocks(stored: StoredFrames, rows: FloatArray, shares: list[BlockShares]) -> FloatArray:
+    """(frames, rows, merged columns, colours) light of ``rows`` (frames, colours, rows) where shares are ``shares``."""
+    down = np.arange(stored.light.shape[1]) // shares[0].rows
+    across = np.arange(stored.light.shape[2]) * stored.merged // shares[0].columns
+    share = np.stack([own.share[np.ix_(down, across)] for own in shares], axis=-1)
+    return np.maximum(1 + share * (np.swapaxes(rows, 1, 2)[:, :, None] - 1), MIN_LEFT)
+
+
+def of_slow_light(stored: StoredFrames, slow: list[SlowLight], camera: Camera) -> Estimate:
+    """The estimate of a slow light, of which all pixels have the same share."""
+    count, columns = stored.stack.shape[1:3]
+    depths = np.max([[tone.depth(count) for tone in own.tones] for own in slow], axis=0)
+    shares = [BlockShares(np.full((1, 1), depth), count, columns) for depth in depths]
+    lights, verdicts = [], []
+    for frame, own in enumerate(slow):
+        rows = np.stack([
+            1 + (tone.light(count) - 1) / max(depth, 1e-9) for tone, depth in zip(own.tones, depths, strict=True)
+        ])  # fmt: skip
+        hertz = own.tones[0].cycles / (count * camera.row_period)
+        lights.append([RowLight(light, float(light.max()), "tone", hertz) for light in rows])
+        verdict = verdict_on(stored, frame, rows, shares)
+        verdicts.append(replace(verdict, light_left=own.verdict.left, worse=own.verdict.worse, level=own.verdict.level))
+    return Estimate(stored, lights, shares, verdicts, "", slow)
 
 
 def _lights(stored: StoredFrames, camera: Camera, model: str) -> list[list[RowLight]]:
@@ -350,7 +426,7 @@ def verdict_on(
     rows: FloatArray,
     shares: list[BlockShares],
     columns: int = MAX_JUDGED_COLUMNS,
-    slow_bands: float | None = None,
+    slow_bands: float = 0.0,
 ) -> Verdict:
     """The verdict on one frame with the row light of each colour, ``rows`` (colours, rows), by so many columns."""
     light, variance = stored.light[frame], stored.variance[frame]

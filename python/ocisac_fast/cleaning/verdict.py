@@ -12,15 +12,12 @@ from ocisac_fast.cleaning.columns import FloatArray, misfit, slow_terms
 
 _GROUPS = 24  # of columns
 MAX_JUDGED_COLUMNS = 256  # of a picture
-_MIN_LEFT = 1 / 8  # lower bound of a light that is a divisor
+MIN_LEFT = 1 / 8  # lower bound of a light that is a divisor
 _FLOOR = 0.01  # of the mean light, below which logarithms show noise
 _MIN_GAIN = 0.03  # of the log-likelihood of a pair of pixels; texture without a light gives less
 _HALF_LEFT, _MUCH_LEFT = 0.5, 0.6  # of the row light
 _MIN_LEVEL = 0.25  # coherence of level bands; of a light on part of the picture 0.4 and more
 _MAX_WORSE = 0.25  # share of the columns
-_SLOW_SIGNIFICANCE = 15.0  # standard errors of the columns' mean; photographs without slow bands have up to 9
-_SLOW_SHARE = 0.2  # of what varies slowly along the columns
-_CYCLE_STEP = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +30,7 @@ class Verdict:
         gain: decrease of the misfit of rows a few apart.
         worse: share of the columns whose misfit increases.
         level: coherence of the bands over the columns, 1 for level bands, 0 for tilted ones.
-        slow_bands: amplitude, relative to the light, of bands above 128 rows that are left; 0 if none are significant.
+        slow_bands: amplitude, relative to the light, of bands above 128 rows that are left; 0 if none are likely.
         energy: of the row light's swing in the columns before cleaning.
     """
 
@@ -48,6 +45,8 @@ class Verdict:
     @property
     def objection(self) -> str:
         """Why the picture is better left alone; "" where it is not."""
+        if self.light_left > 1.0:
+            return "the bands would be stronger than before"
         if self.gain < _MIN_GAIN and (self.light_left > _HALF_LEFT or self.gain < 0.0):
             return "no light of the rows: they would differ as much as before"
         if self.light_left > _MUCH_LEFT and self.level < _MIN_LEVEL:
@@ -57,29 +56,25 @@ class Verdict:
         return ""
 
 
-def judged(
-    light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray, slow_bands: float | None = None
-) -> Verdict:
+def judged(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray, slow_bands: float) -> Verdict:
     """Compare one colour (rows, columns) of linear light before and after division by its row light with its shares.
 
-    ``variance``: of the noise before, infinite for pixels without data; ``slow_bands``: where they are known.
+    ``variance``: of the noise before, infinite for pixels without data; ``slow_bands``: see :class:`Verdict`.
     """
     before = light
-    left = np.maximum(1 + share * (rows[:, None] - 1), _MIN_LEFT)
+    left = np.maximum(1 + share * (rows[:, None] - 1), MIN_LEFT)
     after = before / left
     lag = _core.comparison_lag(rows[None])
     pairs = ((before, variance), (after, variance / left**2))
     whole = [misfit(values, spread, lag) for values, spread in pairs]
     parts = np.array_split(np.arange(left.shape[1]), min(_GROUPS, left.shape[1]))
     grown = [np.diff([misfit(values[:, part], spread[:, part], lag) for values, spread in pairs]) > 0 for part in parts]
-    kept = np.isfinite(variance) & (left > _MIN_LEFT)
+    kept = np.isfinite(variance) & (left > MIN_LEFT)
     first, second = _group_means(before, np.isfinite(variance)), _group_means(after, kept)
     course = _course(rows)
     swings, swings_left = course.T @ first, course.T @ second
     energy = float((swings**2).sum())
     mean = swings.mean(axis=1)
-    if slow_bands is None:
-        slow_bands = _slow_bands(np.log(np.maximum(second, 0.0) + _FLOOR * max(float(second.mean()), 1e-300)))
     return Verdict(
         light_left=float(np.sqrt((swings_left**2).sum() / energy)) if energy > 0 else 0.0,
         texture_change=_decibels(_texture(after, kept), _texture(before, kept)),
@@ -130,24 +125,3 @@ def _texture(light: FloatArray, kept: npt.NDArray[np.bool_]) -> float:
 
 def _decibels(after: float, before: float) -> float:
     return float(10 * np.log10(after / before)) if after > 0 and before > 0 else 0.0
-
-
-def _slow_bands(groups: FloatArray) -> float:
-    """Amplitude of the tone of one cycle or more, slower than 128 rows, that the columns have most in common; 0 if it
-    is not significant. A quadratic course along the columns, such as vignetting, is left out.
-    """
-    rows, count = groups.shape
-    place = np.linspace(-1.0, 1.0, rows)
-    trend = np.stack([np.ones(rows), place, place**2], axis=1)
-    around = float(((groups - trend @ np.linalg.lstsq(trend, groups, rcond=None)[0]) ** 2).sum())
-    best, amplitude = (1 - _SLOW_SHARE) * around, 0.0
-    for cycles in np.arange(1.0, rows / 128, _CYCLE_STEP) if count > 2 else ():
-        angle = np.pi * cycles * place
-        basis = np.concatenate([trend, np.cos(angle)[:, None], np.sin(angle)[:, None]], axis=1)
-        values = np.linalg.lstsq(basis, groups, rcond=None)[0]
-        rest = float(((groups - basis @ values) ** 2).sum())
-        tone = values[-2] + 1j * values[-1]
-        common = float(abs(tone.mean()))
-        if rest < best and common > _SLOW_SIGNIFICANCE * float(tone.std()) / np.sqrt(count):
-            best, amplitude = rest, common
-    return amplitude

@@ -18,6 +18,7 @@ from ocisac_fast.cleaning.bands import (
     collected,
     estimated,
     finished,
+    of_slow_light,
     shares_of,
     stacked,
     verdict_on,
@@ -25,6 +26,7 @@ from ocisac_fast.cleaning.bands import (
 from ocisac_fast.cleaning.columns import Columns, FloatArray
 from ocisac_fast.cleaning.motion import displacement, moved, window_mean
 from ocisac_fast.cleaning.row_light import RowLight, find_row_light, row_light_of
+from ocisac_fast.cleaning.slow_light import MOST_FRAMES, CommonCourse, SlowTone, find_slow_lights, mode_count
 from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, merged
 from ocisac_fast.cleaning.tone_light import followed
 from ocisac_fast.core.checks import checked
@@ -58,8 +60,9 @@ class VideoCleaner:
 
     The first frame is cleaned as a picture. In the following ones a tone keeps its frequency, which becomes more
     precise from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move
-    with the picture, and become the mean of several estimates. A frame for which that fails, such as the first of
-    another scene, is cleaned as a picture again.
+    with the picture, and become the mean of several estimates. A tone slower than 128 rows per cycle is compared with
+    up to 7 frames before, in which the picture stays and the phase advances. A frame for which that fails, such as the
+    first of another scene, is cleaned as a picture again.
 
     Args:
         camera, model, keep, level, options: as in :func:`remove_bands`.
@@ -78,6 +81,8 @@ class VideoCleaner:
         self._camera = camera
         self._task = Task(model, keep, level, options or CleaningOptions())
         self._before: _Before | None = None
+        self._courses: list[CommonCourse] = []  # of the last frames, while no other light is found
+        self._slow: SlowTone | None = None
 
     @checked
     def push(self, frame: npt.ArrayLike) -> CleanedFrames:
@@ -92,21 +97,42 @@ class VideoCleaner:
         stack = stacked(frame, "frame", self._camera.scan_axis)
         if len(stack) != 1:
             raise ValueError(f"frame: got {len(stack)} frames, allowed: one")
-        found = self._followed(stack) or self._alone(stack)
+        found = self._followed(stack) or self._slowly(stack) or self._alone(stack)
         return collected([finished(found, self._task)], self._camera, np.ndim(frame))
 
     def forget(self) -> None:
         """Clean the next frame as a picture."""
-        self._before = None
+        self._before, self._courses, self._slow = None, [], None
 
     def _alone(self, stack: npt.NDArray[Any]) -> Estimate:
-        found = estimated(stack, self._camera, None, self._task)
+        if self._courses and len(self._courses[0].modes) != mode_count(stack.shape[1]):
+            self._courses = []
+        found = estimated(stack, self._camera, None, self._task, self._courses)
         stored, shares = found.stored, found.shares
-        self._before = None
-        if not found.unchanged:
+        self._before = self._slow = None
+        if found.slow:
+            self._keep_slow(found)
+        else:
+            self._courses = []
             guide = _guide(_in_blocks(stored, shares[0])[0], found.lights[0], shares)
             slow_bands, count = found.verdicts[0].slow_bands, np.ones(shares[0].share.shape)
             self._before = _Before(found.lights[0], shares, guide, stored.toe, stored.noise, slow_bands, 0, count)
+        return found
+
+    def _keep_slow(self, found: Estimate) -> None:
+        self._courses = [*self._courses, found.slow[-1].course][1 - MOST_FRAMES :]
+        self._slow = None if found.unchanged else found.slow[-1].tones[0]
+
+    def _slowly(self, stack: npt.NDArray[Any]) -> Estimate | None:
+        """The frame by the slow tone of the ones before; None where that fails."""
+        if self._slow is None or len(self._courses[0].modes) != mode_count(stack.shape[1]):
+            return None
+        stored = StoredFrames(stack, self._camera, self._task.options.noise, self._task.options.toe or 0.0)
+        slow = find_slow_lights(stored.light, stored.variance, self._camera, self._courses, self._slow)
+        if slow[-1].objection:
+            return None
+        found = of_slow_light(stored, slow, self._camera)
+        self._keep_slow(found)
         return found
 
     def _followed(self, stack: npt.NDArray[Any]) -> Estimate | None:
@@ -129,7 +155,7 @@ class VideoCleaner:
         self._before = replace(
             before, lights=lights, shares=shares, guide=guide, frames=before.frames + 1, estimates=estimates
         )
-        return Estimate(stored, [lights], shares, [verdict], "")
+        return Estimate(stored, [lights], shares, [verdict], "", [])
 
     def _lights(self, stored: StoredFrames, before: _Before) -> list[RowLight]:
         """The row light of each colour; colours that had one light have one again."""

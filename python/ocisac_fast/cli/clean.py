@@ -72,7 +72,8 @@ def clean(
 
     OUT is .png, .jpg, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
-    is measured; a frame that cleaning would make worse stays as it is, and the reason is printed. In a video the light
+    is measured; a frame that cleaning would make worse stays as it is. The last column gives the reason, and bands that
+    are left. In a video the light
     is carried from frame to frame; a video written as a video keeps its sound and time stamps.
     """
     from ocisac_fast.cleaning import CleaningOptions
@@ -156,6 +157,7 @@ class _Cleaner:
                         "texture_change_db": float(done.texture_change[k]),
                         "slow_bands": float(done.slow_bands[k]),
                         "unchanged": done.unchanged[k],
+                        "remark": done.remarks[k],
                     }
                 )
             )
@@ -173,12 +175,5 @@ def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
         f"{facts['toe']:.3g}",
         *(f"{100 * facts[name]:.3g} %" for name in ("saturated", "too_dark", "light_left")),
         number(facts["texture_change_db"], "dB", 2),
-        _remark(facts),
+        facts["remark"],
     ]
-
-
-def _remark(facts: dict[str, Any]) -> str:
-    remarks = [f"unchanged ({facts['unchanged']})"] if facts["unchanged"] else []
-    if facts["slow_bands"] > 0:
-        remarks.append(f"bands above 128 rows left: {100 * facts['slow_bands']:.2g} % of the light")
-    return "; ".join(remarks)

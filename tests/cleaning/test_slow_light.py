@@ -1,0 +1,134 @@
+"""Light slower than 128 rows per cycle: mains at some cycles a picture, in one frame and in several."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, strategies as st
+
+from ocisac_fast import Camera, remove_bands
+from ocisac_fast.cleaning import VideoCleaner
+from ocisac_fast.cleaning.slow_light import common_course, find_slow_lights
+
+Array = npt.NDArray[np.float64]
+ROWS, COLUMNS = 400, 200
+CAMERA = Camera(1e-5)
+
+
+def boxes(seed: int) -> Array:
+    random = np.random.default_rng(seed)
+    picture = np.full((ROWS, COLUMNS), 0.5)
+    for _ in range(40):
+        top, left = random.integers(0, ROWS - 10), random.integers(0, COLUMNS - 10)
+        height, width = random.integers(8, 90, 2)
+        picture[top : top + height, left : left + width] = random.uniform(0.3, 1.0)
+    return picture
+
+
+def under(picture: Array, cycles: float, depth: npt.ArrayLike, shift: npt.ArrayLike = 0.0, seed: int = 1) -> Array:
+    """Bytes under a lamp; ``depth``, ``shift`` (cycles): of each column."""
+    angle = 2 * np.pi * (cycles * (np.arange(len(picture)) + 0.5)[:, None] / len(picture) + np.asarray(shift))
+    noise = np.random.default_rng(seed).standard_normal(picture.shape)
+    light = 1 + np.asarray(depth) * np.cos(angle)
+    return np.clip(np.rint(120 * picture * light + noise), 0, 255).astype(np.uint8)
+
+
+def decibels(picture: npt.NDArray[np.generic], clean: Array) -> float:
+    """PSNR to the clean picture after the best gain."""
+    values = picture.astype(float)
+    gain = (values * clean).sum() / (values**2).sum()
+    return float(10 * np.log10(255**2 / np.mean((gain * values - clean) ** 2)))
+
+
+@pytest.mark.parametrize(("cycles", "depth"), [(1.4, 0.4), (2.0, 0.5), (2.6, 0.2)])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tone_of_few_cycles_is_removed_from_one_picture(cycles: float, depth: float, seed: int) -> None:
+    picture = boxes(seed)
+    stored = under(picture, cycles, depth)
+    done = remove_bands(stored, CAMERA)
+    assert done.unchanged == ("",)
+    assert done.remarks == ("",)
+    assert done.frequency[0] == pytest.approx(cycles / (ROWS * CAMERA.row_period), rel=0.1)
+    assert done.light_left[0] < 0.3
+    assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 8
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_picture_without_slow_bands_has_none(seed: int) -> None:
+    """A sky's gradient and a vignette are the picture's own."""
+    y, x = np.mgrid[-1 : 1 : ROWS * 1j, -1 : 1 : COLUMNS * 1j]
+    for shade in (np.ones_like(y), np.exp(-0.4 * y), 1 / (1 + 0.3 * (x**2 + y**2)) ** 2):
+        light = 120 * boxes(seed) * shade
+        (slow,) = find_slow_lights(light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA)
+        assert slow.objection
+        assert slow.amplitude == 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("shape", ["tilted", "half as tilted", "curved", "an arc"])
+def test_bands_of_other_shapes_are_refused_or_left_and_told(seed: int, shape: str) -> None:
+    place = np.linspace(0, 1, COLUMNS)
+    shifts = {"tilted": place, "half as tilted": 0.5 * place, "curved": 2 * (2 * place - 1) ** 2}
+    stored = under(boxes(seed), 2.0, 0.5, shifts.get(shape, 0.5 * (2 * place - 1) ** 2))
+    done = remove_bands(stored, CAMERA)
+    assert "unchanged" in done.remarks[0] or "left" in done.remarks[0]
+    if done.unchanged[0]:
+        np.testing.assert_array_equal(done.frames, stored)
+
+
+def test_a_lamp_on_part_of_the_columns_is_refused() -> None:
+    light = under(boxes(1), 2.0, np.where(np.arange(COLUMNS) < 0.6 * COLUMNS, 0.5, 0.0)).astype(float)
+    (slow,) = find_slow_lights(light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA)
+    assert slow.objection
+
+
+@pytest.mark.parametrize(("cycles", "depth"), [(1.0, 0.06), (1.7, 0.1)])
+def test_three_frames_show_what_one_does_not(cycles: float, depth: float) -> None:
+    """A horizon hides the bands; in three frames it stays, and their phase advances."""
+    picture = boxes(5) * np.where(np.arange(ROWS) < 180, 1.0, 0.5)[:, None]
+    stored = np.stack([under(picture, cycles, depth, 0.3 * k, seed=k) for k in range(3)])
+    assert remove_bands(stored, CAMERA).slow_bands.max() == 0.0 or remove_bands(stored, CAMERA).unchanged[0]
+    done = remove_bands(stored, CAMERA, still=True)
+    assert done.unchanged == ("",) * 3
+    for k in range(3):
+        assert decibels(done.frames[k], 120 * picture) > decibels(stored[k], 120 * picture) + 4
+
+
+def test_two_frames_are_enough_with_the_cameras_clock() -> None:
+    """Two frames show the difference of two phases; mains and the frame time give their step."""
+    camera = Camera(row_time=1.2 / (100 * ROWS), frame_time=1 / 29)
+    picture = boxes(6)
+    step = 100 / 29 % 1
+    stored = np.stack([under(picture, 1.2, 0.2, step * k, seed=k) for k in range(2)])
+    done = remove_bands(stored, camera, still=True)
+    assert done.unchanged == ("", "")
+    assert done.frequency == pytest.approx(100)
+    for k in range(2):
+        assert decibels(done.frames[k], 120 * picture) > decibels(stored[k], 120 * picture) + 8
+
+
+def test_a_video_is_cleaned_once_its_frames_show_the_bands() -> None:
+    picture = boxes(5) * np.where(np.arange(ROWS) < 180, 1.0, 0.5)[:, None]
+    cleaner = VideoCleaner(CAMERA)
+    for k in range(6):
+        stored = under(picture, 1.2, 0.12, 0.3 * k, seed=k)
+        done = cleaner.push(stored)
+        if k >= 3:
+            assert not done.unchanged[0]
+            assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 5
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_common_course_is_that_of_the_rows(seed: int) -> None:
+    """It does not depend on the columns' brightness, and a row light is added to it."""
+    random = np.random.default_rng(seed)
+    light = random.uniform(0.1, 1.0, 64) * np.exp(0.01 * random.standard_normal((ROWS, 64)))
+    place = (np.arange(ROWS) + 0.5) / ROWS
+    rows = np.exp(0.2 * np.cos(np.pi * np.outer(place, np.arange(1, 4))) @ random.standard_normal(3))
+    lit, brighter = (
+        common_course(scale * light * rows[:, None], np.full(light.shape, scale**2 * 1e-6)) for scale in (1.0, 3.0)
+    )
+    np.testing.assert_allclose(brighter.modes, lit.modes, atol=1e-9)
+    modes = np.cos(np.pi * np.outer(place, np.arange(1, len(lit.modes) + 1)))
+    np.testing.assert_allclose(lit.modes, 2 / ROWS * modes.T @ np.log(rows), atol=0.003)
