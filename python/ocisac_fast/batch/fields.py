@@ -168,6 +168,7 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         Field("texture_change_db", "float64", "dB", "energy of texture after cleaning, over that before"),
         Field("slow_bands", "float64", "", "amplitude of bands above 128 rows that are left, over the light"),
         Field("unchanged", "string", "", "why the frame stayed as it was, or empty"),
+        Field("remark", "string", "", "what is likely wrong with the result, or empty"),
         _AXIS,
         Field("cleaned", "string", "", "path of the file written"),
     ),

@@ -183,7 +183,7 @@ def common_course(light: FloatArray, variance: FloatArray) -> CommonCourse:
     most = mode_count(len(light))
     height, width = max(1, len(light) // (4 * most)), max(1, -(-light.shape[1] // _COLUMNS))
     light, variance = merged(*merged(light, variance, height, axis=0), width, axis=1)
-    usable = np.maximum(light, 1e-3 * max(float(light.mean()), 1e-300))
+    usable = np.maximum(light, 1e-3 * max(float(light.mean()), 1e-100))
     level, noise = np.log(usable), variance / usable**2
     modes = _modes((np.arange(len(level)) + 0.5) / len(level), most)
     lags = [lag for lag in _LAGS if lag < len(level)]
