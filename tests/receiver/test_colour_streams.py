@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +12,10 @@ import numpy.typing as npt
 import pytest
 from click.testing import CliRunner
 
-from ocisac_fast import Camera, receive
+from ocisac_fast import Camera, Receiver, integrate_exposure, receive, transmit
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
-from ocisac_fast.receiver import Received
+from ocisac_fast.receiver import MultiReceiver, Received
 
 Array = npt.NDArray[np.float64]
 ROWS, COLUMNS, EXPOSURE = 900, 60, 0.6  # chips
@@ -140,3 +142,58 @@ def test_the_command_names_the_colour(tmp_path: Path) -> None:
     for line in lines:
         (alone,) = receive(frames[..., line["colour"]], Camera(1.0))
         assert line["bits"] == alone.bits
+
+
+def stream_frames(
+    payloads: list[bytes], mixing: Array, seed: int, exposure: float = 90e-6, noise: float = 1.5
+) -> tuple[Camera, Iterator[npt.NDArray[np.uint8]]]:
+    """Frames (rows, columns, 3) of a lamp whose colours send a payload each."""
+    camera = Camera(22.2e-6, exposure, frame_time=1 / 30)
+    waves = [transmit(payload).waveform(8e3) for payload in payloads]
+    random = np.random.default_rng(seed)
+    profile = np.exp(-(((np.arange(24) - 12) / 8) ** 2))
+
+    def frames() -> Iterator[npt.NDArray[np.uint8]]:
+        start = random.uniform(0, 1)
+        while True:
+            sent = np.stack([integrate_exposure(wave, camera, 1080, start=start) for wave in waves])
+            light = (mixing @ sent / np.abs(mixing).sum(axis=1).max()).T
+            read = 20 + 110 * light[:, None] * profile[:, None]
+            yield np.clip(np.rint(read + noise * random.standard_normal(read.shape)), 0, 255).astype(np.uint8)
+            start += 1 / 30
+
+    return camera, frames()
+
+
+PAYLOADS = [bytes([k]) * 40 for k in (17, 99, 203)]
+
+
+@pytest.mark.parametrize("crosstalk", [0.0, 0.3])
+def test_the_receiver_gets_a_payload_of_each_colour(crosstalk: float) -> None:
+    mixing = np.eye(3) + crosstalk * (1 - np.eye(3)) * np.random.default_rng(5).uniform(0.5, 1, (3, 3))
+    camera, frames = stream_frames(PAYLOADS, mixing, seed=1)
+    receiver, found = Receiver(camera, chip_rate=8e3), set()
+    for frame in itertools.islice(frames, 40):
+        result = receiver.push(frame)
+        found |= {one.payload.data for one in (result, *result.streams) if one.payload}
+    assert found == set(PAYLOADS)
+
+
+def test_several_lights_are_a_source_for_each_stream() -> None:
+    camera, frames = stream_frames(PAYLOADS, np.eye(3), seed=2)
+    receiver, found = MultiReceiver(camera, chip_rate=8e3, regions=[(0, 0, 24, 1080)]), {}
+    for frame in itertools.islice(frames, 40):
+        for light in receiver.push(frame):
+            if light.received and light.received.payload:
+                found.setdefault(light.source, set()).add(light.received.payload.data)
+    assert sorted(found.values(), key=sorted) == sorted(({one} for one in PAYLOADS), key=sorted)
+
+
+@pytest.mark.parametrize("exposure", [90e-6, 622e-6])
+def test_colours_that_agree_are_one_stream(exposure: float) -> None:
+    camera, frames = stream_frames(PAYLOADS[:1] * 3, np.diag([1.0, 0.8, 0.6]), seed=3, exposure=exposure)
+    receiver = Receiver(camera, chip_rate=8e3)
+    results = [receiver.push(frame) for frame in itertools.islice(frames, 12)]
+    assert not any(result.streams for result in results)
+    if exposure < 100e-6:  # the sum of all colours: less noise than in the best one
+        assert results[-1].snr > 1.3 * results[1].snr

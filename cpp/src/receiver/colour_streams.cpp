@@ -239,4 +239,18 @@ std::vector<ColourStream> colour_streams(const std::vector<std::vector<double>>&
   return found;
 }
 
+CombinedColumn sum_of(const std::vector<CombinedColumn>& columns, const ColourStream& stream) {
+  CombinedColumn sum = columns[stream.colour];
+  std::ranges::fill(sum.signal, 0.0);
+  double variance = 0;
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    for (std::size_t n = 0; n < sum.signal.size(); ++n) sum.signal[n] += stream.weights[c] * columns[c].signal[n];
+    if (stream.weights[c] == 0) continue;
+    variance += std::pow(stream.weights[c] * columns[c].noise, 2);
+    sum.saturated |= columns[c].saturated;
+  }
+  sum.noise = std::sqrt(variance);
+  return sum;
+}
+
 }  // namespace ocisac

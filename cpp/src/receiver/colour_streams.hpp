@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "ocisac/columns/column_combination.hpp"
+
 namespace ocisac {
 
 // A stream, or the opposite of one.
@@ -18,5 +20,8 @@ struct ColourStream {
 // show one stream alone are added with the weights of the best signal-to-noise ratio, those with its opposite apart.
 // `values`: (colours × chips) light of each chip. Empty where a colour has no two levels.
 std::vector<ColourStream> colour_streams(const std::vector<std::vector<double>>& values);
+
+// The weighted sum of the colours, with the columns of the one that shows the stream best.
+CombinedColumn sum_of(const std::vector<CombinedColumn>& columns, const ColourStream& stream);
 
 }  // namespace ocisac

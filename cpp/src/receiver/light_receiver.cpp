@@ -3,11 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <string_view>
 #include <utility>
 
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/chips/slicer.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/find_frequency.hpp"
+#include "receiver/colour_streams.hpp"
 
 namespace ocisac {
 
@@ -15,6 +19,11 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMinWeight = 0.1;  // of the largest weight: columns below are outside of the light
+
+constexpr std::size_t kFramesAgreed = 3, kMinChipsOfStreams = 16;
+constexpr std::size_t kLost = 8;         // frames without the light, after which its colours may send other streams
+constexpr double kShortExposure = 1.05;  // chips; in a longer one no chip shows its own level
+constexpr double kSameWeights = 0.9;     // cosine between the weights of two frames
 
 double first_of(const std::vector<double>& values) { return values.empty() ? kNaN : values.front(); }
 
@@ -28,6 +37,29 @@ double offset_of(std::span<const double> weights) {
     moment += weights[column] * static_cast<double>(column);
   }
   return sum > 0 ? moment / sum - 0.5 * static_cast<double>(weights.size() - 1) : 0.0;
+}
+
+double scalar_product(std::span<const double> a, std::span<const double> b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+bool are_alike(const ColourWeights& a, const ColourWeights& b) {
+  const double lengths = std::sqrt(scalar_product(a.weights, a.weights) * scalar_product(b.weights, b.weights));
+  return scalar_product(a.weights, b.weights) > kSameWeights * lengths;
+}
+
+// Agreement of a stream's chips with bits, −1 to 1.
+double agreement(const std::vector<std::vector<double>>& values, const ColourStream& stream, std::string_view bits) {
+  std::vector<double> chips(bits.size());
+  for (std::size_t c = 0; c < values.size(); ++c)
+    for (std::size_t k = 0; k < chips.size(); ++k) chips[k] += stream.weights[c] * values[c][k];
+  const double mean = std::accumulate(chips.begin(), chips.end(), 0.0) / static_cast<double>(chips.size());
+  double same = 0, whole = 0;
+  for (std::size_t k = 0; k < chips.size(); ++k) {
+    same += (bits[k] == '1' ? 1 : -1) * (chips[k] - mean);
+    whole += std::abs(chips[k] - mean);
+  }
+  return whole > 0 ? same / whole : 0.0;
 }
 
 bool has_tone(const LightGain& gain) {
@@ -54,12 +86,14 @@ void LightReceiver::place(const Region& region, bool can_move) {
   region_ = region;
   can_move_ = can_move;
   for (auto& follower : followers_) follower.forget();
+  forget_streams();
   tone_known_ = options_.gain && options_.gain->frequency;
 }
 
 void LightReceiver::forget() {
   if (chips_) chips_->forget();
   for (auto& follower : followers_) follower.forget();
+  forget_streams();
   tone_known_ = options_.gain && options_.gain->frequency;
   unseen_ = 0;
 }
@@ -84,24 +118,60 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
     read.height = free.size();
   }
   while (followers_.size() < colours.size()) followers_.emplace_back(camera_.tone_curve);
-  CombinedColumn best;
-  std::size_t colour = 0;
+  std::vector<CombinedColumn> columns;
   for (std::size_t k = 0; k < colours.size(); ++k) {
     const auto part = part_of(colours[k], read);
-    auto column = followers_[k].combine(part, hold);
-    if (column.slope != 0) column = combine_upright(part, camera_.tone_curve, column.slope);
-    if (k > 0 && !(column.quality > best.quality)) continue;
-    best = std::move(column);
-    colour = k;
+    columns.push_back(followers_[k].combine(part, hold));
+    if (columns[k].slope != 0) columns[k] = combine_upright(part, camera_.tone_curve, columns[k].slope);
   }
+  const bool is_known = stream_.weights.size() == colours.size();
+  const auto strongest = std::ranges::max_element(columns, std::ranges::less{}, &CombinedColumn::quality);
+  const std::size_t colour = is_known ? stream_.colour : static_cast<std::size_t>(strongest - columns.begin());
+  const CombinedColumn best = is_known ? sum_of(columns, {stream_.weights, stream_.colour}) : columns[colour];
   result.received =
       chips_->push(best, result.frame, read.y, {region_.y - read.y, region_.y - read.y + region_.height}, stamp);
   result.received->colour = colour;
+  if (!is_known && colours.size() > 1) learn_streams(columns, *result.received, read.y);
   if (result.received->outcome != FrameOutcome::received && !hold)
     for (auto& follower : followers_) follower.forget();
   else if (can_move_)
     follow(best, shape_of(colours[colour]).columns);
   return colour;
+}
+
+void LightReceiver::forget_streams() {
+  if (is_other_stream_) return;
+  stream_ = {};
+  proposed_.clear();
+  agreed_ = 0;
+}
+
+void LightReceiver::receive_stream(ColourWeights stream) {
+  stream_ = std::move(stream);
+  is_other_stream_ = true;
+}
+
+// Streams that consecutive frames agree on are those of the lamp.
+void LightReceiver::learn_streams(const std::vector<CombinedColumn>& columns, const ReceivedFrame& received,
+                                  std::size_t first_row) {
+  const double exposure_rows = received.exposure / camera_.row_time;
+  const bool is_short = exposure_rows <= kShortExposure * received.rows_per_chip;
+  if (received.outcome != FrameOutcome::received || received.bits.size() < kMinChipsOfStreams || !is_short) return;
+  const ChipGrid grid{
+      {received.rows_per_chip, received.phase - static_cast<double>(first_row)}, 0, received.bits.size()};
+  std::vector<std::vector<double>> values;
+  for (const CombinedColumn& column : columns) values.push_back(chip_values(column.signal, grid, exposure_rows));
+  auto streams = colour_streams(values);
+  std::ranges::sort(streams, std::ranges::greater{},
+                    [&](const ColourStream& stream) { return agreement(values, stream, received.bits); });
+  std::vector<ColourWeights> found;
+  for (auto& stream : streams) found.push_back({std::move(stream.weights), stream.colour});
+  const bool agrees = !found.empty() && std::ranges::equal(found, proposed_, are_alike);
+  agreed_ = agrees ? agreed_ + 1 : 1;
+  proposed_ = std::move(found);
+  if (agreed_ < kFramesAgreed) return;
+  stream_ = proposed_.front();
+  other_streams_.assign(proposed_.begin() + 1, proposed_.end());
 }
 
 void LightReceiver::find_tone(const AnyFramesView& part) {
@@ -163,6 +233,7 @@ LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int6
   // A tone in the whole picture, without a detected light, has no position.
   const bool tone = can_move_ && result.gain && has_tone(*result.gain);
   unseen_ = received || tone ? 0 : unseen_ + 1;
+  if (unseen_ >= kLost) forget_streams();
   return result;
 }
 

@@ -417,21 +417,6 @@ double differing(const Received& a, const Received& b) {
   return 2 * both < a.bits.size() ? 1.0 : static_cast<double>(wrong) / static_cast<double>(both);
 }
 
-// The weighted sum of the colours, from the columns of the one that shows the stream best.
-CombinedColumn sum_of(const std::vector<CombinedColumn>& columns, const ColourStream& stream) {
-  CombinedColumn sum = columns[stream.colour];
-  std::ranges::fill(sum.signal, 0.0);
-  double variance = 0;
-  for (std::size_t c = 0; c < columns.size(); ++c) {
-    for (std::size_t n = 0; n < sum.signal.size(); ++n) sum.signal[n] += stream.weights[c] * columns[c].signal[n];
-    if (stream.weights[c] == 0) continue;
-    variance += std::pow(stream.weights[c] * columns[c].noise, 2);
-    sum.saturated |= columns[c].saturated;
-  }
-  sum.noise = std::sqrt(variance);
-  return sum;
-}
-
 // The streams of a source's colours where they differ; the source itself, or its colours added, where they agree.
 std::vector<Received> streams_of(const Source& source, std::size_t frame, const Camera& camera, const Search& what) {
   const Received& first = source.received;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <string>
 #include <utility>
 
@@ -98,6 +99,19 @@ void Receiver::add(const Region& region, bool can_move) {
   lights_.emplace_back(camera_, options_.light, next_source_++).place(region, can_move);
 }
 
+// A light for each further stream of a lamp's colours, at the lamp's place; all are dropped where no light is seen.
+void Receiver::add_streams() {
+  if (std::ranges::all_of(lights_, [](const auto& light) { return light.unseen() >= kFirstPatience; }))
+    std::erase_if(lights_, std::mem_fn(&LightReceiver::is_other_stream));
+  const std::size_t known = lights_.size();
+  for (std::size_t k = 0; k < known; ++k)
+    for (ColourWeights& stream : lights_[k].take_other_streams()) {
+      const Region region = lights_[k].region();
+      add(region, lights_[k].can_move());
+      lights_.back().receive_stream(std::move(stream));
+    }
+}
+
 // Places lights with given regions.
 void Receiver::place_given(const Region& whole) {
   if (!lights_.empty()) return;
@@ -110,6 +124,7 @@ void Receiver::restart(const Region& whole) {
   agreed_ = attempts_ = 0;
   patience_ = kFirstPatience;
   search_interval_ = kSearchInterval;
+  std::erase_if(lights_, std::mem_fn(&LightReceiver::is_other_stream));
   if (options_.whole_picture && !lights_.empty()) lights_.front().place(whole, false);
   if (options_.whole_picture || !options_.regions.empty())
     for (auto& light : lights_) light.forget();
@@ -120,7 +135,9 @@ void Receiver::restart(const Region& whole) {
 bool Receiver::must_search() const {
   if (options_.whole_picture || !options_.regions.empty()) return false;
   if (lights_.empty() || agreed_ > 0) return true;
-  const auto longest = std::ranges::max_element(lights_, {}, &LightReceiver::unseen)->unseen();
+  std::size_t longest = 0;
+  for (const LightReceiver& light : lights_)
+    if (!light.is_other_stream()) longest = std::max(longest, light.unseen());
   if (longest >= kFirstPatience) return longest >= patience_ && since_search_ >= patience_;
   return lights_.size() < options_.max_sources && since_search_ >= search_interval_;
 }
@@ -238,6 +255,7 @@ std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, c
     results.back().searched = searched;
     if (results.back().received) results.back().received->missing = verdict.missing;
   }
+  add_streams();
   if (std::ranges::all_of(lights_, [](const auto& light) { return light.unseen() == 0; })) patience_ = kFirstPatience;
   std::ranges::stable_sort(results, std::ranges::greater{}, strength);
   return results;

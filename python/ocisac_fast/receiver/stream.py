@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -47,6 +47,7 @@ class ReceivedFrame:
         llr: (bits,) ln P(bright)/P(dark), nats.
         stretch: result of the packet's decoding; None if nothing was received.
         flags: :class:`ocisac_fast.Flag`.
+        streams: of :class:`Receiver` alone: results of the other streams that the colours of the lamp send.
     """
 
     frame: int
@@ -65,6 +66,7 @@ class ReceivedFrame:
     llr: FloatArray
     stretch: Stretch | None
     flags: Flag
+    streams: tuple[ReceivedFrame, ...] = ()
 
     @property
     def payload(self) -> Payload | None:
@@ -85,7 +87,9 @@ class Receiver:
             frames that show a block's header are used.
         chip_rate: Hz, accurate to 2 %. None: estimated blind, which needs an exposure below a chip.
         format: of the sender's packets; None: the defaults of :class:`ocisac_fast.packets.PacketFormat`.
-        colour: index of the colour to use. None: the one with the strongest light.
+        colour: index of the colour to use. None: the one with the strongest light, and from the fourth frame on the sum
+            of all that shows it best. Where the colours send different chips, each stream is received as a light of its
+            own (``ReceivedFrame.streams``; further sources of :class:`MultiReceiver`).
         search_passes: max. number of passes over a frame's rows in a search for its chips, which bounds the time;
             infinity: no bound. A preamble is found in about 50. None: 2000 for a known exposure, else 7000, below
             a second for 1080 rows.
@@ -143,8 +147,11 @@ class Receiver:
             ValueError: a wrong shape or type; a number that is not whole; a value outside its range.
         """
         colours = frame_colours(frame, self._camera, self._colour)
-        (light,) = self._handle.push(colours, frame_number(number), time, exposure, gain)
-        return _received_frame(light[4], self._camera.row_period, self._colour)
+        lights = sorted(
+            self._handle.push(colours, frame_number(number), time, exposure, gain), key=lambda light: light[1]
+        )
+        first, *others = (_received_frame(light[4], self._camera.row_period, self._colour) for light in lights)
+        return replace(first, streams=tuple(others)) if others else first
 
 
 @checked_class

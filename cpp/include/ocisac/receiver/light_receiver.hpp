@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
@@ -48,6 +49,12 @@ struct LightFrame {
   std::optional<BestExposure> suggestion;  // best exposure for the light; absent while no frequency is known
 };
 
+// Weights of the colours of one lamp: their sum shows one stream of chips and no other one.
+struct ColourWeights {
+  std::vector<double> weights;  // empty: the colour of best quality alone
+  std::size_t colour = 0;       // that shows the stream best
+};
+
 class LightReceiver {
  public:
   // Throws std::invalid_argument.
@@ -61,10 +68,19 @@ class LightReceiver {
   // Resets all state of earlier frames; the packet keeps its bytes.
   void forget();
 
-  // `colours`: a frame, one view per colour; the colour of best quality is received. `free`: rows about the region
+  // `colours`: a frame, one view per colour; the colour of best quality is received until three frames agree on the
+  // streams that the colours send: then the sum of all that shows one of them. `free`: rows about the region
   // without another light in its columns. A light that can move is received in all of them: dark rows at either end
   // show where it ends, better than the region.
   LightFrame push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free, const FrameStamp& stamp);
+
+  // The other streams of the lamp, once; each is for a receiver of its own.
+  [[nodiscard]] std::vector<ColourWeights> take_other_streams() { return std::exchange(other_streams_, {}); }
+
+  // Receives this stream alone.
+  void receive_stream(ColourWeights stream);
+  [[nodiscard]] bool can_move() const { return can_move_; }
+  [[nodiscard]] bool is_other_stream() const { return is_other_stream_; }
 
   [[nodiscard]] const Region& region() const { return region_; }
   [[nodiscard]] std::size_t unseen() const { return unseen_; }  // frames since the last data or tone
@@ -72,6 +88,8 @@ class LightReceiver {
  private:
   std::size_t receive_data(std::span<const AnyFramesView> colours, RowRange free, const FrameStamp& stamp,
                            LightFrame& result);
+  void learn_streams(const std::vector<CombinedColumn>& columns, const ReceivedFrame& received, std::size_t first_row);
+  void forget_streams();
   void follow(const CombinedColumn& column, std::size_t columns);
   void find_tone(const AnyFramesView& part);
   [[nodiscard]] LightGain measure_gain(const AnyFramesView& part) const;
@@ -84,7 +102,12 @@ class LightReceiver {
   Region region_;
   bool can_move_ = false;
   std::vector<ColumnFollower> followers_;  // one per colour
-  bool tone_known_ = false;                // frequency_ belongs to this region
+  ColourWeights stream_;                   // that is received
+  std::vector<ColourWeights> proposed_;    // by the last frames, that of this receiver first
+  std::size_t agreed_ = 0;                 // frames that agree on them
+  std::vector<ColourWeights> other_streams_;
+  bool is_other_stream_ = false;
+  bool tone_known_ = false;  // frequency_ belongs to this region
   double frequency_, frequency_std_;
   Flags frequency_flags_ = 0;
   double suggested_for_ = 0;  // Hz, 0: none yet

@@ -23,7 +23,8 @@ struct ReceiverOptions {
 };
 
 // Receives frames in time order; any may be missing. Each frame is checked once (FrameOrder). Lights are searched in
-// the first frame, and again where one was lost or may have appeared; a LightReceiver receives each. Memory is bounded.
+// the first frame, and again where one was lost or may have appeared; a LightReceiver receives each. A lamp whose
+// colours send different chips is one light per stream, at the same place. Memory is bounded.
 class Receiver {
  public:
   // Throws std::invalid_argument.
@@ -45,6 +46,7 @@ class Receiver {
   void search_one(const AnyFramesView& frame);
   void adopt(const std::vector<Region>& found);
   void add(const Region& region, bool can_move);
+  void add_streams();
   [[nodiscard]] RowRange free_rows(const Region& region, std::size_t rows) const;
 
   Camera camera_;
