@@ -224,7 +224,10 @@ def lamp_slope(swings: FloatArray, centres: npt.ArrayLike) -> float:
 
 
 def _centroid(block: FloatArray, columns: FloatArray) -> tuple[float, float, float, float]:
-    """Mean row of the light's power, mean and standard deviation of its columns, and its swing."""
+    """Mean row of the light's power, mean and standard deviation of its columns, swing; about straight lines."""
+    along = np.arange(block.shape[1]) - 0.5 * (block.shape[1] - 1)
+    block = block - block.mean(axis=1, keepdims=True)
+    block = block - np.outer(block @ along / (along @ along), along)
     power = (block**2).sum(axis=1)
     common = block[int(np.argmax(power))]
     loadings = np.zeros(len(columns))
@@ -239,4 +242,92 @@ def _centroid(block: FloatArray, columns: FloatArray) -> tuple[float, float, flo
     spread = math.sqrt(loadings @ (columns - column) ** 2 / loadings.sum())
     energy = common @ common
     row = float(common**2 @ np.arange(len(common)) / energy)
-    return row, float(column), spread, math.sqrt(energy) / float(loadings @ loadings)
+    return row, float(column), spread, math.sqrt(energy / float(loadings @ loadings))
+
+
+def lamp_chips(
+    values: npt.ArrayLike, bits: npt.ArrayLike, dark: npt.ArrayLike, bright: npt.ArrayLike, slow: float
+) -> tuple[int, int]:
+    """The chips [begin, end) of a lamp: the shortest description of the chips' values by bits and other light.
+
+    A dark chip of the lamp costs its bit, given the number of equal ones before it (Krichevsky-Trofimov), and every
+    chip its distance from the level. The others cost the innovations of a Kalman filter from the frame's end inwards,
+    of light on a line or of light with the slope and the curvature of a tone of ``slow`` cycles per chip.
+    """
+    light, sent = np.asarray(values, dtype=np.float64), np.asarray(bits)
+    low, high = np.asarray(dark, dtype=np.float64), np.asarray(bright, dtype=np.float64)
+    count = len(light)
+    if count < 24:
+        return 0, count
+    squares = (light - np.where(sent != 0, high, low)) ** 2
+    swing = _upper_median(high - low)
+    noise = max(math.sqrt(_upper_median(squares) / 0.455), 0.02 * abs(swing))
+    if not noise > 0:
+        return 0, count
+    costs = _costs_of_bits(sent) + np.minimum(0.5 * squares / noise**2, 8)
+    after = _chips_beyond(light, costs, noise, swing, slow)
+    before = _chips_beyond(light[::-1], costs[::-1], noise, swing, slow)
+    return (before, count - after) if before + after < count else (0, count)
+
+
+def _upper_median(values: FloatArray) -> float:
+    return float(np.sort(values)[len(values) // 2])
+
+
+def _costs_of_bits(bits: npt.NDArray[np.generic]) -> FloatArray:
+    """-ln of the probability of each dark bit, 0 for bright ones; runs are counted without the first and last one."""
+    starts = np.flatnonzero(np.diff(bits.astype(np.int64), prepend=bits[0] ^ 1))
+    runs = np.diff(starts)[1:]
+    costs = [math.log(2)]
+    for k in range(1, len(bits)):
+        length = k - int(starts[np.searchsorted(starts, k) - 1])
+        ends = (np.count_nonzero(runs >= length) + 0.5) / (np.maximum(runs - length + 1, 0).sum() + 1)
+        costs.append(-math.log(ends if bits[k] != bits[k - 1] else 1 - ends))
+    return np.where(bits != 0, 0.0, costs)
+
+
+def _chips_beyond(light: FloatArray, costs: FloatArray, noise: float, swing: float, slow: float) -> int:
+    """Number of chips at the end that are the lamp's with a probability below 0.95."""
+    count, turn = len(light), 2 * math.pi * min(slow, 1 / 16)
+    steady = _costs_from_end(light, noise, 0.5 * swing / count, 0.0)
+    varying = _costs_from_end(light, noise, 0.5 * swing * turn, 0.5 * swing * turn**2)
+    saved = np.append(0.0, np.cumsum(costs[::-1]) - np.minimum(steady, varying) - math.log(count))
+    saved[:3] = 0  # the first value is the level, with which others agree
+    if saved.max() <= 0:
+        return 0
+    as_many = np.cumsum(np.exp(saved - saved.max())[::-1])[::-1]
+    return int(np.flatnonzero(as_many >= 0.05 * as_many[0])[-1])
+
+
+def _costs_from_end(light: FloatArray, noise: float, first_slope: float, change: float) -> FloatArray:
+    """Costs of the last 1, 2, ... values of an integrated random walk; outliers do not move the state."""
+    step = np.array([[1.0, 1.0], [0.0, 1.0]])
+    state, covariance = np.array([light[-1], 0.0]), np.diag([noise**2, first_slope**2])
+    costs = [0.0]
+    for value in light[-2::-1]:
+        state, covariance = step @ state, step @ covariance @ step.T + np.diag([0.0, change**2])
+        variance, innovation = covariance[0, 0] + noise**2, value - state[0]
+        square = 0.5 * innovation**2 / variance
+        costs.append(costs[-1] + min(square, 8.0) + 0.5 * math.log(variance / noise**2))
+        if square <= 8:
+            gain = covariance[:, 0] / variance
+            state, covariance = state + gain * innovation, covariance - np.outer(gain, covariance[0])
+    return np.array(costs)
+
+
+def side_light(frame: FloatArray, weights: npt.ArrayLike) -> tuple[FloatArray, float, float] | None:
+    """Mean of the quarter of the columns of linear (rows, columns) that vary least, what of it varies, and its noise.
+
+    With all columns that vary as much as the last of these; None for fewer than eight.
+    """
+    given = np.asarray(weights, dtype=np.float64)
+    varies = frame.var(axis=0)
+    side = np.flatnonzero(varies <= np.sort(varies)[int(0.25 * (len(varies) - 1))])
+    if len(side) < 8 or len(frame) < 4:
+        return None
+    even, odd = frame[:, side[::2]].mean(axis=1), frame[:, side[1::2]].mean(axis=1)
+    light = 0.5 * (even + odd)
+    rows = len(frame)
+    model = np.stack([np.ones(rows), np.linspace(-1, 1, rows), frame @ given], axis=1)
+    rest = light - model @ np.linalg.lstsq(model, light, rcond=None)[0]
+    return light, float(np.std(rest)), float(np.std(0.5 * (even - odd)))
