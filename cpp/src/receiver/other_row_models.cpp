@@ -14,7 +14,7 @@ constexpr double kLowestHum = 90, kSameTone = 0.2;         // Hz; spectral lines
 constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
 constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
-constexpr std::size_t kSearchedFactors = 2, kSearchedModels = 4;       // in a frame, the next ones in another
+constexpr std::size_t kSearchedFactors = 2, kSearchedModels = 6;       // in a frame, the next ones in another
 
 // All rows, each frame's less its slow light.
 std::vector<double> without_slow_light(std::span<const std::span<const double>> frames, double slow) {

@@ -292,7 +292,7 @@ double RowModelSearch::line_code_evidence(std::span<const double> llr) const {
 
 // Words of the line code show that the chips are right, whatever the model leaves.
 bool RowModelSearch::agrees_with_code(const FrameReading& reading) const {
-  return is_sound(reading) && line_code_evidence(reliable_llr(reading)) > 0;
+  return is_sound(reading) && obeys_code(reading.llr, options_.format);
 }
 
 // From the tracked clock, else by a search.
