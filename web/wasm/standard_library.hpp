@@ -98,6 +98,21 @@ constexpr void copy(Range&& range, Output out) {
 }
 
 template <class Range, class Output, class Predicate, class Projection = identity>
+constexpr void copy_if(Range&& range, Output out, Predicate predicate, Projection projection = {}) {
+  std::copy_if(std::begin(range), std::end(range), out, ranges::tested(predicate, projection));
+}
+
+template <class Range>
+constexpr void reverse(Range&& range) {
+  std::reverse(std::begin(range), std::end(range));
+}
+
+template <class Range>
+constexpr void rotate(Range&& range, decltype(std::begin(range)) middle) {
+  std::rotate(std::begin(range), middle, std::end(range));
+}
+
+template <class Range, class Output, class Predicate, class Projection = identity>
 constexpr void remove_copy_if(Range&& range, Output out, Predicate predicate, Projection projection = {}) {
   std::remove_copy_if(std::begin(range), std::end(range), out, ranges::tested(predicate, projection));
 }
