@@ -21,33 +21,11 @@ struct Centroid {
   double row = 0, column = 0, spread = 0, swing = 0;
 };
 
-// The blocks in a window of rows, each less its straight line: dark rows near the lamp's end show a part of its step,
-// which the moving mean spreads.
-std::vector<double> window_swings(std::span<const double> swings, std::size_t blocks, std::size_t begin,
-                                  std::size_t end) {
-  const std::size_t rows = swings.size() / blocks, length = end - begin;
-  const double middle = 0.5 * static_cast<double>(length - 1);
-  double moment = 0;
-  for (std::size_t row = 0; row < length; ++row) moment += std::pow(static_cast<double>(row) - middle, 2);
-  std::vector<double> result(blocks * length);
-  for (std::size_t index = 0; index < blocks; ++index) {
-    const auto block = swings.subspan(index * rows + begin, length);
-    const double mean = std::accumulate(block.begin(), block.end(), 0.0) / static_cast<double>(length);
-    double slope = 0;
-    for (std::size_t row = 0; row < length; ++row) slope += (static_cast<double>(row) - middle) * block[row] / moment;
-    for (std::size_t row = 0; row < length; ++row)
-      result[index * length + row] = block[row] - mean - slope * (static_cast<double>(row) - middle);
-  }
-  return result;
-}
-
 // Loadings by one step of the power method from the strongest block.
 Centroid window_centroid(std::span<const double> swings, std::span<const double> centres, std::size_t begin,
                          std::size_t end) {
-  const auto in_window = window_swings(swings, centres.size(), begin, end);
-  const auto block = [&](std::size_t index) {
-    return std::span(in_window).subspan(index * (end - begin), end - begin);
-  };
+  const std::size_t rows = swings.size() / centres.size();
+  const auto block = [&](std::size_t index) { return swings.subspan(index * rows + begin, end - begin); };
   const auto power = [&](std::size_t index) {
     return std::inner_product(block(index).begin(), block(index).end(), block(index).begin(), 0.0);
   };
@@ -85,7 +63,7 @@ Centroid window_centroid(std::span<const double> swings, std::span<const double>
   }
   found.row /= energy;
   found.spread = std::sqrt(moment / sum);
-  found.swing = std::sqrt(energy / squares);
+  found.swing = std::sqrt(energy) / squares;
   return found;
 }
 

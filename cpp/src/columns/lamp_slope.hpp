@@ -13,8 +13,8 @@ namespace ocisac {
 
 // Slope of a light in columns per row; 0 if it is not significant: below six standard errors, or a movement of less
 // than half of the light's standard deviation. `swings`: (blocks × rows) of groups of columns about their moving means;
-// `centres`: (blocks) columns. Fits a line through the centroids of the light in windows of rows, less straight lines,
-// each at the mean row of the window's light.
+// `centres`: (blocks) columns. Fits a line through the centroids of the light in windows of rows, each at the mean row
+// of the window's light.
 double lamp_slope(std::span<const double> swings, std::span<const double> centres);
 
 // One frame with each row shifted along the columns by slope·(row − middle row), rounded to whole columns; only columns

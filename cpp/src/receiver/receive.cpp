@@ -273,6 +273,30 @@ std::size_t changes_of(const SlicedChips& seen) {
   return changes;
 }
 
+Decoded within(Decoded decoded, ChipRange range) {
+  const auto cut = [&](auto& values) {
+    values = {values.begin() + static_cast<std::ptrdiff_t>(range.begin),
+              values.begin() + static_cast<std::ptrdiff_t>(range.end)};
+  };
+  decoded.grid.first += static_cast<std::ptrdiff_t>(range.begin);
+  decoded.grid.count = range.size();
+  cut(decoded.detection.bits);
+  cut(decoded.detection.dark);
+  cut(decoded.detection.bright);
+  cut(decoded.detection.relative_levels);
+  return decoded;
+}
+
+// The chips whose values a part of the rows gives as all rows do: they lie between its first and its last row, but at
+// the ends of all rows.
+ChipRange chips_inside(const ChipGrid& grid, RowRange rows, std::size_t row_count) {
+  ChipRange range{0, grid.count};
+  const auto first = static_cast<double>(rows.begin), last = static_cast<double>(rows.end) - 1;
+  while (rows.begin > 0 && range.begin < range.end && grid.start(range.begin) < first) ++range.begin;
+  while (rows.end < row_count && range.begin < range.end && grid.start(range.end) > last) --range.end;
+  return range;
+}
+
 // Decodes the lit rows of a signal; `edges`: of the light or of noise in these rows.
 std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& lit, const Search& what,
                                    std::size_t& edges) {
@@ -289,28 +313,17 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
   if (slower)
     if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
-  if (decoded) decoded->grid.clock.phase += static_cast<double>(begin);
-  return decoded;
+  if (!decoded) return decoded;
+  decoded->grid.clock.phase += static_cast<double>(begin);
+  const ChipRange inside = chips_inside(decoded->grid, {begin, end}, column.signal.size());
+  if (inside.size() == 0) return std::nullopt;
+  return within(std::move(*decoded), inside);
 }
 
 // The chips in which the lamp stands; `seen`: of more rows than those of the lamp, maybe.
 ChipRange lamp_among(std::span<const double> signal, const Decoded& seen, const Search& what) {
   const auto values = chip_values(signal, seen.grid, what.exposure_rows);
   return lamp_chips(values, seen.detection, what.slow * seen.grid.clock.rows_per_chip);
-}
-
-Decoded within(Decoded decoded, ChipRange range) {
-  const auto cut = [&](auto& values) {
-    values = {values.begin() + static_cast<std::ptrdiff_t>(range.begin),
-              values.begin() + static_cast<std::ptrdiff_t>(range.end)};
-  };
-  decoded.grid.first += static_cast<std::ptrdiff_t>(range.begin);
-  decoded.grid.count = range.size();
-  cut(decoded.detection.bits);
-  cut(decoded.detection.dark);
-  cut(decoded.detection.bright);
-  cut(decoded.detection.relative_levels);
-  return decoded;
 }
 
 // Decodes the rows in which the lamp stands, which are known once chips are detected in more of them; the result has

@@ -224,10 +224,7 @@ def lamp_slope(swings: FloatArray, centres: npt.ArrayLike) -> float:
 
 
 def _centroid(block: FloatArray, columns: FloatArray) -> tuple[float, float, float, float]:
-    """Mean row of the light's power, mean and standard deviation of its columns, swing; about straight lines."""
-    along = np.arange(block.shape[1]) - 0.5 * (block.shape[1] - 1)
-    block = block - block.mean(axis=1, keepdims=True)
-    block = block - np.outer(block @ along / (along @ along), along)
+    """Mean row of the light's power, mean and standard deviation of its columns, and its swing."""
     power = (block**2).sum(axis=1)
     common = block[int(np.argmax(power))]
     loadings = np.zeros(len(columns))
@@ -242,7 +239,7 @@ def _centroid(block: FloatArray, columns: FloatArray) -> tuple[float, float, flo
     spread = math.sqrt(loadings @ (columns - column) ** 2 / loadings.sum())
     energy = common @ common
     row = float(common**2 @ np.arange(len(common)) / energy)
-    return row, float(column), spread, math.sqrt(energy / float(loadings @ loadings))
+    return row, float(column), spread, math.sqrt(energy) / float(loadings @ loadings)
 
 
 def lamp_chips(
