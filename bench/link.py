@@ -4,10 +4,8 @@
 Frames: 1 kB in Manchester code, 8 kchip/s, exposure 622 us (5 chips), 1080 rows of 22.2 us at 30 frame/s, 4 % noise, a
 gradient; the frame clock locked to the chip clock or drifting; a rate error up to 1 %, the exposure given or not.
 Speed: processor time of one thread from pixels (1080 x 1920 bytes) and from combined columns (7 chips of exposure, 4
-rows per chip, 2 % noise) to payloads, the minimum over batches of frames; other load can only increase it.
-Impaired frames: cases of field_pictures.py once they are known (from frame 25 on), over frames without impairment; each
-time is the minimum of several runs in turn. First frame: that in which the model is searched. --check: at most 130
-frames, 120 frame/s from pixels, 1000 frame/s from columns, and for each impaired case its ratio of IMPAIRED.
+rows per chip, 2 % noise) to payloads, the minimum over batches of frames; other load can only increase it. --check: at
+most 130 frames, 120 frame/s from pixels and 1000 frame/s from columns.
 
 usage: bench/link.py [--starts N] [--no-speed] [--json] [--check]
 """
@@ -19,15 +17,11 @@ import dataclasses
 import json
 import sys
 import time
-from typing import Any
 
-import calibration
-import field_pictures
 import numpy as np
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
-from ocisac_fast.packets import PacketFormat
 from ocisac_fast.packets.goodput import possible_goodput
 from ocisac_fast.receiver.stream import Receiver
 
@@ -35,10 +29,6 @@ ROW_TIME, FRAME_TIME, ROWS, CHIP_RATE = 22.2e-6, 1 / 30, 1080, 8e3
 EXPOSURE = 622e-6
 MAX_FRAMES, PIXEL_SPEED, COLUMN_SPEED = 130, 120.0, 1000.0
 BATCH = 10  # frames per timing
-BLOCKS = PacketFormat(block_bytes=8)  # of the cases of field_pictures.py
-IMPAIRED_RUNS, IMPAIRED_FRAMES, LEARNED = 3, 40, 24  # runs; frames of each; those in which models are learned
-# Highest cost of a steady frame over one without impairment; the aim is 1.5.
-IMPAIRED = {"hum, 0.5 of the swing": 2.2, "PWM lamp, 0.3 of the swing": 2.2}
 
 
 class Light:
@@ -130,50 +120,6 @@ def column_speed() -> tuple[float, int]:
     return fastest(Receiver(camera, chip_rate=rate * 1.002), frames)
 
 
-@dataclasses.dataclass(frozen=True)
-class Cost:
-    """Processor time of a case: of a steady frame, over one without impairment, and of the first frame."""
-
-    frame_ms: float
-    ratio: float
-    first_ms: float
-
-
-def impaired_costs() -> dict[str, Cost]:
-    """Costs of the cases of IMPAIRED, each run in turn with one without impairment."""
-    cases = dict(field_pictures.CASES)
-    clean = recording({})
-    costs = {}
-    for name in IMPAIRED:
-        recorded = recording(cases[name])
-        runs = [(push_times(*clean), push_times(*recorded)) for _ in range(IMPAIRED_RUNS)]
-        of_clean, own = (np.min(times, axis=0) for times in zip(*runs, strict=True))
-        frame, clean_frame = own[LEARNED:].mean(), of_clean[LEARNED:].mean()
-        costs[name] = Cost(1e3 * float(frame), float(frame / clean_frame), 1e3 * float(own[0]))
-    return costs
-
-
-def recording(changes: dict[str, Any]) -> tuple[Camera, list[np.ndarray]]:
-    """Frames of a case of field_pictures.py, and the camera as given to the receiver."""
-    draw = dataclasses.replace(field_pictures.CLEAN, **changes)
-    chips = ocisac.transmit(calibration.PAYLOAD, format=BLOCKS).chips
-    frames = list(draw.frames(chips, IMPAIRED_FRAMES))
-    return Camera(ROW_TIME, draw.told_exposure, frame_time=FRAME_TIME), frames
-
-
-def push_times(camera: Camera, frames: list[np.ndarray]) -> list[float]:
-    """Processor time of each frame, s."""
-    receiver, seconds = Receiver(camera, chip_rate=CHIP_RATE, format=BLOCKS), []
-    payloads = 0
-    for frame in frames:
-        begin = time.process_time()
-        result = receiver.push(frame)
-        seconds.append(time.process_time() - begin)
-        payloads += result.payload is not None
-    assert payloads > 0
-    return seconds
-
-
 def print_links(results: list[Result]) -> None:
     camera = Camera(ROW_TIME, EXPOSURE, frame_time=FRAME_TIME)
     bound = possible_goodput(1000, camera, chip_rate=CHIP_RATE, rows=ROWS)
@@ -197,21 +143,16 @@ def main() -> int:
     options = parser.parse_args()
     results = links(options.starts)
     speeds = {} if options.no_speed else {"pixels": pixel_speed(), "columns": column_speed()}
-    costs = {} if options.no_speed else impaired_costs()
     if options.json:
         speed = {name: {"frames_per_second": value, "payloads": count} for name, (value, count) in speeds.items()}
-        impaired = {name: dataclasses.asdict(cost) for name, cost in costs.items()}
-        print(json.dumps({"links": [dataclasses.asdict(r) for r in results], "speed": speed, "impaired": impaired}))
+        print(json.dumps({"links": [dataclasses.asdict(r) for r in results], "speed": speed}))
     else:
         print_links(results)
         for name, (value, count) in speeds.items():
             print(f"from {name}: {value:.0f} frame/s ({count} payloads)")
-        for name, cost in costs.items():
-            print(f"{name}: {cost.frame_ms:.2f} ms a frame, {cost.ratio:.2f} times; first {cost.first_ms:.0f} ms")
     good = all(r.frames is not None and r.frames <= MAX_FRAMES for r in results)
     for name, aim in (("pixels", PIXEL_SPEED), ("columns", COLUMN_SPEED)):
         good = good and (name not in speeds or (speeds[name][0] >= aim and speeds[name][1] > 0))
-    good = good and all(cost.ratio <= IMPAIRED[name] for name, cost in costs.items())
     return 0 if good or not options.check else 1
 
 

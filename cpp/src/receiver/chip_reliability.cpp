@@ -14,7 +14,6 @@ namespace {
 constexpr double kWrongPerViolation = 2;
 constexpr double kMinDeviations = 3;  // standard deviations of the count of violations
 constexpr int kHalvings = 30;
-constexpr double kFewViolations = 0.02;        // of the words
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
 double expected_wrong(std::span<const double> llr, double scale) {
@@ -34,27 +33,7 @@ double violations(std::span<const double> llr, const LineCode& code) {
   return static_cast<double>(fewest);
 }
 
-// Wrong chips of the line code can be seen.
-bool shows_violations(std::span<const double> llr, const PacketFormat& format) {
-  const std::size_t word = format.line_code.chips_per_word();
-  return format.line_code.bits_per_word() != word && llr.size() >= 2 * word;
-}
-
-// Without those of the preambles.
-double violations_of_words(std::span<const double> llr, const PacketFormat& format) {
-  const std::size_t word = format.line_code.chips_per_word();
-  const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
-  const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
-  return violations(llr, format.line_code) - static_cast<double>(words_of_preamble) * preambles;
-}
-
 }  // namespace
-
-bool obeys_code(std::span<const double> llr, const PacketFormat& format) {
-  if (!shows_violations(llr, format)) return false;
-  const double words = static_cast<double>(llr.size()) / static_cast<double>(format.line_code.chips_per_word());
-  return violations_of_words(llr, format) <= kFewViolations * words;
-}
 
 std::vector<double> reliable_llr(const FrameReading& reading) {
   std::vector<double> llr = reading.llr;
@@ -73,8 +52,13 @@ std::vector<double> code_weights(const FrameReading& reading) {
 }
 
 void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
-  if (!shows_violations(llr, format)) return;
-  const double seen = violations_of_words(llr, format);
+  const LineCode& code = format.line_code;
+  const std::size_t word = code.chips_per_word();
+  if (code.bits_per_word() == word || llr.size() < 2 * word) return;
+  const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
+  const auto per_preamble = static_cast<double>(words_of_preamble);
+  const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
+  const double seen = violations(llr, code) - per_preamble * preambles;
   const double expected = expected_wrong(llr, 1) / kWrongPerViolation;
   if (seen <= expected + kMinDeviations * std::sqrt(expected + 1)) return;
   double low = 0, high = 1;

@@ -1,7 +1,6 @@
 // Log-likelihood ratios that agree with what the channel leaves of the rows, and with the line code.
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "ocisac/packets/packets.hpp"
@@ -23,8 +22,5 @@ std::vector<double> code_weights(const FrameReading& reading);
 // Scales the ratios of consecutive chips towards 0 where more words violate the line code than they admit: until they
 // expect as many wrong chips as the violations show. Chips of a preamble may violate it. Line code "none": as they are.
 void agree_with_code(std::vector<double>& llr, const PacketFormat& format);
-
-// True where hardly a word violates the line code, beside those of preambles; false for line code "none".
-bool obeys_code(std::span<const double> llr, const PacketFormat& format);
 
 }  // namespace ocisac

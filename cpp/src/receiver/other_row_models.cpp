@@ -14,7 +14,7 @@ constexpr double kLowestHum = 90, kSameTone = 0.2;         // Hz; spectral lines
 constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
 constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
-constexpr std::size_t kSearchedFactors = 2, kSearchedModels = 6;       // in a frame, the next ones in another
+constexpr std::size_t kSearchedFactors = 2;                            // in a frame, the next ones in another
 
 // All rows, each frame's less its slow light.
 std::vector<double> without_slow_light(std::span<const std::span<const double>> frames, double slow) {
@@ -65,10 +65,9 @@ std::vector<RowNuisance> RowModelSearch::other_nuisances(std::span<const double>
   return sorted;
 }
 
-// Alternative models of the rows: slow light, a tone, another exposure. With a preamble: the one that the rows show
-// most. By blind searches: the last frame's, and a few of the others, the next ones in another frame.
+// Alternative models of the rows: slow light, a tone, another exposure.
 std::vector<SignalModel> RowModelSearch::other_models(std::span<const double> signal, const FrameRows& frame,
-                                                      ModelStart start) const {
+                                                      bool searches) const {
   const SignalModel given{{},
                           camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
                           camera_.exposure.has_value()};
@@ -76,16 +75,11 @@ std::vector<SignalModel> RowModelSearch::other_models(std::span<const double> si
   const auto another_exposure = [&](std::optional<double> rows) {
     models.push_back({state_.model.nuisance, rows, false});
   };
-  if (start != ModelStart::preamble &&
-      (!state_.model.nuisance.empty() || state_.model.exposure_known != given.exposure_known ||
-       state_.model.slow_light || state_.model.warped))
+  if (!state_.model.nuisance.empty() || state_.model.exposure_known != given.exposure_known ||
+      state_.model.slow_light || state_.model.warped)
     models.push_back(given);
   for (RowNuisance& nuisance : other_nuisances(signal, frame))
     models.push_back({std::move(nuisance), given.exposure_rows, given.exposure_known});
-  if (start == ModelStart::preamble) {  // the most likely one
-    models.resize(std::min<std::size_t>(models.size(), 1));
-    return models;
-  }
   if (!state_.model.slow_light) {
     models.push_back(state_.model);
     models.back().slow_light = true;
@@ -94,21 +88,12 @@ std::vector<SignalModel> RowModelSearch::other_models(std::span<const double> si
     models.push_back(given);
     models.back().warped = true;
   }
-  if (start == ModelStart::reading) {  // least squares find the exposure from about the right one
-    another_exposure({});
-    return models;
-  }
   const double now = state_.channel ? state_.channel->clock.exposure_rows : given.exposure_rows.value_or(0.0);
   if (state_.channel) another_exposure(brightness_ratio(signal) * now);  // the brightness changed alike
   if (given.exposure_rows) another_exposure({});                         // a preamble may show it
-  const bool searches = start == ModelStart::search;
   const std::size_t factors = kExposureFactors.size(), count = searches ? kSearchedFactors : factors;
   for (std::size_t k = 0; now > 0 && k < count; ++k)
     another_exposure(kExposureFactors[(vain_tries_ * count + k) % factors] * now);
-  if (!searches) return models;
-  std::ranges::rotate(models,
-                      models.begin() + static_cast<std::ptrdiff_t>(vain_tries_ * kSearchedModels % models.size()));
-  models.resize(std::min(models.size(), kSearchedModels));
   return models;
 }
 

@@ -18,7 +18,7 @@ constexpr std::size_t kMaxHeldAttempts = 8;  // in vain, until the columns' weig
 constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr std::size_t kProfileRounds = 12;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
-constexpr double kProfileSearches = 2;                           // frames' efforts for the kept frames, in a round
+constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
 constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
 constexpr double kBetterProfile = 0.8;        // the same of a profile that replaces one in use
 constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read

@@ -9,6 +9,10 @@ namespace ocisac {
 
 namespace {
 
+constexpr int kNuisanceRounds = 6;
+constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
+constexpr double kToneReach = 0.25;        // spectral lines of a frame
+constexpr int kToneSteps = 8;
 constexpr double kSlowest = 2;                                // chips, of rise and fall
 constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
 constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
@@ -20,6 +24,50 @@ constexpr double kWarpSettled = 0.99;                 // ratio of the noise to t
 constexpr double kMaxWarpLeft = 0.8;                  // of the residual's squares, for a warp to be believed
 
 }  // namespace
+
+// Golden-section search about the tone's frequency, within a quarter of a frame's spectral line.
+static void move_tone(std::span<const double> signal, std::span<const double> exposed, RowNuisance& nuisance,
+                      double& tone) {
+  constexpr double kGolden = 0.6180339887498949;
+  const auto left_at = [&](double frequency) {
+    tone = frequency;
+    const auto fit = remove_nuisance(signal, nuisance, exposed);
+    return fit ? fit->squares : std::numeric_limits<double>::infinity();
+  };
+  const double reach = kToneReach / static_cast<double>(signal.size());
+  double low = tone - reach, high = tone + reach;
+  double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+  double at_a = left_at(a), at_b = left_at(b);
+  for (int step = 0; step < kToneSteps; ++step) {
+    if (at_a < at_b) {
+      high = std::exchange(b, a);
+      at_b = at_a;
+      at_a = left_at(a = high - kGolden * (high - low));
+    } else {
+      low = std::exchange(a, b);
+      at_a = at_b;
+      at_b = left_at(b = low + kGolden * (high - low));
+    }
+  }
+  tone = 0.5 * (low + high);
+}
+
+std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
+                                            bool exposure_known, SearchEffort* effort) {
+  for (int round = 0; round < kNuisanceRounds; ++round) {
+    const auto exposed = exposed_rows(reading, signal.size());
+    for (double& tone : nuisance.tones) move_tone(signal, exposed, nuisance, tone);
+    const auto fit = remove_nuisance(signal, nuisance, exposed);
+    auto again = fit ? read_frame(fit->rest, reading.channel, exposure_known, effort) : std::nullopt;
+    if (!again) return std::nullopt;
+    const bool stays = again->first == reading.first && exposed_rows(*again, signal.size()) == exposed;
+    const bool settled = again->relative_noise > kNuisanceSettled * reading.relative_noise;
+    again->even = reading.even;
+    reading = std::move(*again);
+    if (stays || (settled && round > 0)) break;
+  }
+  return reading;
+}
 
 // Gauss–Newton on rise and fall with known chips; all other unknowns are fitted anew at each (variable projection).
 static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChips& chips, ChannelEstimate best,
@@ -75,7 +123,6 @@ std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameRe
     if (!again || (round > 0 && !(again->relative_noise < reading.relative_noise))) break;
     const bool settled = round > 0 && again->relative_noise > (1 - kMinShapeGain) * reading.relative_noise;
     again->even = reading.even;
-    again->warp = reading.warp;
     reading = std::move(*again);
     better = true;
     if (settled) break;

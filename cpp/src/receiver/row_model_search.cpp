@@ -10,7 +10,6 @@
 #include "ocisac/chips/chip_clock.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
-#include "receiver/chip_reliability.hpp"
 #include "receiver/rows_of_noise.hpp"
 
 namespace ocisac {
@@ -52,14 +51,6 @@ double variance_of(std::span<const double> signal) {
   double squares = 0;
   for (const double value : signal) squares += (value - mean) * (value - mean);
   return squares / static_cast<double>(signal.size());
-}
-
-// A reading again, with slow light and tones beside its chips.
-std::optional<FrameReading> read_beside(const FrameReading& reading, const SignalModel& model, FrameRows& frame,
-                                        const RowsBeside& beside) {
-  auto again = read_frame(reading.rest, reading.channel, model.exposure_known, &frame.effort, &beside);
-  if (again) again->even = reading.even;
-  return again;
 }
 
 }  // namespace
@@ -179,7 +170,7 @@ std::optional<double> RowModelSearch::nominal_rows_per_chip(const CombinedColumn
 // Detection from the channel of earlier frames: levels, rate and exposure, with the predicted phase or else several
 // trials.
 std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signal, const SignalModel& model,
-                                                   FrameRows& frame, const RowsBeside* beside) const {
+                                                   FrameRows& frame) const {
   if (!state_.channel || !frame.may_follow) return std::nullopt;
   ChannelEstimate start = *state_.channel;
   const auto predicted = predict(frame.time);
@@ -205,7 +196,7 @@ std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signa
   for (std::size_t phase = 0; phase < (sure && !model.warped ? 1 : kPhases); ++phase) {
     ChannelEstimate tried = start;
     tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
-    auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
+    auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort);
     if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
     if (best && best->relative_noise < std::max(kAsNoisy * state_.relative_noise, kNoNoise) && is_sound(*best))
@@ -218,7 +209,6 @@ std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signa
   if (shows_no_light(signal, frame)) return std::nullopt;
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort, {}, model.warped);
   if (extended && model.warped) extended = refine_warp(signal, *extended, model.exposure_known, &frame.effort);
-  if (extended && beside) extended = read_beside(*extended, model, frame, *beside);
   if (extended && extended->relative_noise < kMaxNoiseRatio * state_.relative_noise && is_sound(*extended))
     return extended;
   return std::nullopt;
@@ -230,8 +220,7 @@ std::optional<FrameReading> RowModelSearch::search(std::span<const double> signa
   if (!rows_per_chip || static_cast<double>(signal.size()) < kMinChips * *rows_per_chip) return std::nullopt;
   FrameSearch what{*rows_per_chip,      state_.channel && state_.fits ? kNarrowTolerance : kWideTolerance,
                    model.exposure_rows, preamble_,
-                   &frame.effort,       model.warped,
-                   frame.blind};
+                   &frame.effort,       model.warped};
   if (!model.exposure_rows && !(state_.channel && state_.fits)) return search_exposures(signal, what);
   auto reading = search_frame(signal, what);
   if (!reading || !model.exposure_rows || model.exposure_known || !reading->warp.empty()) return reading;
@@ -275,82 +264,54 @@ std::optional<FrameReading> RowModelSearch::search_exposures(std::span<const dou
     if (!reading || (best && reading->relative_noise >= best->relative_noise)) continue;
     best = std::move(reading);
     if (options_.format.line_code.bits_per_word() < options_.format.line_code.chips_per_word() && !is_misfit(*best) &&
-        line_code_evidence(best->llr) > 0)
-      return best;
+        line_code_evidence(*best) > 0)
+      break;
   }
-  return wanted.blind ? best : std::nullopt;  // other exposures may explain the preamble
+  return best;
 }
 
 // That of the most likely places of the words.
-double RowModelSearch::line_code_evidence(std::span<const double> llr) const {
+double RowModelSearch::line_code_evidence(const FrameReading& reading) const {
   const LineCode& code = options_.format.line_code;
   double evidence = -std::numeric_limits<double>::infinity();
-  for (std::size_t skipped = 0; skipped < std::min(code.chips_per_word(), llr.size()); ++skipped)
-    evidence = std::max(evidence, code.evidence(llr.subspan(skipped)));
+  for (std::size_t skipped = 0; skipped < std::min(code.chips_per_word(), reading.llr.size()); ++skipped)
+    evidence = std::max(evidence, code.evidence(std::span(reading.llr).subspan(skipped)));
   return evidence;
 }
 
-// Words of the line code show that the chips are right, whatever the model leaves.
-bool RowModelSearch::agrees_with_code(const FrameReading& reading) const {
-  return is_sound(reading) && obeys_code(reading.llr, options_.format);
-}
-
-// From the tracked clock, else by a search.
+// Alternates estimates of chips and nuisance until the chips converge.
 std::optional<FrameReading> RowModelSearch::read_with(std::span<const double> signal, SignalModel& model,
                                                       FrameRows& frame) {
   const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(signal, model.nuisance);
   const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
-  const RowNuisance before = model.nuisance;
-  const RowsBeside rows{signal, model.nuisance};
-  const RowsBeside* const beside = fit ? &rows : nullptr;
   const bool has_shape =
       frame.may_follow && state_.channel && (state_.channel->clock.rise > 0 || state_.channel->clock.fall > 0);
   std::optional<FrameReading> reading;
-  if (!model.slow_light || has_shape) reading = follow(rest, model, frame, beside);
-  if (!reading && may_search(rest, frame)) {
-    reading = model.slow_light && !has_shape ? search_slow(rest, model, frame) : search(rest, model, frame);
-    if (reading && beside) reading = read_beside(*reading, model, frame, *beside);
+  if (!model.slow_light || has_shape) {
+    reading = follow(rest, model, frame);
+    if (!reading && may_search(rest, frame)) reading = search(rest, model, frame);
+  } else if (may_search(rest, frame)) {
+    reading = search_slow(rest, model, frame);
   }
+  if (!model.nuisance.empty() && reading)
+    reading = refine_nuisance(signal, *reading, model.nuisance, model.exposure_known, &frame.effort);
   if (model.slow_light && reading && is_misfit(*reading)) {
-    auto shaped = refine_shape(reading->rest, *reading, model.exposure_known, &frame.effort);
+    auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
     if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
   }
-  if (!reading || is_misfit(*reading)) model.nuisance = before;  // frames that fit move the tones
-  if (reading && !camera_.exposure) reading = with_shortest_exposure(std::move(*reading), &frame.effort);
+  if (reading && !camera_.exposure) reading = with_shortest_exposure(rest, std::move(*reading), &frame.effort);
   return reading;
 }
 
-// With another model, from the channel and the chips of a reading of the same rows.
-std::optional<FrameReading> RowModelSearch::read_from(const FrameReading& reading, std::span<const double> signal,
-                                                      SignalModel& model, FrameRows& frame) const {
-  const bool is_beside = !model.nuisance.empty();
-  const auto fit = is_beside ? remove_nuisance(signal, model.nuisance, exposed_rows(reading, signal.size()))
-                             : std::optional<NuisanceFit>{};
-  if (is_beside && !fit) return std::nullopt;
-  const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
-  ChannelEstimate start = reading.channel;
-  start.clock.rise = start.clock.fall = model.slow_light ? kModeratelySlow : 0;
-  if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
-  const RowsBeside beside{signal, model.nuisance};
-  auto other = read_frame(rest, start, model.exposure_known, &frame.effort, fit ? &beside : nullptr);
-  if (other && model.slow_light) other = refine_shape(other->rest, *other, model.exposure_known, &frame.effort);
-  if (other && model.warped) other = refine_warp(signal, *other, model.exposure_known, &frame.effort);
-  return other && is_sound(*other) ? other : std::nullopt;
-}
-
-// True where another model fits.
-bool RowModelSearch::try_models(std::span<const double> signal, ModelStart start, FrameRows& frame,
+// True where another model fits, from the tracked clock or by a search.
+bool RowModelSearch::try_models(std::span<const double> signal, bool searches, FrameRows& frame,
                                 std::optional<FrameReading>& best) {
-  const bool searches = start == ModelStart::preamble || start == ModelStart::search;
-  const auto first = best;
-  for (SignalModel& model : other_models(signal, frame, start)) {
+  for (SignalModel& model : other_models(signal, frame, searches)) {
     FrameRows tried{frame.column, frame.time, searches, frame.effort_of_others, frame.effort_of_others, frame.recent};
     tried.may_follow = state_.fits;
-    tried.blind = start == ModelStart::search;
     if (!searches) tried.effort.rows *= kFollowedEffort;
     if (model.warped) tried.effort.rows *= kWarpEffort;
-    auto other =
-        start == ModelStart::reading ? read_from(*first, signal, model, tried) : read_with(signal, model, tried);
+    auto other = read_with(signal, model, tried);
     if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
     const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
     if (camera_.exposure && std::max(exposure / *camera_.exposure, *camera_.exposure / exposure) > kMaxWrongExposure)
@@ -363,17 +324,8 @@ bool RowModelSearch::try_models(std::span<const double> signal, ModelStart start
   return false;
 }
 
-bool RowModelSearch::may_start(ModelStart start, const FrameRows& frame,
-                               const std::optional<FrameReading>& best) const {
-  if (start == ModelStart::reading) return best.has_value();
-  if (best && agrees_with_code(*best)) return false;
-  return start == ModelStart::clock ? state_.channel && state_.fits : frame.may_search;
-}
-
-// Reads with the model of the last frame; if its residual exceeds noise, tries other models until one fits. Blind
-// searches come last, and not where the chips are known: another model would find the same.
+// Reads with the model of the last frame; if its residual exceeds noise, tries other models until one fits.
 std::optional<FrameReading> RowModelSearch::read(std::span<const double> signal, FrameRows& frame) {
-  frame.blind = false;
   auto best = read_with(signal, state_.model, frame);
   if (best ? !is_misfit(*best) : !frame.may_search) return best;
   if (best && until_try_ > 0) {
@@ -389,21 +341,10 @@ std::optional<FrameReading> RowModelSearch::read(std::span<const double> signal,
       return best;
     }
   }
-  // Chips that are found with a wrong model may be right: others start from them.
-  const auto fits = [&](ModelStart start) {
-    const bool had_chips = best.has_value();
-    if (!may_start(start, frame, best)) return false;
-    return try_models(signal, start, frame, best) ||
-           (!had_chips && best && try_models(signal, ModelStart::reading, frame, best));
-  };
-  if (!fits(ModelStart::reading) && !fits(ModelStart::clock) && !fits(ModelStart::preamble)) {
-    frame.blind = true;
-    if (!best && frame.may_search) {
-      best = read_with(signal, state_.model, frame);
-      if (best && !is_misfit(*best)) return best;
-      fits(ModelStart::reading);
-    }
-    if (!best || is_misfit(*best)) fits(ModelStart::search);
+  // All from the tracked clock, then all by a search.
+  for (const bool searches : {false, true}) {
+    if (searches ? !frame.may_search : !(state_.channel && state_.fits)) continue;
+    if (try_models(signal, searches, frame, best)) break;
   }
   vain_tries_ = best && !is_misfit(*best) ? 0 : vain_tries_ + 1;
   until_try_ = (std::size_t{1} << std::min<std::size_t>((vain_tries_ + 1) / 2, kMaxVainTries)) - 1;

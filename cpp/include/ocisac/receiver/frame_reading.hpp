@@ -27,21 +27,12 @@ struct FrameReading {
   std::vector<double> excess;  // (chips) of the residual about a chip over white noise: its llr is too large by as much
   bool even = false;           // the channel explains all parts of the frame equally well
   RowWarp warp{};              // of the picture's rows; the channel and the chips are those of the even rows
-  std::vector<double> rest{};  // (rows) the rows that were read, less slow light and tones
-};
-
-// Rows with slow light and tones, which are fitted beside the chips; the tones move to where they leave least.
-struct RowsBeside {
-  std::span<const double> signal;
-  RowNuisance& nuisance;
 };
 
 // Alternates detection and least squares, from an approximate channel until the clock converges; one round is usual.
-// `beside`: the same rows with slow light and tones, which are about removed from `signal`.
 // Absent where the chips determine no channel, or the exposure is too long for detection.
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
-                                       bool exposure_known, SearchEffort* effort = nullptr,
-                                       const RowsBeside* beside = nullptr);
+                                       bool exposure_known, SearchEffort* effort = nullptr);
 
 struct FrameSearch {
   double rows_per_chip;                 // nominal
@@ -50,7 +41,6 @@ struct FrameSearch {
   std::span<const double> preamble;     // chips expected in the frame
   SearchEffort* effort = nullptr;       // nullptr: no limit
   bool warped = false;                  // the rows may be displaced
-  bool blind = true;                    // without a preamble, with the rate alone
 };
 
 // Searches with a preamble, then blind with the rate. Absent without a reliable result.
@@ -66,6 +56,11 @@ std::vector<double> hard_chips(const FrameReading& reading);
 
 // s_n of all rows of the picture by a reading's chips.
 std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows);
+
+// A reading again, of the rows less slow light and tones that are fitted beside its chips; tones that are nearly right
+// move to where they leave least. Absent as read_frame.
+std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
+                                            bool exposure_known, SearchEffort* effort = nullptr);
 
 // A reading again with the light's rise and fall, from those of its clock on: alternates detection and Gauss–Newton.
 // Absent as read_frame.
@@ -83,7 +78,8 @@ std::vector<double> sharpened(std::span<const double> signal, double rows);
 
 // A reading of periodic chips again with the shortest exposure that explains it: their rows do not determine the
 // exposure. Other readings as they are.
-FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort = nullptr);
+FrameReading with_shortest_exposure(std::span<const double> signal, FrameReading reading,
+                                    SearchEffort* effort = nullptr);
 
 // Bits of the chips that lie whole in `rows` rows.
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows);

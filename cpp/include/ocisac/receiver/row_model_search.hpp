@@ -32,7 +32,6 @@ struct FrameRows {
   SearchEffort effort, effort_of_others;              // of models other than the last frame's
   std::span<const std::span<const double>> recent{};  // the same rows of recent frames
   bool may_follow = true;                             // the clock of earlier frames is worth a try
-  bool blind = true;                                  // a search does without a preamble, which costs most
   bool new_model = false;                             // another model than the last frame's was chosen
   std::optional<bool> is_noise{};                     // the rows show no light; absent: nobody asked
 };
@@ -47,9 +46,6 @@ struct LightState {
   double relative_noise = 0;               // max of the last frame's and of the decayed earlier values
   std::size_t first_row = 0;               // of the current frame
 };
-
-// Start of another model's reading: the last one of the same rows, the tracked clock, a preamble, a blind search.
-enum class ModelStart { reading, clock, preamble, search };
 
 struct RowSearchOptions {
   std::optional<double> chip_rate;      // as of ChipOptions
@@ -108,20 +104,15 @@ class RowModelSearch {
   std::optional<FrameReading> read_with(std::span<const double> signal, SignalModel& model, FrameRows& frame);
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(std::span<const double> signal, const FrameRows& frame) const;
   [[nodiscard]] std::vector<SignalModel> other_models(std::span<const double> signal, const FrameRows& frame,
-                                                      ModelStart start) const;
-  [[nodiscard]] bool may_start(ModelStart start, const FrameRows& frame, const std::optional<FrameReading>& best) const;
-  bool try_models(std::span<const double> signal, ModelStart start, FrameRows& frame,
-                  std::optional<FrameReading>& best);
-  [[nodiscard]] std::optional<FrameReading> read_from(const FrameReading& reading, std::span<const double> signal,
-                                                      SignalModel& model, FrameRows& frame) const;
-  [[nodiscard]] bool agrees_with_code(const FrameReading& reading) const;
+                                                      bool searches) const;
+  bool try_models(std::span<const double> signal, bool searches, FrameRows& frame, std::optional<FrameReading>& best);
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model,
-                                                   FrameRows& frame, const RowsBeside* beside) const;
+                                                   FrameRows& frame) const;
   std::optional<FrameReading> search(std::span<const double> signal, const SignalModel& model, FrameRows& frame);
   std::optional<FrameReading> search_slow(std::span<const double> signal, const SignalModel& model, FrameRows& frame);
   [[nodiscard]] std::optional<FrameReading> search_exposures(std::span<const double> signal,
                                                              const FrameSearch& wanted) const;
-  [[nodiscard]] double line_code_evidence(std::span<const double> llr) const;
+  [[nodiscard]] double line_code_evidence(const FrameReading& reading) const;
 
   Camera camera_;  // its exposure: of the current frame
   RowSearchOptions options_;
