@@ -103,14 +103,14 @@ class Draw:
             seed=seed,
         )
 
-    def frames(self, chips: npt.NDArray[Any], count: int | None = None) -> Iterator[npt.NDArray[Any]]:
+    def frames(self, chips: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
         """The recording of a lamp that repeats these chips."""
         along = (np.arange(ROWS)[:, None] - (ROWS - 1) / 2) / self.spot
         hum = Tone(2 * self.mains, amplitude=self.hum, phase=self.start)
         return simulate_frames(
             Chips(chips, self.chip_rate, repeat=True, rise=self.rise, fall=self.fall),
             Camera(ROW_TIME, self.exposure, frame_time=FRAME_TIME),
-            *(ROWS, COLUMNS, count or FRAMES),
+            *(ROWS, COLUMNS, FRAMES),
             start=self.start,
             swing=self.swing,
             dark_level=25.0,
