@@ -141,7 +141,7 @@ fuzz: packages
 # A part of the long run, resumed where the last one ended: build/soak.jsonl.
 soak: cpp-build
 	@$(build)/cpp/tests/ocisac_thread_tests 600
-	@$(bin)/python bench/soak.py --frames $(FRAMES) --program $(build)/cpp/apps/ocisac-rx
+	@$(bin)/python bench/soak.py --frames $(FRAMES) --part 50000 --program $(build)/cpp/apps/ocisac-rx
 
 # Lines and branches of the core that the C++ tests reach: build/coverage/index.html.
 coverage: packages
