@@ -7,10 +7,8 @@
 #include <numeric>
 #include <vector>
 
-#include "chips/lamp_chips.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
-#include "columns/side_light.hpp"
 #include "frames.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/chips/row_profile.hpp"
@@ -95,38 +93,6 @@ void lit_rows(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(ocisac::lit_rows(signal, 0.01));
 }
 BENCHMARK(lit_rows)->Unit(benchmark::kMicrosecond);
-
-void lamp_chips(benchmark::State& state) {
-  constexpr std::size_t kChips = 180, kFirst = 60, kLast = 120;
-  const auto random = bench::noise<double>(kChips, 3);
-  ocisac::SlicedChips seen{{}, std::vector<double>(kChips, 0.0), std::vector<double>(kChips, 100.0), {}};
-  std::vector<double> values;
-  for (std::size_t chip = 0; chip < kChips; ++chip) {
-    seen.bits.push_back(chip >= kFirst && chip < kLast && (chip % 2 == 0) == (random[chip / 2] < 128));
-    values.push_back(100.0 * seen.bits.back() + 0.01 * random[chip]);
-  }
-  const auto found = ocisac::lamp_chips(values, seen, 0.02);
-  if (found.begin < kFirst || found.begin > kFirst + 1 || found.end > kLast || found.end < kLast - 1)
-    return state.SkipWithError("other chips than the lamp's");
-  for (auto _ : state) benchmark::DoNotOptimize(ocisac::lamp_chips(values, seen, 0.02));
-}
-BENCHMARK(lamp_chips)->Unit(benchmark::kMicrosecond);
-
-void side_light(benchmark::State& state) {
-  constexpr std::size_t kColumns = 64;
-  std::vector<std::uint8_t> pixels(kRows * kColumns);
-  std::vector<double> weights(kColumns, 0.0);
-  for (std::size_t column = 24; column < 40; ++column) weights[column] = 1.0 / 16;
-  for (std::size_t n = 0; n < pixels.size(); ++n) {
-    const double hum = 30 * std::sin(kTurn * 0.0022 * static_cast<double>(n / kColumns));
-    pixels[n] = static_cast<std::uint8_t>(60 + hum + (weights[n % kColumns] > 0 && n / kColumns % 12 < 6 ? 80 : 0));
-  }
-  const ocisac::AnyFramesView frame = ocisac::dense_view<const std::uint8_t>(pixels.data(), 1, kRows, kColumns);
-  const auto found = ocisac::side_light(frame, 0, {}, weights);
-  if (!found || !(found->varying > 15)) return state.SkipWithError("no hum");
-  for (auto _ : state) benchmark::DoNotOptimize(ocisac::side_light(frame, 0, {}, weights));
-}
-BENCHMARK(side_light)->Unit(benchmark::kMicrosecond);
 
 void remove_nuisance(benchmark::State& state) {
   const auto signal = hummed();

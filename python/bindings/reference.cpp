@@ -1,11 +1,8 @@
 // Kernels of the receiver that Python calls only to compare them with their twins in ocisac_fast.reference.
 #include "bindings.hpp"
-#include "chips/lamp_chips.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
-#include "columns/side_light.hpp"
 #include "core/spectrum.hpp"
-#include "ocisac/camera/camera.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/chips/row_profile.hpp"
 
@@ -101,22 +98,6 @@ void register_reference(py::module_& module) {
       "lamp_slope",
       [](const Doubles& swings, const Doubles& centres) { return lamp_slope(span_of(swings), span_of(centres)); },
       arg("swings"), arg("centres"));
-  module.def(
-      "lamp_chips",
-      [](const Doubles& values, const std::vector<std::uint8_t>& bits, const std::vector<double>& dark,
-         const std::vector<double>& bright, double slow) {
-        const ChipRange lamp = lamp_chips(span_of(values), {bits, dark, bright, {}}, slow);
-        return py::make_tuple(lamp.begin, lamp.end);
-      },
-      arg("values"), arg("bits"), arg("dark"), arg("bright"), arg("slow"));
-  module.def(
-      "side_light",
-      [](const py::array& frame, const Camera& camera, const Doubles& weights) -> py::object {
-        const auto light = side_light(any_view(frame), 0, camera.tone_curve, span_of(weights));
-        if (!light) return py::none();
-        return py::make_tuple(array_of(light->rows), light->varying, light->noise);
-      },
-      arg("frame"), arg("camera"), arg("weights"));
 }
 
 }  // namespace ocisac::bindings

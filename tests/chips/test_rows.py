@@ -198,39 +198,3 @@ def test_lit_rows_end_where_the_lamp_does(share):
         assert -1 <= begin - first < 60
         assert -1 <= last - end < 60
         assert 3 <= shortest <= 12
-
-
-@settings(deadline=None, max_examples=settings.default.max_examples)
-@given(
-    seed=SEEDS,
-    count=st.integers(1, 200),
-    lamp=st.tuples(st.floats(0, 0.6), st.floats(0.1, 1)),
-    noise=st.floats(0, 20),
-    hum=st.floats(0, 40),
-    slow=st.floats(0.001, 0.05),
-    both=st.booleans(),
-)
-def test_chips_of_a_lamp_are_those_of_the_reference(seed, count, lamp, noise, hum, slow, both):
-    random = np.random.default_rng(seed)
-    chip = np.arange(count)
-    stands = (chip >= lamp[0] * count) & (chip < (lamp[0] + lamp[1]) * count)
-    sent = random.integers(0, 2, count) if both else np.zeros(count, int)
-    values = 20 + 100 * stands * sent + hum * np.sin(2 * np.pi * slow * chip + 1) + random.normal(0, noise, count)
-    bits = (values > 70).astype(np.uint8)
-    levels = 20 + random.normal(0, 1, count), 120 + random.normal(0, 1, count)
-    arguments = (values, bits, *levels, slow)
-    assert _core.lamp_chips(*arguments) == reference.lamp_chips(*arguments)
-
-
-@pytest.mark.parametrize(("first", "last"), [(0, 180), (40, 180), (30, 120), (75, 105)])
-def test_chips_of_a_lamp_end_where_it_does(first, last):
-    """With hum of half the swing; dark chips at the lamp's ends may be counted as none of the lamp's."""
-    for seed in range(20):
-        random = np.random.default_rng(seed)
-        sent = np.stack([data := random.integers(0, 2, 90), 1 - data], axis=1).ravel()
-        stands = (np.arange(180) >= first) & (np.arange(180) < last)
-        hum = 25 * np.sin(0.12 * np.arange(180) + seed)
-        values = hum + 100 * stands * sent + random.normal(0, 3, 180)
-        begin, end = _core.lamp_chips(values, (stands * sent).astype(np.uint8), hum, 100 + hum, 0.02)
-        assert -1 <= begin - first <= 3
-        assert -1 <= last - end <= 3

@@ -214,17 +214,12 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
   for (std::size_t k = 1; k < chips.size(); ++k) collisions += chips[k] <= chips[k - 1];
   if (10 * collisions > chips.size() || std::abs(lattice.duty_offset) > 1.5 * kMaxDuty * lattice.clock.rows_per_chip)
     return std::nullopt;
-  // The rows of a lamp may begin and end within a chip, with an edge anywhere.
-  const std::size_t first = used.front() ? 0 : 1, last = chips.size() - (used.back() ? 0 : 1);
-  if (last < first + kMinEdges) return std::nullopt;
   double squares = 0;
-  for (std::size_t k = first; k < last; ++k) squares += distance[k] * distance[k];
-  const std::size_t inner = last - first;
-  const double residual = std::sqrt(squares / static_cast<double>(inner));
+  for (double d : distance) squares += d * d;
+  const double residual = std::sqrt(squares / static_cast<double>(distance.size()));
   const double span = edges.rows.back() - edges.rows.front();
-  const double anywhere = static_cast<double>(chips.size() - inner) * std::log(lattice.clock.rows_per_chip);
   return ChipTiming{
-      centred(lattice), residual, 0, description_length(lattice, residual, inner, span, collisions) + anywhere, {}};
+      centred(lattice), residual, 0, description_length(lattice, residual, chips.size(), span, collisions), {}};
 }
 
 bool locked(const ChipTiming& timing) {

@@ -47,12 +47,10 @@ from ocisac_fast.reference.packets import (
 from ocisac_fast.reference.rows import (
     first_profile as first_profile,
     fit_profile as fit_profile,
-    lamp_chips as lamp_chips,
     lamp_slope as lamp_slope,
     lit_rows as lit_rows,
     profile_rows as profile_rows,
     remove_nuisance as remove_nuisance,
-    side_light as side_light,
     without_square_wave as without_square_wave,
 )
 from ocisac_fast.reference.scene import exact_scene as exact_scene, render_scene as render_scene
