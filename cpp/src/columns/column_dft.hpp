@@ -24,7 +24,7 @@ class ColumnDft {
   [[nodiscard]] std::size_t length() const { return order_.size(); }
   [[nodiscard]] std::span<const std::size_t> order() const { return order_; }
 
-  // Of the first `pairs` pairs; the others may change.
+  // Transforms the first `pairs` pairs; the others may change.
   void forward(T* block, std::size_t pairs) const { run(0, block, nullptr, pairs, true, false); }
   void inverse(T* block, std::size_t pairs) const { run(0, block, nullptr, pairs, false, true); }  // not scaled
 

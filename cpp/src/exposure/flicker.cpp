@@ -76,7 +76,7 @@ Intervals clipped(const Intervals& intervals, double low, double high) {
   return kept;
 }
 
-// Of two ascending lists of disjoint intervals.
+// Intersects two ascending lists of disjoint intervals.
 Intervals intersection(const Intervals& first, const Intervals& second) {
   Intervals both;
   for (auto a = first.begin(), b = second.begin(); a != first.end() && b != second.end(); a->high < b->high ? ++a : ++b)

@@ -66,7 +66,7 @@ constexpr std::size_t kAtOnce = 64;
 using Some = double[kAtOnce];
 using SomeIndices = std::int32_t[kAtOnce];
 
-// What the tables hold is collected by a loop of its own between two of arithmetic: few processors gather well, and
+// A loop of its own collects the values of the tables between two of arithmetic: few processors gather well, and
 // compilers leave the whole loop in scalars then. So they do where arithmetic has a condition: factors of 0 and 1 stand
 // for it.
 template <bool kSlopes, bool kLows>

@@ -91,7 +91,7 @@ class SlowTone:
 
     @property
     def amplitude(self) -> float:
-        """Of the fundamental, relative to the light."""
+        """Amplitude of the fundamental, relative to the light."""
         return float(np.hypot(*self.terms[:2]))
 
     @property
