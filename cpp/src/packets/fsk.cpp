@@ -36,14 +36,13 @@ double log_bessel_i0(double x) {
   return x - 0.5 * std::log(x) + std::log(tail);
 }
 
-// Gram–Schmidt step: removes the projections on the previous directions and normalises; twice, for full precision.
+// Gram–Schmidt step: removes the projections on the previous directions and normalises.
 void orthonormalise(std::span<double> vector, std::span<const double> directions) {
-  for (int round = 0; round < 2; ++round)
-    for (std::size_t at = 0; at < directions.size(); at += vector.size()) {
-      const auto direction = directions.subspan(at, vector.size());
-      const double part = std::inner_product(vector.begin(), vector.end(), direction.begin(), 0.0);
-      for (std::size_t n = 0; n < vector.size(); ++n) vector[n] -= part * direction[n];
-    }
+  for (std::size_t at = 0; at < directions.size(); at += vector.size()) {
+    const auto direction = directions.subspan(at, vector.size());
+    const double part = std::inner_product(vector.begin(), vector.end(), direction.begin(), 0.0);
+    for (std::size_t n = 0; n < vector.size(); ++n) vector[n] -= part * direction[n];
+  }
   const double length = std::sqrt(std::inner_product(vector.begin(), vector.end(), vector.begin(), 0.0));
   for (double& value : vector) value /= length;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <numeric>
@@ -142,6 +143,17 @@ std::optional<BlockSighting> read_block(std::size_t chip, std::span<const double
   bits ^= kHeaderMask;
   if (crc4(bits) != (bits & 0xFU)) return std::nullopt;
   return BlockSighting{chip, bits >> 8U, bits >> 7U & 1U, bits >> 4U & 7U};
+}
+
+// The headers that lie whole blocks apart, as most of them do; the others are chips that look like a header by chance.
+std::vector<BlockSighting> on_one_clock(const std::vector<BlockSighting>& seen, std::size_t block_chips) {
+  std::vector<std::size_t> votes(block_chips);
+  for (const auto& sighting : seen) ++votes[sighting.chip % block_chips];
+  const std::size_t most = std::ranges::max(votes);
+  std::vector<BlockSighting> kept;
+  std::ranges::copy_if(seen, std::back_inserter(kept),
+                       [&](const BlockSighting& sighting) { return votes[sighting.chip % block_chips] == most; });
+  return kept;
 }
 
 std::ptrdiff_t modulo(std::ptrdiff_t value, std::ptrdiff_t period) { return (value % period + period) % period; }
@@ -296,8 +308,8 @@ PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span
   const std::ptrdiff_t blocks_first = first - static_cast<std::ptrdiff_t>(tail_.size());
   tail_.insert(tail_.end(), llr.begin(), llr.end());
   slips_ += errors.slip * errors.slip;
-  Stretch stretch{first,  epoch_, {llr.begin(), llr.end()}, blocks_first, find_blocks(tail_, format_), errors,
-                  slips_, {}};
+  auto blocks = on_one_clock(find_blocks(tail_, format_), block_chips_);
+  Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, blocks_first, std::move(blocks), errors, slips_, {}};
   const std::size_t kept = preamble_chips(format_.preamble).size() + header_chips(format_) - 1;
   if (tail_.size() > kept) tail_.erase(tail_.begin(), tail_.end() - static_cast<std::ptrdiff_t>(kept));
   return stretch;

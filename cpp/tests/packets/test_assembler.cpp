@@ -169,6 +169,13 @@ TEST_CASE("a preamble is seen to three quarters, sure on average, and at most a 
   CHECK(found(llr) == 1);
   llr[6] = -0.4 * llr[6];  // 1.4 of 13.4
   CHECK(found(llr) == 0);
+
+  llr = sender.soft(0, kStart, 1.0);  // nats: 4 of 40 against, ten chips of 3, three of 2
+  for (std::size_t chip = 0; chip < kPreamble; ++chip) llr[chip] *= chip == 0 ? -4 : chip <= 10 ? 3 : 2;
+  for (std::size_t chip = kPreamble; chip < kStart; ++chip) llr[chip] *= kSure;
+  CHECK(found(llr) == 1);
+  llr[0] *= 1.01;
+  CHECK(found(llr) == 0);
 }
 
 TEST_CASE("a header with a doubtful bit, an impossible word or a wrong checksum is none") {
@@ -227,6 +234,42 @@ TEST_CASE("the report counts bytes, parts and doubt, and the share of what is ne
   CHECK(report.doubtful == 1);
   CHECK(report.violations == 1);
   CHECK(report.share == doctest::Approx(33 / 85.0));
+}
+
+TEST_CASE("the payload comes with the byte that completes it, whole or beside a part of the next") {
+  for (const std::size_t seen : {kByte, kByte + kByte / 2}) {
+    CAPTURE(seen);
+    const Sender sender(20);  // 25 of 255 bytes are data
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 3; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    auto report = assembler.push(place_of_block(3), sender.soft(3 * kBlock, kStart));
+    CHECK(report.share == doctest::Approx(24 / 25.0));
+    CHECK(!report.payload);
+    report =
+        assembler.push(place_of_block(3) + static_cast<std::ptrdiff_t>(kStart), sender.soft(3 * kBlock + kStart, seen));
+    CHECK(report.bytes == 1);
+    CHECK(report.cut == (seen > kByte ? 1 : 0));
+    CHECK(report.share == 1);
+    CHECK(report.payload.has_value());
+  }
+}
+
+TEST_CASE("a word with more errors than the code corrects comes back without its least certain bytes") {
+  const Sender sender(20);  // 230 of 255 bytes are redundancy
+  PacketAssembler assembler(sender.format);
+  // 19 of 32 blocks: 152 bytes are seen, 103 erased, 127 of redundancy are left, of which half are erased then. Four
+  // bytes of each block are wrong: 76, more than 63.
+  std::optional<ocisac::Payload> payload;
+  for (std::size_t block = 0; block < 19; ++block) {
+    auto llr = sender.blocks(block, 1);
+    for (std::size_t byte = 0; byte < 4; ++byte)
+      for (std::size_t chip = kStart + byte * kByte; chip < kStart + (byte + 1) * kByte; ++chip)
+        llr[chip] *= (chip < kStart + byte * kByte + 2 ? -2 : 2) / kSure;  // 4 nats, and the first bit wrong
+    const auto report = assembler.push(place_of_block(block), llr);
+    if (report.payload) payload = report.payload;
+  }
+  REQUIRE(payload);
+  CHECK(payload->bytes == sender.payload);
 }
 
 TEST_CASE("bytes that were read wrong are corrected and counted") {
@@ -365,6 +408,13 @@ TEST_CASE("a header across the border of two stretches counts where they follow 
   }
 }
 
+TEST_CASE("a header that ends with its stretch counts once") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  CHECK(assembler.push(0, sender.soft(0, kStart)).blocks == 1);
+  CHECK(assembler.push(static_cast<std::ptrdiff_t>(kStart), sender.soft(kStart, kBlock - kStart)).blocks == 0);
+}
+
 TEST_CASE("stretches without a header have their place from the clock") {
   const Sender sender(80);
   PacketAssembler assembler(sender.format);
@@ -451,15 +501,17 @@ TEST_CASE("a header counts as far from its place as the clock may have jumped") 
 
 TEST_CASE("the scatter of places is learned from headers") {
   const Sender sender(80);
-  for (const std::ptrdiff_t jitter : {0, -2}) {
-    CAPTURE(jitter);
-    PacketAssembler assembler(sender.format);
-    const auto push = [&](std::size_t block, std::ptrdiff_t off) {
-      return assembler.push(place_of_block(block) + off, sender.soft(block * kBlock, kBlock - 16)).outcome;
-    };
-    for (std::size_t block = 0; block < 8; ++block) push(block, block % 2 == 0 ? 0 : jitter);
-    CHECK((push(8, 5) == StretchOutcome::placed) == (jitter != 0));
-  }
+  for (const std::ptrdiff_t jitter : {0, -2})
+    for (const std::ptrdiff_t off : {5, 6}) {  // allowed: 2.5 chips and four standard errors of some 0.7
+      CAPTURE(jitter);
+      CAPTURE(off);
+      PacketAssembler assembler(sender.format);
+      const auto push = [&](std::size_t block, std::ptrdiff_t by) {
+        return assembler.push(place_of_block(block) + by, sender.soft(block * kBlock, kBlock - 16)).outcome;
+      };
+      for (std::size_t block = 0; block < 8; ++block) push(block, block % 2 == 0 ? 0 : jitter);
+      CHECK((push(8, off) == StretchOutcome::placed) == (jitter != 0 && off == 5));
+    }
 }
 
 TEST_CASE("preamble, header and line code show the place of a stretch whose clock has slipped") {
@@ -474,6 +526,21 @@ TEST_CASE("preamble, header and line code show the place of a stretch whose cloc
     CHECK(report.outcome == StretchOutcome::placed);
     CHECK(report.bytes == 8);
     CHECK(report.cut == 0);
+    CHECK(report.violations == 0);
+    CHECK(report.share == doctest::Approx(40 / 85.0));
+  }
+}
+
+TEST_CASE("places up to four standard errors of the clock are compared") {
+  const Sender sender(80);
+  for (const std::ptrdiff_t off : {-11, 11}) {
+    CAPTURE(off);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    const auto report = assembler.push(place_of_block(4) + 12 + off, sender.soft(4 * kBlock + 12, kBlock - 12),
+                                       {.offset = 0, .scatter = 3, .slip = 0});
+    CHECK(report.blocks == 0);
+    CHECK(report.outcome == StretchOutcome::placed);
     CHECK(report.violations == 0);
     CHECK(report.share == doctest::Approx(40 / 85.0));
   }
@@ -526,6 +593,38 @@ TEST_CASE("words without a header are placed while they belong there with 99 %")
   }
 }
 
+TEST_CASE("the first chip of a preamble is evidence of a place") {
+  // As above at σ = 0.65: 0.9897 without the chip, 0.995 with it, which doubles the likelihood of the right place.
+  const Sender sender(80);
+  for (const std::size_t chips : {0U, 1U}) {  // of the next preamble
+    CAPTURE(chips);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    const std::size_t inside = kStart + 4;
+    const auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside),
+                                       sender.soft(4 * kBlock + inside, kBlock - inside + chips),
+                                       {.offset = 0, .scatter = 0.65, .slip = 0});
+    CHECK((report.outcome == StretchOutcome::placed) == (chips == 1));
+  }
+}
+
+TEST_CASE("a wrong bit of a header speaks against its place with twelve nats, a right one with ln 2 for it") {
+  // The last bits of a header, one of them wrong, and the bytes after it: with n right bits the likelihood is
+  // 2^(n + 1)·e^(−12) times that of words elsewhere, of probability 10⁻³; the place has the density 3.99 (σ = 0.1).
+  // The probability is 0.98 with ten right bits, 0.995 with twelve.
+  const Sender sender(80);
+  for (const std::size_t right : {10U, 12U}) {
+    CAPTURE(right);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    const std::size_t inside = kStart - 2 * (right + 1);
+    auto llr = sender.soft(4 * kBlock + inside, kBlock - inside);
+    flip(llr, 2 * right, 2);
+    const auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside), llr);
+    CHECK((report.outcome == StretchOutcome::placed) == (right == 12));
+  }
+}
+
 TEST_CASE("the offset of a place counts as the clock does") {
   const Sender sender(80);
   PacketAssembler assembler(sender.format);
@@ -557,6 +656,44 @@ TEST_CASE("no more than 2^17 chips wait for the length") {
   }
   CHECK(placed > 0);
   CHECK(placed <= 8 * (131'072 / kBlock + 4));
+}
+
+TEST_CASE("the longest payload comes back") {
+  const PacketFormat format = format_of("none", 1);
+  const Sender sender(ocisac::longest_payload(format), 2, format);
+  PacketAssembler assembler(format);
+  const auto report = assembler.push(0, sender.soft(0, sender.chips.size()));
+  REQUIRE(report.payload);
+  CHECK(report.payload->bytes == sender.payload);
+}
+
+TEST_CASE("chips that look like a header by chance are outvoted by the headers of their stretch") {
+  const PacketFormat format = format_of("none", 16);
+  for (const unsigned number : {0U, 1U, 2U, 3U}) {
+    CAPTURE(number);
+    const Sender sender(ocisac::longest_payload(format), number, format);
+    const std::size_t blocks = sender.chips.size() / ocisac::block_chips(format);
+    const auto chips = sender.soft(0, sender.chips.size());
+    REQUIRE(ocisac::find_blocks(chips, format).size() > blocks);
+    PacketAssembler assembler(format);
+    const auto report = assembler.push(0, chips);
+    CHECK(report.blocks == blocks);
+    REQUIRE(report.payload);
+    CHECK(report.payload->bytes == sender.payload);
+  }
+}
+
+TEST_CASE("the errors of the first place belong to the clock") {
+  // Four headers of standard error 3 leave 3/2 chips: 2.5 + 4·1.5 chips are allowed then.
+  const Sender sender(80);
+  for (const std::ptrdiff_t off : {8, 9}) {
+    CAPTURE(off);
+    PacketAssembler assembler(sender.format);
+    for (std::size_t block = 0; block < 4; ++block)
+      assembler.push(place_of_block(block), sender.blocks(block, 1), {.offset = 0, .scatter = 3, .slip = 0});
+    const auto report = assembler.push(place_of_block(4) + off, sender.blocks(4, 1));
+    CHECK((report.outcome == StretchOutcome::placed) == (off == 8));
+  }
 }
 
 TEST_CASE("payloads of all lengths and numbers come back, whatever the format") {

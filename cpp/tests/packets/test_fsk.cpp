@@ -66,6 +66,21 @@ TEST_CASE("FSK: each tone is its symbol, with amplitude, noise and energy") {
   }
 }
 
+TEST_CASE("FSK: mean and slope are no part of any tone") {
+  const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
+  std::vector<double> rows;
+  for (std::size_t n = 0; n < kRows; ++n) {
+    const double t = static_cast<double>(n) * kCamera.row_time;
+    rows.push_back(1e4 + 1e6 * t + kAmplitude * std::sin(2 * std::numbers::pi * 1000 * t));
+  }
+  const auto got = demodulator.demodulate(rows, 0.5);
+  CHECK(got.symbol == 1);
+  // The sine is correlated with the slope: a part of it cannot be told from a slope.
+  CHECK(got.amplitude == doctest::Approx(kAmplitude).epsilon(0.01));
+  CHECK(got.noise < 1e-6);
+  CHECK_NOTHROW((void)demodulator.demodulate(rows, 0.0));
+}
+
 TEST_CASE("FSK: the error rate of a noisy tone is that of orthogonal tones") {
   for (const int tones : {2, 4, 8})
     for (const double snr : {0.0, 0.5, 2.0, 6.0, 12.0}) {
@@ -120,6 +135,33 @@ TEST_CASE("FSK: the energy told is right on average") {
     sum += demodulator.demodulate(rows).snr;
   }
   CHECK(std::abs(sum / kTrials - kEnergy) < 3 * std::sqrt(2 * kEnergy / kTrials));  // standard errors
+}
+
+TEST_CASE("FSK: the light that is not stated is the strongest tone's amplitude before the exposure") {
+  const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
+  const auto rows = rows_of(2000, 4);
+  const auto found = demodulator.demodulate(rows);
+  const auto stated = demodulator.demodulate(rows, found.amplitude / response(2000));
+  for (std::size_t m = 0; m < kTones.size(); ++m)
+    CHECK(found.log_likelihoods[m] == doctest::Approx(stated.log_likelihoods[m]).epsilon(1e-9));
+}
+
+TEST_CASE("FSK: the noise is estimated without bias: mean, slope, cosine and sine take four of the rows") {
+  constexpr std::size_t kFew = 10;
+  constexpr int kTrials = 4000;
+  constexpr std::array kFast{10e3, 20e3};
+  const ocisac::FskDemodulator demodulator({.row_time = 2e-5, .exposure = {}, .frame_time = {}, .tone_curve = {}},
+                                           kFast, kFew);
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 1);
+  double sum = 0;
+  std::vector<double> rows(kFew);
+  for (int trial = 0; trial < kTrials; ++trial) {
+    for (std::size_t n = 0; n < kFew; ++n)
+      rows[n] = 100 * std::cos(2 * std::numbers::pi * 0.2 * static_cast<double>(n)) + noise(random);
+    sum += std::pow(demodulator.demodulate(rows).noise, 2);
+  }
+  CHECK(std::abs(sum / kTrials - 1) < 4 * std::sqrt(2.0 / (kFew - 4) / kTrials));  // standard errors
 }
 
 TEST_CASE("FSK: likelihoods are those of amplitudes over noise, in any unit") {

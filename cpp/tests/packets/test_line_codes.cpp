@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <map>
+#include <numbers>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -85,6 +86,21 @@ TEST_CASE("words that a code does not have are violations, however weak the ligh
     CHECK(decoded.violations == std::vector<std::uint8_t>{0, 0, 1, 1, 0});
     CHECK(decoded.llr[0] == doctest::Approx(-2 * llr));
     CHECK(decoded.llr[1] == doctest::Approx(2 * llr));
+  }
+}
+
+// Of 2^n patterns of n chips, 2^b are words: sure chips that are a word are 2^(n − b) times as probable as at random.
+TEST_CASE("the evidence of words is their share of all patterns") {
+  const std::map<const char*, double> bits{{"none", 0}, {"manchester", 1}, {"4b6b", 2}, {"8b10b", 2}};
+  for (const auto& [name, redundant] : bits) {
+    CAPTURE(name);
+    const auto code = ocisac::LineCode::named(name);
+    std::vector<double> llr;
+    for (const auto chip : code.encode(bits_of({0x2A}))) llr.push_back(chip != 0 ? 40 : -40);
+    const auto words = static_cast<double>(llr.size() / code.chips_per_word());
+    CHECK(code.evidence(llr) == doctest::Approx(words * redundant * std::numbers::ln2).epsilon(1e-12));
+    for (double& chip : llr) chip = 0;
+    CHECK(code.evidence(llr) == 0);
   }
 }
 
