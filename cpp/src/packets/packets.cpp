@@ -149,7 +149,7 @@ std::optional<BlockSighting> read_block(std::size_t chip, std::span<const double
 std::vector<BlockSighting> on_one_clock(const std::vector<BlockSighting>& seen, std::size_t block_chips) {
   std::vector<std::size_t> votes(block_chips);
   for (const auto& sighting : seen) ++votes[sighting.chip % block_chips];
-  const std::size_t most = std::ranges::max(votes);
+  const std::size_t most = *std::ranges::max_element(votes);
   std::vector<BlockSighting> kept;
   std::ranges::copy_if(seen, std::back_inserter(kept),
                        [&](const BlockSighting& sighting) { return votes[sighting.chip % block_chips] == most; });
