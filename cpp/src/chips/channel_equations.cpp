@@ -1,6 +1,7 @@
 #include "chips/channel_equations.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -14,15 +15,6 @@ using Eigen::Index;
 namespace {
 
 constexpr double kMinPivot = 1e-11;  // relative to the unit diagonal of a normal matrix
-
-// Zero swing: the clock has no effect.
-double no_swing(std::size_t, const double*) { return 0; }
-
-double product(const double* parts, const Eigen::VectorXd& values) {
-  double sum = 0;
-  for (Index k = 0; k < values.size(); ++k) sum += parts[k] * values[k];
-  return sum;
-}
 
 }  // namespace
 
@@ -71,43 +63,95 @@ std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::Ve
   return whole;
 }
 
-std::optional<Eigen::VectorXd> fit_levels(const ChannelEquations& equations, RowRange range) {
-  NormalSums sums(equations.level_size());
-  equations.for_each_row(range, no_swing, [&](std::size_t n, const double* parts) {
-    sums.add(parts + equations.clock_size(), equations.signal()[n]);
-  });
-  const auto solved = solve_normal(sums.matrix(), sums.right());
+ChannelEquations::ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model,
+                                   std::size_t rows)
+    : signal_(signal),
+      chips_(chips),
+      box_(chips, {}),
+      origin_(chips.first + static_cast<std::ptrdiff_t>(chips.levels.size() / 2)),
+      clock_size_(model.exposure_known ? 2 : 3),
+      dark_size_(static_cast<Index>(model.dark_degree + 1)),
+      swing_size_(static_cast<Index>(model.swing_degree + 1)),
+      basis_(static_cast<Index>(rows), std::max(dark_size_, swing_size_)),
+      by_clock_(basis_.rows(), clock_size_),
+      parts_(basis_.rows(), unknowns()) {
+  std::array<double, kHighestDegree + 1> basis{};
+  const auto degrees = static_cast<std::size_t>(basis_.cols());
+  basis_.col(0).setOnes();
+  for (std::size_t n = 0; n < rows && degrees > 1; ++n) {
+    const auto row = static_cast<Index>(n);
+    const double x = along_frame(static_cast<double>(n), rows);
+    basis_(row, 1) = x;
+    if (degrees == 2) continue;
+    legendre(x, {basis.data(), degrees});
+    for (std::size_t k = 2; k < degrees; ++k) basis_(row, static_cast<Index>(k)) = basis[k];
+  }
+}
+
+void ChannelEquations::expose(const ChipClock& clock, RowRange range) {
+  if (!box_.has_shape_of(clock)) box_ = ChipBox(chips_, clock);
+  first_ = static_cast<Index>(range.begin);
+  count_ = static_cast<Index>(range.size());
+  const auto origin = static_cast<double>(origin_);
+  double* const value = &parts_(0, clock_size_ + dark_size_);
+  for (Index n = 0; n < count_; ++n) {
+    const Exposed seen = box_.at(static_cast<double>(first_ + n), clock, origin);
+    by_clock_(n, 0) = seen.by_phase;
+    by_clock_(n, 1) = seen.by_period;
+    if (clock_size_ == 3) by_clock_(n, 2) = seen.by_exposure;
+    value[n] = seen.value;  // the first polynomial is 1
+  }
+  const auto basis = basis_.middleRows(first_, count_);
+  parts_.block(0, clock_size_, count_, dark_size_) = basis.leftCols(dark_size_);
+  for (Index k = 1; k < swing_size_; ++k)
+    parts_.col(clock_size_ + dark_size_ + k).head(count_) =
+        parts_.col(clock_size_ + dark_size_).head(count_).cwiseProduct(basis.col(k));
+}
+
+void ChannelEquations::scale_clock(const Eigen::VectorXd& levels) {
+  Eigen::VectorXd height = Eigen::VectorXd::Constant(count_, levels[dark_size_]);
+  for (Index k = 1; k < swing_size_; ++k) height += levels[dark_size_ + k] * basis_.col(k).segment(first_, count_);
+  for (Index k = 0; k < clock_size_; ++k)
+    parts_.col(k).head(count_) = by_clock_.col(k).head(count_).cwiseProduct(height);
+}
+
+void ChannelEquations::scale_clock(std::span<const double> swing) {
+  const Eigen::Map<const Eigen::VectorXd> height(swing.data() + first_, count_);
+  for (Index k = 0; k < clock_size_; ++k)
+    parts_.col(k).head(count_) = by_clock_.col(k).head(count_).cwiseProduct(height);
+}
+
+Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>& parts) {
+  Eigen::MatrixXd products(parts.cols(), parts.cols());
+  for (Index k = 0; k < parts.cols(); ++k)
+    products.col(k).head(k + 1) = parts.leftCols(k + 1).transpose() * parts.col(k);
+  return products.selfadjointView<Eigen::Upper>();
+}
+
+std::optional<Eigen::VectorXd> fit_levels(const ChannelEquations& equations) {
+  const auto parts = equations.level_parts();
+  const auto solved = solve_normal(normal_of(parts), parts.transpose() * equations.values());
   if (!solved) return std::nullopt;
   return solved->values;
 }
 
-std::optional<double> squares_left(const ChannelEquations& equations, RowRange range) {
-  const auto levels = fit_levels(equations, range);
+std::optional<double> squares_left(const ChannelEquations& equations) {
+  const auto levels = fit_levels(equations);
   if (!levels) return std::nullopt;
-  double squares = 0;
-  equations.for_each_row(range, no_swing, [&](std::size_t n, const double* parts) {
-    const double residual = equations.signal()[n] - product(parts + equations.clock_size(), *levels);
-    squares += residual * residual;
-  });
-  return squares;
+  return (equations.values() - equations.level_parts() * *levels).squaredNorm();
 }
 
 std::optional<Linearised> linearise(ChannelEquations& equations, const ChipClock& clock, RowRange range,
                                     const KnownRate& known, const std::optional<Eigen::VectorXd>& nearby) {
   equations.expose(clock, range);
-  auto levels = nearby ? nearby : fit_levels(equations, range);
+  auto levels = nearby ? nearby : fit_levels(equations);
   if (!levels) return std::nullopt;
   const Index clock_size = equations.clock_size(), level_size = equations.level_size();
-  NormalSums sums(equations.unknowns());
-  double squares = 0;
-  const auto swing = [&](std::size_t, const double* basis) { return equations.swing_of(*levels, basis); };
-  equations.for_each_row(range, swing, [&](std::size_t n, const double* parts) {
-    const double residual = equations.signal()[n] - product(parts + clock_size, *levels);
-    sums.add(parts, residual);
-    squares += residual * residual;
-  });
-  Eigen::MatrixXd normal = sums.matrix();
-  Eigen::VectorXd right = sums.right();
+  equations.scale_clock(*levels);
+  const Eigen::VectorXd residual = equations.values() - equations.level_parts() * *levels;
+  double squares = residual.squaredNorm();
+  Eigen::MatrixXd normal = normal_of(equations.parts());
+  Eigen::VectorXd right = equations.parts().transpose() * residual;
   const double off = known.rows_per_chip - clock.rows_per_chip;
   normal(1, 1) += known.weight;
   right[1] += known.weight * off;

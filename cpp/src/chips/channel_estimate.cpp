@@ -172,7 +172,7 @@ std::optional<LevelSquares> level_squares(std::span<const double> signal, const 
   ChannelEquations equations(signal, chips, model, signal.size());
   if (range.size() <= static_cast<std::size_t>(equations.level_size())) return std::nullopt;
   equations.expose(moved_to(used, equations.origin()), range);
-  const auto squares = squares_left(equations, range);
+  const auto squares = squares_left(equations);
   if (!squares) return std::nullopt;
   return LevelSquares{*squares, range.size()};
 }
@@ -189,13 +189,11 @@ std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock
   equations.expose(moved_to(used, equations.origin()), range);
   const Eigen::Index size = equations.unknowns();
   if (range.size() < static_cast<std::size_t>(size)) return std::nullopt;
-  NormalSums sums(size);
-  equations.for_each_row(
-      range, [&](std::size_t n, const double*) { return swing[n]; },
-      [&](std::size_t, const double* parts) { sums.add(parts, 0.0); });
-  Eigen::MatrixXd normal = sums.matrix();
+  equations.scale_clock(swing);
+  Eigen::MatrixXd normal = normal_of(equations.parts());
+  const Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
   if (model.rate_std > 0) normal(1, 1) += noise * noise / (model.rate_std * model.rate_std);
-  const auto solved = model.exposure_known ? solve_normal(normal, sums.right()) : solve_clock(normal, sums.right());
+  const auto solved = model.exposure_known ? solve_normal(normal, right) : solve_clock(normal, right);
   if (!solved) return std::nullopt;
   return errors_of(equations, solved->inverse, noise * noise);
 }

@@ -69,9 +69,8 @@ class ChipBox {
   }
   [[nodiscard]] Place place(double chips) const {
     const double last = static_cast<double>(targets_.size() - 1);
-    const double whole = std::clamp(std::floor(chips), 0.0, last);
-    const auto chip = static_cast<std::size_t>(whole);
-    const double part = chips - whole;
+    const auto chip = static_cast<std::size_t>(static_cast<std::ptrdiff_t>(std::clamp(chips, 0.0, last)));
+    const double part = chips - static_cast<double>(static_cast<std::ptrdiff_t>(chip));
     if (starts_.empty()) return {chip, part, targets_[chip], targets_[chip] * part};
     Place there = approach(targets_[chip], starts_[chip], part);
     there.chip = chip;
