@@ -170,6 +170,10 @@ TEST_CASE("a preamble is seen to three quarters, sure on average, and at most a 
   llr[6] = -0.4 * llr[6];  // 1.4 of 13.4
   CHECK(found(llr) == 0);
 
+  llr = sender.soft(0, kStart);
+  for (std::size_t chip = 0; chip < kPreamble; ++chip) llr[chip] = llr[chip] > 0 ? 0.9 : -6;  // weak, but right
+  CHECK(found(llr) == 1);
+
   llr = sender.soft(0, kStart, 1.0);  // nats: 4 of 40 against, ten chips of 3, three of 2
   for (std::size_t chip = 0; chip < kPreamble; ++chip) llr[chip] *= chip == 0 ? -4 : chip <= 10 ? 3 : 2;
   for (std::size_t chip = kPreamble; chip < kStart; ++chip) llr[chip] *= kSure;
@@ -193,7 +197,7 @@ TEST_CASE("a header with a doubtful bit, an impossible word or a wrong checksum 
     llr = sender.soft(0, kStart);
     for (std::size_t k : {chip, chip + 1}) llr[k] *= 0.99 / kSure;  // 1.98 nats
     CHECK(found(llr) == 0);
-    for (std::size_t k : {chip, chip + 1}) llr[k] *= 1.01 / 0.99;
+    for (std::size_t k : {chip, chip + 1}) llr[k] = llr[k] > 0 ? 1 : -1;  // 2 nats
     CHECK(found(llr) == 1);
   }
 }
@@ -236,8 +240,8 @@ TEST_CASE("the report counts bytes, parts and doubt, and the share of what is ne
   CHECK(report.share == doctest::Approx(33 / 85.0));
 }
 
-TEST_CASE("the payload comes with the byte that completes it, whole or beside a part of the next") {
-  for (const std::size_t seen : {kByte, kByte + kByte / 2}) {
+TEST_CASE("the payload comes with the byte that completes it, alone or beside a part of the next or a doubtful one") {
+  for (const std::size_t seen : {kByte, kByte + kByte / 2, 2 * kByte}) {
     CAPTURE(seen);
     const Sender sender(20);  // 25 of 255 bytes are data
     PacketAssembler assembler(sender.format);
@@ -245,10 +249,12 @@ TEST_CASE("the payload comes with the byte that completes it, whole or beside a 
     auto report = assembler.push(place_of_block(3), sender.soft(3 * kBlock, kStart));
     CHECK(report.share == doctest::Approx(24 / 25.0));
     CHECK(!report.payload);
-    report =
-        assembler.push(place_of_block(3) + static_cast<std::ptrdiff_t>(kStart), sender.soft(3 * kBlock + kStart, seen));
+    auto llr = sender.soft(3 * kBlock + kStart, seen);
+    if (seen == 2 * kByte) llr[kByte] = llr[kByte + 1] = 0.9;  // no word
+    report = assembler.push(place_of_block(3) + static_cast<std::ptrdiff_t>(kStart), llr);
     CHECK(report.bytes == 1);
-    CHECK(report.cut == (seen > kByte ? 1 : 0));
+    CHECK(report.cut == (seen == kByte + kByte / 2 ? 1 : 0));
+    CHECK(report.doubtful == (seen == 2 * kByte ? 1 : 0));
     CHECK(report.share == 1);
     CHECK(report.payload.has_value());
   }

@@ -81,6 +81,18 @@ TEST_CASE("FSK: mean and slope are no part of any tone") {
   CHECK_NOTHROW((void)demodulator.demodulate(rows, 0.0));
 }
 
+TEST_CASE("FSK: a tone that is not orthogonal to the one before it has its whole energy") {
+  constexpr std::size_t kShort = 200;
+  constexpr std::array kClose{500.0, 650.0};  // 2 and 2.6 cycles
+  const ocisac::FskDemodulator demodulator(kCamera, kClose, kShort);
+  std::vector<double> rows;
+  for (std::size_t n = 0; n < kShort; ++n)
+    rows.push_back(kAmplitude * std::cos(2 * std::numbers::pi * 650 * static_cast<double>(n) * kCamera.row_time + 0.4));
+  const auto got = demodulator.demodulate(rows);
+  CHECK(got.symbol == 1);
+  CHECK(got.noise < 1e-5);
+}
+
 TEST_CASE("FSK: the error rate of a noisy tone is that of orthogonal tones") {
   for (const int tones : {2, 4, 8})
     for (const double snr : {0.0, 0.5, 2.0, 6.0, 12.0}) {

@@ -126,6 +126,17 @@ TEST_CASE("tables of 2, 4, 16 and 256 different words of one length are codes, o
   }
 }
 
+TEST_CASE("words of up to 16 chips are codes") {
+  for (const std::size_t chips : {16U, 17U}) {
+    CAPTURE(chips);
+    const std::vector<std::string> words{std::string(chips, '0'), std::string(chips, '1')};
+    if (chips == 16)
+      CHECK(ocisac::LineCode::of_table(words).chips_per_word() == chips);
+    else
+      CHECK_THROWS_AS(ocisac::LineCode::of_table(words), std::invalid_argument);
+  }
+}
+
 // A receiver of today reads the packets of earlier senders: whitening, interleaver, headers and preambles stay.
 TEST_CASE("the chips of a packet are those of the first release") {
   const std::map<std::string, std::uint32_t> checksums{
