@@ -75,6 +75,7 @@ ChannelEquations::ChannelEquations(std::span<const double> signal, const KnownCh
       basis_(static_cast<Index>(rows), std::max(dark_size_, swing_size_)),
       by_clock_(basis_.rows(), clock_size_),
       parts_(basis_.rows(), unknowns()) {
+  // Degrees 0 and 1, the usual ones, without a call of legendre: 3 % of the instructions of a fit.
   std::array<double, kHighestDegree + 1> basis{};
   const auto degrees = static_cast<std::size_t>(basis_.cols());
   basis_.col(0).setOnes();
@@ -108,17 +109,15 @@ void ChannelEquations::expose(const ChipClock& clock, RowRange range) {
         parts_.col(clock_size_ + dark_size_).head(count_).cwiseProduct(basis.col(k));
 }
 
-void ChannelEquations::scale_clock(const Eigen::VectorXd& levels) {
+Eigen::VectorXd ChannelEquations::swing_at(const Eigen::VectorXd& levels) const {
   Eigen::VectorXd height = Eigen::VectorXd::Constant(count_, levels[dark_size_]);
   for (Index k = 1; k < swing_size_; ++k) height += levels[dark_size_ + k] * basis_.col(k).segment(first_, count_);
-  for (Index k = 0; k < clock_size_; ++k)
-    parts_.col(k).head(count_) = by_clock_.col(k).head(count_).cwiseProduct(height);
+  return height;
 }
 
-void ChannelEquations::scale_clock(std::span<const double> swing) {
-  const Eigen::Map<const Eigen::VectorXd> height(swing.data() + first_, count_);
+void ChannelEquations::scale_clock(const Eigen::Ref<const Eigen::VectorXd>& swing) {
   for (Index k = 0; k < clock_size_; ++k)
-    parts_.col(k).head(count_) = by_clock_.col(k).head(count_).cwiseProduct(height);
+    parts_.col(k).head(count_) = by_clock_.col(k).head(count_).cwiseProduct(swing);
 }
 
 Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>& parts) {
@@ -147,7 +146,7 @@ std::optional<Linearised> linearise(ChannelEquations& equations, const ChipClock
   auto levels = nearby ? nearby : fit_levels(equations);
   if (!levels) return std::nullopt;
   const Index clock_size = equations.clock_size(), level_size = equations.level_size();
-  equations.scale_clock(*levels);
+  equations.scale_clock(equations.swing_at(*levels));
   const Eigen::VectorXd residual = equations.values() - equations.level_parts() * *levels;
   double squares = residual.squaredNorm();
   Eigen::MatrixXd normal = normal_of(equations.parts());

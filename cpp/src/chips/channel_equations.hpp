@@ -37,9 +37,10 @@ class ChannelEquations {
 
   // Computes s of each row of `range` and its derivatives for `clock`.
   void expose(const ChipClock& clock, RowRange range);
-  // Scales the derivatives by the clock with the swing of each row: that of the levels, or `swing` of all rows.
-  void scale_clock(const Eigen::VectorXd& levels);
-  void scale_clock(std::span<const double> swing);
+  // Swing of each exposed row.
+  [[nodiscard]] Eigen::VectorXd swing_at(const Eigen::VectorXd& levels) const;
+  // Scales the derivatives by the clock with the swing of each exposed row.
+  void scale_clock(const Eigen::Ref<const Eigen::VectorXd>& swing);
 
   // Derivatives of the exposed rows, (rows × unknowns); those by the clock after scale_clock. Those by the levels.
   [[nodiscard]] auto parts() const { return parts_.topRows(count_); }
@@ -78,7 +79,7 @@ std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::V
 // the same fraction of a row) it is kept, with infinite variance.
 std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
 
-// PᵀP.
+// PᵀP of parts P, (rows × unknowns).
 Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>& parts);
 
 // Least-squares levels at the last exposed clock.

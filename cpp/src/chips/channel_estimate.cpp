@@ -189,7 +189,8 @@ std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock
   equations.expose(moved_to(used, equations.origin()), range);
   const Eigen::Index size = equations.unknowns();
   if (range.size() < static_cast<std::size_t>(size)) return std::nullopt;
-  equations.scale_clock(swing);
+  equations.scale_clock(
+      Eigen::Map<const Eigen::VectorXd>(swing.data() + range.begin, static_cast<Eigen::Index>(range.size())));
   Eigen::MatrixXd normal = normal_of(equations.parts());
   const Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
   if (model.rate_std > 0) normal(1, 1) += noise * noise / (model.rate_std * model.rate_std);
