@@ -61,6 +61,14 @@ struct Sender {
 
 std::ptrdiff_t place_of_block(std::size_t block) { return static_cast<std::ptrdiff_t>(block * kBlock); }
 
+// An assembler that knows the layout and the clock, from the first four blocks.
+PacketAssembler after_four_blocks(const Sender& sender, const ocisac::PlaceErrors& errors = {}) {
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 4; ++block)
+    assembler.push(place_of_block(block), sender.blocks(block, 1), errors);
+  return assembler;
+}
+
 // Blocks are pushed one by one until the payload is there: how many it took; 0: not within `most`.
 std::size_t blocks_needed(PacketAssembler& assembler, const Sender& sender, std::size_t begin, std::size_t most) {
   for (std::size_t k = begin; k < begin + most; ++k) {
@@ -363,8 +371,7 @@ TEST_CASE("two packets of one parity and length are not mixed into a third") {
 
 TEST_CASE("a stretch that begins before the end of the last one is left out") {
   const Sender sender(80);
-  PacketAssembler assembler(sender.format);
-  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  PacketAssembler assembler = after_four_blocks(sender);
   auto report = assembler.push(place_of_block(4) - 1, sender.soft(4 * kBlock - 1, 100));
   CHECK(report.outcome == StretchOutcome::repeated);
   CHECK(report.blocks == 0);
@@ -423,8 +430,7 @@ TEST_CASE("a header that ends with its stretch counts once") {
 
 TEST_CASE("stretches without a header have their place from the clock") {
   const Sender sender(80);
-  PacketAssembler assembler(sender.format);
-  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  PacketAssembler assembler = after_four_blocks(sender);
   std::size_t bytes = 32;
   for (std::size_t block = 4; block < 10; ++block) {
     const auto report = assembler.push(place_of_block(block) + static_cast<std::ptrdiff_t>(kStart),
@@ -496,8 +502,7 @@ TEST_CASE("a header counts as far from its place as the clock may have jumped") 
     for (const double errors : {3.0, 4.0, 5.0}) {  // of the jump's standard error
       CAPTURE(slip);
       CAPTURE(errors);
-      PacketAssembler assembler(sender.format);
-      for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+      PacketAssembler assembler = after_four_blocks(sender);
       const auto jump = static_cast<std::ptrdiff_t>(2 + errors * slip);  // two chips are no jump
       const auto report =
           assembler.push(place_of_block(4) + jump, sender.blocks(4, 1), {.offset = 0, .scatter = 0, .slip = slip});
@@ -520,44 +525,30 @@ TEST_CASE("the scatter of places is learned from headers") {
     }
 }
 
-TEST_CASE("preamble, header and line code show the place of a stretch whose clock has slipped") {
+TEST_CASE("preamble, header and line code show the place of a stretch within four standard errors of the clock") {
   const Sender sender(80);
-  for (const std::ptrdiff_t slip : {-3, -1, 0, 1, 3}) {
+  const auto check = [&](std::size_t unseen, std::ptrdiff_t slip, double scatter) {
     CAPTURE(slip);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
-    const auto report = assembler.push(place_of_block(4) + 4 + slip, sender.soft(4 * kBlock + 4, kBlock - 4),
-                                       {.offset = 0, .scatter = 1, .slip = 0});
+    PacketAssembler assembler = after_four_blocks(sender);
+    const auto report =
+        assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(unseen) + slip,
+                       sender.soft(4 * kBlock + unseen, kBlock - unseen), {.offset = 0, .scatter = scatter, .slip = 0});
     CHECK(report.blocks == 0);
     CHECK(report.outcome == StretchOutcome::placed);
     CHECK(report.bytes == 8);
     CHECK(report.cut == 0);
     CHECK(report.violations == 0);
     CHECK(report.share == doctest::Approx(40 / 85.0));
-  }
-}
-
-TEST_CASE("places up to four standard errors of the clock are compared") {
-  const Sender sender(80);
-  for (const std::ptrdiff_t off : {-11, 11}) {
-    CAPTURE(off);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
-    const auto report = assembler.push(place_of_block(4) + 12 + off, sender.soft(4 * kBlock + 12, kBlock - 12),
-                                       {.offset = 0, .scatter = 3, .slip = 0});
-    CHECK(report.blocks == 0);
-    CHECK(report.outcome == StretchOutcome::placed);
-    CHECK(report.violations == 0);
-    CHECK(report.share == doctest::Approx(40 / 85.0));
-  }
+  };
+  for (const std::ptrdiff_t slip : {-3, -1, 0, 1, 3}) check(4, slip, 1);
+  for (const std::ptrdiff_t slip : {-11, 11}) check(12, slip, 3);
 }
 
 TEST_CASE("words from elsewhere that contradict the header expected there wait") {
   const Sender sender(80), other(80, 1);
   for (const std::size_t first : {0U, 1U}) {  // of the alignments of a word
     CAPTURE(first);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    PacketAssembler assembler = after_four_blocks(sender);
     const auto report = assembler.push(place_of_block(5) - 100 + static_cast<std::ptrdiff_t>(first),
                                        other.soft(7 * kBlock + kStart + first, kBlock - kStart - first),
                                        {.offset = 0, .scatter = 1, .slip = 0});
@@ -568,8 +559,7 @@ TEST_CASE("words from elsewhere that contradict the header expected there wait")
 
 TEST_CASE("a stretch that fits at several places waits, and eight of them at most") {
   const Sender sender(80);
-  PacketAssembler assembler(sender.format);
-  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  PacketAssembler assembler = after_four_blocks(sender);
   Soft alternating(40, kSure);  // words of the code, shifted by two chips as well
   for (std::size_t chip = 0; chip < alternating.size(); chip += 2) alternating[chip] = -kSure;
   for (std::size_t block = 4; block < 16; ++block) {
@@ -589,8 +579,7 @@ TEST_CASE("words without a header are placed while they belong there with 99 %")
   const Sender sender(80);
   for (const double scatter : {0.6, 0.605}) {
     CAPTURE(scatter);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    PacketAssembler assembler = after_four_blocks(sender);
     const std::size_t inside = kStart + 4;
     const auto report =
         assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside),
@@ -604,8 +593,7 @@ TEST_CASE("the first chip of a preamble is evidence of a place") {
   const Sender sender(80);
   for (const std::size_t chips : {0U, 1U}) {  // of the next preamble
     CAPTURE(chips);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    PacketAssembler assembler = after_four_blocks(sender);
     const std::size_t inside = kStart + 4;
     const auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside),
                                        sender.soft(4 * kBlock + inside, kBlock - inside + chips),
@@ -621,8 +609,7 @@ TEST_CASE("a wrong bit of a header speaks against its place with twelve nats, a 
   const Sender sender(80);
   for (const std::size_t right : {10U, 12U}) {
     CAPTURE(right);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    PacketAssembler assembler = after_four_blocks(sender);
     const std::size_t inside = kStart - 2 * (right + 1);
     auto llr = sender.soft(4 * kBlock + inside, kBlock - inside);
     flip(llr, 2 * right, 2);
@@ -633,8 +620,7 @@ TEST_CASE("a wrong bit of a header speaks against its place with twelve nats, a 
 
 TEST_CASE("the offset of a place counts as the clock does") {
   const Sender sender(80);
-  PacketAssembler assembler(sender.format);
-  for (std::size_t block = 0; block < 4; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  PacketAssembler assembler = after_four_blocks(sender);
   const auto report =
       assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(kStart) + 6,
                      sender.soft(4 * kBlock + kStart, 8 * kByte), {.offset = -6, .scatter = 0, .slip = 0});
@@ -694,9 +680,7 @@ TEST_CASE("the errors of the first place belong to the clock") {
   const Sender sender(80);
   for (const std::ptrdiff_t off : {8, 9}) {
     CAPTURE(off);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 4; ++block)
-      assembler.push(place_of_block(block), sender.blocks(block, 1), {.offset = 0, .scatter = 3, .slip = 0});
+    PacketAssembler assembler = after_four_blocks(sender, {.offset = 0, .scatter = 3, .slip = 0});
     const auto report = assembler.push(place_of_block(4) + off, sender.blocks(4, 1));
     CHECK((report.outcome == StretchOutcome::placed) == (off == 8));
   }

@@ -35,6 +35,22 @@ std::vector<double> rows_of(double tone, unsigned seed) {
   return rows;
 }
 
+// Mean of value(symbol) over trials of a cosine of `cycles` a row in white noise of 1.
+template <class Value>
+double mean_of_trials(const ocisac::FskDemodulator& demodulator, std::size_t count, double amplitude, double cycles,
+                      int trials, unsigned seed, Value value) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 1);
+  std::vector<double> rows(count);
+  double sum = 0;
+  for (int trial = 0; trial < trials; ++trial) {
+    for (std::size_t n = 0; n < count; ++n)
+      rows[n] = amplitude * std::cos(2 * std::numbers::pi * cycles * static_cast<double>(n)) + noise(random);
+    sum += value(demodulator.demodulate(rows));
+  }
+  return sum / trials;
+}
+
 // Of M orthogonal tones at E_s/N_0 = `snr`, as a sum over the other tones.
 double sum_error_rate(int tones, double snr) {
   double sum = 0, choices = 1;
@@ -136,17 +152,9 @@ TEST_CASE("FSK: the energy told is right on average") {
   constexpr int kTrials = 1000;
   const ocisac::FskDemodulator demodulator(kCamera, kTones, kRows);
   const double amplitude = std::sqrt(4 * kEnergy / kRows);  // for noise of 1
-  std::mt19937 random(3);
-  std::normal_distribution<double> noise(0, 1);
-  double sum = 0;
-  std::vector<double> rows(kRows);
-  for (int trial = 0; trial < kTrials; ++trial) {
-    for (std::size_t n = 0; n < kRows; ++n)
-      rows[n] =
-          amplitude * std::cos(2 * std::numbers::pi * 1500 * static_cast<double>(n) * kCamera.row_time) + noise(random);
-    sum += demodulator.demodulate(rows).snr;
-  }
-  CHECK(std::abs(sum / kTrials - kEnergy) < 3 * std::sqrt(2 * kEnergy / kTrials));  // standard errors
+  const double mean = mean_of_trials(demodulator, kRows, amplitude, 1500 * kCamera.row_time, kTrials, 3,
+                                     [](const ocisac::FskSymbol& got) { return got.snr; });
+  CHECK(std::abs(mean - kEnergy) < 3 * std::sqrt(2 * kEnergy / kTrials));  // standard errors
 }
 
 TEST_CASE("FSK: the light that is not stated is the strongest tone's amplitude before the exposure") {
@@ -164,16 +172,9 @@ TEST_CASE("FSK: the noise is estimated without bias: mean, slope, cosine and sin
   constexpr std::array kFast{10e3, 20e3};
   const ocisac::FskDemodulator demodulator({.row_time = 2e-5, .exposure = {}, .frame_time = {}, .tone_curve = {}},
                                            kFast, kFew);
-  std::mt19937 random(5);
-  std::normal_distribution<double> noise(0, 1);
-  double sum = 0;
-  std::vector<double> rows(kFew);
-  for (int trial = 0; trial < kTrials; ++trial) {
-    for (std::size_t n = 0; n < kFew; ++n)
-      rows[n] = 100 * std::cos(2 * std::numbers::pi * 0.2 * static_cast<double>(n)) + noise(random);
-    sum += std::pow(demodulator.demodulate(rows).noise, 2);
-  }
-  CHECK(std::abs(sum / kTrials - 1) < 4 * std::sqrt(2.0 / (kFew - 4) / kTrials));  // standard errors
+  const double mean = mean_of_trials(demodulator, kFew, 100, 0.2, kTrials, 5,
+                                     [](const ocisac::FskSymbol& got) { return got.noise * got.noise; });
+  CHECK(std::abs(mean - 1) < 4 * std::sqrt(2.0 / (kFew - 4) / kTrials));  // standard errors
 }
 
 TEST_CASE("FSK: likelihoods are those of amplitudes over noise, in any unit") {

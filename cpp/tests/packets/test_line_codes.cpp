@@ -89,7 +89,7 @@ TEST_CASE("words that a code does not have are violations, however weak the ligh
   }
 }
 
-// Of 2^n patterns of n chips, 2^b are words: sure chips that are a word are 2^(n − b) times as probable as at random.
+// A code uses 2^b of the 2^n patterns of n chips: a word has the likelihood ratio 2^(n − b) against random chips.
 TEST_CASE("the evidence of words is their share of all patterns") {
   const std::map<const char*, double> bits{{"none", 0}, {"manchester", 1}, {"4b6b", 2}, {"8b10b", 2}};
   for (const auto& [name, redundant] : bits) {
