@@ -73,9 +73,11 @@ def test_agrees_with_the_reference(rows, position, shape, degree, dtype, step, w
         for of in (ocisac, reference)
     )
     assert got.gain.shape == shape
-    # As the steady fit does: of integers, whose table of a tone curve is in float32, and of linear float32.
-    in_float64 = dtype == "float64" or (dtype == "float32" and curve == "gamma")
-    tolerance = 1e-10 if in_float64 else 1e-7 if curve == "gamma" else 1e-8
+    # As the steady fit of integers does, whose table of a tone curve is in float32. The rounding of phases, which a
+    # model close to dependent amplifies, costs 4·10⁻¹⁰ in the example above.
+    of_integers = 1e-7 if curve == "gamma" else 1e-8
+    of_floats = 1e-9 if dtype == "float32" and curve == "linear" else 1e-10
+    tolerance = of_floats if dtype.startswith("float") else of_integers
     assert_agree(got, want, tolerance, 1e-3 if dtype == "uint8" else 0.0)
 
 
