@@ -604,17 +604,22 @@ TEST_CASE("the first chip of a preamble is evidence of a place") {
 
 TEST_CASE("a wrong bit of a header speaks against its place with twelve nats, a right one with ln 2 for it") {
   // The last bits of a header, one of them wrong, and the bytes after it: with n right bits the likelihood is
-  // 2^(n + 1)·e^(−12) times that of words elsewhere, of probability 10⁻³; the place has the density 3.99 (σ = 0.1).
-  // The probability is 0.98 with ten right bits, 0.995 with twelve.
+  // 2^(n + 1)·e^(−12) times that of words elsewhere, of probability 10⁻³; the place has the density 1/(σ√2π).
+  struct Case {
+    std::size_t right;
+    double scatter, probability;
+  };
   const Sender sender(80);
-  for (const std::size_t right : {10U, 12U}) {
-    CAPTURE(right);
+  for (const Case& of : {Case{10, 0.1, 0.980}, Case{11, 0.1, 0.9901}, Case{11, 0.103, 0.9898}, Case{12, 0.1, 0.995}}) {
+    CAPTURE(of.right);
+    CAPTURE(of.scatter);
     PacketAssembler assembler = after_four_blocks(sender);
-    const std::size_t inside = kStart - 2 * (right + 1);
+    const std::size_t inside = kStart - 2 * (of.right + 1);
     auto llr = sender.soft(4 * kBlock + inside, kBlock - inside);
-    flip(llr, 2 * right, 2);
-    const auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside), llr);
-    CHECK((report.outcome == StretchOutcome::placed) == (right == 12));
+    flip(llr, 2 * of.right, 2);
+    const auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside), llr,
+                                       {.offset = 0, .scatter = of.scatter, .slip = 0});
+    CHECK((report.outcome == StretchOutcome::placed) == (of.probability > 0.99));
   }
 }
 
