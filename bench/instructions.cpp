@@ -1,5 +1,6 @@
 // A small fixed workload for counting instructions: `instructions NAME` runs one case once; without a name it lists
 // them.
+#include <cmath>
 #include <cstdio>
 #include <functional>
 #include <map>
@@ -10,7 +11,9 @@
 #include "ocisac/exposure/best_exposure.hpp"
 #include "ocisac/light/integrate_exposure.hpp"
 #include "ocisac/tones/equalize.hpp"
+#include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/tone_gain.hpp"
+#include "ocisac/tones/varying_tone.hpp"
 
 namespace {
 
@@ -61,6 +64,31 @@ double equalize() {
   return total(out);
 }
 
+// A square wave of 12.3 cycles under noise, each column at its own phase.
+ocisac::AnyFramesView flashing(std::size_t columns) {
+  static const auto pixels = [] {
+    auto values = bench::noise<std::uint8_t>(bench::kRows * kColumns);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const double cycles = 12.3 * static_cast<double>(i / kColumns) / bench::kRows;
+      const bool bright = std::fmod(cycles + 0.01 * static_cast<double>(i % kColumns), 1) < 0.5;
+      values[i] = static_cast<std::uint8_t>(values[i] / 16 + (bright ? 140 : 60));
+    }
+    return values;
+  }();
+  auto view = ocisac::dense_view<const std::uint8_t>(pixels.data(), 1, bench::kRows, kColumns);
+  view.columns = columns;
+  return view;
+}
+
+double find_frequency(std::size_t columns) { return ocisac::find_frequency(flashing(columns), {}).frequency; }
+
+double varying_gain() { return total(ocisac::varying_tone_gain(flashing(kColumns), kCamera, 500, {}).mean); }
+
+double pooled_gain() {
+  const double frequency = 500;
+  return total(ocisac::pooled_tone_gain(flashing(kColumns), kCamera, {&frequency, 1}, {}).gain);
+}
+
 const std::map<std::string, std::function<double()>> kCases{
     {"project-3-D1", [] { return project(3, 1); }},
     {"project-3-D4", [] { return project(3, 4); }},
@@ -72,6 +100,10 @@ const std::map<std::string, std::function<double()>> kCases{
     {"integrate-square", [] { return integrate(ocisac::SquareWave{500}); }},
     {"exposure-choice", choose_exposures},
     {"equalize", equalize},
+    {"find-frequency", [] { return find_frequency(kColumns); }},
+    {"find-frequency-column", [] { return find_frequency(1); }},
+    {"gain-varying", varying_gain},
+    {"gain-pooled", pooled_gain},
 };
 
 }  // namespace
@@ -86,6 +118,7 @@ int main(int argc, char** argv) {
   }
   const auto found = kCases.find(argv[1]);
   if (found == kCases.end()) return 2;
-  frame();  // creates the frame before the counted region
+  frame();  // creates the frames before the counted region
+  flashing(1);
   std::printf("%.12g\n", run_measured(found->second));
 }

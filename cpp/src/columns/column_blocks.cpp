@@ -6,6 +6,7 @@
 #include <span>
 #include <type_traits>
 
+#include "columns/row_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
 namespace ocisac {
@@ -20,12 +21,18 @@ struct Sum {
   std::size_t saturated = 0;
 };
 
+// The smallest integer that is saturated, above all samples if none is.
+template <class T>
+std::uint32_t saturated_from(double saturation) {
+  const double level_or_more = saturation <= sample_maximum<T>() ? saturation : sample_maximum<T>() + 1;
+  return static_cast<std::uint32_t>(std::ceil(std::max(level_or_more, 0.0)));
+}
+
 // 2^16 samples of 16 bits fit into the integer sum.
 template <class T>
 Sum sum_run(const T* samples, std::size_t count, std::ptrdiff_t stride, double saturation) {
   if constexpr (std::is_integral_v<T>) {
-    const double level_or_more = saturation <= sample_maximum<T>() ? saturation : sample_maximum<T>() + 1;
-    const auto level = static_cast<std::uint32_t>(std::ceil(std::max(level_or_more, 0.0)));
+    const std::uint32_t level = saturated_from<T>(saturation);
     Sum total;
     for (std::size_t first = 0; first < count; first += 65536) {
       const std::size_t last = std::min(count, first + 65536);
@@ -50,35 +57,44 @@ Sum sum_run(const T* samples, std::size_t count, std::ptrdiff_t stride, double s
   }
 }
 
+// The constant stride of contiguous samples lets the compiler vectorise.
 template <class T>
-void add_blocks(const FramesView<const T>& view, double saturation, ColumnBlocks& out) {
-  for (std::size_t frame = 0; frame < view.frames; ++frame)
-    for (std::size_t row = 0; row < view.rows; ++row)
-      for (std::size_t block = 0; block < out.blocks; ++block) {
-        const std::size_t first = block * out.width;
-        const std::size_t count = std::min(out.width, view.columns - first);
-        const T* samples = view.at(frame, row, first);
-        // The constant stride lets the compiler vectorise the usual case.
-        const Sum sum = view.column_stride == 1 ? sum_run(samples, count, 1, saturation)
-                                                : sum_run(samples, count, view.column_stride, saturation);
-        out.signals[(frame * out.blocks + block) * view.rows + row] = sum.light;
-        out.saturated_share[block] += static_cast<double>(sum.saturated);
+Sum sum_of_block(const T* samples, std::size_t count, std::ptrdiff_t stride, double saturation) {
+  return stride == 1 ? sum_run(samples, count, 1, saturation) : sum_run(samples, count, stride, saturation);
+}
+
+// Adds the blocks of one frame to `signals`, (blocks × rows), and their sums over the rows to `totals`.
+template <class T>
+void add_frame(const FramesView<const T>& view, double saturation, ColumnBlocks& out, std::span<double> signals,
+               std::span<double> totals) {
+  std::vector<std::uint32_t> light(out.blocks), saturated(out.blocks);
+  for (std::size_t row = 0; row < view.rows; ++row) {
+    const T* samples = view.at(0, row, 0);
+    if constexpr (std::is_same_v<T, std::uint8_t>)
+      if (view.column_stride == 1) {
+        kernels::sum_runs(samples, view.columns, out.width, saturated_from<T>(saturation), light.data(),
+                          saturated.data());
+        for (std::size_t block = 0; block < out.blocks; ++block) {
+          totals[block] += signals[block * view.rows + row] = light[block];
+          out.saturated_share[block] += saturated[block];
+        }
+        continue;
       }
+    for (std::size_t block = 0; block < out.blocks; ++block) {
+      const std::size_t first = block * out.width;
+      const Sum sum = sum_of_block(samples + static_cast<std::ptrdiff_t>(first) * view.column_stride,
+                                   std::min(out.width, view.columns - first), view.column_stride, saturation);
+      totals[block] += signals[block * view.rows + row] = sum.light;
+      out.saturated_share[block] += static_cast<double>(sum.saturated);
+    }
+  }
 }
 
 // Removes the mean; exact zeros where a signal is constant up to rounding.
-void remove_mean(std::span<double> signal) {
-  double mean = 0, largest = 0;
-  for (const double v : signal) {
-    mean += v / static_cast<double>(signal.size());
-    largest = std::max(largest, std::abs(v));
-  }
-  bool varies = false;
-  for (double& v : signal) {
-    v -= mean;
-    varies = varies || std::abs(v) > 1e-13 * largest;
-  }
-  if (!varies) std::fill(signal.begin(), signal.end(), 0.0);
+void remove_mean(std::span<double> signal, double mean) {
+  for (double& v : signal) v -= mean;
+  const auto varies = [&](double v) { return std::abs(v) > 1e-13 * std::abs(mean); };
+  if (std::none_of(signal.begin(), signal.end(), varies)) std::fill(signal.begin(), signal.end(), 0.0);
 }
 
 }  // namespace
@@ -96,9 +112,18 @@ ColumnBlocks column_blocks(const AnyFramesView& frames, double saturation) {
                    width,
                    std::vector<double>(shape.frames * blocks * shape.rows),
                    std::vector<double>(blocks)};
-  std::visit([&](const auto& view) { add_blocks(view, saturation, out); }, frames);
-  for (std::size_t first = 0; first < out.signals.size(); first += shape.rows)
-    remove_mean(std::span(out.signals).subspan(first, shape.rows));
+  std::vector<double> totals(shape.frames * blocks);
+  std::visit(
+      [&](const auto& view) {
+        for (std::size_t frame = 0; frame < shape.frames; ++frame)
+          add_frame(view.frame(frame), saturation, out,
+                    std::span(out.signals).subspan(frame * blocks * shape.rows, blocks * shape.rows),
+                    std::span(totals).subspan(frame * blocks, blocks));
+      },
+      frames);
+  for (std::size_t signal = 0; signal < totals.size(); ++signal)
+    remove_mean(std::span(out.signals).subspan(signal * shape.rows, shape.rows),
+                totals[signal] / static_cast<double>(shape.rows));
   for (std::size_t block = 0; block < blocks; ++block) {
     const std::size_t columns = std::min(width, shape.columns - block * width);
     out.saturated_share[block] /= static_cast<double>(columns * shape.rows * shape.frames);

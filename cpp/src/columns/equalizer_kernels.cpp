@@ -106,15 +106,16 @@ void put_back(T* block, std::size_t rows, std::size_t width, const ColumnLines& 
                  [](auto value, auto line, auto factor) HWY_ATTR { return hn::MulAdd(value, factor, line); });
 }
 
-// kOutputs × kVectors sums stay in registers; in: (inputs × kVectors vectors) dense.
+// kOutputs × kVectors sums stay in registers.
 template <std::size_t kOutputs, std::size_t kVectors, class T>
-HWY_INLINE void product_tile(const T* matrix, std::size_t inputs, const T* in, T* out, std::ptrdiff_t out_stride) {
+HWY_INLINE void product_tile(const T* matrix, std::size_t inputs, const T* in, std::ptrdiff_t stride, T* out,
+                             std::ptrdiff_t out_stride) {
   const hn::ScalableTag<T> d;
   const std::size_t lanes = hn::Lanes(d);
   hn::Vec<decltype(d)> sum[kOutputs][kVectors];
   for (std::size_t i = 0; i < kOutputs; ++i)
     for (std::size_t v = 0; v < kVectors; ++v) sum[i][v] = hn::Zero(d);
-  for (std::size_t j = 0; j < inputs; ++j, in += kVectors * lanes) {
+  for (std::size_t j = 0; j < inputs; ++j, in += stride) {
     hn::Vec<decltype(d)> row[kVectors];
     for (std::size_t v = 0; v < kVectors; ++v) row[v] = hn::LoadU(d, in + v * lanes);
     for (std::size_t i = 0; i < kOutputs; ++i) {
@@ -126,27 +127,29 @@ HWY_INLINE void product_tile(const T* matrix, std::size_t inputs, const T* in, T
     for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[i][v], d, out + v * lanes);
 }
 
-// The columns' inputs are copied next to each other, unless they are: rows of a block, a power of two apart, would
-// evict one another from the first-level cache.
+// Inputs that are read more than once are copied next to each other, unless they are near: rows of a block, a power of
+// two apart, would evict one another from the first-level cache.
 template <std::size_t kVectors, class T>
 HWY_INLINE void product_columns(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,
                                 std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride) {
-  constexpr std::size_t kOutputs = 4;
+  constexpr std::size_t kOutputs = 4, kNear = 2;
   const hn::ScalableTag<T> d;
   const std::size_t width = kVectors * hn::Lanes(d);
   thread_local std::vector<T> packed;  // reused from call to call
-  if (stride != static_cast<std::ptrdiff_t>(width)) {
+  if (outputs > kOutputs && std::abs(stride) > static_cast<std::ptrdiff_t>(kNear * width)) {
     packed.resize(inputs * width);
     for (std::size_t j = 0; j < inputs; ++j)
       std::copy_n(in + static_cast<std::ptrdiff_t>(j) * stride, width, &packed[j * width]);
     in = packed.data();
+    stride = static_cast<std::ptrdiff_t>(width);
   }
   const auto row = [&](std::size_t i) { return out + static_cast<std::ptrdiff_t>(i) * out_stride; };
   std::size_t i = 0;
   for (; i + kOutputs <= outputs; i += kOutputs)
-    product_tile<kOutputs, kVectors>(matrix + i * inputs, inputs, in, row(i), out_stride);
+    product_tile<kOutputs, kVectors>(matrix + i * inputs, inputs, in, stride, row(i), out_stride);
   const auto rest = [&]<std::size_t kRest>() {
-    if (outputs - i == kRest) product_tile<kRest, kVectors>(matrix + i * inputs, inputs, in, row(i), out_stride);
+    if (outputs - i == kRest)
+      product_tile<kRest, kVectors>(matrix + i * inputs, inputs, in, stride, row(i), out_stride);
   };
   rest.template operator()<1>();
   rest.template operator()<2>();

@@ -109,6 +109,82 @@ void TransposeBytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t
       to[r * columns + c] = from[static_cast<std::ptrdiff_t>(c) * stride + static_cast<std::ptrdiff_t>(r)];
 }
 
+struct RunSum {
+  std::uint32_t sum = 0, reaching = 0;
+};
+
+HWY_INLINE RunSum sum_singly(const std::uint8_t* run, std::size_t count, unsigned level) {
+  RunSum of{};
+  for (std::size_t i = 0; i < count; ++i) {
+    of.sum += run[i];
+    of.reaching += run[i] >= level;
+  }
+  return of;
+}
+
+#if HWY_TARGET != HWY_SCALAR
+
+// Short vectors: runs of a frame's 64th part are.
+const hn::CappedTag<std::uint8_t, 32> d_run;
+
+// `kCount`: how many reach the level is asked for.
+template <bool kCount>
+class RunAdder {
+ public:
+  HWY_INLINE explicit RunAdder(unsigned level) : level_(hn::Set(d_run, static_cast<std::uint8_t>(level))) {}
+
+  HWY_INLINE void add(hn::Vec<decltype(d_run)> bytes, hn::Mask<decltype(d_run)> counted) {
+    sum_ = hn::Add(sum_, hn::SumsOf8(bytes));
+    if (kCount) reaching_ += hn::CountTrue(d_run, hn::And(counted, hn::Eq(hn::Max(bytes, level_), bytes)));
+  }
+  [[nodiscard]] HWY_INLINE RunSum result() const {
+    return {static_cast<std::uint32_t>(hn::GetLane(hn::SumOfLanes(d_sum, sum_))),
+            static_cast<std::uint32_t>(reaching_)};
+  }
+
+ private:
+  static constexpr hn::Repartition<std::uint64_t, decltype(d_run)> d_sum{};
+  hn::Vec<decltype(d_run)> level_;
+  hn::Vec<decltype(d_sum)> sum_ = hn::Zero(d_sum);
+  std::size_t reaching_ = 0;
+};
+
+// The bytes of whole vectors, and a rest of which a vector may be read.
+template <bool kCount>
+HWY_INLINE RunSum sum_of_run(const std::uint8_t* run, std::size_t count, unsigned level) {
+  const std::size_t lanes = hn::Lanes(d_run);
+  RunAdder<kCount> adder(level);
+  std::size_t i = 0;
+  for (; i + lanes <= count; i += lanes) adder.add(hn::LoadU(d_run, run + i), hn::FirstN(d_run, lanes));
+  const auto rest = hn::FirstN(d_run, count - i);
+  if (i < count) adder.add(hn::IfThenElseZero(rest, hn::LoadU(d_run, run + i)), rest);
+  return adder.result();
+}
+
+#endif
+
+template <bool kCount>
+void sum_all_runs(const std::uint8_t* row, std::size_t columns, std::size_t width, unsigned level, std::uint32_t* sums,
+                  std::uint32_t* reaching) {
+  for (std::size_t first = 0; first < columns; first += width, ++sums, ++reaching) {
+    const std::size_t count = std::min(width, columns - first);
+#if HWY_TARGET == HWY_SCALAR
+    const RunSum of = sum_singly(row + first, count, level);
+#else
+    const bool beyond = first + count + hn::Lanes(d_run) > columns;
+    const RunSum of = beyond ? sum_singly(row + first, count, level) : sum_of_run<kCount>(row + first, count, level);
+#endif
+    *sums = of.sum;
+    *reaching = of.reaching;
+  }
+}
+
+void SumRuns(const std::uint8_t* row, std::size_t columns, std::size_t width, unsigned level, std::uint32_t* sums,
+             std::uint32_t* reaching) {
+  const auto sum = level > 255 ? sum_all_runs<false> : sum_all_runs<true>;
+  sum(row, columns, width, level, sums, reaching);
+}
+
 bool HasWideVectors() { return HWY_TARGET <= HWY_AVX3; }
 
 }  // namespace HWY_NAMESPACE
@@ -126,6 +202,7 @@ namespace ocisac::kernels {
 
 HWY_EXPORT(TakeEvery);
 HWY_EXPORT(TransposeBytes);
+HWY_EXPORT(SumRuns);
 HWY_EXPORT(HasWideVectors);
 
 bool has_wide_vectors() { return HWY_DYNAMIC_DISPATCH(HasWideVectors)(); }
@@ -137,6 +214,11 @@ void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, s
 void transpose_bytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
                      std::uint8_t* to) {
   HWY_DYNAMIC_DISPATCH(TransposeBytes)(from, stride, rows, columns, to);
+}
+
+void sum_runs(const std::uint8_t* row, std::size_t columns, std::size_t width, unsigned level, std::uint32_t* sums,
+              std::uint32_t* reaching) {
+  HWY_DYNAMIC_DISPATCH(SumRuns)(row, columns, width, level, sums, reaching);
 }
 
 ByteTable::ByteTable(std::span<const float> light) : light_(light.data()) {

@@ -15,6 +15,11 @@ void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, s
 void transpose_bytes(const std::uint8_t* from, std::ptrdiff_t stride, std::size_t rows, std::size_t columns,
                      std::uint8_t* to);
 
+// Runs of `width` contiguous bytes that cover a row, the last one cut: their sums, and how many reach `level` (256:
+// none).
+void sum_runs(const std::uint8_t* row, std::size_t columns, std::size_t width, unsigned level, std::uint32_t* sums,
+              std::uint32_t* reaching);
+
 // A table of the light of bytes; beside it the same by planes, byte i of each float, for look-up in registers.
 class ByteTable {
  public:

@@ -1,6 +1,7 @@
 #include "ocisac/tones/find_frequency.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -11,6 +12,7 @@
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
+#include "tones/spectral_votes.hpp"
 #include "tones/tone_combination.hpp"
 
 namespace ocisac {
@@ -34,60 +36,61 @@ struct Signals {
   [[nodiscard]] std::span<const double> signal(std::size_t s) const { return {&samples[s * rows], rows}; }
 };
 
-double energy(std::span<const double> x) {
-  double sum = 0;
-  for (const double v : x) sum += v * v;
-  return sum;
-}
+// Signals scaled to unit energy, so that bright overlays do not dominate; constant ones are left out.
+class UnitSignals {
+ public:
+  UnitSignals(std::span<const double> samples, std::size_t rows)
+      : energies_(energies_of(samples, rows)), scaled_(scaled(samples, rows)), prepared_(scaled_.samples, rows) {}
 
-// Normalised to unit energy, so that bright overlays do not dominate; constant signals are omitted.
-Signals normalised(const Signals& signals) {
-  Signals out{{}, signals.rows};
-  out.samples.reserve(signals.samples.size());
-  for (std::size_t s = 0; s < signals.count(); ++s) {
-    const double power = energy(signals.signal(s));
-    if (!(power > 0)) continue;
-    const double scale = 1 / std::sqrt(power);
-    for (const double v : signals.signal(s)) out.samples.push_back(scale * v);
-  }
-  return out;
-}
+  [[nodiscard]] const Signals& signals() const { return scaled_; }
+  [[nodiscard]] const PeriodicSignals& prepared() const { return prepared_; }
 
-// For each bin k of a DFT of `length`, summed over the signals: −log(1 − fraction of the Hann-weighted energy explained
-// by a tone at k/length). This is the log-likelihood if each signal has its own noise level.
-std::vector<double> spectral_votes(const Signals& signals, std::size_t length) {
-  const std::size_t rows = signals.rows;
-  std::vector<double> window(rows);
-  double window_sum = 0;
-  for (std::size_t n = 0; n < rows; ++n) {
-    const double x = (static_cast<double>(n) + 0.5) / static_cast<double>(rows);
-    window_sum += window[n] = std::pow(std::sin(std::numbers::pi * x), 2);
-  }
-  std::vector<double> padded(signals.count() * length);
-  std::vector<double> weighted_energy(signals.count());
-  for (std::size_t s = 0; s < signals.count(); ++s)
-    for (std::size_t n = 0; n < rows; ++n) {
-      const double x = signals.samples[s * rows + n];
-      padded[s * length + n] = window[n] * x;
-      weighted_energy[s] += window[n] * x * x;
+  // Fit of the signals as they were, without its step and its energies by harmonics.
+  [[nodiscard]] PeriodicFit fit(const PeriodicModel& model, double frequency) const {
+    const PeriodicFit of_scaled = fit_periodic(prepared_, model, frequency, false);
+    const std::size_t count = energies_.size();
+    PeriodicFit fit{
+        frequency, std::vector<double>(count), std::vector<double>(count), {}, std::vector<double>(2 * count)};
+    for (std::size_t s = 0, place = 0; s < count; ++s) {
+      if (!(energies_[s] > 0)) continue;
+      fit.residual_energy[s] = energies_[s] * of_scaled.residual_energy[place];
+      fit.periodic_energy[s] = energies_[s] * of_scaled.periodic_energy[place];
+      for (const std::size_t part : {0U, 1U})
+        fit.amplitudes[part * count + s] =
+            std::sqrt(energies_[s]) * of_scaled.amplitudes[part * scaled_.count() + place];
+      ++place;
     }
-  const auto spectra = half_spectra(padded, length);
-  const std::size_t bins = length / 2 + 1;
-  constexpr std::size_t kFactors = 64;  // of 10⁻⁴ or more do not vanish: a logarithm of their product
-  std::vector<double> votes(bins), left(bins, 1.0);
-  for (std::size_t s = 0; s < signals.count(); ++s) {
-    const double scale = 2 / (window_sum * weighted_energy[s]);
-    for (std::size_t k = 0; k < bins; ++k) left[k] *= 1 - std::min(scale * std::norm(spectra[s * bins + k]), 0.9999);
-    if ((s + 1) % kFactors != 0 && s + 1 != signals.count()) continue;
-    for (std::size_t k = 0; k < bins; ++k) votes[k] -= std::log(std::exchange(left[k], 1.0));
+    return fit;
   }
-  return votes;
-}
+
+ private:
+  static std::vector<double> energies_of(std::span<const double> samples, std::size_t rows) {
+    std::vector<double> energies(samples.size() / rows);
+    for (std::size_t s = 0; s < energies.size(); ++s)
+      for (const double v : samples.subspan(s * rows, rows)) energies[s] += v * v;
+    return energies;
+  }
+
+  [[nodiscard]] Signals scaled(std::span<const double> samples, std::size_t rows) const {
+    Signals out{{}, rows};
+    out.samples.reserve(samples.size());
+    for (std::size_t s = 0; s < energies_.size(); ++s) {
+      if (!(energies_[s] > 0)) continue;
+      const double scale = 1 / std::sqrt(energies_[s]);
+      for (const double v : samples.subspan(s * rows, rows)) out.samples.push_back(scale * v);
+    }
+    return out;
+  }
+
+  std::vector<double> energies_;
+  Signals scaled_;
+  PeriodicSignals prepared_;
+};
 
 // The strongest local maxima of the votes, in cycles per row.
 std::vector<double> spectral_peaks(const Signals& signals, const Range& range, std::size_t max_count) {
   const std::size_t length = optimal_dft_length(2 * signals.rows);
-  const auto votes = spectral_votes(signals, length);
+  const auto votes = spectral_votes(signals.samples, signals.rows, length);
   const auto inside = [&](std::size_t k) {
     const double f = static_cast<double>(k) / static_cast<double>(length);
     return f >= range.lower && f <= range.upper;
@@ -125,7 +128,7 @@ std::vector<double> grid_minima(const PeriodicSignals& signals, const Range& ran
     const double share = steps == 0 ? 0 : static_cast<double>(i) / static_cast<double>(steps);
     grid.push_back(range.lower + share * (last - range.lower));
     const auto model = periodic_model(grid.back(), signals.rows(), 1);
-    misfits.push_back(misfit(fit_periodic(signals, model, grid.back()), model, signals.rows()));
+    misfits.push_back(misfit(fit_periodic(signals, model, grid.back(), false), model, signals.rows()));
   }
   for (std::size_t i = 0; i < grid.size(); ++i)
     if ((i == 0 || misfits[i] < misfits[i - 1]) && (i + 1 == grid.size() || misfits[i] <= misfits[i + 1]))
@@ -158,15 +161,13 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Range& 
 }
 
 // NaN for constant signals.
-double coarse_frequency(const Signals& all, const Range& range) {
-  const Signals signals = normalised(all);
-  if (signals.count() == 0) return nan;
-  std::vector<double> frequencies = spectral_peaks(signals, range, 5);
-  const PeriodicSignals prepared(signals.samples, signals.rows);
-  for (const double f : grid_minima(prepared, range)) frequencies.push_back(f);
+double coarse_frequency(const UnitSignals& signals, const Range& range) {
+  if (signals.signals().count() == 0) return nan;
+  std::vector<double> frequencies = spectral_peaks(signals.signals(), range, 5);
+  for (const double f : grid_minima(signals.prepared(), range)) frequencies.push_back(f);
   Candidate best;
   for (const double frequency : frequencies) {
-    const Candidate candidate = judged(prepared, frequency, range);
+    const Candidate candidate = judged(signals.prepared(), frequency, range);
     if (candidate.misfit < best.misfit) best = candidate;
   }
   return best.frequency;
@@ -219,15 +220,27 @@ FinalFit final_fit(const PeriodicSignals& signals, double frequency, const Range
   return final;
 }
 
-// Signals of the selected blocks, grouped by frame.
-Signals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
-  Signals out{{}, blocks.rows};
-  out.samples.reserve(blocks.signals.size());
-  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
-    if (used[signal % blocks.blocks]) {
-      const double* first = &blocks.signals[signal * blocks.rows];
-      out.samples.insert(out.samples.end(), first, first + blocks.rows);
-    }
+// Signals of the selected blocks with their amplitudes and residuals, grouped by frame.
+struct ChosenSignals {
+  Signals signals;
+  PeriodicFit fit;
+};
+
+ChosenSignals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used, const PeriodicFit& all) {
+  ChosenSignals out{{{}, blocks.rows}, {}};
+  out.signals.samples.reserve(blocks.signals.size());
+  const std::size_t count = blocks.frames * blocks.blocks;
+  const auto for_each_used = [&](auto visit) {
+    for (std::size_t signal = 0; signal < count; ++signal)
+      if (used[signal % blocks.blocks]) visit(signal);
+  };
+  for_each_used([&](std::size_t signal) {
+    const double* first = &blocks.signals[signal * blocks.rows];
+    out.signals.samples.insert(out.signals.samples.end(), first, first + blocks.rows);
+    out.fit.residual_energy.push_back(all.residual_energy[signal]);
+  });
+  for (const std::size_t part : {0U, 1U})
+    for_each_used([&](std::size_t signal) { out.fit.amplitudes.push_back(all.amplitudes[part * count + signal]); });
   return out;
 }
 
@@ -244,24 +257,25 @@ FoundFrequency nothing_found(const ColumnBlocks& blocks) {
 }
 
 // Sum of each frame's signals.
-Signals summed(const Signals& signals, std::size_t group) {
-  Signals out{std::vector<double>(signals.samples.size() / group), signals.rows};
-  for (std::size_t s = 0; s < signals.count(); ++s)
-    for (std::size_t n = 0; n < signals.rows; ++n)
-      out.samples[s / group * signals.rows + n] += signals.samples[s * signals.rows + n];
-  return out;
+std::vector<double> summed(const ColumnBlocks& blocks) {
+  std::vector<double> sums(blocks.frames * blocks.rows);
+  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
+    for (std::size_t n = 0; n < blocks.rows; ++n)
+      sums[signal / blocks.blocks * blocks.rows + n] += blocks.signals[signal * blocks.rows + n];
+  return sums;
 }
 
 // Significance test: with an individual noise level per signal, (rows − p)·log(1 + tone/residual) of a tone of given
-// frequency is a sum of two squared standard normal variables.
-bool shows_tone(const Signals& signals, double frequency) {
-  const auto model = periodic_model(frequency, signals.rows, 1);
-  const auto fit = fit_periodic(signals.samples, signals.rows, model, frequency);
-  const auto spare = static_cast<double>(signals.rows - model.parameters());
+// frequency is a sum of two squared standard normal variables. `count`: of all signals, constant ones included.
+bool shows_tone(const UnitSignals& signals, std::size_t count, double frequency) {
+  const std::size_t rows = signals.signals().rows;
+  const auto model = periodic_model(frequency, rows, 1);
+  const auto fit = fit_periodic(signals.prepared(), model, frequency, false);
+  const auto spare = static_cast<double>(rows - model.parameters());
   double evidence = 0;
-  for (std::size_t s = 0; s < signals.count(); ++s)
+  for (std::size_t s = 0; s < fit.periodic_energy.size(); ++s)
     if (fit.periodic_energy[s] > 0) evidence += spare * std::log1p(fit.periodic_energy[s] / fit.residual_energy[s]);
-  return evidence > chance_energy(2 * signals.count());
+  return evidence > chance_energy(2 * count);
 }
 
 struct Sighting {
@@ -271,13 +285,15 @@ struct Sighting {
 
 // Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches
 // their sum, which is better for a weak light over the whole frame.
-Sighting look(const Signals& parts, std::size_t group, const Range& range) {
+Sighting look(const ColumnBlocks& blocks, const UnitSignals& parts, const Range& range) {
   const double frequency = coarse_frequency(parts, range);
-  if (std::isnan(frequency) || shows_tone(parts, frequency)) return {frequency, true, false};
-  if (group > 1) {
-    const Signals sums = summed(parts, group);
+  if (std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency))
+    return {frequency, true, false};
+  if (blocks.blocks > 1) {
+    const std::vector<double> samples = summed(blocks);
+    const UnitSignals sums(samples, blocks.rows);
     const double other = coarse_frequency(sums, range);
-    if (!std::isnan(other) && shows_tone(sums, other)) return {other, false, true};
+    if (!std::isnan(other) && shows_tone(sums, blocks.frames, other)) return {other, false, true};
   }
   return {frequency, false, false};
 }
@@ -304,19 +320,20 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   if (blocks.rows < fewest_rows) return nothing_found(blocks);
   const auto rows = static_cast<double>(blocks.rows);
   const Range range = resolvable(search, rows);
-  const std::vector<std::uint8_t> every(blocks.blocks, 1);
-  const Sighting sighting = look(chosen(blocks, every), blocks.blocks, range);
+  const UnitSignals parts(blocks.signals, blocks.rows);
+  const Sighting sighting = look(blocks, parts, range);
   const double coarse = sighting.frequency;
   if (std::isnan(coarse)) return nothing_found(blocks);
 
   const auto model = periodic_model(coarse, blocks.rows, compared_harmonics);
-  const PeriodicFit all = fit_periodic(blocks.signals, blocks.rows, model, coarse);
-  const auto used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all) : every;
-  const Signals parts = chosen(blocks, used);
-  const std::size_t group = parts.count() / blocks.frames;
-  const PeriodicFit fit = fit_periodic(parts.samples, parts.rows, model, coarse);
-  CombinedTone combined = combine_by_tone(parts.samples, parts.rows, group, model, fit);
-  const Signals signals{std::move(combined.signals), parts.rows};
+  const PeriodicFit all = parts.fit(model, coarse);
+  const auto used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all)
+                                                               : std::vector<std::uint8_t>(blocks.blocks, 1);
+  CombinedTone combined = [&] {
+    const auto [of_light, fit] = chosen(blocks, used, all);
+    return combine_by_tone(of_light.samples, of_light.rows, of_light.count() / blocks.frames, model, fit);
+  }();
+  const Signals signals{std::move(combined.signals), blocks.rows};
   const FinalFit final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range, search.harmonics);
   const double std = frequency_std(signals.samples, signals.rows, combined.per_frame, final.model, final.fit.frequency);
   ToneColumns columns = spread_over_columns(blocks, used, all);

@@ -1,6 +1,7 @@
 #include "ocisac/tones/periodic_fit.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -13,6 +14,7 @@
 #include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 #include "tones/design_matrix.hpp"
+#include "tones/harmonic_kernels.hpp"
 #include "tones/row_moments.hpp"
 
 namespace ocisac {
@@ -25,6 +27,8 @@ using Eigen::VectorXd;
 using Signals = Eigen::Map<const MatrixXd>;  // (rows × signals)
 
 constexpr std::size_t kStrip = kernels::kBlockAlignment;  // lanes
+constexpr std::size_t kManySignals = 6;                   // one signal in each lane; for fewer, one harmonic in each
+constexpr std::size_t kMaxTrend = 2;                      // degree
 
 Signals as_matrix(std::span<const double> signals, std::size_t rows) {
   require(rows > 0 && signals.size() % rows == 0, "rows", rows, "a divisor of the number of samples");
@@ -32,8 +36,6 @@ Signals as_matrix(std::span<const double> signals, std::size_t rows) {
 }
 
 Index trend_columns(const PeriodicModel& model) { return static_cast<Index>(model.trend_degree) + 1; }
-
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // The model's columns: trend, then cosine and sine of each harmonic.
 MatrixXd model_matrix(const PeriodicModel& model, Index rows, double frequency) {
@@ -45,22 +47,24 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // A trend's polynomial of v = 2u/rows, cos(2πhfu), or sin(2πhfu); and those times 2πhu = π·rows·h·v: with the
 // coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.
 struct Function {
-  std::vector<double> powers;  // coefficients of v^p
+  std::array<double, kMaxTrend + 1> powers;  // coefficients of v^p
+  std::size_t lowest, highest;               // p of those that are not 0
   int harmonic = 0;
   bool sine = false;
 };
+
+constexpr std::array<Function, kMaxTrend + 1> kLegendre{{{{1, 0, 0}, 0, 0}, {{0, 1, 0}, 1, 1}, {{-0.5, 0, 1.5}, 0, 2}}};
 
 // Sum of the product of two functions of the same parity over all rows.
 double inner_product(const Function& a, const Function& b, const RowMoments& moments) {
   const int less = a.harmonic - b.harmonic, more = a.harmonic + b.harmonic;
   double sum = 0;
-  for (std::size_t p = 0; p < a.powers.size(); ++p)
-    for (std::size_t q = 0; q < b.powers.size(); ++q) {
+  for (std::size_t p = a.lowest; p <= a.highest; ++p)
+    for (std::size_t q = b.lowest; q <= b.highest; ++q) {
       const double weight = a.powers[p] * b.powers[q] / 2;
-      if (weight == 0) continue;
       if (a.sine && b.sine)
         sum += weight * (moments.at(p + q, less) - moments.at(p + q, more));
-      else
+      else if (weight != 0)
         sum += weight * (moments.at(p + q, more) + (b.sine ? -1 : 1) * moments.at(p + q, less));
     }
   return sum;
@@ -79,30 +83,25 @@ struct Parities {
 };
 
 Parities parities_of(const PeriodicModel& model, std::size_t rows) {
+  require(model.trend_degree <= kMaxTrend, "trend_degree", model.trend_degree, "0 to 2");
   Parities both;
-  std::vector<double> before, legendre{1};  // d·L_d = (2d − 1)·v·L_{d−1} − (d − 1)·L_{d−2}
   for (std::size_t d = 0; d <= model.trend_degree; ++d) {
     Parity& own = d % 2 == 0 ? both.even : both.odd;
-    own.functions.push_back({legendre});
+    own.functions.push_back(kLegendre[d]);
     own.at.push_back(static_cast<Index>(d));
     ++own.trend;
-    std::vector<double> next(legendre.size() + 1);
-    const auto degree = static_cast<double>(d + 1);
-    for (std::size_t p = 0; p < legendre.size(); ++p) next[p + 1] += (2 * degree - 1) / degree * legendre[p];
-    for (std::size_t p = 0; p < before.size(); ++p) next[p] -= (degree - 1) / degree * before[p];
-    before = std::exchange(legendre, std::move(next));
   }
   Index place = trend_columns(model), slope = 0;
   for (const std::size_t order : model.harmonics) {
     const auto h = static_cast<int>(order);
-    const std::vector<double> times{0, std::numbers::pi * static_cast<double>(rows) * static_cast<double>(order)};
-    both.even.functions.push_back({{1}, h, false});
+    const double times = std::numbers::pi * static_cast<double>(rows) * static_cast<double>(order);
+    both.even.functions.push_back({{1, 0, 0}, 0, 0, h, false});
     both.even.at.push_back(place++);
-    both.odd.functions.push_back({{1}, h, true});
+    both.odd.functions.push_back({{1, 0, 0}, 0, 0, h, true});
     both.odd.at.push_back(place++);
-    both.odd.slopes.push_back({times, h, false});
+    both.odd.slopes.push_back({{0, times, 0}, 1, 1, h, false});
     both.odd.slopes_at.push_back(slope++);
-    both.even.slopes.push_back({times, h, true});
+    both.even.slopes.push_back({{0, times, 0}, 1, 1, h, true});
     both.even.slopes_at.push_back(slope++);
   }
   return both;
@@ -120,10 +119,8 @@ MatrixXd inner_products(const std::vector<Function>& some, const std::vector<Fun
       });
 }
 
-// The model's functions at the rows from the middle on: (functions × half), the trend first.
-struct HalfBasis {
-  RowMajor even, odd;
-};
+// Distance of the first row of the second half from the middle.
+double first_distance(std::size_t rows) { return rows % 2 == 0 ? 0.5 : 0.0; }
 
 // cos and sin of 2πfu, by a rotation from row to row that starts anew every 16 rows: exact to some 10⁻¹⁵.
 void fill_waves(double frequency, double first, Eigen::RowVectorXd& cosine, Eigen::RowVectorXd& sine) {
@@ -139,32 +136,48 @@ void fill_waves(double frequency, double first, Eigen::RowVectorXd& cosine, Eige
   }
 }
 
-HalfBasis half_basis(const PeriodicModel& model, std::size_t rows, double frequency) {
-  const auto half = static_cast<Index>((rows + 1) / 2), count = static_cast<Index>(model.harmonics.size());
-  const double first = rows % 2 == 0 ? 0.5 : 0.0;
-  const Index even_trend = static_cast<Index>(model.trend_degree) / 2 + 1,
-              odd_trend = trend_columns(model) - even_trend;
-  HalfBasis basis{RowMajor(even_trend + count, half), RowMajor(odd_trend + count, half)};
-  std::vector<double> polynomials(model.trend_degree + 1);
-  for (Index i = 0; i < half; ++i) {
-    legendre(2 * (first + static_cast<double>(i)) / static_cast<double>(rows), polynomials);
-    for (std::size_t d = 0; d < polynomials.size(); ++d)
-      (d % 2 == 0 ? basis.even : basis.odd)(static_cast<Index>(d / 2), i) = polynomials[d];
-  }
+// Cosines and sines of the harmonics at the rows from the middle on, (harmonics × half), into the rows from
+// `first_even` and `first_odd` on.
+void fill_harmonics(const PeriodicModel& model, std::size_t rows, double frequency, RowMajor& even, Index first_even,
+                    RowMajor& odd, Index first_odd) {
+  const Index half = even.cols();
   Eigen::RowVectorXd cosine(half), sine(half);
-  fill_waves(frequency, first, cosine, sine);
+  fill_waves(frequency, first_distance(rows), cosine, sine);
   Eigen::RowVectorXd of_cosine = cosine, of_sine = sine;  // of the harmonic
   std::size_t order = 1;
-  for (Index h = 0; h < count; ++h) {
-    for (; order < model.harmonics[static_cast<std::size_t>(h)]; ++order)
+  for (std::size_t h = 0; h < model.harmonics.size(); ++h) {
+    for (; order < model.harmonics[h]; ++order)
       for (Index i = 0; i < half; ++i) {
         const Phasor at{of_cosine(i), of_sine(i)};
         of_cosine(i) = at.cosine * cosine(i) - at.sine * sine(i);
         of_sine(i) = at.sine * cosine(i) + at.cosine * sine(i);
       }
-    basis.even.row(even_trend + h) = of_cosine;
-    basis.odd.row(odd_trend + h) = of_sine;
+    even.row(first_even + static_cast<Index>(h)) = of_cosine;
+    odd.row(first_odd + static_cast<Index>(h)) = of_sine;
   }
+}
+
+// The polynomials of each parity up to `degree` at the rows from the middle on, (functions × half).
+void fill_trend(std::size_t degree, std::size_t rows, RowMajor& even, RowMajor& odd) {
+  std::vector<double> polynomials(degree + 1);
+  for (Index i = 0; i < even.cols(); ++i) {
+    legendre(2 * (first_distance(rows) + static_cast<double>(i)) / static_cast<double>(rows), polynomials);
+    for (std::size_t d = 0; d <= degree; ++d) (d % 2 == 0 ? even : odd)(static_cast<Index>(d / 2), i) = polynomials[d];
+  }
+}
+
+// The model's functions at the rows from the middle on: (functions × half), the trend first.
+struct HalfBasis {
+  RowMajor even, odd;
+};
+
+HalfBasis half_basis(const PeriodicModel& model, std::size_t rows, double frequency) {
+  const auto half = static_cast<Index>((rows + 1) / 2), count = static_cast<Index>(model.harmonics.size());
+  const Index even_trend = static_cast<Index>(model.trend_degree) / 2 + 1,
+              odd_trend = trend_columns(model) - even_trend;
+  HalfBasis basis{RowMajor(even_trend + count, half), RowMajor(odd_trend + count, half)};
+  fill_trend(model.trend_degree, rows, basis.even, basis.odd);
+  fill_harmonics(model, rows, frequency, basis.even, even_trend, basis.odd, odd_trend);
   return basis;
 }
 
@@ -256,34 +269,112 @@ double PeriodicFit::total_residual() const {
   return std::accumulate(residual_energy.begin(), residual_energy.end(), 0.0);
 }
 
-PeriodicSignals::PeriodicSignals(std::span<const double> samples, std::size_t rows)
-    : samples_(samples), rows_(rows), width_(0) {
+PeriodicSignals::PeriodicSignals(std::span<const double> samples, std::size_t rows) : samples_(samples), rows_(rows) {
   require(rows > 0 && samples.size() % rows == 0, "rows", rows, "a divisor of the number of samples");
   const std::size_t signals = samples.size() / rows;
-  width_ = (2 * signals + kStrip - 1) / kStrip * kStrip;
+  in_lanes_ = signals >= kManySignals;
+  width_ = in_lanes_ ? (signals + kStrip - 1) / kStrip * kStrip : signals;
   energies_.resize(signals);
-  of_cosines_.assign(half() * width_, 0.0);
-  of_sines_.assign(half() * width_, 0.0);
-  const auto place = [&](std::size_t i, std::size_t lane) {
-    return (lane / kStrip * half() + i) * kStrip + lane % kStrip;
-  };
+  even_.assign(half() * width_, 0.0);
+  odd_.assign(half() * width_, 0.0);
+  const std::size_t step = in_lanes_ ? kStrip : 1;
   for (std::size_t s = 0; s < signals; ++s) {
     const auto signal = samples.subspan(s * rows, rows);
+    const std::size_t first = in_lanes_ ? s / kStrip * half() * kStrip + s % kStrip : s * half();
     for (const double v : signal) energies_[s] += v * v;
     for (std::size_t i = 0; i < half(); ++i) {
       const std::size_t after = rows / 2 + i, before = rows - 1 - after;
-      const double even = after == before ? signal[after] : signal[after] + signal[before];
-      const double odd = signal[after] - signal[before];
-      const double time = 2 * std::numbers::pi * (static_cast<double>(after) - static_cast<double>(rows - 1) / 2);
-      of_cosines_[place(i, s)] = even;
-      of_cosines_[place(i, signals + s)] = time * odd;
-      of_sines_[place(i, s)] = odd;
-      of_sines_[place(i, signals + s)] = time * even;
+      even_[first + i * step] = after == before ? signal[after] : signal[after] + signal[before];
+      odd_[first + i * step] = signal[after] - signal[before];
     }
   }
+  add_trend();
 }
 
 namespace {
+
+// (functions × width): the products of functions at the rows from the middle on with parts of signals, in strips.
+RowMajor products_with(const RowMajor& functions, const std::vector<double>& parts, std::size_t width) {
+  RowMajor sums(functions.rows(), static_cast<Index>(width));
+  const auto half = static_cast<std::size_t>(functions.cols());
+  for (std::size_t first = 0; first < width; first += kStrip)
+    kernels::matrix_times_rows(functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
+                               static_cast<std::ptrdiff_t>(kStrip), sums.data() + first,
+                               static_cast<std::ptrdiff_t>(width), kStrip);
+  return sums;
+}
+
+// The same for the parts of one signal after the other, a column each.
+RowMajor products_with_each(const RowMajor& functions, const std::vector<double>& parts) {
+  const Eigen::Map<const MatrixXd> columns(parts.data(), functions.cols(),
+                                           static_cast<Index>(parts.size()) / functions.cols());
+  return functions.lazyProduct(columns);
+}
+
+// Inner products of the signals with what the harmonics of one kind are multiplied by: (harmonics × signals).
+struct HarmonicProducts {
+  RowMajor cosine, sine;      // with cos and sin
+  RowMajor u_sine, u_cosine;  // with those times u
+};
+
+HarmonicProducts products_in_lanes(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
+                                   bool with_slopes) {
+  const auto half = static_cast<Index>(signals.half()), count = static_cast<Index>(model.harmonics.size());
+  const Index functions = with_slopes ? 2 * count : count;
+  RowMajor even(functions, half), odd(functions, half);
+  fill_harmonics(model, signals.rows(), frequency, even, 0, odd, 0);
+  if (with_slopes) {
+    const double first = first_distance(signals.rows());
+    const Eigen::RowVectorXd u = Eigen::RowVectorXd::LinSpaced(half, first, first + static_cast<double>(half - 1));
+    for (Index h = 0; h < count; ++h) {
+      even.row(count + h) = odd.row(h).cwiseProduct(u);
+      odd.row(count + h) = even.row(h).cwiseProduct(u);
+    }
+  }
+  const auto of_signals = [&](const RowMajor& sums, Index first) -> RowMajor {
+    if (first > 0 && !with_slopes) return {};
+    return sums.block(first, 0, count, static_cast<Index>(signals.count()));
+  };
+  const RowMajor of_even = products_with(even, signals.even(), signals.width());
+  const RowMajor of_odd = products_with(odd, signals.odd(), signals.width());
+  return {of_signals(of_even, 0), of_signals(of_odd, 0), of_signals(of_even, count), of_signals(of_odd, count)};
+}
+
+// cos and sin of each harmonic at a distance u, padded with those of none.
+struct Phasors {
+  std::vector<double> cosine, sine;
+
+  Phasors(const PeriodicModel& model, double frequency, double u, std::size_t padded)
+      : cosine(padded, 1.0), sine(padded, 0.0) {
+    for (std::size_t h = 0; h < model.harmonics.size(); ++h) {
+      const Phasor at = phasor(static_cast<double>(model.harmonics[h]) * frequency, u);
+      cosine[h] = at.cosine;
+      sine[h] = at.sine;
+    }
+  }
+};
+
+HarmonicProducts products_of_each(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
+  constexpr std::size_t kAligned = kernels::kHarmonicAlignment;
+  const std::size_t harmonics = model.harmonics.size(), padded = (harmonics + kAligned - 1) / kAligned * kAligned;
+  const double first = first_distance(signals.rows());
+  const Phasors at(model, frequency, first, padded), turn(model, frequency, 1, padded),
+      leap(model, frequency, static_cast<double>(kernels::kRowsPerLeap), padded);
+  const auto rows = static_cast<Index>(harmonics), count = static_cast<Index>(signals.count());
+  HarmonicProducts products{RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count)};
+  std::vector<double> sums(4 * padded);
+  for (Index s = 0; s < count; ++s) {
+    const std::size_t begin = static_cast<std::size_t>(s) * signals.half();
+    kernels::harmonic_sums({&signals.even()[begin], &signals.odd()[begin], signals.half(), first},
+                           {at.cosine.data(), at.sine.data(), turn.cosine.data(), turn.sine.data(), leap.cosine.data(),
+                            leap.sine.data(), padded},
+                           {sums.data(), &sums[padded], &sums[2 * padded], &sums[3 * padded]});
+    std::size_t next = 0;
+    for (RowMajor* of : {&products.cosine, &products.sine, &products.u_sine, &products.u_cosine})
+      of->col(s) = Eigen::Map<const VectorXd>(&sums[padded * next++], rows);
+  }
+  return products;
+}
 
 // Normal equations of functions of the model and of slopes, by their places.
 struct Equations {
@@ -297,47 +388,47 @@ struct Equations {
 
 constexpr double kMinPivot = 0.03;  // less loses more than three digits by normal equations: orthogonal factors then
 
-// (functions × width): the products of the rows' functions and what a PeriodicSignals holds for them.
-RowMajor products_with(const RowMajor& functions, const std::vector<double>& parts, std::size_t width) {
-  RowMajor sums(functions.rows(), static_cast<Index>(width));
-  const auto half = static_cast<std::size_t>(functions.cols());
-  for (std::size_t first = 0; first < width; first += kStrip)
-    kernels::matrix_times_rows(functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
-                               static_cast<std::ptrdiff_t>(kStrip), sums.data() + first,
-                               static_cast<std::ptrdiff_t>(width), kStrip);
-  return sums;
-}
+// Products of the signals with the functions of one parity, and of their slopes; no slopes without `u`.
+struct ParityProducts {
+  Eigen::Map<const RowMajor> trend;
+  const RowMajor &harmonics, &u;
+};
 
-// `own`: products of the functions; `other`: of those of the other parity, whose last ones become slopes.
-std::optional<Equations> normal_equations(const Parity& parity, const RowMoments& moments, const RowMajor& own,
-                                          const RowMajor& other, Index signals) {
+std::optional<Equations> normal_equations(const Parity& parity, const RowMoments& moments, const PeriodicModel& model,
+                                          const ParityProducts& products) {
   auto triangle = cholesky_factor(inner_products(parity.functions, parity.functions, moments), kMinPivot);
   if (!triangle) return std::nullopt;
-  const auto count = static_cast<Index>(parity.slopes.size());
-  MatrixXd of_slopes = other.bottomRows(count).middleCols(signals, signals);
-  for (Index j = 0; j < count; ++j) of_slopes.row(j) *= parity.slopes[static_cast<std::size_t>(j)].harmonic;
-  MatrixXd coordinates = solve_upper_transposed(*triangle, own.leftCols(signals));
-  MatrixXd inside = solve_upper_transposed(*triangle, inner_products(parity.functions, parity.slopes, moments));
-  return Equations{parity.at,
-                   parity.slopes_at,
-                   parity.trend,
-                   std::move(*triangle),
-                   std::move(coordinates),
-                   std::move(inside),
-                   inner_products(parity.slopes, parity.slopes, moments),
-                   std::move(of_slopes)};
+  MatrixXd own(parity.trend + products.harmonics.rows(), products.harmonics.cols());
+  own << products.trend.topRows(parity.trend), products.harmonics;
+  MatrixXd coordinates = solve_upper_transposed(*triangle, own);
+  Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(*triangle), std::move(coordinates), {}, {},
+                      {}};
+  if (products.u.size() == 0) return equations;
+  equations.slopes_signals = 2 * std::numbers::pi * products.u;
+  for (Index j = 0; j < equations.slopes_signals.rows(); ++j)
+    equations.slopes_signals.row(j) *= static_cast<double>(model.harmonics[static_cast<std::size_t>(j)]);
+  equations.inside =
+      solve_upper_transposed(equations.triangle, inner_products(parity.functions, parity.slopes, moments));
+  equations.slopes_gram = inner_products(parity.slopes, parity.slopes, moments);
+  return equations;
 }
 
 // One set of equations for each parity; empty where they lose digits.
-std::vector<Equations> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
+std::vector<Equations> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
+                                        bool with_slopes) {
   const Parities both = parities_of(model, signals.rows());
   const RowMoments moments = moments_of(model, signals.rows(), frequency);
-  const HalfBasis basis = half_basis(model, signals.rows(), frequency);
-  const RowMajor even = products_with(basis.even, signals.of_cosines(), signals.width());
-  const RowMajor odd = products_with(basis.odd, signals.of_sines(), signals.width());
-  const auto count = static_cast<Index>(signals.count());
-  auto of_even = normal_equations(both.even, moments, even, odd, count);
-  auto of_odd = normal_equations(both.odd, moments, odd, even, count);
+  const HarmonicProducts products = signals.in_lanes() ? products_in_lanes(signals, model, frequency, with_slopes)
+                                                       : products_of_each(signals, model, frequency);
+  const auto trend = [&](std::size_t first, Index functions) {
+    return Eigen::Map<const RowMajor>(signals.trend().data() + first * signals.count(), functions,
+                                      static_cast<Index>(signals.count()));
+  };
+  const RowMajor none;
+  auto of_even =
+      normal_equations(both.even, moments, model, {trend(0, 2), products.cosine, with_slopes ? products.u_sine : none});
+  auto of_odd =
+      normal_equations(both.odd, moments, model, {trend(2, 1), products.sine, with_slopes ? products.u_cosine : none});
   std::vector<Equations> equations;
   if (of_even && of_odd) {
     equations.push_back(std::move(*of_even));
@@ -366,11 +457,24 @@ Equations orthogonal_equations(const PeriodicSignals& signals, const PeriodicMod
 
 }  // namespace
 
-PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
+// Products with the trend's polynomials: even degrees, then odd ones.
+void PeriodicSignals::add_trend() {
+  RowMajor even(kMaxTrend / 2 + 1, static_cast<Index>(half())), odd((kMaxTrend + 1) / 2, even.cols());
+  fill_trend(kMaxTrend, rows_, even, odd);
+  const auto columns = static_cast<Index>(count());
+  const auto products = [&](const RowMajor& functions, const std::vector<double>& parts) -> RowMajor {
+    if (in_lanes_) return products_with(functions, parts, width_).leftCols(columns);
+    return products_with_each(functions, parts);
+  };
+  for (const RowMajor& sums : {products(even, even_), products(odd, odd_)})
+    trend_.insert(trend_.end(), sums.data(), sums.data() + sums.size());
+}
+
+PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, bool with_step) {
   const std::size_t rows = signals.rows();
   require(rows > model.parameters(), "rows", rows, "more rows than the model has parameters");
   const Index first = trend_columns(model), parameters = static_cast<Index>(model.parameters());
-  auto equations = normal_equations(signals, model, frequency);
+  auto equations = normal_equations(signals, model, frequency, with_step);
   if (equations.empty()) equations.push_back(orthogonal_equations(signals, model, frequency));
 
   PeriodicFit fit;
@@ -393,6 +497,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   for (Index j = first; j < first + 2; ++j)
     fit.amplitudes.insert(fit.amplitudes.end(), coefficients.row(j).begin(), coefficients.row(j).end());
 
+  if (!with_step) return fit;
   const MatrixXd all_turned = slope_coefficients(model, coefficients);
   double gradient = 0, information = 0;
   for (const Equations& of : equations) {
@@ -430,7 +535,7 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel&
     double step = std::clamp(best.step, -longest, longest);
     PeriodicFit next;
     for (;; step /= 4) {
-      next = fit_periodic(signals, model, std::clamp(best.frequency + step, lower, upper));
+      next = fit_periodic(signals, model, std::clamp(best.frequency + step, lower, upper), iteration + 1 < max_steps);
       if (std::abs(step) <= trusted || next.total_residual() <= best.total_residual()) break;
     }
     const double moved = next.frequency - best.frequency;

@@ -10,7 +10,16 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinOscillation = 16;  // rows·|sin(x/2)|: above it, no digits are lost
+constexpr double kMinOscillation = 2;  // rows·|sin(x/2)|: above it, moments are exact to 4·10⁻¹⁶·rows up to power 4
+
+// Of the frequency 0.
+void add_powers(std::size_t rows, std::span<double> moments) {
+  for (std::size_t i = 0; i < (rows + 1) / 2; ++i) {
+    const double v = (2 * static_cast<double>(i) + (rows % 2 == 0 ? 1 : 0)) / static_cast<double>(rows);
+    double power = v == 0 ? 1 : 2;  // the middle row once, all others on both sides
+    for (std::size_t p = 0; p < moments.size(); p += 2, power *= v * v) moments[p] += power;
+  }
+}
 
 void add_up(std::size_t rows, double cycles_per_row, std::span<double> moments) {
   constexpr std::size_t kAnchors = 16;  // rows after which a rotation restarts from an exact value; error about 10⁻¹⁵
@@ -21,7 +30,7 @@ void add_up(std::size_t rows, double cycles_per_row, std::span<double> moments) 
     wave = i % kAnchors == 0 ? phasor(cycles_per_row, u)
                              : Phasor{wave.cosine * turn.cosine - wave.sine * turn.sine,
                                       wave.sine * turn.cosine + wave.cosine * turn.sine};
-    double power = u == 0 ? 1 : 2;  // the middle row once, all others on both sides
+    double power = u == 0 ? 1 : 2;  // as above
     for (std::size_t p = 0; p < moments.size(); ++p, power *= 2 * u / static_cast<double>(rows))
       moments[p] += power * (p % 2 == 0 ? wave.cosine : wave.sine);
   }
@@ -54,7 +63,8 @@ void differentiate(std::size_t rows, double cycles_per_row, std::span<double> mo
 
 RowMoments::RowMoments(std::size_t rows, double frequency, std::size_t highest, std::size_t power)
     : powers_(power + 1), values_((highest + 1) * powers_) {
-  for (std::size_t k = 0; k <= highest; ++k) {
+  add_powers(rows, std::span(values_).first(powers_));
+  for (std::size_t k = 1; k <= highest; ++k) {
     const double cycles = static_cast<double>(k) * frequency;
     const std::span<double> moments = std::span(values_).subspan(k * powers_, powers_);
     if (static_cast<double>(rows) * std::abs(phasor(cycles, 0.5).sine) < kMinOscillation)

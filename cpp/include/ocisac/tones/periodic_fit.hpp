@@ -12,7 +12,7 @@ namespace ocisac {
 
 // A ToneDesign whose oscillations are f and multiples of it.
 struct PeriodicModel {
-  std::size_t trend_degree = 0;
+  std::size_t trend_degree = 0;  // up to 2
   std::vector<std::size_t> harmonics{1};
 
   [[nodiscard]] std::size_t parameters() const { return trend_degree + 1 + 2 * harmonics.size(); }
@@ -34,8 +34,8 @@ struct PeriodicFit {
   [[nodiscard]] double total_residual() const;
 };
 
-// Signals prepared for many fits, one in each lane: what cosines and what sines are multiplied with, from the middle
-// row on. The samples belong to the caller.
+// Signals prepared for many fits: what cosines and what sines are multiplied with, from the middle row on. The samples
+// belong to the caller.
 class PeriodicSignals {
  public:
   // samples: (count × rows) dense.
@@ -45,25 +45,31 @@ class PeriodicSignals {
   [[nodiscard]] std::size_t rows() const { return rows_; }
   [[nodiscard]] std::size_t count() const { return energies_.size(); }
   [[nodiscard]] std::size_t half() const { return (rows_ + 1) / 2; }  // rows from the middle to the end
-  // Lanes, in dense strips of 16: (width/16 × half × 16).
+  // True: one signal in each lane, in dense strips of 16, (width/16 × half × 16). Few signals are dense, (count ×
+  // half).
+  [[nodiscard]] bool in_lanes() const { return in_lanes_; }
   [[nodiscard]] std::size_t width() const { return width_; }
   [[nodiscard]] const std::vector<double>& energies() const { return energies_; }  // (count) Σ y(n)²
-  // Even parts y(u) + y(−u), y(0) once; in the next lanes odd parts y(u) − y(−u) times 2πu.
-  [[nodiscard]] const std::vector<double>& of_cosines() const { return of_cosines_; }
-  // Odd parts; even parts times 2πu.
-  [[nodiscard]] const std::vector<double>& of_sines() const { return of_sines_; }
+  [[nodiscard]] const std::vector<double>& even() const { return even_; }          // y(u) + y(−u), y(0) once
+  [[nodiscard]] const std::vector<double>& odd() const { return odd_; }            // y(u) − y(−u)
+  // Inner products with the polynomials of a trend, degrees 0, 2 and 1: (3 × count).
+  [[nodiscard]] const std::vector<double>& trend() const { return trend_; }
 
  private:
+  void add_trend();
+
   std::span<const double> samples_;
-  std::size_t rows_, width_;
-  std::vector<double> energies_, of_cosines_, of_sines_;
+  std::size_t rows_, width_ = 0;
+  bool in_lanes_ = false;
+  std::vector<double> energies_, even_, odd_, trend_;
 };
 
 // `signals`: (count × rows) dense, preferably with mean removed (energies are differences); more rows than parameters
 // of the model; f in cycles per row.
 PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                          double frequency);
-PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency);
+PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
+                         bool with_step = true);  // without it, `step` is 0, in half the time
 
 // The minimum over f near `frequency`, within [lower, upper] cycles per row.
 PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,

@@ -1,0 +1,101 @@
+#include "tones/spectral_votes.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <numbers>
+#include <numeric>
+
+#include "columns/column_dft.hpp"
+#include "core/recently_used.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kPairs = kernels::kColumnPairs<double>, kSignals = 2 * kPairs;  // of a block
+
+// sin² over the rows.
+std::vector<double> hann_window(std::size_t rows) {
+  std::vector<double> window(rows);
+  for (std::size_t n = 0; n < rows; ++n)
+    window[n] = std::pow(std::sin(std::numbers::pi * (static_cast<double>(n) + 0.5) / static_cast<double>(rows)), 2);
+  return window;
+}
+
+// A DFT and the rows of its spectra with the frequencies k and −k, for k up to half the length.
+struct Plan {
+  struct Places {
+    std::size_t of_positive, of_negative;
+  };
+
+  explicit Plan(std::size_t length) : dft(length), places(length / 2 + 1) {
+    std::vector<std::size_t> place(length);
+    for (std::size_t row = 0; row < length; ++row) place[dft.order()[row]] = row;
+    for (std::size_t k = 0; k < places.size(); ++k) places[k] = {place[k], place[(length - k) % length]};
+  }
+
+  ColumnDft<double> dft;
+  std::vector<Places> places;
+};
+
+std::shared_ptr<const Plan> plan_of(std::size_t length) {
+  static RecentlyUsed<std::size_t, Plan, 4> kept;
+  return kept.get(length, [&] { return std::make_shared<const Plan>(length); });
+}
+
+// Up to kSignals weighted signals as a block of the DFT, and what scales their powers to fractions of their energies.
+struct Block {
+  std::vector<double> rows;
+  std::array<double, kSignals> scale;
+
+  void fill(std::span<const double> samples, std::span<const double> window, std::size_t length) {
+    const double window_sum = std::accumulate(window.begin(), window.end(), 0.0);
+    rows.assign(length * kSignals, 0.0);
+    scale.fill(0);
+    for (std::size_t s = 0; s * window.size() < samples.size(); ++s) {
+      const double* signal = &samples[s * window.size()];
+      double energy = 0;
+      for (std::size_t n = 0; n < window.size(); ++n) {
+        rows[n * kSignals + s] = window[n] * signal[n];
+        energy += window[n] * signal[n] * signal[n];
+      }
+      scale[s] = 2 / (window_sum * energy);
+    }
+  }
+
+  // Product over the signals of the fractions that a tone of a frequency leaves, each 10⁻⁴ or more. Two signals are the
+  // real and the imaginary part of one: 2A(k) = Z(k) + Z*(−k), 2iB(k) = Z(k) − Z*(−k).
+  [[nodiscard]] double left_by(const Plan::Places& at) const {
+    const double *one = &rows[at.of_positive * kSignals], *other = &rows[at.of_negative * kSignals];
+    std::array<double, kPairs> left{};
+    for (std::size_t c = 0; c < kPairs; ++c) {
+      const double real[] = {one[c], other[c]}, imaginary[] = {one[c + kPairs], other[c + kPairs]};
+      const auto power = [](double a, double b) { return (a * a + b * b) / 4; };
+      const double first = scale[c] * power(real[0] + real[1], imaginary[0] - imaginary[1]);
+      const double second = scale[c + kPairs] * power(imaginary[0] + imaginary[1], real[0] - real[1]);
+      left[c] = (1 - std::min(first, 0.9999)) * (1 - std::min(second, 0.9999));
+    }
+    return std::accumulate(left.begin(), left.end(), 1.0, std::multiplies());
+  }
+};
+
+}  // namespace
+
+std::vector<double> spectral_votes(std::span<const double> samples, std::size_t rows, std::size_t length) {
+  const auto plan = plan_of(length);
+  const std::vector<double> window = hann_window(rows);
+  std::vector<double> votes(plan->places.size());
+  thread_local Block block;  // memory reused from call to call
+  for (std::size_t first = 0; first < samples.size(); first += kSignals * rows) {
+    const auto these = samples.subspan(first, std::min(kSignals * rows, samples.size() - first));
+    block.fill(these, window, length);
+    plan->dft.forward(block.rows.data(), std::min(kPairs, these.size() / rows));
+    for (std::size_t k = 0; k < votes.size(); ++k) votes[k] -= std::log(block.left_by(plan->places[k]));
+  }
+  return votes;
+}
+
+}  // namespace ocisac
