@@ -207,6 +207,15 @@ HWY_EXPORT(HasWideVectors);
 
 bool has_wide_vectors() { return HWY_DYNAMIC_DISPATCH(HasWideVectors)(); }
 
+bool strips_come_late() {
+#if HWY_ARCH_X86_64 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
+  static const bool late = __builtin_cpu_is("amdfam19h");
+  return late;
+#else
+  return false;
+#endif
+}
+
 void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to) {
   HWY_DYNAMIC_DISPATCH(TakeEvery)(from, step, count, to);
 }

@@ -49,4 +49,8 @@ void look_up(const StoredRows<std::uint16_t>& from, const float* table, float* t
 // True if the vectors of the target whose code runs are as wide as a cache line.
 bool has_wide_vectors();
 
+// True on Zen 3 and 4, of which Zen 4 has wide vectors: lines of rows far apart arrive later than lines in a row,
+// however early they are asked for (bench/README.md).
+bool strips_come_late();
+
 }  // namespace ocisac::kernels

@@ -274,7 +274,7 @@ void add_folded(ByteRows& near, ByteRows& far, Columns columns, std::size_t most
     const auto first = near.read(g * group, rows, columns);
     const auto last = far.read((weights.groups() - g - here) * group, rows, columns);
     kernels::project_bytes({first.samples, last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride,
-                            first.stride, here, columns.count},
+                            first.stride, here, columns.count, !near.in_place()},
                            {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
                             weights.folded_order(), weights.even_parts()},
                            sums);
@@ -289,7 +289,7 @@ void add_plainly(ByteRows& source, Columns columns, std::size_t most_rows, const
     sums.first = g == 0;
     const std::size_t here = std::min(most, weights.groups() - g);
     const auto rows = source.read(g * group, here * group, columns);
-    kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count},
+    kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count, !source.in_place()},
                            {weights.row_group(), from(weights.pairs(), g / 2), weights.pair_count(), weights.order(),
                             weights.order().size()},
                            sums);

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "columns/row_kernels.hpp"
 #include "core/aligned_memory.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -40,6 +41,16 @@ constexpr std::size_t kLine = 64;  // bytes of a cache line
 template <std::size_t kLines>
 HWY_INLINE void ask_for(const std::uint8_t* run) {
   for (std::size_t i = 0; i < kLines; ++i) hwy::Prefetch(run + i * kLine);
+}
+
+// Into the second-level cache: for what is read much later.
+template <std::size_t kLines>
+HWY_INLINE void ask_early_for(const std::uint8_t* run) {
+#if HWY_COMPILER_GCC || HWY_COMPILER_CLANG
+  for (std::size_t i = 0; i < kLines; ++i) __builtin_prefetch(run + i * kLine, 0, 2);
+#else
+  ask_for<kLines>(run);
+#endif
 }
 
 // Calls body(i) for every i below kCount, i a constant: arrays that are indexed by nothing else stay in registers,
@@ -151,8 +162,10 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 //
 // * In runs of lines, in memory order, one block ahead. The hardware prefetchers of Zen 3 do not follow strip by strip.
 // * Wide vectors: every row prefetches its own lines of strips ahead, each line four times, because Zen 5 drops
-//   prefetches while too many lines are pending.
+//   prefetches while too many lines are pending. Zen 4 needs runs as well, into the second-level cache.
 constexpr std::size_t kStripsAhead[] = {5, 3, 2, 1};
+
+bool asks_for_runs(const ByteBlock& block) { return !block.cached && (!kWide || strips_come_late()); }
 
 // Lines of a run prefetched with every pair of groups, on either side.
 template <int kGroup>
@@ -176,7 +189,7 @@ std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::pt
   return runs;
 }
 
-// The lowest of the rows to prefetch and of their mirror images, and the next run of both.
+// The lowest of the rows to prefetch and of their mirror images, and the next run of both; null: no runs.
 struct RowsAhead {
   const std::uint8_t *near, *far;
   const std::ptrdiff_t* run;
@@ -184,9 +197,10 @@ struct RowsAhead {
 
 template <int kGroup, bool kNear, bool kFar>
 HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
-  if constexpr (kWide) return;
-  if (kNear) ask_for<kLinesPerPair<kGroup> >(ahead.near + ahead.run[pair]);
-  if (kFar) ask_for<kLinesPerPair<kGroup> >(ahead.far + ahead.run[pair]);
+  if (!ahead.run) return;
+  const auto ask = kWide ? ask_early_for<kLinesPerPair<kGroup> > : ask_for<kLinesPerPair<kGroup> >;
+  if (kNear) ask(ahead.near + ahead.run[pair]);
+  if (kFar) ask(ahead.far + ahead.run[pair]);
 }
 
 // Offsets from a row of a strip to the lines it prefetches.
@@ -539,15 +553,15 @@ template <int kGroup, bool kFold, bool kMore, bool kLone>
 HWY_INLINE void add_strip(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
   for_each_slice([&]<std::size_t kSlice>() {
-    add_slice_of_strip<kFold, kMore, kMore, kSlice>(plan, strip, kept,
-                                                    [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
-                                                      ask_for_run<kGroup, kSlice == 0, kFold && kSlice == 1>(ahead, p);
-                                                      if constexpr (kGroup == 1)
-                                                        load_rows<kFold, kLone, kSlice>(at, top, pairs);
-                                                      else
-                                                        load_groups<kGroup, kFold, kLone>(at, top, pairs, pairs);
-                                                      at.advance<kFold>(2 * kGroup);
-                                                    });
+    add_slice_of_strip<kFold, kMore, kMore, kSlice>(
+        plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
+          ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
+          if constexpr (kGroup == 1)
+            load_rows<kFold, kLone, kSlice>(at, top, pairs);
+          else
+            load_groups<kGroup, kFold, kLone>(at, top, pairs, pairs);
+          at.advance<kFold>(2 * kGroup);
+        });
   });
 }
 
@@ -611,7 +625,7 @@ class PaddedRows {
 template <int kGroup, bool kFold, bool kMore, bool kLone>
 void add_strips(const Rows& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
   const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>((kLone ? 1 : 2) * kGroup * plan.count) * rows.stride;
-  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += kWide ? 0 : plan.count) {
+  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run ? plan.count : 0) {
     const std::ptrdiff_t first = strips.grid.first(i);
     Rows here{rows.near + first, rows.far + first, rows.stride};
     for (std::size_t n = 0; n < here.near_ahead.size(); ++n) {
@@ -659,8 +673,9 @@ class BlockProjector {
         weights_(weights),
         strips_(strips),
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
-        runs_(kWide ? std::vector<std::ptrdiff_t>()
-                    : runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)) {}
+        runs_(asks_for_runs(block)
+                  ? runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)
+                  : std::vector<std::ptrdiff_t>()) {}
 
   void run() {
     const RowsAhead first = rows_after(0);
@@ -688,8 +703,9 @@ class BlockProjector {
     const std::ptrdiff_t first = std::min(static_cast<std::ptrdiff_t>(done), left - rows);
     const std::ptrdiff_t to_lowest = std::min<std::ptrdiff_t>(offset(rows - 1), 0);
     const std::uint8_t* near = rest_.pixels + offset(first) + to_lowest;
-    if (!kFold) return {near, near, runs_.data()};
-    return {near, rest_.mirrored + offset(kGroup - first - rows) + to_lowest, runs_.data()};
+    const std::ptrdiff_t* const runs = runs_.empty() ? nullptr : runs_.data();
+    if (!kFold) return {near, near, runs};
+    return {near, rest_.mirrored + offset(kGroup - first - rows) + to_lowest, runs};
   }
 
   template <bool kLone>
@@ -1021,6 +1037,34 @@ void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights,
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
 }
 
+// Asks for the lines of as many rows as a block has, those that will be read next, in memory order, some with each
+// strip. Less than four bytes of a sample come in time: arithmetic takes longer.
+template <class T>
+class RunsAhead {
+ public:
+  RunsAhead(const SampleBlock<T>& block, std::size_t rows, std::size_t strips)
+      : row_(reinterpret_cast<const std::uint8_t*>(block.pixels + block.to_next)),
+        row_stride_(block.row_stride * static_cast<std::ptrdiff_t>(sizeof(T))),
+        lines_(block.columns * sizeof(T) / kLine + 1),
+        rows_(kWide && sizeof(T) >= sizeof(float) && strips_come_late() ? rows : 0),
+        with_strip_(strips > 0 ? (rows_ * lines_ + strips - 1) / strips : 0) {}
+
+  HWY_INLINE void ask() {
+    for (std::size_t i = 0; i < with_strip_ && rows_ > 0; ++i) {
+      ask_early_for<1>(row_ + line_ * kLine);
+      if (++line_ < lines_) continue;
+      line_ = 0;
+      row_ += row_stride_;
+      --rows_;
+    }
+  }
+
+ private:
+  const std::uint8_t* row_;
+  std::ptrdiff_t row_stride_;
+  std::size_t lines_, rows_, with_strip_, line_ = 0;
+};
+
 template <bool kAsk, class T>
 void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
   const auto from = [&](std::size_t c) {
@@ -1033,8 +1077,11 @@ void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, c
         to.sums + c, to.stride, {to.moments.totals + c, to.moments.squares + c, to.moments.maximum + c}};
   };
   const std::size_t strip = kSampleVectors * hn::Lanes(d64), lanes = hn::Lanes(d64);
+  const std::size_t rows = block.groups * static_cast<std::size_t>(weights.row_group);
+  RunsAhead<T> runs(block, kAsk ? rows : 0, block.columns / strip);
   std::size_t c = 0;
   for (; c + strip <= block.columns; c += strip) {
+    runs.ask();
     SamplesAhead<T, kAsk> ahead;
     for (std::size_t n = 0; n < ahead.size(); ++n) {
       const std::size_t offset = kSampleStripsAhead<T>[n] * strip;

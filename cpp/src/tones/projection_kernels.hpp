@@ -15,6 +15,7 @@ struct ByteBlock {
   std::ptrdiff_t row_stride;
   std::size_t groups;   // at most kRowsPerChunk rows, the mirrored ones included
   std::size_t columns;  // any number
+  bool cached = false;  // copies, of which no line needs to be asked for
 };
 
 // Integer weights of the groups of a block, two groups per word: those of part parts[p] begin at pairs + p·stride.
