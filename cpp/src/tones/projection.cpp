@@ -66,6 +66,7 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
   require(groups_ > 0, "rows", rows, "at least row_group");
   require(weights.size() == outputs * groups_, "weights", weights.size(), "outputs·(rows/row_group) values");
   for (const double w : weights) require_finite("weights", w);
+  fold_exactly();
 
   std::vector<Magnitudes> of_outputs;
   for (std::size_t o = 0; o < outputs; ++o) of_outputs.push_back(magnitudes(weights.subspan(o * groups_, groups_)));
@@ -85,7 +86,6 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
     }
   }
   fold();
-  fold_exactly();
 }
 
 // Weights that are symmetric or antisymmetric but for rounding become so.

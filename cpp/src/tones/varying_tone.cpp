@@ -104,6 +104,7 @@ struct Plan {
 
 void plan_sums(Plan& plan) {
   constexpr double kInside = 1e-9;  // of the largest weight
+  constexpr int kLimbs = 3;         // of bytes' weights, which differ by 10⁻¹² then: energies are differences
   const Index parameters = plan.weights.rows(), terms = plan.basis.cols();
   const MatrixXd inside = product(plan.weights, plan.basis);
   const MatrixXd steady = plan.weights.bottomRows(3);
@@ -115,7 +116,7 @@ void plan_sums(Plan& plan) {
   plan.of_sums.leftCols(terms) = inside;
   plan.of_sums.bottomRightCorner(beside, beside).setIdentity();
   plan.sums.emplace(std::span(outputs.data(), static_cast<std::size_t>(outputs.size())),
-                    static_cast<std::size_t>(outputs.rows()), static_cast<std::size_t>(outputs.cols()), 1, 1);
+                    static_cast<std::size_t>(outputs.rows()), static_cast<std::size_t>(outputs.cols()), 1, kLimbs);
 }
 
 Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions& options) {
@@ -289,24 +290,13 @@ void fit_exactly(const Plan& plan, const AnyFramesView& frames, std::size_t fram
     }
 }
 
-// The values of bytes as light, above `dark`.
-std::span<const float> byte_values() {
-  static const auto values = [] {
-    std::array<float, 256> all{};
-    for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<float>(i);
-    return all;
-  }();
-  return values;
-}
-
 // All columns in one pass over the stored samples: what is left is a difference of squares. True for the columns where
 // it is resolved.
 std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
                              double dark, Memory& memory, Fitted& fitted) {
   const std::size_t count = fitted.squares.size();
-  const bool bytes = std::holds_alternative<FramesView<const std::uint8_t>>(frames);
   Projection& sums = memory.sums;
-  project(frames, frame, from, count, *plan.sums, bytes ? byte_values() : std::span<const float>(), sums);
+  project(frames, frame, from, count, *plan.sums, {}, sums);
   const auto outputs = plan.of_sums.cols(), terms = plan.basis.cols();
   const Eigen::Map<const RowMajor> all(sums.sums.data(), outputs, static_cast<Index>(count));
   fitted.parameters.noalias() = plan.of_sums.lazyProduct(all);
