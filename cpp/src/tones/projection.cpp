@@ -12,6 +12,7 @@
 #include <type_traits>
 
 #include "columns/row_kernels.hpp"
+#include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "tones/projection_kernels.hpp"
 
@@ -469,9 +470,9 @@ Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::
 
 namespace {
 
-template <class Sample, class Stored>
+template <class Sample, class Stored, class Weight>
 std::vector<double> combine_columns(const FramesView<const Stored>& view, std::size_t frame,
-                                    std::span<const double> weights, std::span<const float> light) {
+                                    std::span<const Weight> weights, std::span<const float> light) {
   std::vector<double> combined(view.rows);
   DenseRows<Stored, Sample> source(view, frame, view.columns, light);
   const BlockSize most = source.is_transposed() ? kTransposed : BlockSize{kSampleRows, kCopied.columns};
@@ -489,18 +490,35 @@ std::vector<double> combine_columns(const FramesView<const Stored>& view, std::s
 
 }  // namespace
 
-std::vector<double> combine_columns(const AnyFramesView& frames, std::size_t frame, std::span<const double> weights,
-                                    std::span<const float> light) {
+std::vector<double> combine_columns(const AnyFramesView& frames, std::size_t frame,
+                                    std::span<const std::int16_t> weights, std::span<const float> light) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         require(frame < view.frames, "frame", frame, "below the number of frames");
         require(weights.size() == view.columns, "weights", weights.size(), "one for each column");
         check_light<T>(light);
+        if constexpr (std::is_same_v<T, std::uint8_t>)
+          if (light.empty()) return combine_columns<T>(view, frame, weights, {});
+        const std::vector<double> values(weights.begin(), weights.end());
         if constexpr (std::is_integral_v<T>)
-          if (!light.empty()) return combine_columns<float>(view, frame, weights, light);
-        return combine_columns<T>(view, frame, weights, {});
+          if (!light.empty()) return combine_columns<float>(view, frame, std::span(values), light);
+        if constexpr (!std::is_same_v<T, std::uint8_t>) return combine_columns<T>(view, frame, std::span(values), {});
+        return std::vector<double>();
       },
       frames);
+}
+
+ColumnTotals column_totals(const AnyFramesView& frames, std::size_t frame, std::span<const float> light) {
+  const auto* bytes = std::get_if<FramesView<const std::uint8_t>>(&frames);
+  const Shape shape = shape_of(frames);
+  if (bytes == nullptr || bytes->column_stride != 1 || !light.empty()) {
+    Projection sums = project(frames, frame, 0, shape.columns, {{}, 0, shape.rows, 1, 1}, light);
+    return {std::move(sums.totals), std::move(sums.maximum)};
+  }
+  ColumnTotals result{std::vector<double>(shape.columns), std::vector<double>(shape.columns)};
+  kernels::add_columns({bytes->at(frame, 0, 0), nullptr, bytes->row_stride, shape.rows, shape.columns},
+                       {result.totals.data(), nullptr, result.maximum.data()});
+  return result;
 }
 
 std::vector<std::string> simd_targets() {

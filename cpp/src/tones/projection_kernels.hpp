@@ -79,9 +79,13 @@ void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, 
 // True if the target whose code runs is faster with the light of bytes than with a copy of it.
 bool takes_light_of_bytes();
 
-// Σ weight·sample of a row.
+// Adds the rows of a block, not mirrored, to the totals of its columns, and raises their maxima.
+void add_columns(const ByteBlock& block, const Moments& to);
+
+// Σ weight·sample of a row. Weights of bytes: up to 2^14 in magnitude.
 template <class T>
 double weighted_sum(const T* row, const double* weights, std::size_t count);
+double weighted_sum(const std::uint8_t* row, const std::int16_t* weights, std::size_t count);
 
 // Sums a block of bytes: reference for the time of reading a frame.
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);

@@ -122,16 +122,47 @@ KernelCase projection_case(const char* type, const FrameCase& of, bool timed = f
 template <class T>
 struct Combination {
   Frame<T> frame;
-  std::vector<double> weights;
+  std::vector<std::int16_t> weights;
 
   explicit Combination(const FrameCase& of) : frame(of) {
-    const auto random = random_rows<double>(1, of.columns, of.columns);
-    weights.assign(random.data(), random.data() + of.columns);
+    const auto random = random_rows<double>(1, of.columns, of.columns, 0, 6000);
+    for (std::size_t c = 0; c < of.columns; ++c)
+      weights.push_back(static_cast<std::int16_t>(
+          std::clamp<double>(random.data()[c], -ocisac::kMaxColumnWeight, ocisac::kMaxColumnWeight)));
   }
   [[nodiscard]] std::vector<double> combined() const {
     return ocisac::combine_columns(frame.view, 0, weights, frame.light);
   }
 };
+
+// Totals, then maxima.
+template <class T>
+double totals_deviation(const FrameCase& of) {
+  const Combination<T> input(of);
+  const auto [totals, maximum] = ocisac::column_totals(input.frame.view, 0, input.frame.light);
+  std::vector<double> want_totals(of.columns), want_maximum(of.columns, -kInfinite);
+  for (std::size_t r = 0; r < of.rows; ++r)
+    for (std::size_t c = 0; c < of.columns; ++c) {
+      const T sample = input.frame.view(0, r, c);
+      auto v = static_cast<double>(sample);
+      if constexpr (std::is_integral_v<T>)
+        if (of.curved) v = input.frame.light[sample];
+      want_totals[c] += v;
+      want_maximum[c] = std::max(want_maximum[c], v);
+    }
+  return std::max(deviation<double>(totals, want_totals), deviation<double>(maximum, want_maximum));
+}
+
+template <class T>
+KernelCase totals_case(const char* type, const FrameCase& of, bool timed = false) {
+  std::function<void()> run;
+  if (timed)
+    run = [input = std::make_shared<Combination<T>>(of), out = std::make_shared<ocisac::ColumnTotals>()] {
+      *out = ocisac::column_totals(input->frame.view, 0, input->frame.light);
+    };
+  return {std::string("column_totals<") + type + "> " + std::to_string(of.rows) + " × " + std::to_string(of.columns),
+          run, [of] { return totals_deviation<T>(of); }, 1e-12};
+}
 
 template <class T>
 double combination_deviation(const FrameCase& of) {
@@ -165,6 +196,14 @@ KernelCase combination_case(const char* type, const FrameCase& of, bool timed = 
 
 std::vector<KernelCase> projection_cases() {
   std::vector<KernelCase> cases;
+  for (const std::size_t columns : {1u, 15u, 16u, 33u, 64u, 70u, 131u})
+    for (const std::size_t rows : {1u, 2u, 7u, 8u, 17u, 300u}) {
+      cases.push_back(totals_case<std::uint8_t>("uint8", {rows, columns, 0, 1, 1, 1, rows % 2 == 1}));
+      cases.push_back(totals_case<float>("float32", {rows, columns, 0, 1, 1, 1 + rows % 2}));
+    }
+  cases.push_back(totals_case<std::uint8_t>("uint8", {1080, 1920, 0, 1, 1}, true));
+  cases.push_back(totals_case<float>("float32", {1080, 1920, 0, 1, 1}, true));
+  cases.push_back(combination_case<std::uint8_t>("uint8", {3, 5000, 0, 1, 1}));
   for (const std::size_t columns : {1u, 2u, 7u, 15u, 16u, 17u, 31u, 33u, 64u, 70u, 131u, 156u})
     for (const std::size_t rows : {8u, 9u, 17u, 33u, 97u})
       for (const int row_group : {1, 2, 4, 8}) {
