@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "ocisac/camera/packed_samples.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac::apps {
@@ -50,16 +51,12 @@ bool is_unpacked(PixelFormat format) {
   return format == PixelFormat::gray10p || format == PixelFormat::gray12p || format == PixelFormat::gray16be;
 }
 
-std::uint16_t unpacked_pixel(PixelFormat format, const std::uint8_t* row, std::size_t column) {
-  if (format == PixelFormat::gray10p) {
-    const std::uint8_t* group = row + column / 4 * 5;
-    return static_cast<std::uint16_t>(group[column % 4] << 2 | (group[4] >> 2 * (column % 4) & 3));
-  }
-  if (format == PixelFormat::gray12p) {
-    const std::uint8_t* group = row + column / 2 * 3;
-    return static_cast<std::uint16_t>(group[column % 2] << 4 | (group[2] >> 4 * (column % 2) & 15));
-  }
-  return static_cast<std::uint16_t>(row[2 * column] << 8 | row[2 * column + 1]);
+// Pixels of a row from `first` on.
+void unpack(PixelFormat format, const std::uint8_t* row, std::size_t first, std::size_t count, std::uint16_t* out) {
+  if (format != PixelFormat::gray16be)
+    return unpack_samples(format == PixelFormat::gray10p ? Packing::raw10 : Packing::raw12, row, first, count, out);
+  row += 2 * first;
+  for (std::size_t i = 0; i < count; ++i) out[i] = static_cast<std::uint16_t>(row[2 * i] << 8 | row[2 * i + 1]);
 }
 
 template <class T>
@@ -134,11 +131,9 @@ AnyFramesView GrayPicture::view(std::span<const std::uint8_t> frame, const Regio
   require(frame.size() >= layout_.bytes, "frame", frame.size(), std::to_string(layout_.bytes) + " bytes");
   if (is_unpacked(layout_.format)) {
     unpacked_.resize(layout_.width * layout_.height);  // allocated with the first frame: a header alone uses no memory
-    for (std::size_t y = region.y; y < region.y + region.height; ++y) {
-      const std::uint8_t* row = frame.data() + y * layout_.stride;
-      std::uint16_t* out = unpacked_.data() + y * layout_.width;
-      for (std::size_t x = region.x; x < region.x + region.width; ++x) out[x] = unpacked_pixel(layout_.format, row, x);
-    }
+    for (std::size_t y = region.y; y < region.y + region.height; ++y)
+      unpack(layout_.format, frame.data() + y * layout_.stride, region.x, region.width,
+             unpacked_.data() + y * layout_.width + region.x);
     return dense_view<const std::uint16_t>(unpacked_.data(), 1, layout_.height, layout_.width);
   }
   if (layout_.format == PixelFormat::yuyv) return strided<std::uint8_t>(frame.data(), layout_, 2);

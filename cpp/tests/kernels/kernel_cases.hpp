@@ -36,11 +36,13 @@ std::vector<KernelCase> folding_cases();
 std::vector<KernelCase> waveform_cases();
 std::vector<KernelCase> sequence_cases();
 std::vector<KernelCase> frequency_cases();
+std::vector<KernelCase> packed_cases();
 
 inline std::vector<KernelCase> all() {
   std::vector<KernelCase> cases;
-  for (const auto& some : {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases,
-                           column_dft_cases, folding_cases, waveform_cases, sequence_cases, frequency_cases})
+  for (const auto& some :
+       {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases, column_dft_cases,
+        folding_cases, waveform_cases, sequence_cases, frequency_cases, packed_cases})
     for (auto& one : some()) cases.push_back(std::move(one));
   return cases;
 }
