@@ -849,21 +849,24 @@ class ColumnAdder {
   static constexpr std::size_t kPerStrip = kLanes + kBytes / sizeof(std::int32_t);
 
   template <int kRows>
+  [[nodiscard]] HWY_INLINE GroupSum sum_of_rows(const std::uint8_t* pixels, Bytes& top) const {
+    if constexpr (kRows == 1) {
+      const Bytes only = load_row(pixels, kNoLines, top), none = hn::Zero(d8);
+      return {hn::BitCast(d16s, hn::InterleaveLower(d8, only, none)),
+              hn::BitCast(d16s, hn::InterleaveUpper(d8, only, none))};
+    } else {
+      for (int r = 0; r < kRows; ++r) ask_early_for<1>(pixels + (kRows + r) * block_.row_stride);
+      return sum_of_group<kRows>(pixels, block_.row_stride, kNoLines, top);
+    }
+  }
+
+  template <int kRows>
   void add_rows(std::size_t row) {
     const std::uint8_t* pixels = block_.pixels + static_cast<std::ptrdiff_t>(row) * block_.row_stride;
-    const std::ptrdiff_t next = kRows * block_.row_stride;
     std::uint8_t* strip = memory_;
     for (std::size_t i = 0; i < strips_; ++i, strip += kBytes, pixels += kLanes) {
       Bytes top = hn::LoadU(d8, strip + 2 * kLanes);
-      GroupSum sum;
-      if constexpr (kRows == 1) {
-        const Bytes only = load_row(pixels, kNoLines, top), none = hn::Zero(d8);
-        sum = {hn::BitCast(d16s, hn::InterleaveLower(d8, only, none)),
-               hn::BitCast(d16s, hn::InterleaveUpper(d8, only, none))};
-      } else {
-        for (int r = 0; r < kRows; ++r) ask_early_for<1>(pixels + next + r * block_.row_stride);
-        sum = sum_of_group<kRows>(pixels, block_.row_stride, kNoLines, top);
-      }
+      const GroupSum sum = sum_of_rows<kRows>(pixels, top);
       auto* sums = reinterpret_cast<std::int16_t*>(strip);
       hn::StoreU(hn::Add(hn::LoadU(d16s, sums), sum.lower), d16s, sums);
       hn::StoreU(hn::Add(hn::LoadU(d16s, sums + kLanes / 2), sum.upper), d16s, sums + kLanes / 2);
