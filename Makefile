@@ -110,6 +110,7 @@ reproduce: build
 
 nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
+	@scripts/system-packages fuzz
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
 	@echo '==> injected faults, a minute for each call'
 	@$(build)/cpp/tests/ocisac_fault_tests 60 $(build)/cpp/apps/ocisac-rx $(build)/cpp/tests/libocisac_faults.so
@@ -134,9 +135,9 @@ nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 fuzz: packages
 	@scripts/system-packages fuzz
 	@echo '==> fuzz targets: build'
-	@cmake --preset fuzz >/dev/null && scripts/with-progress build/fuzz/build.log cmake --build --preset fuzz
+	@cmake --preset sanitize >/dev/null && scripts/with-progress build/sanitize/build.log cmake --build --preset sanitize --target ocisac_fuzz
 	@echo '==> fuzz targets: $(SECONDS) s each'
-	@fuzz/run build/fuzz $(SECONDS)
+	@fuzz/run build/sanitize $(SECONDS)
 
 # A part of the long run, resumed where the last one ended: build/soak.jsonl.
 soak: cpp-build

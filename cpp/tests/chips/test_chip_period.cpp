@@ -27,10 +27,11 @@ TEST_CASE("periodic chips show the same rows with the shortest exposure") {
     std::vector<double> period;
     double exposure, shortest;  // chips
   };
-  for (const auto& [period, exposure, shortest] :
+  for (const Case& one :
        {Case{{1, 0}, 7.7, 0.3}, Case{{1, 0}, 1.4, 0.6}, Case{{1, 0}, 2.5, 0.5}, Case{{1, 0, 0}, 7.2, 1.2},
         Case{{1, 1, 0, 1}, 5.1, 1.1}}) {
-    CAPTURE(exposure);
+    CAPTURE(one.exposure);
+    const auto& [period, exposure, shortest] = one;
     std::vector<double> chips;
     std::vector<std::uint8_t> bits;
     for (std::size_t k = 0; k < 96; ++k) {

@@ -142,13 +142,13 @@ TEST_CASE("detectors make the errors that are foretold") {
   struct Case {
     double rows_per_chip, length, noise;
   };
-  for (const auto& [rows_per_chip, length, noise] :
-       {Case{2.13, 1.2, 0.2}, Case{4.07, 2.3, 0.2}, Case{3.3, 5.2, 0.08}}) {
-    const auto predicted = ocisac::detector_error_rates(rows_per_chip, length * rows_per_chip, noise);
+  for (const Case& one : {Case{2.13, 1.2, 0.2}, Case{4.07, 2.3, 0.2}, Case{3.3, 5.2, 0.08}}) {
+    const auto predicted =
+        ocisac::detector_error_rates(one.rows_per_chip, one.length * one.rows_per_chip, one.noise);
     const auto measured = [&](std::string_view method) {
-      return share_of_errors(method, rows_per_chip, length, noise, 30, 3);
+      return share_of_errors(method, one.rows_per_chip, one.length, one.noise, 30, 3);
     };
-    CAPTURE(length);
+    CAPTURE(one.length);
     CHECK(measured("slicer") == doctest::Approx(predicted.slicer).epsilon(0.15));
     CHECK(measured("inverse") == doctest::Approx(predicted.inverse).epsilon(0.25));
     CHECK(measured("wiener") == doctest::Approx(predicted.wiener).epsilon(0.15));

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 #include <random>
-#include <ranges>
 #include <vector>
 
 #include "ocisac/columns/column_combination.hpp"
@@ -41,9 +40,10 @@ std::vector<ocisac::LightGroup> groups_of(const std::vector<std::uint8_t>& pixel
 // Lamps whose columns a group has; a lamp's columns share blocks with those about it.
 std::size_t lamps_of(const ocisac::LightGroup& group, std::size_t lamps) {
   std::size_t count = 0;
-  for (std::size_t lamp = 0; lamp < lamps; ++lamp)
-    count += std::ranges::any_of(std::views::iota(std::size_t{0}, kWidth),
-                                 [&](std::size_t k) { return group.columns[20 + lamp * kPitch + k] != 0; });
+  for (std::size_t lamp = 0; lamp < lamps; ++lamp) {
+    const auto* const columns = group.columns.data() + 20 + lamp * kPitch;
+    count += std::any_of(columns, columns + kWidth, [](auto used) { return used != 0; });
+  }
   return count;
 }
 

@@ -47,18 +47,18 @@ TEST_CASE("8b10b: words of the published tables") {
                                                  {0xEB, "1101001110"}, {0xF1, "1000110111"}, {0xEE, "0111001110"},
                                                  {0xFF, "1010110001"}, {0xF4, "0010110111"}, {0xF2, "0100110111"},
                                                  {0xE3, "1100011110"}, {0x63, "1100011100"}, {0x67, "1110001100"}};
-  for (const auto& [byte, word] : at_minus) {
-    CAPTURE(byte);
-    CHECK(encoded("8b10b", {byte}) == word);
+  for (const auto& entry : at_minus) {
+    CAPTURE(entry.first);
+    CHECK(encoded("8b10b", {entry.first}) == entry.second);
   }
   // D3.0 leaves the running disparity at +1.
   const std::map<unsigned, std::string> at_plus{
       {0xEB, "1101001000"}, {0xED, "1011001000"}, {0xEE, "0111001000"}, {0xE3, "1100010001"}, {0x67, "0001110011"}};
   const std::string before = encoded("8b10b", {0x03});
   REQUIRE(disparity(before) == 2);
-  for (const auto& [byte, word] : at_plus) {
-    CAPTURE(byte);
-    CHECK(encoded("8b10b", {0x03, byte}).substr(10) == word);
+  for (const auto& entry : at_plus) {
+    CAPTURE(entry.first);
+    CHECK(encoded("8b10b", {0x03, entry.first}).substr(10) == entry.second);
   }
 }
 
@@ -92,8 +92,9 @@ TEST_CASE("words that a code does not have are violations, however weak the ligh
 // A code uses 2^b of the 2^n patterns of n chips: a word has the likelihood ratio 2^(n − b) against random chips.
 TEST_CASE("the evidence of words is their share of all patterns") {
   const std::map<const char*, double> bits{{"none", 0}, {"manchester", 1}, {"4b6b", 2}, {"8b10b", 2}};
-  for (const auto& [name, redundant] : bits) {
-    CAPTURE(name);
+  for (const auto& entry : bits) {
+    CAPTURE(entry.first);
+    const auto& [name, redundant] = entry;
     const auto code = ocisac::LineCode::named(name);
     std::vector<double> llr;
     for (const auto chip : code.encode(bits_of({0x2A}))) llr.push_back(chip != 0 ? 40 : -40);
@@ -143,8 +144,9 @@ TEST_CASE("the chips of a packet are those of the first release") {
       {"none", 0x7E1483C3U}, {"manchester", 0x8733D08FU}, {"4b6b", 0x0F66620CU}, {"8b10b", 0xA5508360U}};
   std::vector<std::uint8_t> payload(300);
   for (std::size_t k = 0; k < payload.size(); ++k) payload[k] = static_cast<std::uint8_t>(k * k);
-  for (const auto& [code, checksum] : checksums) {
-    CAPTURE(code);
+  for (const auto& entry : checksums) {
+    CAPTURE(entry.first);
+    const auto& [code, checksum] = entry;
     CHECK(ocisac::crc32(ocisac::packet_chips(payload, {ocisac::LineCode::named(code)}, 7)) == checksum);
   }
   std::string preamble;
