@@ -50,11 +50,11 @@ help:
 	@echo 'make reproduce the paper'\''s figures and table, and links over distance: docs/measured/paper*, docs/measured/distance*'
 	@echo 'make nightly   the tests that take minutes as well, and the C++ tests under sanitizers'
 	@echo 'make fuzz      the fuzz targets (fuzz/), each for SECONDS=$(SECONDS), two at a time'
-	@echo 'make soak      eight threads for ten minutes, dirty streams for forty, resumed until FRAMES=$(FRAMES) in all'
+	@echo 'make soak      eight threads for ten minutes, dirty streams in parts of a quarter of an hour, resumed until FRAMES=$(FRAMES) in all'
 	@echo 'make coverage  lines and branches of the core that the C++ tests reach'
 	@echo 'make mutants   MUTANTS=$(MUTANTS) changes of the packet code, each of which the tests must notice'
 	@echo 'make wheel     dist/: a wheel that stands alone, tried in a fresh environment'
-	@echo 'make deb       build/deb: a Debian package that stands alone, tried in a clean root'
+	@echo 'make deb       build/deb: Debian packages that stand alone, tried in a clean root'
 	@echo 'make arm64     cross-built for 64-bit Arm, tests under qemu-user'
 	@echo 'make lint      ruff, mypy, stubtest, clang-format, clang-tidy'
 	@echo 'make format    formats C++ and Python'
@@ -142,7 +142,7 @@ fuzz: packages
 # A part of the long run, resumed where the last one ended: build/soak.jsonl.
 soak: cpp-build
 	@$(build)/cpp/tests/ocisac_thread_tests 600
-	@$(bin)/python bench/soak.py --frames $(FRAMES) --part 50000 --program $(build)/cpp/apps/ocisac-rx
+	@$(bin)/python bench/soak.py --frames $(FRAMES) --part 250000 --program $(build)/cpp/apps/ocisac-rx
 
 # Lines and branches of the core that the C++ tests reach: build/coverage/index.html.
 coverage: packages
@@ -211,14 +211,15 @@ wheel: build standalone
 	@build/wheel-venv/bin/python -m pip install -qq dist/ocisac_fast-*.whl
 	@cd build && wheel-venv/bin/python -W error -m ocisac_fast.smoke
 
-# build/deb: a self-contained package of executable, library and headers, tested in a clean Debian root.
+# build/deb: self-contained packages of executable, library and headers, and of the plugin of GStreamer, tested in a clean
+# Debian root.
 deb: packages standalone
-	@echo '==> Debian package'
-	@scripts/system-packages device
-	@cmake -S cpp -B build/deb -G Ninja -DOCISAC_BUILD_TESTS=OFF -DOCISAC_BUILD_APPS=ON \
+	@echo '==> Debian packages'
+	@scripts/system-packages device gstreamer
+	@cmake -S cpp -B build/deb -G Ninja -DOCISAC_BUILD_TESTS=OFF -DOCISAC_BUILD_APPS=ON -DOCISAC_BUILD_GSTREAMER=ON \
 	  -DCMAKE_INSTALL_PREFIX=/usr -DOCISAC_STANDALONE=$(CURDIR)/build/standalone >build/deb-configure.log
 	@cmake --build build/deb && cd build/deb && cpack
-	@scripts/check-deb build/deb/ocisac_*.deb
+	@scripts/check-deb build/deb/ocisac_*.deb build/deb/gstreamer1.0-ocisac_*.deb
 
 # 64-bit Arm: library, tests and executable cross-built, run under qemu-user.
 arm64: packages

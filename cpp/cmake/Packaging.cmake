@@ -1,4 +1,5 @@
-# cpack -G DEB: executable, man page, library and headers. Built with OCISAC_STANDALONE it depends on libc alone.
+# cpack -G DEB: a package of executable, man page, library and headers, and where it is built one of the plugin of
+# GStreamer. Built with OCISAC_STANDALONE they depend on libc, and on GStreamer, alone.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME ocisac)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
@@ -9,7 +10,13 @@ set(CPACK_RESOURCE_FILE_LICENSE "${CMAKE_CURRENT_LIST_DIR}/../../LICENSE")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_COMPONENTS_ALL cpp)
-set(CPACK_DEB_COMPONENT_INSTALL OFF)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_CPP_PACKAGE_NAME ocisac)
+if(OCISAC_BUILD_GSTREAMER)
+  list(APPEND CPACK_COMPONENTS_ALL gstreamer)
+  set(CPACK_DEBIAN_GSTREAMER_PACKAGE_NAME gstreamer1.0-ocisac)
+  set(CPACK_COMPONENT_GSTREAMER_DESCRIPTION "Element ocisacrx: receives optical camera communication in a pipeline")
+endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
