@@ -27,9 +27,8 @@ TEST_CASE("periodic chips show the same rows with the shortest exposure") {
     std::vector<double> period;
     double exposure, shortest;  // chips
   };
-  for (const Case& one :
-       {Case{{1, 0}, 7.7, 0.3}, Case{{1, 0}, 1.4, 0.6}, Case{{1, 0}, 2.5, 0.5}, Case{{1, 0, 0}, 7.2, 1.2},
-        Case{{1, 1, 0, 1}, 5.1, 1.1}}) {
+  for (const Case& one : {Case{{1, 0}, 7.7, 0.3}, Case{{1, 0}, 1.4, 0.6}, Case{{1, 0}, 2.5, 0.5},
+                          Case{{1, 0, 0}, 7.2, 1.2}, Case{{1, 1, 0, 1}, 5.1, 1.1}}) {
     CAPTURE(one.exposure);
     const auto& [period, exposure, shortest] = one;
     std::vector<double> chips;

@@ -143,8 +143,7 @@ TEST_CASE("detectors make the errors that are foretold") {
     double rows_per_chip, length, noise;
   };
   for (const Case& one : {Case{2.13, 1.2, 0.2}, Case{4.07, 2.3, 0.2}, Case{3.3, 5.2, 0.08}}) {
-    const auto predicted =
-        ocisac::detector_error_rates(one.rows_per_chip, one.length * one.rows_per_chip, one.noise);
+    const auto predicted = ocisac::detector_error_rates(one.rows_per_chip, one.length * one.rows_per_chip, one.noise);
     const auto measured = [&](std::string_view method) {
       return share_of_errors(method, one.rows_per_chip, one.length, one.noise, 30, 3);
     };
