@@ -1,5 +1,7 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -25,7 +27,7 @@ TEST_CASE("spectral votes are logarithms of what a tone leaves of each signal's 
         double window_sum = 0, energy = 0;
         for (std::size_t n = 0; n < rows; ++n) {
           const double window = std::pow(std::sin(std::numbers::pi * (n + 0.5) / rows), 2), v = samples[s * rows + n];
-          sum += std::polar(window * v, -2 * std::numbers::pi * static_cast<double>(k * n % length) / length);
+          sum += window * v * std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(k * n % length) / length);
           window_sum += window;
           energy += window * v * v;
         }
