@@ -82,6 +82,17 @@ def test_frames_given_twice_and_left_out_are_no_loss_without_numbers():
     assert [result.stretch.outcome == "repeated" for result in results[1:]] == repeated
 
 
+@pytest.mark.parametrize("seed", [0, 2, 3, 4, 5])
+def test_frames_given_twice_are_found_when_they_are_read_again(seed):
+    """A round spot is learned after some frames, of which two were given twice: later frames have their times."""
+    film = Film(seed)
+    receiver = film.receiver()
+    spot = np.exp(-(((np.arange(1080) - 540) / 250) ** 2) / 2)
+    given = sorted([*range(40), 2, 5])
+    frames = {index: 20 + spot * (film.frame(index * FRAME_TIME) - 20) for index in given}
+    assert frames_until_payload(receiver.push(frames[index]) for index in given) <= 18
+
+
 def test_places_in_doubt_are_settled_by_header_and_line_code_or_left_open():
     """Chips of the right places, told to be up to five chips off; no stretch is placed wrong."""
     random = np.random.default_rng(8)

@@ -177,11 +177,13 @@ ReceivedFrame nothing_received(std::int64_t frame) {
 
 // Chips of kept frames go to the packet, those of the current frame to `result`; `payload`: the first that is whole.
 ProfileLearning::UseReading ChipReceiver::use_of_earlier(ReceivedFrame& result, std::optional<Payload>& payload) {
+  last_bits_.clear();  // the frames are compared from the first one on
   return [this, &result, &payload](const KeptFrame& kept, const FrameReading& reading, std::span<const double> rest) {
     ReceivedFrame earlier = nothing_received(kept.number);
     ReceivedFrame& of_frame = kept.number == result.frame ? result : earlier;
     take(reading, kept.time, rest, of_frame);
     if (of_frame.stretch->payload && !payload) payload = of_frame.stretch->payload;
+    return of_frame.stretch->outcome == StretchOutcome::repeated;
   };
 }
 

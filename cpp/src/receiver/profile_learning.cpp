@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -87,7 +89,7 @@ void ProfileLearning::keep(const CombinedColumn& column, std::int64_t frame, dou
   now.lamp = now.signal;
   now.exposed.clear();
   now.bright = column.quality > kBrightLight;
-  now.seen = now.fits = false;
+  now.seen = now.fits = now.repeats = false;
   kept_.push_back(std::move(now));
 }
 
@@ -114,7 +116,8 @@ std::vector<ProfileFrame> ProfileLearning::frames() const {
   return frames;
 }
 
-// Without `use`, only s of each row is kept, and the searches are bounded.
+// Without `use`, only s of each row is kept, and the searches are bounded. A frame that turns out to repeat the one
+// before it has its time: later ones are as much earlier.
 ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const LearnedProfile& learned,
                                                     const CombinedColumn& column, std::size_t first_row,
                                                     const UseReading& use) {
@@ -123,7 +126,9 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
   const SearchEffort effort = rows.effort(learned.rows.size());
   double searches = use ? std::numeric_limits<double>::infinity() : kProfileSearches;
   const RowNuisance nuisance = rows.state().model.nuisance;
+  double repeated = 0;
   for (KeptFrame& kept : kept_) {
+    kept.time -= repeated;
     rows.state().model.nuisance = nuisance;  // a wrong profile moves the tones of a frame anywhere
     const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
     FrameRows now{column, kept.time, searches > 0, effort, effort};
@@ -137,14 +142,22 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
     if (!reading) continue;
     kept.expose(*reading, learned, rows.state().model.nuisance);
     if (use) {
-      use(kept, *reading, rest);
+      kept.repeats = use(kept, *reading, rest);
+      repeated += kept.repeats;
       continue;
     }
     rows.track(reading->channel, kept.time);
     rows.accept(*reading, rest);
     rows.state().relative_noise = reading->relative_noise;
   }
+  drop_repeated();
   return fit;
+}
+
+// The current frame, the last one, is dropped by its receiver.
+void ProfileLearning::drop_repeated() {
+  const auto current = std::prev(kept_.end());
+  kept_.erase(std::remove_if(kept_.begin(), current, std::mem_fn(&KeptFrame::repeats)), current);
 }
 
 // The first profile, 0 where the lamp is too dark.

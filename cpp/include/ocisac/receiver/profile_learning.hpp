@@ -32,6 +32,7 @@ struct KeptFrame {
   bool bright = false;       // its columns show a common light
   bool seen = false;         // chips were detected
   bool fits = false;         // no more than noise is left
+  bool repeats = false;      // found to be the frame before it, given twice
   double noise = 1;          // that is left, relative to the swing
 
   // `reading`: of the rows less the profile.
@@ -40,8 +41,8 @@ struct KeptFrame {
 
 class ProfileLearning {
  public:
-  // A kept frame that was read again, and its rows less the profile.
-  using UseReading = std::function<void(const KeptFrame&, const FrameReading&, std::span<const double>)>;
+  // A kept frame that was read again, and its rows less the profile; true where it repeats the frame before it.
+  using UseReading = std::function<bool(const KeptFrame&, const FrameReading&, std::span<const double>)>;
 
   // Adds the current frame. `first_row`: of the picture, at index 0 of the signal.
   void keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row);
@@ -81,6 +82,7 @@ class ProfileLearning {
   [[nodiscard]] std::vector<ProfileFrame> frames() const;
   KeptFit read_kept(RowModelSearch& rows, const LearnedProfile& learned, const CombinedColumn& column,
                     std::size_t first_row, const UseReading& use);
+  void drop_repeated();
   [[nodiscard]] std::optional<LearnedProfile> first_learned(std::size_t smooth) const;
   [[nodiscard]] RowNuisance tone_beside(const LearnedProfile& learned, const RowModelSearch& rows) const;
   [[nodiscard]] bool is_worth(const LearnedProfile& learned) const;
