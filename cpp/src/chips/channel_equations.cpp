@@ -29,6 +29,8 @@ double along_frame(double row, std::size_t rows) {
 }
 
 double polynomial(std::span<const double> coefficients, double x) {
+  if (coefficients.size() == 1) return coefficients[0];
+  if (coefficients.size() == 2) return coefficients[0] + coefficients[1] * x;  // the usual ones
   std::array<double, kHighestDegree + 1> basis;
   legendre(x, {basis.data(), coefficients.size()});
   double sum = 0;

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
 #include <numeric>
 
 #include "chips/channel_equations.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
 
 namespace ocisac {
@@ -23,32 +25,70 @@ constexpr std::size_t kNearBins = 2 * kPadding, kFarBins = 8 * kPadding;  // fro
 constexpr double kMaxSlowTerms = 160;  // a frame of 0.3 s at 260 Hz; the time grows with the square
 constexpr double kRounding = 1e-12;    // relative to the mean: a signal that deviates by no more is constant
 constexpr Index kSwingTerms = 3;
+constexpr std::size_t kTurns = 64;      // of a phasor, rounded by 1e-16 each
+constexpr double kMinSlope = 1e-9;      // of its squares, not explained by the other columns
 constexpr double kShortestPart = 1e-6;  // cycles; a shorter exposure is none
 constexpr int kSquareSteps = 12;
 constexpr double kSquareReach = 0.6;  // spectral lines of a frame
 constexpr int kSquareHalvings = 4;    // of the steps of frequency and phase
 
+Index slow_terms(std::size_t rows, const RowNuisance& nuisance) {
+  return static_cast<Index>(std::min(std::ceil(2 * static_cast<double>(rows) * nuisance.slow), kMaxSlowTerms));
+}
+
+// cos and sin (nullptr: none) of first + step·n for n < rows, by turns of a phasor, exact every kTurns rows.
+void fill_tone(double step, double first, double* cosine, double* sine, std::size_t rows) {
+  const std::complex<double> turn = std::polar(1.0, step);
+  std::complex<double> phasor;
+  for (std::size_t n = 0; n < rows; ++n) {
+    phasor = n % kTurns == 0 ? std::polar(1.0, first + step * static_cast<double>(n)) : phasor * turn;
+    cosine[n] = phasor.real();
+    if (sine) sine[n] = phasor.imag();
+  }
+}
+
 // Columns of slow light and tones; the constant comes first.
 MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::size_t harmonics) {
   const auto count = static_cast<double>(rows);
-  const auto slow = static_cast<Index>(std::min(std::ceil(2 * count * nuisance.slow), kMaxSlowTerms));
+  const Index slow = slow_terms(rows, nuisance);
   std::vector<double> frequencies;
   for (const double tone : nuisance.tones)
     for (std::size_t harmonic = 1; harmonic <= harmonics; ++harmonic)
       if (static_cast<double>(harmonic) * tone < 0.5) frequencies.push_back(static_cast<double>(harmonic) * tone);
   MatrixXd columns(static_cast<Index>(rows), 1 + slow + 2 * static_cast<Index>(frequencies.size()));
-  for (Index n = 0; n < columns.rows(); ++n) {
-    const auto row = static_cast<double>(n);
-    for (Index k = 0; k <= slow; ++k)
-      columns(n, k) = std::cos(0.5 * kTurn * static_cast<double>(k) * (row + 0.5) / count);
-    Index column = slow + 1;
-    for (const double frequency : frequencies) {
-      const double angle = kTurn * frequency * row;
-      columns(n, column++) = std::cos(angle);
-      columns(n, column++) = std::sin(angle);
-    }
+  for (Index k = 0; k <= slow; ++k) {
+    const double half_turns = 0.5 * kTurn * static_cast<double>(k) / count;
+    fill_tone(half_turns, 0.5 * half_turns, &columns(0, k), nullptr, rows);
+  }
+  Index column = slow + 1;
+  for (const double frequency : frequencies) {
+    fill_tone(kTurn * frequency, 0, &columns(0, column), &columns(0, column + 1), rows);
+    column += 2;
   }
   return columns;
+}
+
+// By how much each tone is too low for the least residual, cycles per row: one Gauss–Newton step with all else
+// refitted. Its derivative by the frequency is that of its fitted harmonics about the middle row.
+std::vector<double> tone_steps(const MatrixXd& model, const Solved& solved, const VectorXd& left,
+                               const RowNuisance& nuisance, Index first_tone) {
+  std::vector<double> steps;
+  const double middle = 0.5 * static_cast<double>(model.rows() - 1);
+  for (const double tone : nuisance.tones) {
+    VectorXd slope = VectorXd::Zero(model.rows());
+    for (std::size_t harmonic = 1; harmonic <= kToneHarmonics; ++harmonic) {
+      if (!(static_cast<double>(harmonic) * tone < 0.5)) continue;
+      slope += kTurn * static_cast<double>(harmonic) *
+               (solved.values[first_tone + 1] * model.col(first_tone) -
+                solved.values[first_tone] * model.col(first_tone + 1));
+      first_tone += 2;
+    }
+    slope.array() *= VectorXd::LinSpaced(model.rows(), -middle, middle).array();
+    const VectorXd shared = model.transpose() * slope;
+    const double own = slope.squaredNorm() - shared.dot(solved.inverse * shared);
+    steps.push_back(own > kMinSlope * slope.squaredNorm() ? slope.dot(left) / own : 0.0);
+  }
+  return steps;
 }
 
 struct SquareWave {
@@ -75,15 +115,18 @@ std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const
   model.leftCols(columns.cols()) = columns;
   for (Index n = 0; n < model.rows() && swings > 0; ++n) {
     const double x = along_frame(static_cast<double>(n), signal.size());
-    for (Index k = 0; k < swings; ++k)
-      model(n, columns.cols() + k) = exposed[static_cast<std::size_t>(n)] * std::pow(x, static_cast<double>(k));
+    double swing = exposed[static_cast<std::size_t>(n)];
+    for (Index k = 0; k < swings; ++k, swing *= x) model(n, columns.cols() + k) = swing;
   }
   if (model.rows() <= model.cols()) return std::nullopt;
   const Eigen::Map<const VectorXd> values(signal.data(), model.rows());
-  const auto solved = solve_normal(model.transpose() * model, model.transpose() * values);
+  const auto solved = solve_normal(transposed_product(model, model), model.transpose() * values);
   if (!solved) return std::nullopt;
   const VectorXd rest = values - columns.rightCols(columns.cols() - 1) * solved->values.segment(1, columns.cols() - 1);
-  return NuisanceFit{{rest.begin(), rest.end()}, (values - model * solved->values).squaredNorm()};
+  const VectorXd left = values - model * solved->values;
+  NuisanceFit fit{{rest.begin(), rest.end()}, left.squaredNorm(), {}};
+  if (swings > 0) fit.tone_steps = tone_steps(model, *solved, left, nuisance, 1 + slow_terms(signal.size(), nuisance));
+  return fit;
 }
 
 StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest) {

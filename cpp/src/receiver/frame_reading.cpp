@@ -21,6 +21,8 @@ constexpr double kSettling = 0.98;       // ratio of the residual to that of the
 constexpr double kClockStays = 0.02;     // chips, at either end of the frame
 constexpr double kExposureStays = 0.01;  // relative
 constexpr double kLevelsStay = 0.03;     // relative to the swing
+constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
+constexpr double kToneReach = 0.25;      // spectral lines of a frame, in a round
 constexpr double kMaxRelativeNoise = 1.0 / 3;
 constexpr double kMaxErrors = 2e-3;  // expected error rate
 constexpr double kMaxErrorsIfEven = 0.08;
@@ -104,6 +106,24 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
          std::max({levels_off(0), levels_off(middle), levels_off(last)}) < kLevelsStay;
 }
 
+// Removes slow light and tones beside known chips from `signal`; moves the tones. Returns the root mean square of the
+// change of the reading's rows.
+std::optional<double> take_nuisance(std::span<const double> signal, const KnownChips& chips,
+                                    const ChannelEstimate& channel, FrameReading& reading) {
+  std::vector<double>& rest = reading.rest;
+  std::vector<double> exposed(rest.size());
+  expose_chips(chips, channel.clock, exposed);
+  auto fit = remove_nuisance(signal, reading.nuisance, exposed);
+  if (!fit) return std::nullopt;
+  const double reach = kToneReach / static_cast<double>(rest.size());
+  for (std::size_t k = 0; k < reading.nuisance.tones.size(); ++k)
+    reading.nuisance.tones[k] += std::clamp(fit->tone_steps[k], -reach, reach);
+  double squares = 0;
+  for (std::size_t n = 0; n < rest.size(); ++n) squares += std::pow(fit->rest[n] - rest[n], 2);
+  rest = std::move(fit->rest);
+  return std::sqrt(squares / static_cast<double>(rest.size()));
+}
+
 // Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
 // noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
 std::vector<double> residual_excess(std::span<const double> signal, const FrameReading& reading) {
@@ -146,20 +166,24 @@ std::vector<double> hard_chips(const FrameReading& reading) {
 }
 
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
-                                       bool exposure_known, SearchEffort* effort) {
+                                       bool exposure_known, SearchEffort* effort, const RowsBeside* beside) {
   const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known};
   ChannelEstimate channel = start;
   FrameReading reading;
+  reading.rest.assign(signal.begin(), signal.end());
+  if (beside) reading.nuisance = beside->nuisance;
   for (int round = 0; round < kMaxRounds; ++round) {
-    if (!detectable(signal, channel)) return std::nullopt;
-    const ChipRows rows(signal, channel);
+    if (!detectable(reading.rest, channel)) return std::nullopt;
+    const ChipRows rows(reading.rest, channel);
     const ChipQuestion question = rows.question();
     reading.llr = detect_chips(question, method_for(question.clock, kLongestTrellis)).llr;
     reading.first = question.first;
     const auto chips = hard_chips(reading);
-    auto fitted = fit_channel(signal, {chips, reading.first}, channel.clock, model, effort);
+    const auto moved = beside ? take_nuisance(beside->signal, {chips, reading.first}, channel, reading) : 0.0;
+    auto fitted =
+        moved ? fit_channel(reading.rest, {chips, reading.first}, channel.clock, model, effort) : std::nullopt;
     if (!fitted) return std::nullopt;
-    const bool stays = is_same(channel, *fitted, signal.size()) ||
+    const bool stays = (is_same(channel, *fitted, signal.size()) && *moved <= kRestStays * fitted->noise) ||
                        (round + 1 >= kMinRounds && !(fitted->noise < kSettling * channel.noise));
     channel = std::move(*fitted);
     reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
@@ -170,8 +194,8 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   }
   reading.channel = std::move(channel);
   reading.error_rate = error_rate_within(reading);
-  reading.correlation = residual_correlation(signal, reading);
-  reading.excess = residual_excess(signal, reading);
+  reading.correlation = residual_correlation(reading.rest, reading);
+  reading.excess = residual_excess(reading.rest, reading);
   return reading;
 }
 
@@ -192,11 +216,12 @@ std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t ro
   return bits;
 }
 
-FrameReading with_shortest_exposure(std::span<const double> signal, FrameReading reading, SearchEffort* effort) {
-  const auto start = with_shortest_exposure(reading.channel, whole_bits(reading, signal.size()));
-  auto shorter = start ? read_frame(signal, *start, false, effort) : std::nullopt;
+FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort) {
+  const auto start = with_shortest_exposure(reading.channel, whole_bits(reading, reading.rest.size()));
+  auto shorter = start ? read_frame(reading.rest, *start, false, effort) : std::nullopt;
   if (!shorter || !(shorter->channel.noise < kEquallyGood * reading.channel.noise)) return reading;
   shorter->even = reading.even;
+  shorter->warp = std::move(reading.warp);
   return std::move(*shorter);
 }
 

@@ -53,6 +53,21 @@ double variance_of(std::span<const double> signal) {
   return squares / static_cast<double>(signal.size());
 }
 
+// Slow light and tones beside chips that are not known yet: their mean is that of a similar frame. Its trend along the
+// rows would be taken for a part of the tones.
+std::optional<NuisanceFit> remove_beside_mean(std::span<const double> signal, const RowNuisance& nuisance,
+                                              const ChannelEstimate& similar) {
+  std::vector<double> mean(signal.size()), others(signal.begin(), signal.end());
+  for (std::size_t n = 0; n < mean.size(); ++n) {
+    const auto row = static_cast<double>(n);
+    mean[n] = similar.dark_at(row, mean.size()) + 0.5 * similar.swing_at(row, mean.size());
+    others[n] -= mean[n];
+  }
+  auto fit = remove_nuisance(others, nuisance);
+  for (std::size_t n = 0; fit && n < mean.size(); ++n) fit->rest[n] += mean[n];
+  return fit;
+}
+
 }  // namespace
 
 RowModelSearch::RowModelSearch(const Camera& camera, RowSearchOptions options)
@@ -170,7 +185,7 @@ std::optional<double> RowModelSearch::nominal_rows_per_chip(const CombinedColumn
 // Detection from the channel of earlier frames: levels, rate and exposure, with the predicted phase or else several
 // trials.
 std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signal, const SignalModel& model,
-                                                   FrameRows& frame) const {
+                                                   FrameRows& frame, const RowsBeside* beside) const {
   if (!state_.channel || !frame.may_follow) return std::nullopt;
   ChannelEstimate start = *state_.channel;
   const auto predicted = predict(frame.time);
@@ -196,13 +211,13 @@ std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signa
   for (std::size_t phase = 0; phase < (sure && !model.warped ? 1 : kPhases); ++phase) {
     ChannelEstimate tried = start;
     tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
-    auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort);
+    auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
     if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
     if (best && best->relative_noise < std::max(kAsNoisy * state_.relative_noise, kNoNoise) && is_sound(*best))
       return best;
   }
-  if (!best) return std::nullopt;
+  if (!best || beside) return std::nullopt;
   const double as_before =
       std::max(kAsNoisy * state_.relative_noise, std::min(kMaxNoiseRatio * state_.relative_noise, kLittleNoise));
   if (best->relative_noise < as_before && is_sound(*best)) return best;
@@ -212,6 +227,16 @@ std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signa
   if (extended && extended->relative_noise < kMaxNoiseRatio * state_.relative_noise && is_sound(*extended))
     return extended;
   return std::nullopt;
+}
+
+// Where the last frame fitted: slow light and tones in each round of detection. Absent where more than noise is left.
+std::optional<FrameReading> RowModelSearch::go_on(std::span<const double> signal, const SignalModel& model,
+                                                  FrameRows& frame) const {
+  if (model.nuisance.empty() || !state_.channel || !state_.fits) return std::nullopt;
+  const auto fit = remove_beside_mean(signal, model.nuisance, *state_.channel);
+  const RowsBeside beside{signal, model.nuisance};
+  auto reading = fit ? follow(fit->rest, model, frame, &beside) : std::nullopt;
+  return reading && !is_misfit(*reading) ? std::move(reading) : std::nullopt;
 }
 
 std::optional<FrameReading> RowModelSearch::search(std::span<const double> signal, const SignalModel& model,
@@ -282,6 +307,10 @@ double RowModelSearch::line_code_evidence(const FrameReading& reading) const {
 // Alternates estimates of chips and nuisance until the chips converge.
 std::optional<FrameReading> RowModelSearch::read_with(std::span<const double> signal, SignalModel& model,
                                                       FrameRows& frame) {
+  if (auto reading = go_on(signal, model, frame)) {
+    model.nuisance = reading->nuisance;
+    return camera_.exposure ? std::move(reading) : with_shortest_exposure(std::move(*reading), &frame.effort);
+  }
   const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(signal, model.nuisance);
   const std::span<const double> rest = fit ? std::span<const double>(fit->rest) : signal;
   const bool has_shape =
@@ -299,7 +328,7 @@ std::optional<FrameReading> RowModelSearch::read_with(std::span<const double> si
     auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
     if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
   }
-  if (reading && !camera_.exposure) reading = with_shortest_exposure(rest, std::move(*reading), &frame.effort);
+  if (reading && !camera_.exposure) reading = with_shortest_exposure(std::move(*reading), &frame.effort);
   return reading;
 }
 

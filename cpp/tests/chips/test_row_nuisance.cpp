@@ -41,6 +41,30 @@ TEST_CASE("tones and slow light are fitted out beside chips to the last digit, a
   CHECK(!ocisac::remove_nuisance(std::vector<double>(10, 1.0), {0.5, {0.1}}));
 }
 
+TEST_CASE("steps of the tones' frequencies beside chips lead to those that the rows have") {
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 0.5);
+  constexpr std::size_t kRows = 1080;
+  constexpr double kHum = 0.00222, kLamp = 0.0231;
+  std::vector<double> exposed, signal;
+  for (std::size_t row = 0; row < kRows; ++row) {
+    const auto n = static_cast<double>(row);
+    if (row % 6 == 0) exposed.resize(exposed.size() + 6, static_cast<double>(random() & 1U));
+    signal.push_back(30 + 80 * exposed[row] + 20 * std::cos(kTurn * kHum * n + 1) + 15 * std::cos(kTurn * kLamp * n) +
+                     5 * std::sin(3 * kTurn * kLamp * n) + noise(random));
+  }
+  ocisac::RowNuisance nuisance{0, {kHum + 0.12 / kRows, kLamp - 0.12 / kRows}};
+  CHECK(ocisac::remove_nuisance(signal, nuisance)->tone_steps.empty());  // chips leak into the tones
+  for (int round = 0; round < 3; ++round) {
+    const auto fit = ocisac::remove_nuisance(signal, nuisance, exposed);
+    REQUIRE(fit);
+    REQUIRE(fit->tone_steps.size() == 2);
+    for (std::size_t k = 0; k < 2; ++k) nuisance.tones[k] += fit->tone_steps[k];
+  }
+  CHECK(std::abs(nuisance.tones[0] - kHum) * kRows < 0.01);  // of a spectral line
+  CHECK(std::abs(nuisance.tones[1] - kLamp) * kRows < 0.01);
+}
+
 TEST_CASE("the strongest tone stands out at its frequency") {
   std::mt19937 random(4);
   std::normal_distribution<double> noise(0, 1);

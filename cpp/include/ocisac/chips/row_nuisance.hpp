@@ -28,6 +28,8 @@ inline constexpr std::array kMains{100.0, 120.0};  // Hz; hum of mains of 50 and
 struct NuisanceFit {
   std::vector<double> rest;  // (rows) the signal minus slow light and tones
   double squares = 0;        // residual of the whole model
+  // (tones) cycles per row, for known chips: the step of a Gauss–Newton iteration of each frequency.
+  std::vector<double> tone_steps{};
 };
 
 // Least squares; `exposed`: s_n, empty for unknown chips. Then only h = 1 is fitted, since each term also removes a

@@ -27,12 +27,22 @@ struct FrameReading {
   std::vector<double> excess;  // (chips) of the residual about a chip over white noise: its llr is too large by as much
   bool even = false;           // the channel explains all parts of the frame equally well
   RowWarp warp{};              // of the picture's rows; the channel and the chips are those of the even rows
+  std::vector<double> rest{};  // (rows) the rows that were read, less slow light and tones
+  RowNuisance nuisance{};      // these, the tones where they leave least
+};
+
+// Rows with slow light and tones, which are fitted beside the chips; nearby tones are found.
+struct RowsBeside {
+  std::span<const double> signal;
+  const RowNuisance& nuisance;
 };
 
 // Alternates detection and least squares, from an approximate channel until the clock converges; one round is usual.
+// `beside`: the same rows with slow light and tones, which are about removed from `signal`.
 // Absent where the chips determine no channel, or the exposure is too long for detection.
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
-                                       bool exposure_known, SearchEffort* effort = nullptr);
+                                       bool exposure_known, SearchEffort* effort = nullptr,
+                                       const RowsBeside* beside = nullptr);
 
 struct FrameSearch {
   double rows_per_chip;                 // nominal
@@ -78,8 +88,7 @@ std::vector<double> sharpened(std::span<const double> signal, double rows);
 
 // A reading of periodic chips again with the shortest exposure that explains it: their rows do not determine the
 // exposure. Other readings as they are.
-FrameReading with_shortest_exposure(std::span<const double> signal, FrameReading reading,
-                                    SearchEffort* effort = nullptr);
+FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort = nullptr);
 
 // Bits of the chips that lie whole in `rows` rows.
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows);

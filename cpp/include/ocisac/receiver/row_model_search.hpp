@@ -107,7 +107,9 @@ class RowModelSearch {
                                                       bool searches) const;
   bool try_models(std::span<const double> signal, bool searches, FrameRows& frame, std::optional<FrameReading>& best);
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model,
-                                                   FrameRows& frame) const;
+                                                   FrameRows& frame, const RowsBeside* beside = nullptr) const;
+  [[nodiscard]] std::optional<FrameReading> go_on(std::span<const double> signal, const SignalModel& model,
+                                                  FrameRows& frame) const;
   std::optional<FrameReading> search(std::span<const double> signal, const SignalModel& model, FrameRows& frame);
   std::optional<FrameReading> search_slow(std::span<const double> signal, const SignalModel& model, FrameRows& frame);
   [[nodiscard]] std::optional<FrameReading> search_exposures(std::span<const double> signal,
