@@ -12,7 +12,7 @@ namespace {
 constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
 constexpr double kLowestHum = 90, kSameTone = 0.2;         // Hz; spectral lines of a frame
 constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
-constexpr double kHighestTone = 0.25, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
+constexpr double kHighestTone = 0.45, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
 constexpr std::size_t kSearchedFactors = 2;                            // in a frame, the next ones in another
 

@@ -71,7 +71,7 @@ def remove_nuisance(
 ) -> tuple[FloatArray, float]:
     """Signal minus slow light and tones of one least-squares fit with a constant and the chips, and its residual.
 
-    Slow light: cosines of half periods of the frame, up to ``slow`` cycles per row. Tones (cycles per row) have three
+    Slow light: cosines of half periods of the frame, up to ``slow`` cycles per row. Tones (cycles per row) have seven
     harmonics, one if the chips are unknown (``exposed`` empty). The chips' swing is a parabola along the frame.
     """
     values, chips = np.asarray(signal, dtype=np.float64), np.asarray(exposed, dtype=np.float64)
@@ -80,7 +80,7 @@ def remove_nuisance(
     cosines = range(1, math.ceil(2 * rows * slow) + 1)
     other = [np.cos(np.pi * k * (row + 0.5) / rows) for k in cosines]
     for tone in tones:
-        for harmonic in range(1, 4 if chips.size else 2):
+        for harmonic in range(1, 8 if chips.size else 2):
             if harmonic * tone < 0.5:
                 angle = 2 * np.pi * harmonic * tone * row
                 other += [np.cos(angle), np.sin(angle)]

@@ -22,7 +22,8 @@ struct RowNuisance {
   [[nodiscard]] bool empty() const { return slow == 0 && tones.empty(); }
 };
 
-inline constexpr std::size_t kToneHarmonics = 3;
+inline constexpr std::size_t kToneHarmonics =
+    7;  // in 44 random lamps with PWM, 3 leave more than noise in 74 % of the frames, 7 in 28 %
 inline constexpr std::array kMains{100.0, 120.0};  // Hz; hum of mains of 50 and 60 Hz
 
 struct NuisanceFit {
