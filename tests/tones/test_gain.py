@@ -428,6 +428,11 @@ def test_near_a_null_the_noise_does_not_pose_as_gain():
             {"camera": Camera(1.0, tone_curve="gamma", dark_level=16)},
             "dark_level: got 16, allowed: below the white level",
         ),
+        (
+            {"columns": np.ones((8, 2), np.uint8), "camera": Camera(1.0, tone_curve="gamma", white_level=1e-300)},
+            "gamma: got 2.2, allowed: one whose light is finite in single precision",
+        ),
+        ({"columns": np.full((8, 2), 1e308), "pooled": True}, "columns: got inf, allowed: columns whose mean light"),
     ],
 )
 def test_refusals(change, message):

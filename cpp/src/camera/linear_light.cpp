@@ -16,6 +16,13 @@ void check_span(const ToneCurve& curve, double sample_maximum) {
   const double white = white_level(curve, sample_maximum);
   require(curve.kind == ToneCurve::Kind::linear || white > curve.dark_level, "dark_level", curve.dark_level,
           "below the white level (" + std::to_string(white) + " for these samples)");
+  for (const double sample : {0.0, sample_maximum}) {
+    const double light = linear_light(curve, sample, sample_maximum);
+    if (!(std::abs(light) <= std::numeric_limits<float>::max()))
+      refuse("gamma", curve.gamma,
+             "one whose light is finite in single precision, with dark_level " + shortest_text(curve.dark_level) +
+                 " and white_level " + shortest_text(white));
+  }
 }
 
 template <class T>

@@ -516,6 +516,9 @@ std::vector<std::int16_t> weigh_columns(const Context& context, std::size_t fram
   std::vector<double> weights(context.shape.columns);
   for (std::size_t column = 0; column < weights.size(); ++column)
     weights[column] = std::max(light.totals[column] / rows - stored.dark - background_of(context, frame, column), 0.0);
+  for (const double light_above_dark : weights)
+    require(std::isfinite(light_above_dark), "columns", light_above_dark,
+            "columns whose mean light above dark_level and background is finite");
   const auto is_zero = [](double w) { return w == 0; };
   if (std::ranges::all_of(weights, is_zero)) std::ranges::fill(weights, 1.0);
   std::vector<double> unsaturated = weights;
