@@ -9,6 +9,7 @@ from hypothesis import example, given, settings, strategies as st
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
 
+ROUNDINGS = 16 * np.finfo(float).eps
 FIELDS = ("gain", "gain_std", "mean", "bias", "bias_std")
 
 
@@ -21,13 +22,19 @@ def columns_of(rows, cycles, columns=200, slope=0.0, bend=0.0, drift=0.0, gain=0
     return light + noise * random.standard_normal(light.shape)
 
 
-def assert_agree(got, want, tolerance=1e-10, standard_errors=0.0):
-    """standard_errors: by which the steady gain, and with it the bias, may differ."""
+def assert_agree(got, want, tolerance=1e-10, standard_errors=0.0, nearby=None):
+    """standard_errors: by which the steady gain, and with it the bias, may differ.
+
+    nearby: answers for a frequency that is some roundings off. A model close to dependent amplifies the rounding of its
+    phases; so much may differ.
+    """
     for name in FIELDS:
         a, b = getattr(got, name), getattr(want, name)
         assert a.shape == b.shape
         scale = 1.0 if name.startswith("bias") else np.abs(b[np.isfinite(b)]).max(initial=1e-300)
         allowed = tolerance * scale + (standard_errors * np.nan_to_num(want.gain_std) if name == "bias" else 0.0)
+        if nearby is not None:
+            allowed = allowed + np.nan_to_num(np.abs(getattr(nearby, name) - b)).max(initial=0.0)
         np.testing.assert_array_equal(np.isnan(a), np.isnan(b), err_msg=name)
         assert np.all(np.isnan(a) | (np.abs(a - b) <= allowed)), (name, a, b)
     np.testing.assert_array_equal(got.flags, want.flags)
@@ -68,17 +75,15 @@ def test_agrees_with_the_reference(rows, position, shape, degree, dtype, step, w
     view = pixels[:, ::step] if len(shape) == 2 else pixels[::step]
     camera = Camera(1.0, tone_curve=curve)
     frequency = min(cycles * rows / len(range(rows)), 0.47)
-    got, want = (
-        of.varying_tone_gain(view, camera, frequency, degree=degree, waveform=waveform, duty=duty)
-        for of in (ocisac, reference)
+    got, want, nearby = (
+        of.varying_tone_gain(view, camera, f, degree=degree, waveform=waveform, duty=duty)
+        for of, f in ((ocisac, frequency), (reference, frequency), (reference, frequency * (1 + ROUNDINGS)))
     )
     assert got.gain.shape == shape
-    # As the steady fit of integers does, whose table of a tone curve is in float32. The rounding of phases, which a
-    # model close to dependent amplifies, costs 4·10⁻¹⁰ in the example above.
+    # As the steady fit of integers does, whose table of a tone curve is in float32.
     of_integers = 1e-7 if curve == "gamma" else 1e-8
-    of_floats = 1e-9 if dtype == "float32" and curve == "linear" else 1e-10
-    tolerance = of_floats if dtype.startswith("float") else of_integers
-    assert_agree(got, want, tolerance, 1e-3 if dtype == "uint8" else 0.0)
+    tolerance = 1e-10 if dtype.startswith("float") else of_integers
+    assert_agree(got, want, tolerance, 1e-3 if dtype == "uint8" else 0.0, nearby)
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.7, 1.9])
