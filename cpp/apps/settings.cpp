@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -158,6 +159,17 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_flag("--version", written.version, "Version, commit, SIMD targets, OpenCV");
 }
 
+// The parser would read the first value of an option whose list is empty, as in "duty = [".
+class OptionsFile : public CLI::ConfigTOML {
+ public:
+  [[nodiscard]] std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
+    auto items = CLI::ConfigTOML::from_config(input);
+    for (const auto& item : items)
+      require(!item.inputs.empty() || item.name == "++" || item.name == "--", item.name, "no value", "one in --config");
+    return items;
+  }
+};
+
 void print_version() {
   std::cout << "ocisac-rx " << version() << " (" << commit() << "), SIMD";
   for (const auto& target : simd_targets()) std::cout << ' ' << target;
@@ -207,6 +219,7 @@ std::optional<Settings> read_settings(int argc, const char* const* argv) {
   add_camera_options(app, settings, written);
   add_light_options(app, settings, written);
   add_output_options(app, settings, written);
+  app.config_formatter(std::make_shared<OptionsFile>());
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -152,12 +152,20 @@ def test_a_row_time_is_needed(receiver):
     assert done.stderr == b"ocisac-rx: --row-time is missing: the time from one row to the next, such as 22.2us\n"
 
 
-def test_a_region_of_a_file_of_options_that_wraps_is_refused(receiver, tmp_path):
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ('region = "-1,-1,2,2"', b"--region: got -1,-1,2,2, allowed: x,y,w,h"),  # would wrap
+        ("duty=[-", b"duty: got no value, allowed: one in --config"),
+        ("duty = []", b"duty: got no value, allowed: one in --config"),
+    ],
+)
+def test_bad_values_of_a_file_of_options_are_refused(receiver, tmp_path, options, message):
     config = tmp_path / "rx.toml"
-    config.write_text('region = "-1,-1,2,2"\n')
+    config.write_text(options + "\n")
     done = run(receiver, bytes(ROWS * COLUMNS), "--config", config)
     assert (done.returncode, done.stdout) == (2, b"")
-    assert b"--region: got -1,-1,2,2, allowed: x,y,w,h" in done.stderr
+    assert message in done.stderr
 
 
 @pytest.mark.parametrize("mark", ["It", "Ib", "Im"])
