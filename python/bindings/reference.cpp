@@ -75,11 +75,15 @@ void register_reference(py::module_& module) {
       arg("swing"), arg("share"));
   module.def(
       "lit_rows",
-      [](const Doubles& signal, double noise, std::pair<std::size_t, std::size_t> seen) {
-        const LitRows lit = lit_rows(span_of(signal), noise, {seen.first, seen.second});
+      [](const Doubles& signal, double noise, std::pair<std::size_t, std::size_t> seen, double least_departure,
+         double texture, double most_noise, bool expected) {
+        const DarkRows dark{least_departure, texture, most_noise, expected};
+        const LitRows lit = lit_rows(span_of(signal), noise, {seen.first, seen.second}, dark);
         return py::make_tuple(as_tuple(lit.rows), lit.shortest);
       },
-      arg("signal"), arg("noise"), arg("seen"));
+      arg("signal"), arg("noise"), arg("seen"), arg("least_departure") = DarkRows{}.least_departure,
+      arg("texture") = DarkRows{}.texture, arg("most_noise") = DarkRows{}.most_noise,
+      arg("expected") = DarkRows{}.expected);
   module.def("remove_nuisance", &without_nuisance, arg("signal"), arg("slow"), arg("tones"), arg("exposed"));
   module.def(
       "strongest_tone",

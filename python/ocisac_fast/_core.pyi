@@ -409,7 +409,15 @@ def fit_profile(
     weight: float,
 ) -> tuple[Any, Any] | None: ...
 def profile_rows(swing: Sequence[float], share: float) -> tuple[int, int]: ...
-def lit_rows(signal: npt.ArrayLike, noise: float, seen: tuple[int, int]) -> tuple[tuple[int, int], int]: ...
+def lit_rows(
+    signal: npt.ArrayLike,
+    noise: float,
+    seen: tuple[int, int],
+    least_departure: float = ...,
+    texture: float = ...,
+    most_noise: float = ...,
+    expected: bool = ...,
+) -> tuple[tuple[int, int], int]: ...
 def remove_nuisance(
     signal: npt.ArrayLike, slow: float, tones: Sequence[float], exposed: npt.ArrayLike
 ) -> tuple[Any, float] | None: ...

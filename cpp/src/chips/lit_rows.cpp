@@ -10,12 +10,12 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kNoiseErrors = 6;       // standard deviations that a turn of the light has at least
-constexpr double kMaxNoise = 0.04;       // of the span
-constexpr double kMinUnsteady = 0.01;    // of the span: light that varies less is steady
-constexpr double kNoiseKept = 2;         // standard deviations
-constexpr double kMinTurn = 0.15;        // of the span of the signal
-constexpr double kMinDeparture = 0.125;  // of the light's swing, from the level of the dark rows
+constexpr double kTurnErrors =
+    8;  // standard deviations that a turn of the light has at least: 300 rows of noise span 6
+constexpr double kNoiseErrors = 4.5;   // standard deviations of a row that is lit
+constexpr double kMinUnsteady = 0.01;  // of the span: light that varies less is steady
+constexpr double kNoiseKept = 2;       // standard deviations
+constexpr double kMinTurn = 0.15;      // of the span of the signal
 // Rows that are dark if as long: times the second longest run of the light, its longest (of a preamble), shortest runs.
 constexpr double kDarkRuns = 4, kMinDarkRuns = 1.5;
 constexpr double kDarkChips = 16;
@@ -46,25 +46,37 @@ double unsteadiness(std::span<const double> part) {
 }
 
 // Rows from the end of `signal` on that stay near the level of its steady part, which is `steady` rows long; none where
-// that varies by more than `noise`.
-std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double departure, double noise) {
+// that varies by more than noise and texture do. `span`: of the light, `spread`: noise.
+std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double span, double spread,
+                      const DarkRows& dark) {
   const auto part = signal.last(steady);
-  if (unsteadiness(part) > noise) return 0;
   const double level = quantile(part, part.size() / 2);
+  const double uneven = std::hypot(spread, dark.texture * level);
+  if (unsteadiness(part) > std::max(kMinUnsteady * span, kNoiseKept * std::min(uneven, 0.5 * dark.most_noise * span)))
+    return 0;
+  const double departure =
+      std::max(kNoiseErrors * std::min(uneven, dark.most_noise * span), dark.least_departure * span);
+  // A row is lit if the next one is on the same side by half as much: noise departs in single rows.
+  const auto off = [&](std::size_t from_end) { return signal[signal.size() - 1 - from_end] - level; };
+  const auto is_lit = [&](std::size_t from_end) {
+    if (!(std::abs(off(from_end)) > departure)) return false;
+    if (from_end + 1 == signal.size()) return true;
+    return std::copysign(1.0, off(from_end)) * off(from_end + 1) > 0.5 * departure;
+  };
   std::size_t count = 0;
-  while (count < signal.size() && std::abs(signal[signal.size() - 1 - count] - level) <= departure) ++count;
+  while (count < signal.size() && !is_lit(count)) ++count;
   return count;
 }
 
 }  // namespace
 
-LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& seen) {
+LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& seen, const DarkRows& dark) {
   LitRows lit{seen, 0};
   if (signal.size() < 2) return lit;
   const std::size_t tail = signal.size() / 50;
   const double span = quantile(signal, signal.size() - 1 - tail) - quantile(signal, tail);
-  const double spread = std::isfinite(noise) ? std::min(noise, kMaxNoise * span) : 0.0;
-  const auto points = turning_points(signal, std::max(kNoiseErrors * spread, kMinTurn * span));
+  const double spread = std::isfinite(noise) ? std::min(noise, dark.most_noise * span) : 0.0;
+  const auto points = turning_points(signal, std::max(kTurnErrors * spread, kMinTurn * span));
   if (points.size() < kMinTurns + 2) return lit;
   // The first point is row 0; the second and the last one lie anywhere in steady rows.
   std::vector<std::size_t> runs;
@@ -74,16 +86,16 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   const auto longest = static_cast<double>(runs.back());
   const auto second = static_cast<double>(runs[runs.size() - 2]);
   const double many = std::max(kDarkRuns * second, kDarkChips * static_cast<double>(lit.shortest));
-  const auto enough = [&](bool expected) { return std::max(kMinDarkRuns * longest, expected ? 0.0 : many); };
-  const double departure = std::max(kNoiseErrors * spread, kMinDeparture * span);
-  const double unsteady = std::max(kMinUnsteady * span, kNoiseKept * std::min(spread, 0.5 * kMaxNoise * span));
+  const auto enough = [&](bool expected) {
+    return std::max(kMinDarkRuns * longest, expected || dark.expected ? 0.0 : many);
+  };
   const std::size_t after = signal.size() - 1 - points[points.size() - 2], before = points[2];
   RowRange rows{0, signal.size()};
   if (static_cast<double>(after) > enough(seen.end < signal.size()))
-    rows.end -= dark_rows(signal, after / 2, departure, unsteady);
+    rows.end -= dark_rows(signal, after / 2, span, spread, dark);
   if (static_cast<double>(before) > enough(seen.begin > 0)) {
     const std::vector<double> reversed(signal.rbegin(), signal.rend());
-    rows.begin += dark_rows(reversed, before / 2, departure, unsteady);
+    rows.begin += dark_rows(reversed, before / 2, span, spread, dark);
   }
   if (rows.begin == 0) rows.begin = seen.begin;
   if (rows.end == signal.size()) rows.end = seen.end;

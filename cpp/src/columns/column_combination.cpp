@@ -31,6 +31,9 @@ constexpr int kMaxShears = 3;
 constexpr std::size_t kWeightsInterval = 2, kSlopeInterval = 8;  // frames of a followed light between estimates
 constexpr std::size_t kMaxLights = 8;
 constexpr int kIterations = 8;            // of the factor model, and of the eigenvector within each
+constexpr double kBeside = 0.25;          // of the blocks are beside the light at least: those of least weight
+constexpr double kMaxBeside = 0.5;        // of the largest weight, in a block beside the light
+constexpr double kNoLight = 0.1;          // of the largest weight: a block with less is beside the light in any case
 constexpr double kMinOwnVariance = 0.01;  // relative to the strongest block: bounds the weight of a block without noise
 
 std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated,
@@ -434,11 +437,31 @@ std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& we
 
 }  // namespace
 
+// Mean light of the blocks that show little of the light combined with these weights of the columns.
+static std::vector<double> light_beside(const BlockedFrame& frame, std::span<const double> weights) {
+  const std::size_t count = frame.blocks.begin.size();
+  VectorXd of_block = VectorXd::Zero(static_cast<Index>(count)), beside = of_block;
+  for (std::size_t block = 0; block < count; ++block)
+    for (std::size_t column = frame.blocks.begin[block]; column < frame.blocks.end[block]; ++column)
+      of_block(static_cast<Index>(block)) = std::max(of_block(static_cast<Index>(block)), weights[column]);
+  std::vector<double> sorted(of_block.begin(), of_block.end());
+  const auto quarter = sorted.begin() + static_cast<std::ptrdiff_t>(kBeside * static_cast<double>(count));
+  std::ranges::nth_element(sorted, quarter);
+  const double largest = of_block.maxCoeff(), limit = std::max(*quarter, kNoLight * largest);
+  if (!(limit < kMaxBeside * largest)) return {};
+  for (std::size_t block = 0; block < count; ++block)
+    if (of_block(static_cast<Index>(block)) <= limit)
+      beside(static_cast<Index>(block)) = static_cast<double>(frame.blocks.size[block]);
+  const VectorXd light = frame.means * (beside / beside.sum());
+  return {light.begin(), light.end()};
+}
+
 CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
                                SaturatedColumns saturated, std::span<const std::uint8_t> columns) {
   BlockedFrame pixels;
   pixels.fill(frames, frame, curve, saturated, columns);
   auto result = combined_from_covariance(pixels);
+  result.beside = light_beside(pixels, result.weights);
   if (columns.empty()) result.slope = slope_of(pixels);
   return result;
 }
@@ -486,7 +509,7 @@ CombinedColumn ColumnFollower::combine(const AnyFramesView& frame, bool hold) {
   result.slope = age_ % kSlopeInterval == 0 || moved_ ? slope_of(pixels) : last_.slope;
   moved_ = false;
   weights_ = result.weights;
-  last_ = {{}, {}, result.noise, result.quality, result.slope, result.saturated};
+  last_ = {{}, {}, result.noise, result.quality, result.slope, result.saturated, {}};
   return result;
 }
 

@@ -41,7 +41,13 @@ constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 5,
                  kEvident = 60;                          // Hz; over its neighbourhood
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;  // in the frame
 constexpr int kSquareRounds = 3;
-constexpr double kBetter = 1.5;  // times the signal-to-noise ratio
+constexpr std::size_t kEnds = 8;                    // of the rows make an end
+constexpr double kMinShare = 0.3, kMaxShare = 1.5;  // of the light beside the lamp in its columns
+constexpr double kMostNoise = 0.1;                  // of the light's swing, where its own is measured
+constexpr double kVaries = 2;                       // times the noise
+constexpr double kSharp = 0.5;
+constexpr double kMedianDistance = 0.674;  // of a normal variable, in standard deviations
+constexpr double kBetter = 1.5;            // times the signal-to-noise ratio
 constexpr std::size_t kMinChipsOfStreams = 16;
 constexpr double kSameClock = 0.005,
                  kDiffering = 0.05;  // rows per chip of the colours of one lamp; bits of two streams
@@ -234,33 +240,83 @@ std::size_t changes_of(const SlicedChips& seen) {
   return changes;
 }
 
-// Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
-bool decode(const CombinedColumn& column, const Search& what, Received& received) {
-  check_interrupt();
-  const auto lit = lit_rows(column.signal, column.noise);
+// Fewer lit rows by two chips or more.
+bool is_part(const LitRows& fewer, const LitRows& lit) {
+  return fewer.shortest > 0 && fewer.rows.size() + 2 * fewer.shortest <= lit.rows.size();
+}
+
+// Standard deviation of bright chips about their level, of that: texture behind the light, and noise.
+double texture_of(const SlicedChips& seen) {
+  std::vector<double> distances;
+  for (std::size_t k = 0; k < seen.bits.size(); ++k)
+    if (seen.bits[k] && seen.bright[k] > 0)
+      distances.push_back(0.5 * std::abs(seen.relative_levels[k] - 1) * (seen.bright[k] - seen.dark[k]) /
+                          seen.bright[k]);
+  if (distances.empty()) return 0;
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::ranges::nth_element(distances, middle);
+  return *middle / kMedianDistance;
+}
+
+// The lamp does not fade towards its ends: the outermost lit chips swing by half of the most at least.
+bool ends_sharply(const SlicedChips& seen) {
+  double first = 0, last = 0, most = 0;
+  for (std::size_t k = 0; k < seen.bits.size(); ++k) {
+    if (seen.relative_levels[k] == 0) continue;  // not lit
+    last = seen.bright[k] - seen.dark[k];
+    if (most == 0) first = last;
+    most = std::max(most, last);
+  }
+  return std::min(first, last) > kSharp * most;
+}
+
+// Chips of the lit rows. `edges`: those of the light that were found.
+std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& lit, const Search& what,
+                                   std::size_t& edges) {
   // Chips that end dark show it a chip beyond the last row that stands out.
   const std::size_t begin = lit.rows.begin - std::min(lit.shortest, lit.rows.begin);
   const std::size_t end = std::min(lit.rows.end + lit.shortest, column.signal.size());
   const auto signal = std::span(column.signal).subspan(begin, end - begin);
   const auto search = find_lit_timing(column, lit.rows, begin, what.range);
-  const bool few_edges = search.edges > 0 && search.edges < what.sure_edges;
+  edges = search.edges;
+  if (!search.timing) return std::nullopt;
+  auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
+  const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
+  if (slower)
+    if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
+  if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
+  decoded->grid.clock.phase += static_cast<double>(begin);
+  return decoded;
+}
+
+// Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
+bool decode(const CombinedColumn& column, const Search& what, Received& received, const DarkRows& dark = {}) {
+  check_interrupt();
+  std::size_t edges = 0;
+  const RowRange all{0, column.signal.size()};
+  const auto lit = lit_rows(column.signal, column.noise, all, dark);
+  auto decoded = decode_rows(column, lit, what, edges);
+  if (decoded) {
+    // Rows beyond the lamp that are no more uneven than its light is.
+    const auto fewer = lit_rows(column.signal, column.noise, all, {.texture = texture_of(decoded->detection)});
+    std::size_t of_fewer = 0;
+    if (is_part(fewer, lit))
+      if (auto within = decode_rows(column, fewer, what, of_fewer); within && ends_sharply(within->detection)) {
+        decoded = std::move(within);
+        edges = of_fewer;
+      }
+  }
+  const bool few_edges = edges > 0 && edges < what.sure_edges;
   received.weights = column.weights;
   received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
-  if (search.timing) {
-    auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
-    const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
-    if (slower)
-      if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
-    if (decoded && snr_of(decoded->detection.relative_levels) >= kMinSnr) {
-      decoded->grid.clock.phase += static_cast<double>(begin);
-      // Edges of noise may outnumber those of the light.
-      if (changes_of(decoded->detection) < what.sure_edges) received.flags |= flag::too_few_edges;
-      fill(received, spread_over(column.signal, std::move(*decoded)), what.exposure_rows);
-      return true;
-    }
+  if (!decoded) {
+    if (!few_edges) received.flags |= flag::no_signal;
+    return false;
   }
-  if (!few_edges) received.flags |= flag::no_signal;
-  return false;
+  // Edges of noise may outnumber those of the light.
+  if (changes_of(decoded->detection) < what.sure_edges) received.flags |= flag::too_few_edges;
+  fill(received, spread_over(column.signal, std::move(*decoded)), what.exposure_rows);
+  return true;
 }
 
 // A signal without other light; `square`: frequency of the square wave that was removed, cycles per row, else 0.
@@ -338,6 +394,65 @@ void refine_square(const CombinedColumn& column, const Search& what, double freq
   }
 }
 
+double deviation(std::span<const double> values) {
+  const auto count = static_cast<double>(values.size());
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
+  double squares = 0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  return std::sqrt(squares / count);
+}
+
+// Least-squares share of the light beside a lamp in rows of its columns, and the standard deviation of the rest.
+struct Share {
+  double share = 0, rest = 0;
+};
+
+Share share_of(std::span<const double> beside, std::span<const double> signal) {
+  const auto count = static_cast<double>(signal.size());
+  const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / count;
+  const double mean_beside = std::accumulate(beside.begin(), beside.end(), 0.0) / count;
+  double square = 0, product = 0, power = 0;
+  for (std::size_t n = 0; n < signal.size(); ++n) {
+    const double s = signal[n] - mean, b = beside[n] - mean_beside;
+    square += s * s;
+    product += s * b;
+    power += b * b;
+  }
+  const double share = power > 0 ? product / power : 0.0;
+  return {share, std::sqrt(std::max(square - share * product, 0.0) / count)};
+}
+
+// The column without the light that columns beside the lamp show, by its share in rows at an end of the frame, where
+// the lamp may not reach. Absent where the lamp does: the share is that of the lamp's own light beside it.
+std::optional<CombinedColumn> without_light_beside(const CombinedColumn& column) {
+  const std::size_t rows = column.signal.size(), window = rows / kEnds;
+  if (column.beside.size() != rows || window < 2) return std::nullopt;
+  const std::span beside(column.beside), signal(column.signal);
+  const Share first = share_of(beside.first(window), signal.first(window));
+  const Share last = share_of(beside.last(window), signal.last(window));
+  const auto [share, rest] = first.rest < last.rest ? first : last;
+  if (share < kMinShare || share > kMaxShare || share * deviation(beside) < kVaries * rest) return std::nullopt;
+  CombinedColumn own = column;
+  for (std::size_t n = 0; n < rows; ++n) own.signal[n] -= share * beside[n];
+  own.noise = std::fmax(column.noise, rest);
+  return own;
+}
+
+// Decodes the rows of a lamp that leaves a part of the frame to light beside it, fewer than the `lit` ones; false if it
+// stands in all of them.
+bool decode_within(const CombinedColumn& column, const LitRows& lit, const Search& what, Received& received) {
+  const auto own = without_light_beside(column);
+  if (!own) return false;
+  const RowRange all{0, own->signal.size()};
+  const DarkRows dark{.least_departure = 0, .most_noise = kMostNoise, .expected = true};
+  if (!is_part(lit_rows(own->signal, own->noise, all, dark), lit)) return false;
+  Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, {}};
+  if (!decode(*own, what, tried, dark) || !ends_sharply(tried.detection)) return false;
+  received = std::move(tried);
+  add_to_levels(received, difference(column.signal, own->signal), what.exposure_rows);
+  return true;
+}
+
 // As decode, but that noise is not searched; without chips, with weak ones, or beside an evident tone, other light is
 // removed from the rows and detection repeated. Steady rows beside a lamp show no other light.
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
@@ -347,9 +462,11 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
     return false;
   }
   const bool decoded = decode(column, what, received);
+  const auto lit = lit_rows(column.signal, column.noise);
+  if (decode_within(column, lit, what, received)) return true;
   const auto tone = other_tone(column.signal, row_time);
   if (decoded && (received.flags & flag::weak) == 0 && tone.prominence < kEvident) return true;
-  if (lit_rows(column.signal, column.noise).rows.size() < column.signal.size()) return decoded;
+  if (lit.rows.size() < column.signal.size()) return decoded;
   bool better = decoded;
   for (auto& [rest, square] : without_other_light(column.signal, tone, row_time, what.exposure_rows.value_or(0.0))) {
     CombinedColumn other = column;

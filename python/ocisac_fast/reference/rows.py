@@ -155,13 +155,22 @@ def turning_points(signal: FloatArray, hysteresis: float) -> list[int]:
     return points + ([end] if end != points[-1] else [])
 
 
-def lit_rows(signal: npt.ArrayLike, noise: float, seen: tuple[int, int]) -> tuple[tuple[int, int], int]:
+def lit_rows(
+    signal: npt.ArrayLike,
+    noise: float,
+    seen: tuple[int, int],
+    least_departure: float = 0.125,
+    texture: float = 0.0,
+    most_noise: float = 0.04,
+    expected: bool = False,
+) -> tuple[tuple[int, int], int]:
     """Rows less long steady runs at either end, and the lower quartile of the runs between turning points.
 
     A run at an end is dark if it is longer than one and a half times the longest run between turning points; if it is,
-    where rows beyond ``seen`` are not expected to be dark, longer than four times the second longest and sixteen times
-    that quartile; and if half of it is straight within the noise. It ends where the signal leaves its median by an
-    eighth of the span.
+    where dark rows are not expected (nor rows beyond ``seen``), longer than four times the second longest and sixteen
+    times that quartile; and if half of it is straight within noise and texture (of its median), which are bounded by
+    ``most_noise`` of the span. It ends where the signal leaves its median by 4.5 of their standard deviations and
+    ``least_departure`` of the span, and the next row is on the same side by half as much.
     """
     values = np.asarray(signal, dtype=np.float64)
     rows = len(values)
@@ -169,26 +178,29 @@ def lit_rows(signal: npt.ArrayLike, noise: float, seen: tuple[int, int]) -> tupl
         return seen, 0
     ordered = np.sort(values)
     span = ordered[rows - 1 - rows // 50] - ordered[rows // 50]
-    spread = min(noise, 0.04 * span) if math.isfinite(noise) else 0.0
-    points = turning_points(values, max(6 * spread, 0.15 * span))
+    spread = min(noise, most_noise * span) if math.isfinite(noise) else 0.0
+    points = turning_points(values, max(8 * spread, 0.15 * span))
     if len(points) < 10:
         return seen, 0
     runs = np.sort(np.diff(points[2:-1]))
     shortest, longest = int(runs[len(runs) // 4]), int(runs[-1])
-    departure = max(6 * spread, 0.125 * span)
-    steady = max(0.01 * span, 2 * min(spread, 0.02 * span))
 
-    def dark(part: FloatArray, run: int, expected: bool) -> int:
+    def dark(part: FloatArray, run: int, beyond: bool) -> int:
         """Dark rows at the end of ``part``, of which the last ``run`` show no turning point."""
-        enough = max(1.5 * longest, 0 if expected else max(16 * shortest, 4 * int(runs[-2])))
+        enough = max(1.5 * longest, 0 if beyond or expected else max(16 * shortest, 4 * int(runs[-2])))
         half = part[rows - run // 2 :]
         if run <= enough:
             return 0
+        level = np.sort(half)[half.size // 2]
+        uneven = math.hypot(spread, texture * level)
         line = np.polyval(np.polyfit(np.arange(half.size), half, min(1, half.size - 1)), np.arange(half.size))
-        if np.sqrt(np.mean((half - line) ** 2)) > steady:
+        if np.sqrt(np.mean((half - line) ** 2)) > max(0.01 * span, 2 * min(uneven, 0.5 * most_noise * span)):
             return 0
-        off = np.abs(part - np.sort(half)[half.size // 2]) > departure
-        return int(np.argmax(off[::-1])) if off.any() else rows
+        departure = max(4.5 * min(uneven, most_noise * span), least_departure * span)
+        off = (part - level)[::-1]  # from the end on
+        beside = np.append(off[1:], 2 * off[-1])
+        lit = (np.abs(off) > departure) & (np.sign(off) * beside > 0.5 * departure)
+        return int(np.argmax(lit)) if lit.any() else rows
 
     begin = dark(values[::-1], points[2], seen[0] > 0) or seen[0]
     end = rows - dark(values, rows - 1 - points[-2], seen[1] < rows)

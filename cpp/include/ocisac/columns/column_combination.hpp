@@ -19,6 +19,8 @@ struct CombinedColumn {
   double quality = 0;           // power of the common light over noise after combination; single column: its power
   double slope = 0;             // columns per row, by lamp_slope; 0 where only some columns were asked for
   bool saturated = false;       // columns with saturated pixels had to be used, or no others exist
+  // (rows) mean light of the columns with little of the common light; empty without such, and for followed frames
+  std::vector<double> beside;
 };
 
 enum class SaturatedColumns { leave_out, use };
