@@ -163,10 +163,10 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
 class OptionsFile : public CLI::ConfigTOML {
  public:
   [[nodiscard]] std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
-    auto items = CLI::ConfigTOML::from_config(input);
-    for (const auto& item : items)
+    auto options = CLI::ConfigTOML::from_config(input);
+    for (const auto& item : options)
       require(!item.inputs.empty() || item.name == "++" || item.name == "--", item.name, "no value", "one in --config");
-    return items;
+    return options;
   }
 };
 
