@@ -204,14 +204,26 @@ void ChipReceiver::read_again(const FrameReading& reading, RowRange lit, const C
   if (!result.stretch) state = before;
 }
 
+// Kept frames that were given again had a wrong time, and all after them: the clock restarts. Returns their number.
+double ChipReceiver::drop_given_again() {
+  const std::int64_t dropped = kept_.drop_given_again();
+  if (dropped == 0) return 0;
+  repeats_ += dropped;
+  if (rows_.state().tracker) rows_.state().tracker->reset();
+  assembler_.lose_clock();
+  return static_cast<double>(dropped);
+}
+
 // Follows the lamp's profile along the rows, or learns it from the kept frames; these are read again where it, or a new
 // model, explains what was not explained before.
-std::optional<Payload> ChipReceiver::learn(const std::optional<FrameReading>& reading, const FrameRows& now,
+std::optional<Payload> ChipReceiver::learn(const std::optional<FrameReading>& reading, FrameRows& now,
                                            std::size_t first_row, RowRange lit, ReceivedFrame& result) {
   if (!kept_.follow(reading, rows_)) assembler_.lose_clock();
   const bool in_doubt = kept_.all_misfit();
   std::optional<Payload> payload;
-  if (kept_.learn_if_due(rows_, now.column, first_row)) {
+  const bool due = kept_.comes_due();
+  if (due) now.time -= drop_given_again();
+  if (due && kept_.learn_first(rows_, now.column, first_row)) {
     if (in_doubt) assembler_ = PacketAssembler(options_.format);  // all its chips
     assembler_.lose_clock();
     kept_.read_again(rows_, now.column, first_row, use_of_earlier(result, payload));
@@ -238,7 +250,7 @@ ReceivedFrame ChipReceiver::push_lit(const CombinedColumn& column, std::int64_t 
                                      RowRange region, const FrameStamp& stamp) {
   ReceivedFrame result = nothing_received(frame);
   const double time = time_of(frame, stamp);
-  kept_.keep(column, frame, time, first_row);
+  kept_.keep(column, frame, time, counted_, first_row);
   const auto& learned = kept_.profile();
   const bool has_profile = learned.has_value();
   const RowRange lit = has_profile ? learned->rows : sharp_rows(column, region);
@@ -257,7 +269,7 @@ ReceivedFrame ChipReceiver::push_lit(const CombinedColumn& column, std::int64_t 
   else
     payload = learn(reading, now, first_row, lit, result);
   if (!result.stretch && reading)
-    take(*reading, time, signal, result);
+    take(*reading, now.time, signal, result);
   else if (!result.stretch)
     lose(result, now);
   if (payload && !result.stretch) result.stretch.emplace().outcome = StretchOutcome::unreadable;

@@ -8,6 +8,8 @@
 #include <limits>
 #include <utility>
 
+#include "receiver/repeated_frames.hpp"
+
 namespace ocisac {
 
 namespace {
@@ -72,7 +74,8 @@ void ProfileLearning::forget() {
   attempts_ = until_attempt_ = profile_misfits_ = 0;
 }
 
-void ProfileLearning::keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row) {
+void ProfileLearning::keep(const CombinedColumn& column, std::int64_t frame, double time, bool counted,
+                           std::size_t first_row) {
   if (!kept_.empty() && (kept_first_row_ != first_row || kept_.front().signal.size() != column.signal.size())) {
     kept_.clear();
     profile_.reset();
@@ -85,6 +88,7 @@ void ProfileLearning::keep(const CombinedColumn& column, std::int64_t frame, dou
   }
   now.number = frame;
   now.time = time;
+  now.counted = counted;
   now.signal.assign(column.signal.begin(), column.signal.end());
   now.lamp = now.signal;
   now.exposed.clear();
@@ -225,10 +229,27 @@ std::optional<LearnedProfile> ProfileLearning::learn(RowModelSearch& rows, const
   return std::move(best->first);
 }
 
-bool ProfileLearning::learn_if_due(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row) {
+bool ProfileLearning::comes_due() {
   if (until_attempt_ > 0) --until_attempt_;
   const bool poor = static_cast<double>(misfits()) > kProfileFrameShare * static_cast<double>(kept_.size());
-  if (until_attempt_ > 0 || kept_.size() < kMinProfileFrames || (profile_ ? profile_->fits : !poor)) return false;
+  return until_attempt_ == 0 && kept_.size() >= kMinProfileFrames && !(profile_ ? profile_->fits : !poor);
+}
+
+std::int64_t ProfileLearning::drop_given_again() {
+  const auto repeated = repeated_frames(rows_of_all(0, kept_.back().signal.size()));
+  std::int64_t dropped = 0;
+  for (std::size_t k = 0; k < kept_.size(); ++k) {
+    const bool again = repeated[k] && !kept_[k].counted;
+    if (again) kept_[k - 1].repeats = true;
+    dropped += again;
+    kept_[k].time -= static_cast<double>(dropped);
+  }
+  drop_repeated();
+  return dropped;
+}
+
+bool ProfileLearning::learn_first(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row) {
+  if (kept_.size() < kMinProfileFrames) return false;
   const LightState before = rows.state();
   auto kept = kept_;
   auto learned = learn(rows, column, first_row);

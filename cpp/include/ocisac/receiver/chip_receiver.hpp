@@ -72,8 +72,9 @@ class ChipReceiver {
                          const FrameStamp& stamp);
   void read_again(const FrameReading& reading, RowRange lit, const CombinedColumn& column, std::size_t first_row,
                   ReceivedFrame& result, std::optional<Payload>& payload);
-  std::optional<Payload> learn(const std::optional<FrameReading>& reading, const FrameRows& now, std::size_t first_row,
+  std::optional<Payload> learn(const std::optional<FrameReading>& reading, FrameRows& now, std::size_t first_row,
                                RowRange lit, ReceivedFrame& result);
+  double drop_given_again();
   [[nodiscard]] ProfileLearning::UseReading use_of_earlier(ReceivedFrame& result, std::optional<Payload>& payload);
   std::pair<std::ptrdiff_t, PlaceErrors> chip_number(const ChannelEstimate& channel, double time);
   [[nodiscard]] double time_of(std::int64_t frame, const FrameStamp& stamp);

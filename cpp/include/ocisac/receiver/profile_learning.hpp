@@ -32,6 +32,7 @@ struct KeptFrame {
   bool bright = false;       // its columns show a common light
   bool seen = false;         // chips were detected
   bool fits = false;         // no more than noise is left
+  bool counted = false;      // its place in the stream is stated
   bool repeats = false;      // found to be the frame before it, given twice
   double noise = 1;          // that is left, relative to the swing
 
@@ -44,8 +45,9 @@ class ProfileLearning {
   // A kept frame that was read again, and its rows less the profile; true where it repeats the frame before it.
   using UseReading = std::function<bool(const KeptFrame&, const FrameReading&, std::span<const double>)>;
 
-  // Adds the current frame. `first_row`: of the picture, at index 0 of the signal.
-  void keep(const CombinedColumn& column, std::int64_t frame, double time, std::size_t first_row);
+  // Adds the current frame. `counted`: its place in the stream is stated. `first_row`: of the picture, at index 0 of the
+  // signal.
+  void keep(const CombinedColumn& column, std::int64_t frame, double time, bool counted, std::size_t first_row);
   // Removes the current frame: it repeats the last one.
   void drop_last() { kept_.pop_back(); }
   void forget();
@@ -65,8 +67,12 @@ class ProfileLearning {
   // longer: it is dropped, and the clock restarts.
   bool follow(const std::optional<FrameReading>& reading, RowModelSearch& rows);
 
-  // Learns a profile where most frames fit no model, with growing pauses; true where there is one now.
-  bool learn_if_due(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
+  // True where most frames fit no model, with growing pauses. Once per frame.
+  bool comes_due();
+  // Drops frames that were given again: these have their times, and later ones are as much earlier. Returns the number.
+  std::int64_t drop_given_again();
+  // Learns a profile from enough frames; true where there is one now.
+  bool learn_first(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
 
   // Reads the kept frames again, less the profile in use, from a new clock on.
   void read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row, const UseReading& use);

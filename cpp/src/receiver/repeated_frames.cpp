@@ -1,0 +1,50 @@
+#include "receiver/repeated_frames.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <functional>
+#include <numeric>
+
+#include "receiver/rows_of_noise.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kMuchLess = 0.5;  // of the squares: those of as many chips as a frame has are alike
+
+std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
+  std::vector<double> rows(a.size());
+  std::ranges::transform(a, b, rows.begin(), std::minus{});
+  return rows;
+}
+
+double squares_about_mean(std::span<const double> rows) {
+  const double mean = std::accumulate(rows.begin(), rows.end(), 0.0) / static_cast<double>(rows.size());
+  double squares = 0;
+  for (const double row : rows) squares += (row - mean) * (row - mean);
+  return squares;
+}
+
+// Median of the squares between a frame and all but the one before it.
+double usual_squares(std::span<const std::span<const double>> frames, std::size_t frame) {
+  std::vector<double> squares;
+  for (std::size_t k = 0; k < frames.size(); ++k)
+    if (k != frame && k + 1 != frame) squares.push_back(squares_about_mean(difference(frames[frame], frames[k])));
+  const auto middle = squares.begin() + std::ssize(squares) / 2;
+  std::ranges::nth_element(squares, middle);
+  return *middle;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> repeated_frames(std::span<const std::span<const double>> frames) {
+  std::vector<std::uint8_t> repeated(frames.size());
+  for (std::size_t k = 1; k < frames.size() && frames.size() > 2; ++k) {
+    const auto rows = difference(frames[k], frames[k - 1]);
+    repeated[k] = squares_about_mean(rows) < kMuchLess * usual_squares(frames, k) && is_noise(rows);
+  }
+  return repeated;
+}
+
+}  // namespace ocisac
