@@ -466,19 +466,6 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
   return result;
 }
 
-CombinedColumn combine_upright(const AnyFramesView& frame, const ToneCurve& curve, double slope) {
-  CombinedColumn result;
-  double total = slope;
-  for (int shear = 0; shear < kMaxShears; ++shear) {
-    const UprightFrame upright(frame, 0, total);
-    result = combine_columns(upright.view(), 0, curve);
-    result.weights = upright.own_weights(result.weights);
-    if (result.slope == 0) break;
-    total += result.slope;
-  }
-  return result;
-}
-
 struct ColumnFollower::Memory : BlockedFrame {};
 
 ColumnFollower::ColumnFollower(const ToneCurve& curve) : curve_(curve), memory_(std::make_unique<Memory>()) {}
@@ -486,7 +473,38 @@ ColumnFollower::ColumnFollower(ColumnFollower&&) noexcept = default;
 ColumnFollower& ColumnFollower::operator=(ColumnFollower&&) noexcept = default;
 ColumnFollower::~ColumnFollower() = default;
 
+void ColumnFollower::forget() {
+  weights_.clear();
+  slope_ = 0;
+  upright_.reset();
+}
+
 CombinedColumn ColumnFollower::combine(const AnyFramesView& frame, bool hold) {
+  if (upright_) return combine_upright(frame, hold);
+  CombinedColumn stored = combine_as_stored(frame, hold);
+  if (stored.slope == 0) return stored;
+  slope_ = stored.slope;
+  upright_ = std::make_unique<ColumnFollower>(curve_);
+  return combine_upright(frame, hold);
+}
+
+// Where the light of a sheared frame still moves, the frame is sheared again.
+CombinedColumn ColumnFollower::combine_upright(const AnyFramesView& frame, bool hold) {
+  CombinedColumn result;
+  for (int shear = 0; shear < kMaxShears; ++shear) {
+    const UprightFrame upright(frame, 0, slope_);
+    result = upright_->combine_as_stored(upright.view(), hold);
+    result.weights = upright.own_weights(result.weights);
+    const double left = std::exchange(upright_->last_.slope, 0.0);
+    if (left == 0) break;
+    slope_ += left;
+    upright_->forget();
+  }
+  result.slope = slope_;
+  return result;
+}
+
+CombinedColumn ColumnFollower::combine_as_stored(const AnyFramesView& frame, bool hold) {
   const bool may_follow = weights_.size() == shape_of(frame).columns;
   if (may_follow && !moved_ && (hold || ++age_ % kWeightsInterval != 0)) {
     CombinedColumn result = last_;
@@ -514,6 +532,7 @@ CombinedColumn ColumnFollower::combine(const AnyFramesView& frame, bool hold) {
 }
 
 void ColumnFollower::move(std::ptrdiff_t columns) {
+  if (upright_) return upright_->move(columns);
   moved_ = true;
   if (columns > 0)
     std::fill(std::shift_left(weights_.begin(), weights_.end(), columns), weights_.end(), 0.0);

@@ -125,8 +125,11 @@ template <class T>
 void UprightFrame::copy(const FramesView<const T>& view) {
   std::vector<T> pixels(view.rows * width_);
   for (std::size_t row = 0; row < view.rows; ++row)
-    for (std::size_t column = 0; column < width_; ++column)
-      pixels[row * width_ + column] = view(0, row, first_[row] + column);
+    if (view.column_stride == 1)
+      std::copy_n(view.at(0, row, first_[row]), width_, &pixels[row * width_]);
+    else
+      for (std::size_t column = 0; column < width_; ++column)
+        pixels[row * width_ + column] = view(0, row, first_[row] + column);
   pixels_ = std::move(pixels);
 }
 
@@ -139,10 +142,10 @@ AnyFramesView UprightFrame::view() const {
 }
 
 std::vector<double> UprightFrame::own_weights(std::span<const double> weights) const {
-  std::vector<double> own(columns_, 0.0);
-  for (const std::size_t first : first_)
-    for (std::size_t column = 0; column < width_; ++column)
-      own[first + column] += weights[column] / static_cast<double>(first_.size());
+  std::vector<double> own(columns_, 0.0), share(columns_ - width_ + 1, 0.0);  // of the rows that begin at a column
+  for (const std::size_t first : first_) share[first] += 1 / static_cast<double>(first_.size());
+  for (std::size_t first = 0; first < share.size(); ++first)
+    for (std::size_t column = 0; column < width_; ++column) own[first + column] += share[first] * weights[column];
   return own;
 }
 

@@ -119,11 +119,8 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
   }
   while (followers_.size() < colours.size()) followers_.emplace_back(camera_.tone_curve);
   std::vector<CombinedColumn> columns;
-  for (std::size_t k = 0; k < colours.size(); ++k) {
-    const auto part = part_of(colours[k], read);
-    columns.push_back(followers_[k].combine(part, hold));
-    if (columns[k].slope != 0) columns[k] = combine_upright(part, camera_.tone_curve, columns[k].slope);
-  }
+  for (std::size_t k = 0; k < colours.size(); ++k)
+    columns.push_back(followers_[k].combine(part_of(colours[k], read), hold));
   const bool is_known = stream_.weights.size() == colours.size();
   const auto strongest = std::ranges::max_element(columns, std::ranges::less{}, &CombinedColumn::quality);
   const std::size_t colour = is_known ? stream_.colour : static_cast<std::size_t>(strongest - columns.begin());

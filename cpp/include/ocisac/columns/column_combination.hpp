@@ -52,7 +52,8 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
 
 // combine_columns for successive frames of one light. The first frame's weights are estimated in full; later every
 // second frame takes one step of the factor model from the previous weights, in O(blocks · rows) instead of
-// O(blocks² · rows). The frames between use the weights of the frame before, unless the light moved.
+// O(blocks² · rows). The frames between use the weights of the frame before, unless the light moved. Frames of a light
+// that moves along the columns from row to row are sheared upright first, by the slope found so far.
 class ColumnFollower {
  public:
   explicit ColumnFollower(const ToneCurve& curve);
@@ -68,21 +69,22 @@ class ColumnFollower {
   void move(std::ptrdiff_t columns);
 
   // The next frame gets a full estimate of the weights.
-  void forget() { weights_.clear(); }
+  void forget();
 
  private:
   struct Memory;
+  CombinedColumn combine_as_stored(const AnyFramesView& frame, bool hold);
+  CombinedColumn combine_upright(const AnyFramesView& frame, bool hold);
+
   ToneCurve curve_;
   std::vector<double> weights_;     // (columns) of the last frame
   CombinedColumn last_;             // noise, quality, saturation and slope at the last estimate
   std::size_t age_ = 0;             // frames since the last full estimate
   bool moved_ = false;              // since the last estimate: the next frame needs one
   std::unique_ptr<Memory> memory_;  // reused from frame to frame
+  double slope_ = 0;                // columns per row, by which frames are sheared
+  std::unique_ptr<ColumnFollower> upright_;  // of the sheared frames; its weights are averaged over the rows
 };
-
-// Columns combined of one picture whose light moves by about `slope` columns a row, sheared upright; the slope is
-// estimated again from the sheared picture. Weights are those of the picture's own columns, the mean over the rows.
-CombinedColumn combine_upright(const AnyFramesView& frame, const ToneCurve& curve, double slope);
 
 // One-factor model C = a·aᵀ + diag(v) of a covariance (size × size) by principal-factor iteration.
 struct CommonFactor {
