@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "ocisac/core/require.hpp"
@@ -363,32 +364,70 @@ bool PacketAssembler::follow(Stretch& stretch) {
   return true;
 }
 
-// Uses the chips of each block that a stretch at a place of the cycle has a part of; 0: not seen.
+// Uses the first chip, before the stretch or in it, of each block that a stretch at a place of the cycle has a part of.
 template <class UseBlock>
-void PacketAssembler::for_blocks(std::span<const double> llr, std::ptrdiff_t place, UseBlock&& use) const {
-  const auto length = static_cast<std::ptrdiff_t>(block_chips_), end = std::ssize(llr);
-  std::vector<double> chips(block_chips_);
+void PacketAssembler::for_blocks(std::size_t chips, std::ptrdiff_t place, UseBlock&& use) const {
+  const auto length = static_cast<std::ptrdiff_t>(block_chips_), end = static_cast<std::ptrdiff_t>(chips);
   auto block = static_cast<std::size_t>(place / length);
   for (std::ptrdiff_t start = -(place % length); start < end; start += length) {
-    std::ranges::fill(chips, 0.0);
-    for (std::ptrdiff_t chip = std::max(start, std::ptrdiff_t{0}); chip < std::min(start + length, end); ++chip)
-      chips[static_cast<std::size_t>(chip - start)] = llr[static_cast<std::size_t>(chip)];
-    use(chips, block);
+    use(start, block);
     block = (block + 1) % layout_->blocks;
   }
 }
 
-// ln of the likelihood of chips at a place of the cycle over that of chips at random: preambles, headers, line code.
-double PacketAssembler::evidence(std::span<const double> llr, std::ptrdiff_t place) const {
+// The chips of a block; 0: not seen.
+std::vector<double> PacketAssembler::block_at(std::span<const double> llr, std::ptrdiff_t start) const {
+  std::vector<double> chips(block_chips_);
+  const auto end = std::min(start + static_cast<std::ptrdiff_t>(block_chips_), std::ssize(llr));
+  for (std::ptrdiff_t chip = std::max(start, std::ptrdiff_t{0}); chip < end; ++chip)
+    chips[static_cast<std::size_t>(chip - start)] = llr[static_cast<std::size_t>(chip)];
+  return chips;
+}
+
+namespace {
+
+// ln of the likelihood of what a stretch shows over that of chips at random, for chips and words at any place: places
+// that are compared share them. 0 for chips that are not seen.
+class ChipEvidence {
+ public:
+  ChipEvidence(std::span<const double> llr, const LineCode& code) : llr_(llr), code_(code), words_(llr.size()) {}
+
+  [[nodiscard]] std::size_t size() const { return llr_.size(); }
+  double of_chip(std::ptrdiff_t chip, bool bright) {
+    if (chip < 0 || chip >= std::ssize(llr_)) return 0;
+    const double llr = llr_[static_cast<std::size_t>(chip)];
+    return llr == 0 ? 0.0 : std::numbers::ln2 - std::log1p(std::exp(bright ? -llr : llr));
+  }
+  double of_word(std::ptrdiff_t first) {
+    const std::size_t length = code_.chips_per_word();
+    if (first < 0 || first + static_cast<std::ptrdiff_t>(length) > std::ssize(llr_)) return 0;
+    const auto at = static_cast<std::size_t>(first);
+    if (!words_[at]) words_[at] = code_.evidence(llr_.subspan(at, length));
+    return *words_[at];
+  }
+
+ private:
+  std::span<const double> llr_;
+  const LineCode& code_;
+  std::vector<std::optional<double>> words_;  // (first chip)
+};
+
+}  // namespace
+
+// The same of all chips at a place of the cycle: preambles, headers, line code.
+template <class Evidence>
+double PacketAssembler::evidence(Evidence& chips, std::ptrdiff_t place) const {
+  const auto word = static_cast<std::ptrdiff_t>(format_.line_code.chips_per_word());
   double sum = 0;
   std::vector<std::uint8_t> bits;
-  for_blocks(llr, place, [&](std::span<const double> chips, std::size_t block) {
+  for_blocks(chips.size(), place, [&](std::ptrdiff_t start, std::size_t block) {
+    const auto end = std::min(start + static_cast<std::ptrdiff_t>(block_chips_),
+                              static_cast<std::ptrdiff_t>(chips.size()));
     bits.clear();
     append_bits(bits, header_of(block, parity_.value, *layout_), 16);
-    const auto known = chips_of_block(bits, format_);
-    for (std::size_t chip = 0; chip < known.size(); ++chip)
-      if (chips[chip] != 0) sum += std::numbers::ln2 - std::log1p(std::exp(known[chip] ? -chips[chip] : chips[chip]));
-    sum += format_.line_code.evidence(chips.subspan(known.size()));
+    std::ptrdiff_t chip = start;
+    for (const std::uint8_t bright : chips_of_block(bits, format_)) sum += chips.of_chip(chip++, bright != 0);
+    for (; chip + word <= end; chip += word) sum += chips.of_word(chip);
   });
   return sum;
 }
@@ -402,13 +441,14 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
   const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), kMaxPlaces);
   std::vector<double> llr = stretch.llr;
   for (double& value : llr) value = std::clamp(value, -kSureChip, kSureChip);
+  ChipEvidence evidence_of(llr, format_.line_code);
   std::vector<std::pair<double, double>> places;  // ln of the probability, chip
   for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
     const double errors = (chip - expected) / deviation;
     const double slip = std::abs(chip - nearest) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
     const double prior = std::exp(-0.5 * errors * errors) / (deviation * std::sqrt(2 * std::numbers::pi)) + slip;
     const auto place = modulo(static_cast<std::ptrdiff_t>(chip), cycle);
-    places.emplace_back(std::log(std::max(prior, 1e-300)) + evidence(llr, place), chip);
+    places.emplace_back(std::log(std::max(prior, 1e-300)) + evidence(evidence_of, place), chip);
   }
   double elsewhere = -std::numeric_limits<double>::infinity();
   for (std::size_t skipped = 0; skipped < std::min(format_.line_code.chips_per_word(), llr.size()); ++skipped)
@@ -464,8 +504,9 @@ void PacketAssembler::place_waiting(StretchReport& report) {
     if (agrees[k])
       place = stretch.origin ? modulo(stretch.first - *stretch.origin, cycle) : likely_place(stretch, *origins[k]);
     if (place)
-      for_blocks(stretch.llr, *place,
-                 [&](std::span<const double> chips, std::size_t block) { place_block(chips, block, report); });
+      for_blocks(stretch.llr.size(), *place, [&](std::ptrdiff_t start, std::size_t block) {
+        place_block(block_at(stretch.llr, start), block, report);
+      });
     else
       still.push_back(std::move(stretch));
   }

@@ -147,9 +147,11 @@ class PacketAssembler {
   [[nodiscard]] double place_variance(const Stretch& stretch, const Origin& origin) const;
   bool follow(Stretch& stretch);
   [[nodiscard]] std::optional<std::ptrdiff_t> likely_place(const Stretch& stretch, const Origin& origin) const;
-  [[nodiscard]] double evidence(std::span<const double> llr, std::ptrdiff_t place) const;
+  template <class Evidence>
+  [[nodiscard]] double evidence(Evidence& chips, std::ptrdiff_t place) const;
   template <class UseBlock>
-  void for_blocks(std::span<const double> llr, std::ptrdiff_t place, UseBlock&& use) const;
+  void for_blocks(std::size_t chips, std::ptrdiff_t place, UseBlock&& use) const;
+  [[nodiscard]] std::vector<double> block_at(std::span<const double> llr, std::ptrdiff_t start) const;
   void place_block(std::span<const double> chips, std::size_t block, StretchReport& report);
   [[nodiscard]] std::vector<double> reliabilities() const;
   std::optional<Payload> decode(std::span<const double> reliability);
