@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
@@ -15,6 +16,19 @@ using Eigen::Index;
 namespace {
 
 constexpr double kMinPivot = 1e-11;  // relative to the unit diagonal of a normal matrix
+
+// P_(k + 1) = rise·x·P_k − fall·P_(k − 1): [k] rise from k, fall to k + 1.
+constexpr auto kRises = [] {
+  std::array<double, kHighestDegree + 1> rises{};
+  for (std::size_t k = 0; k < rises.size(); ++k)
+    rises[k] = (2.0 * static_cast<double>(k) + 1) / static_cast<double>(k + 1);
+  return rises;
+}();
+constexpr auto kFalls = [] {
+  std::array<double, kHighestDegree + 1> falls{};
+  for (std::size_t k = 0; k < falls.size(); ++k) falls[k] = static_cast<double>(k + 1) / static_cast<double>(k + 2);
+  return falls;
+}();
 
 }  // namespace
 
@@ -31,10 +45,11 @@ double along_frame(double row, std::size_t rows) {
 double polynomial(std::span<const double> coefficients, double x) {
   if (coefficients.size() == 1) return coefficients[0];
   if (coefficients.size() == 2) return coefficients[0] + coefficients[1] * x;  // the usual ones
-  std::array<double, kHighestDegree + 1> basis;
-  legendre(x, {basis.data(), coefficients.size()});
-  double sum = 0;
-  for (std::size_t k = 0; k < coefficients.size(); ++k) sum += coefficients[k] * basis[k];
+  double sum = 0, before = 0;                                                  // Clenshaw's recurrence
+  for (std::size_t k = coefficients.size(); k-- > 0;) {
+    const double next = coefficients[k] + kRises[k] * x * sum - kFalls[k] * before;
+    before = std::exchange(sum, next);
+  }
   return sum;
 }
 

@@ -15,10 +15,11 @@ namespace {
 
 constexpr int kRounds = 20;
 constexpr int kPasses = 3;
-constexpr double kMinShare = 1e-3;       // min fraction of a step; the model has kinks
-constexpr double kSmallFall = 1e-5;      // min reduction of the squares by a step, in variances of a row
-constexpr double kSmallStep = 1e-3;      // standard errors; a smaller step is the last
-constexpr double kSettled = 1e-9;        // chips; a smaller step is the last
+constexpr double kMinShare = 1e-3;   // min fraction of a step; the model has kinks
+constexpr double kSmallFall = 1e-5;  // min reduction of the squares by a step, in variances of a row
+constexpr double kSmallStep = 1e-3;  // standard errors; a smaller step is the last
+constexpr double kVainStep = 0.02;   // the same of a step that does not lower the squares: the model has a kink there
+constexpr double kSettled = 1e-9;    // chips; a smaller step is the last
 constexpr double kLongestExposure = 24;  // chips
 
 // The clock after a fraction of the step, limited to the range where the model is nearly linear.
@@ -37,10 +38,10 @@ ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double sh
   return next;
 }
 
-// True if a step is small relative to the standard errors.
-bool is_small(const Eigen::VectorXd& step, const Eigen::MatrixXd& inverse, double variance) {
+// True if a step is below this many standard errors.
+bool is_small(const Eigen::VectorXd& step, const Linearised& at, double variance, double errors) {
   for (Eigen::Index k = 0; k < step.size(); ++k)
-    if (!(std::abs(step[k]) <= kSmallStep * std::sqrt(variance * inverse(k, k)))) return false;
+    if (!(std::abs(step[k]) <= errors * std::sqrt(variance * at.inverse(k, k)))) return false;
   return true;
 }
 
@@ -64,10 +65,13 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
       if (!effort.take(rows)) return Descent{clock, range, std::move(*here), false};
       const ChipClock next = stepped(clock, here->step, share, half_chips);
       auto there = next.rows_per_chip > 0 ? linearise(equations, next, range, known, here->levels) : std::nullopt;
-      if (!there || there->squares > here->squares) continue;
-      const double variance = there->squares / static_cast<double>(range.size());
+      if (!there || there->squares > here->squares) {
+        if (is_small(share * here->step, *here, here->squares / rows, kVainStep)) break;
+        continue;
+      }
+      const double variance = there->squares / rows;
       const bool last =
-          is_small(here->step, here->inverse, variance) || here->squares - there->squares < kSmallFall * variance;
+          is_small(here->step, *here, variance, kSmallStep) || here->squares - there->squares < kSmallFall * variance;
       const double moved =
           std::max({std::abs(next.phase - clock.phase), half_chips * std::abs(next.rows_per_chip - clock.rows_per_chip),
                     std::abs(next.exposure_rows - clock.exposure_rows)});

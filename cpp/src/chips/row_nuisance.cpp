@@ -47,15 +47,15 @@ void fill_tone(double step, double first, double* cosine, double* sine, std::siz
   }
 }
 
-// Columns of slow light and tones; the constant comes first.
-MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::size_t harmonics) {
+// Columns of slow light and tones, with room for `more` at the end; the constant comes first.
+MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::size_t harmonics, Index more) {
   const auto count = static_cast<double>(rows);
   const Index slow = slow_terms(rows, nuisance);
   std::vector<double> frequencies;
   for (const double tone : nuisance.tones)
     for (std::size_t harmonic = 1; harmonic <= harmonics; ++harmonic)
       if (static_cast<double>(harmonic) * tone < 0.5) frequencies.push_back(static_cast<double>(harmonic) * tone);
-  MatrixXd columns(static_cast<Index>(rows), 1 + slow + 2 * static_cast<Index>(frequencies.size()));
+  MatrixXd columns(static_cast<Index>(rows), 1 + slow + 2 * static_cast<Index>(frequencies.size()) + more);
   for (Index k = 0; k <= slow; ++k) {
     const double half_turns = 0.5 * kTurn * static_cast<double>(k) / count;
     fill_tone(half_turns, 0.5 * half_turns, &columns(0, k), nullptr, rows);
@@ -70,9 +70,9 @@ MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::si
 
 // By how much each tone is too low for the least residual, cycles per row: one Gauss–Newton step with all else
 // refitted. Its derivative by the frequency is that of its fitted harmonics about the middle row.
-std::vector<double> tone_steps(const MatrixXd& model, const Solved& solved, const VectorXd& left,
-                               const RowNuisance& nuisance, Index first_tone) {
-  std::vector<double> steps;
+void find_tone_steps(const MatrixXd& model, const Solved& solved, const VectorXd& left, const RowNuisance& nuisance,
+                     Index first_tone, NuisanceFit& fit) {
+  double squares = 0;
   const double middle = 0.5 * static_cast<double>(model.rows() - 1);
   for (const double tone : nuisance.tones) {
     VectorXd slope = VectorXd::Zero(model.rows());
@@ -86,9 +86,10 @@ std::vector<double> tone_steps(const MatrixXd& model, const Solved& solved, cons
     slope.array() *= VectorXd::LinSpaced(model.rows(), -middle, middle).array();
     const VectorXd shared = model.transpose() * slope;
     const double own = slope.squaredNorm() - shared.dot(solved.inverse * shared);
-    steps.push_back(own > kMinSlope * slope.squaredNorm() ? slope.dot(left) / own : 0.0);
+    fit.tone_steps.push_back(own > kMinSlope * slope.squaredNorm() ? slope.dot(left) / own : 0.0);
+    squares += std::pow(fit.tone_steps.back(), 2) * slope.squaredNorm();
   }
-  return steps;
+  fit.moved_by_steps = std::sqrt(squares / static_cast<double>(model.rows()));
 }
 
 struct SquareWave {
@@ -109,23 +110,23 @@ double exposed_square(double cycles, double exposure) {
 
 std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const RowNuisance& nuisance,
                                            std::span<const double> exposed) {
-  const MatrixXd columns = nuisance_columns(signal.size(), nuisance, exposed.empty() ? 1 : kToneHarmonics);
   const Index swings = exposed.empty() ? 0 : kSwingTerms;
-  MatrixXd model(columns.rows(), columns.cols() + swings);
-  model.leftCols(columns.cols()) = columns;
+  MatrixXd model = nuisance_columns(signal.size(), nuisance, exposed.empty() ? 1 : kToneHarmonics, swings);
+  const Index others = model.cols() - swings;
   for (Index n = 0; n < model.rows() && swings > 0; ++n) {
     const double x = along_frame(static_cast<double>(n), signal.size());
     double swing = exposed[static_cast<std::size_t>(n)];
-    for (Index k = 0; k < swings; ++k, swing *= x) model(n, columns.cols() + k) = swing;
+    for (Index k = 0; k < swings; ++k, swing *= x) model(n, others + k) = swing;
   }
   if (model.rows() <= model.cols()) return std::nullopt;
   const Eigen::Map<const VectorXd> values(signal.data(), model.rows());
-  const auto solved = solve_normal(transposed_product(model, model), model.transpose() * values);
+  const auto solved = solve_normal(normal_of(model), model.transpose() * values);
   if (!solved) return std::nullopt;
-  const VectorXd rest = values - columns.rightCols(columns.cols() - 1) * solved->values.segment(1, columns.cols() - 1);
-  const VectorXd left = values - model * solved->values;
+  const VectorXd rest = values - model.middleCols(1, others - 1) * solved->values.segment(1, others - 1);
+  VectorXd left = rest.array() - solved->values[0];
+  left -= model.rightCols(swings) * solved->values.tail(swings);
   NuisanceFit fit{{rest.begin(), rest.end()}, left.squaredNorm(), {}};
-  if (swings > 0) fit.tone_steps = tone_steps(model, *solved, left, nuisance, 1 + slow_terms(signal.size(), nuisance));
+  if (swings > 0) find_tone_steps(model, *solved, left, nuisance, 1 + slow_terms(signal.size(), nuisance), fit);
   return fit;
 }
 

@@ -421,8 +421,8 @@ double PacketAssembler::evidence(Evidence& chips, std::ptrdiff_t place) const {
   double sum = 0;
   std::vector<std::uint8_t> bits;
   for_blocks(chips.size(), place, [&](std::ptrdiff_t start, std::size_t block) {
-    const auto end = std::min(start + static_cast<std::ptrdiff_t>(block_chips_),
-                              static_cast<std::ptrdiff_t>(chips.size()));
+    const auto end =
+        std::min(start + static_cast<std::ptrdiff_t>(block_chips_), static_cast<std::ptrdiff_t>(chips.size()));
     bits.clear();
     append_bits(bits, header_of(block, parity_.value, *layout_), 16);
     std::ptrdiff_t chip = start;

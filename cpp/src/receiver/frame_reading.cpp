@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "chips/chip_period.hpp"
+#include "chips/frame_evenness.hpp"
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"
@@ -73,9 +74,8 @@ double error_rate_within(const FrameReading& reading) {
   return sum / static_cast<double>(reading.llr.size() - 2 * edge);
 }
 
-// Of neighbouring rows, −1 to 1.
-double residual_correlation(std::span<const double> signal, const FrameReading& reading) {
-  const auto left = channel_residual(signal, {hard_chips(reading), reading.first}, reading.channel);
+// Of neighbouring rows of what the channel leaves, −1 to 1.
+double residual_correlation(std::span<const double> left, const FrameReading& reading) {
   double earlier = 0, later = 0, products = 0;
   for (std::size_t n = reading.channel.rows.begin + 1; n < reading.channel.rows.end; ++n) {
     earlier += left[n - 1] * left[n - 1];
@@ -106,34 +106,49 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
          std::max({levels_off(0), levels_off(middle), levels_off(last)}) < kLevelsStay;
 }
 
-// Removes slow light and tones beside known chips from `signal`; moves the tones. Returns the root mean square of the
-// change of the reading's rows.
-std::optional<double> take_nuisance(std::span<const double> signal, const KnownChips& chips,
-                                    const ChannelEstimate& channel, FrameReading& reading) {
-  std::vector<double>& rest = reading.rest;
-  std::vector<double> exposed(rest.size());
-  expose_chips(chips, channel.clock, exposed);
-  auto fit = remove_nuisance(signal, reading.nuisance, exposed);
-  if (!fit) return std::nullopt;
-  const double reach = kToneReach / static_cast<double>(rest.size());
-  for (std::size_t k = 0; k < reading.nuisance.tones.size(); ++k)
-    reading.nuisance.tones[k] += std::clamp(fit->tone_steps[k], -reach, reach);
-  double squares = 0;
-  for (std::size_t n = 0; n < rest.size(); ++n) squares += std::pow(fit->rest[n] - rest[n], 2);
-  rest = std::move(fit->rest);
-  return std::sqrt(squares / static_cast<double>(rest.size()));
-}
+// Slow light and tones, fitted beside the chips of a round of detection and removed from a reading's rows.
+class FittedBeside {
+ public:
+  // Returns the root mean square of the change of the reading's rows: none beside the same chips, where the tones stay.
+  std::optional<double> take(std::span<const double> signal, const KnownChips& chips, const ChannelEstimate& channel,
+                             FrameReading& reading) {
+    if (reading.first == first_ && std::ranges::equal(chips.levels, chips_) &&
+        moved_by_steps_ <= kRestStays * channel.noise)
+      return 0.0;
+    std::vector<double>& rest = reading.rest;
+    std::vector<double> exposed(rest.size());
+    expose_chips(chips, channel.clock, exposed);
+    auto fit = remove_nuisance(signal, reading.nuisance, exposed);
+    if (!fit) return std::nullopt;
+    const double reach = kToneReach / static_cast<double>(rest.size());
+    for (std::size_t k = 0; k < reading.nuisance.tones.size(); ++k)
+      reading.nuisance.tones[k] += std::clamp(fit->tone_steps[k], -reach, reach);
+    double squares = 0;
+    for (std::size_t n = 0; n < rest.size(); ++n) squares += std::pow(fit->rest[n] - rest[n], 2);
+    rest = std::move(fit->rest);
+    chips_.assign(chips.levels.begin(), chips.levels.end());
+    first_ = reading.first;
+    moved_by_steps_ = fit->moved_by_steps;
+    return std::sqrt(squares / static_cast<double>(rest.size()));
+  }
+  // The channel is another one.
+  void forget() { chips_.clear(); }
+
+ private:
+  std::vector<double> chips_;
+  std::ptrdiff_t first_ = 0;
+  double moved_by_steps_ = 0;
+};
 
 // Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
 // noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
-std::vector<double> residual_excess(std::span<const double> signal, const FrameReading& reading) {
+std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading) {
   const ChannelEstimate& channel = reading.channel;
   const ChipClock& clock = channel.clock;
   std::vector<double> excess(reading.llr.size(), 1.0);
   const double rows = kChangedRows * clock.rows_per_chip;
   const auto width = std::max<std::size_t>(static_cast<std::size_t>(std::nearbyint(rows)), 1);
-  if (signal.size() < width || !(channel.noise > 0)) return excess;
-  const auto left = channel_residual(signal, {hard_chips(reading), reading.first}, channel);
+  if (left.size() < width || !(channel.noise > 0)) return excess;
   std::vector<double> sums{0.0};  // of squared sums over `width` rows, in variances of white noise
   double sum = 0;
   for (std::size_t n = 0; n < left.size(); ++n) {
@@ -172,6 +187,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   FrameReading reading;
   reading.rest.assign(signal.begin(), signal.end());
   if (beside) reading.nuisance = beside->nuisance;
+  FittedBeside fitted_beside;
   for (int round = 0; round < kMaxRounds; ++round) {
     if (!detectable(reading.rest, channel)) return std::nullopt;
     const ChipRows rows(reading.rest, channel);
@@ -179,13 +195,15 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     reading.llr = detect_chips(question, method_for(question.clock, kLongestTrellis)).llr;
     reading.first = question.first;
     const auto chips = hard_chips(reading);
-    const auto moved = beside ? take_nuisance(beside->signal, {chips, reading.first}, channel, reading) : 0.0;
+    const auto moved = beside ? fitted_beside.take(beside->signal, {chips, reading.first}, channel, reading) : 0.0;
+    if (round == 0 && moved && *moved > kRestStays * channel.noise) continue;  // its rows will be read again
     auto fitted =
         moved ? fit_channel(reading.rest, {chips, reading.first}, channel.clock, model, effort) : std::nullopt;
     if (!fitted) return std::nullopt;
     const bool stays = (is_same(channel, *fitted, signal.size()) && *moved <= kRestStays * fitted->noise) ||
                        (round + 1 >= kMinRounds && !(fitted->noise < kSettling * channel.noise));
     channel = std::move(*fitted);
+    fitted_beside.forget();
     reading.relative_noise = channel.noise / std::max(middle_swing(channel, signal.size()), 1e-300);
     // Rescale the likelihoods from the assumed to the estimated noise.
     const double weight = std::pow(question.noise / std::max(reading.relative_noise, kMinDetectorNoise), 2);
@@ -194,8 +212,9 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   }
   reading.channel = std::move(channel);
   reading.error_rate = error_rate_within(reading);
-  reading.correlation = residual_correlation(reading.rest, reading);
-  reading.excess = residual_excess(reading.rest, reading);
+  const auto left = channel_residual(reading.rest, {hard_chips(reading), reading.first}, reading.channel);
+  reading.correlation = residual_correlation(left, reading);
+  reading.excess = residual_excess(left, reading);
   return reading;
 }
 
@@ -227,6 +246,11 @@ FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort) 
 
 bool is_misfit(const FrameReading& reading) {
   return reading.correlation > kMaxCorrelation && reading.relative_noise > kNoResidual;
+}
+
+bool is_even(const FrameReading& reading) {
+  const RefinedChannel found{reading.channel, hard_chips(reading), reading.first};
+  return is_even(residual_windows(reading.rest, found), reading.channel.clock);
 }
 
 bool is_sound(const FrameReading& reading) {

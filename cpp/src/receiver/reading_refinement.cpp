@@ -19,7 +19,7 @@ constexpr double kMinShapeGain = 1e-3;                        // relative fall o
 constexpr int kShapeSteps = 6, kShapeHalvings = 3, kShapeRounds = 4;
 constexpr double kMinShapePivot = 1e-9;
 constexpr double kWarpMean = 0.25, kWarpSlope = 1.5;  // of a warp, rows and rows per frame, over its root mean square
-constexpr int kWarpRounds = 25, kWarpPatience = 4;    // rounds without a gain
+constexpr int kWarpRounds = 25, kWarpPatience = 4;    // rounds without a gain, while more than noise is left
 constexpr double kWarpSettled = 0.99;                 // ratio of the noise to the best so far
 constexpr double kMaxWarpLeft = 0.8;                  // of the residual's squares, for a warp to be believed
 
@@ -144,7 +144,7 @@ FrameReading refine_warp(std::span<const double> signal, FrameReading reading, b
   if (!is_misfit(reading)) return reading;
   FrameReading best = reading;
   std::optional<FrameReading> now = reading;
-  for (int round = 0, vain = 0; round < kWarpRounds && vain < kWarpPatience; ++round) {
+  for (int round = 0, vain = 0; round < kWarpRounds && vain < (is_misfit(best) ? kWarpPatience : 1); ++round) {
     const auto chips = hard_chips(*now);
     auto warp = fit_warp(unwarped(signal, now->warp), now->warp, {chips, now->first}, now->channel, vain == 0);
     now = read_frame(unwarped(signal, warp), now->channel, exposure_known, effort);

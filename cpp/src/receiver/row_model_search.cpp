@@ -68,6 +68,27 @@ std::optional<NuisanceFit> remove_beside_mean(std::span<const double> signal, co
   return fit;
 }
 
+// Without the highest degree of its levels, where Schwarz's criterion drops it: tones that were not fitted yet when the
+// degrees were chosen may have asked for it. A swing of degree 1 is dropped first, of higher degrees dark and swing
+// alike.
+void drop_idle_degree(ChannelEstimate& channel) {
+  const std::size_t degree = channel.swing.size() - 1;
+  if (degree == 0) return;
+  const double swing = channel.swing.back(), dark = channel.dark.back();
+  const double chips = channel.clock.exposure_rows / channel.clock.rows_per_chip;
+  const double variance = 0.25 / std::max(chips, 1.0);  // of the rows, for random chips
+  const bool both = degree > 1;
+  const double squares = variance * swing * swing + (both ? std::pow(dark + 0.5 * swing, 2) : 0.0);
+  const auto rows = static_cast<double>(channel.rows.size());
+  const double gain = rows * squares / (2 * static_cast<double>(degree) + 1) / (channel.noise * channel.noise);
+  if (!(gain < (both ? 2 : 1) * std::log(rows))) return;
+  channel.swing.pop_back();
+  if (both)
+    channel.dark.pop_back();
+  else
+    channel.dark.back() += 0.5 * swing;
+}
+
 }  // namespace
 
 RowModelSearch::RowModelSearch(const Camera& camera, RowSearchOptions options)
@@ -213,6 +234,7 @@ std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signa
     tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
     auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
     if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
+    if (reading && !is_sound(*reading)) reading->even = is_even(*reading);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
     if (best && best->relative_noise < std::max(kAsNoisy * state_.relative_noise, kNoNoise) && is_sound(*best))
       return best;
@@ -236,7 +258,9 @@ std::optional<FrameReading> RowModelSearch::go_on(std::span<const double> signal
   const auto fit = remove_beside_mean(signal, model.nuisance, *state_.channel);
   const RowsBeside beside{signal, model.nuisance};
   auto reading = fit ? follow(fit->rest, model, frame, &beside) : std::nullopt;
-  return reading && !is_misfit(*reading) ? std::move(reading) : std::nullopt;
+  if (!reading || is_misfit(*reading)) return std::nullopt;
+  drop_idle_degree(reading->channel);
+  return reading;
 }
 
 std::optional<FrameReading> RowModelSearch::search(std::span<const double> signal, const SignalModel& model,

@@ -31,6 +31,7 @@ struct NuisanceFit {
   double squares = 0;        // residual of the whole model
   // (tones) cycles per row, for known chips: the step of a Gauss–Newton iteration of each frequency.
   std::vector<double> tone_steps{};
+  double moved_by_steps = 0;  // root mean square of the change of the rows by these steps
 };
 
 // Least squares; `exposed`: s_n, empty for unknown chips. Then only h = 1 is fitted, since each term also removes a

@@ -97,6 +97,9 @@ std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t ro
 // correlated rows as independent ones.
 bool is_misfit(const FrameReading& reading);
 
+// The channel explains all parts of the frame equally well.
+bool is_even(const FrameReading& reading);
+
 // True if the expected error rate is small; the bound is tighter unless the channel explains all parts of the frame
 // equally well. Detection in pure noise gives an expected error rate of 1/5.
 bool is_sound(const FrameReading& reading);

@@ -45,8 +45,8 @@ class ProfileLearning {
   // A kept frame that was read again, and its rows less the profile; true where it repeats the frame before it.
   using UseReading = std::function<bool(const KeptFrame&, const FrameReading&, std::span<const double>)>;
 
-  // Adds the current frame. `counted`: its place in the stream is stated. `first_row`: of the picture, at index 0 of the
-  // signal.
+  // Adds the current frame. `counted`: its place in the stream is stated. `first_row`: of the picture, at index 0 of
+  // the signal.
   void keep(const CombinedColumn& column, std::int64_t frame, double time, bool counted, std::size_t first_row);
   // Removes the current frame: it repeats the last one.
   void drop_last() { kept_.pop_back(); }
