@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Processor time of Receiver.push for frames in which something goes wrong, over that of clean frames: a line a kind.
 
-Three draws a kind, of other clocks, levels and noise; the median over the later half of 32 frames, the best of three
+Three draws a kind, of other clocks, levels and noise; the median over the later half of 20 frames, the best of three
 runs. In front, the frames until the payload.
 
 usage: bench/impaired.py [--kinds KIND...] [--seed SEED] [--json]

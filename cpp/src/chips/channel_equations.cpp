@@ -36,6 +36,7 @@ void check_model(const ChannelModel& model) {
   require(model.dark_degree <= kHighestDegree, "dark_degree", model.dark_degree, "0 to 6");
   require(model.swing_degree <= kHighestDegree, "swing_degree", model.swing_degree, "0 to 6");
   require_not_negative("rate_std", model.rate_std);
+  require_not_negative("vain_step", model.vain_step);
 }
 
 double along_frame(double row, std::size_t rows) {

@@ -15,11 +15,10 @@ namespace {
 
 constexpr int kRounds = 20;
 constexpr int kPasses = 3;
-constexpr double kMinShare = 1e-3;   // min fraction of a step; the model has kinks
-constexpr double kSmallFall = 1e-5;  // min reduction of the squares by a step, in variances of a row
-constexpr double kSmallStep = 1e-3;  // standard errors; a smaller step is the last
-constexpr double kVainStep = 0.02;   // the same of a step that does not lower the squares: the model has a kink there
-constexpr double kSettled = 1e-9;    // chips; a smaller step is the last
+constexpr double kMinShare = 1e-3;       // min fraction of a step; the model has kinks
+constexpr double kSmallFall = 1e-5;      // min reduction of the squares by a step, in variances of a row
+constexpr double kSmallStep = 1e-3;      // standard errors; a smaller step is the last
+constexpr double kSettled = 1e-9;        // chips; a smaller step is the last
 constexpr double kLongestExposure = 24;  // chips
 
 // The clock after a fraction of the step, limited to the range where the model is nearly linear.
@@ -54,7 +53,7 @@ struct Descent {
 };
 
 std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, RowRange range, double half_chips,
-                               const KnownRate& known, SearchEffort& effort) {
+                               const KnownRate& known, double vain_step, SearchEffort& effort) {
   const auto rows = static_cast<double>(range.size());
   if (!effort.take(rows)) return std::nullopt;
   auto here = linearise(equations, clock, range, known);
@@ -66,7 +65,7 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
       const ChipClock next = stepped(clock, here->step, share, half_chips);
       auto there = next.rows_per_chip > 0 ? linearise(equations, next, range, known, here->levels) : std::nullopt;
       if (!there || there->squares > here->squares) {
-        if (is_small(share * here->step, *here, here->squares / rows, kVainStep)) break;
+        if (is_small(share * here->step, *here, here->squares / rows, vain_step)) break;
         continue;
       }
       const double variance = there->squares / rows;
@@ -119,7 +118,8 @@ namespace {
 
 // Descent on the rows that depend on known chips only. These rows and their noise depend on the clock.
 std::optional<Descent> descend_on_known_rows(ChannelEquations& equations, const KnownChips& chips,
-                                             const ChipClock& start, double rate_std, SearchEffort& effort) {
+                                             const ChipClock& start, const ChannelModel& model, SearchEffort& effort) {
+  const double rate_std = model.rate_std;
   const double half_chips = 0.5 * static_cast<double>(chips.levels.size());
   std::optional<Descent> found;
   ChipClock clock = with_min_exposure(start);
@@ -135,7 +135,7 @@ std::optional<Descent> descend_on_known_rows(ChannelEquations& equations, const 
       const double variance = before->squares / static_cast<double>(now.size());
       known.weight = variance / (rate_std * rate_std);
     }
-    found = descend(equations, moved_to(clock, equations.origin()), now, half_chips, known, effort);
+    found = descend(equations, moved_to(clock, equations.origin()), now, half_chips, known, model.vain_step, effort);
     if (!found) return std::nullopt;
     clock = moved_to(found->clock, -equations.origin());
   }
@@ -152,8 +152,7 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
   for (double value : signal) require_finite("signal", value);
   SearchEffort unlimited;
   ChannelEquations equations(signal, chips, model, signal.size());
-  const auto found =
-      descend_on_known_rows(equations, chips, start, model.rate_std, effort == nullptr ? unlimited : *effort);
+  const auto found = descend_on_known_rows(equations, chips, start, model, effort == nullptr ? unlimited : *effort);
   if (!found) return std::nullopt;
   const auto freedom = static_cast<double>(found->rows.size()) - static_cast<double>(equations.unknowns());
   const double variance = found->last.squares / freedom;

@@ -21,6 +21,7 @@ constexpr int kMinRounds = 3, kMaxRounds = 10;  // of detection, until the chann
 constexpr double kSettling = 0.98;       // ratio of the residual to that of the round before, for more than three
 constexpr double kClockStays = 0.02;     // chips, at either end of the frame
 constexpr double kExposureStays = 0.01;  // relative
+constexpr double kVainStep = 0.02;       // standard errors
 constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
 constexpr double kToneReach = 0.25;      // spectral lines of a frame, in a round
@@ -182,7 +183,7 @@ std::vector<double> hard_chips(const FrameReading& reading) {
 
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
                                        bool exposure_known, SearchEffort* effort, const RowsBeside* beside) {
-  const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known};
+  const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known, 0, kVainStep};
   ChannelEstimate channel = start;
   FrameReading reading;
   reading.rest.assign(signal.begin(), signal.end());

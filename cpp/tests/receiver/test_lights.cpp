@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <numeric>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -101,6 +102,34 @@ TEST_CASE("weights that follow are those that are found anew") {
     CHECK(followed.quality == doctest::Approx(combined.quality).epsilon(0.02));
     CHECK(followed.noise == doctest::Approx(combined.noise).epsilon(0.02));
     for (std::size_t row = 0; row < kRows; ++row) CHECK(std::abs(followed.signal[row] - combined.signal[row]) < 1);
+  }
+}
+
+TEST_CASE("a light that moves along the columns from row to row is followed upright") {
+  std::mt19937 random(8);
+  for (const double turn : {0.0, 2e-4}) {  // columns per row and frame, by which the lamp turns
+    ocisac::ColumnFollower follower({});
+    for (int frame = 0; frame < 30; ++frame) {
+      const double slope = -0.1 + turn * frame;
+      const auto upright = tone_picture(65, 0.0331 * frame, random);
+      std::vector<std::uint8_t> tilted(upright.size());
+      for (std::size_t row = 0; row < kRows; ++row)
+        for (std::size_t column = 0; column < kColumns; ++column) {
+          const long from = static_cast<long>(column) - std::lround(slope * (static_cast<double>(row) - kRows / 2.0));
+          tilted[row * kColumns + column] =
+              upright[row * kColumns + static_cast<std::size_t>(std::clamp(from, 0L, 159L))];
+        }
+      const auto followed = follower.combine(view_of(tilted));
+      const auto expected = ocisac::combine_columns(view_of(upright), 0, {});
+      CAPTURE(frame);
+      CHECK(followed.slope == doctest::Approx(slope).epsilon(0.05));
+      double squares = 0;
+      for (std::size_t row = 0; row < kRows; ++row) squares += std::pow(followed.signal[row] - expected.signal[row], 2);
+      CHECK(std::sqrt(squares / kRows) < 2);  // of a swing of 120
+      CHECK(std::abs(std::accumulate(followed.weights.begin(), followed.weights.end(), -1.0)) < 1e-9);
+    }
+    follower.forget();
+    CHECK(follower.combine(view_of(tone_picture(65, 0, random))).slope == 0);
   }
 }
 

@@ -34,7 +34,8 @@ struct ChannelModel {
   std::size_t dark_degree = 1;
   std::size_t swing_degree = 0;
   bool exposure_known = false;  // keep the start's exposure
-  double rate_std = 0;  // standard error of the start's rows per chip, used as an additional measurement; 0: none
+  double rate_std = 0;   // standard error of the start's rows per chip, used as an additional measurement; 0: none
+  double vain_step = 0;  // standard errors; a smaller step that does not lower the squares, at a kink, is the last
 };
 
 inline constexpr std::size_t kHighestDegree = 6;
