@@ -234,7 +234,7 @@ std::optional<FrameReading> RowModelSearch::follow(std::span<const double> signa
     tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
     auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
     if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
-    if (reading && !is_sound(*reading)) reading->even = is_even(*reading);
+    if (reading && !is_sound(*reading) && !is_misfit(*reading)) reading->even = is_even(*reading);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
     if (best && best->relative_noise < std::max(kAsNoisy * state_.relative_noise, kNoNoise) && is_sound(*best))
       return best;
