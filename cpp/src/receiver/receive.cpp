@@ -298,7 +298,8 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   auto decoded = decode_rows(column, lit, what, edges);
   if (decoded) {
     // Rows beyond the lamp that are no more uneven than its light is.
-    const auto fewer = lit_rows(column.signal, column.noise, all, {.texture = texture_of(decoded->detection), .most_noise = kMostNoise});
+    const auto fewer = lit_rows(column.signal, column.noise, all,
+                                {.texture = texture_of(decoded->detection), .most_noise = kMostNoise});
     std::size_t of_fewer = 0;
     if (is_part(fewer, lit))
       if (auto within = decode_rows(column, fewer, what, of_fewer); within && ends_sharply(within->detection)) {
