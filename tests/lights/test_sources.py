@@ -481,3 +481,33 @@ def test_command_draws_and_tabulates(tmp_path, capsys):
     assert main(["detect", str(file), "--row-time", "10us", "--plot", str(plot)]) == 0
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert "kHz" in capsys.readouterr().out
+
+
+def test_a_short_lamp_amid_clouds_has_a_box_and_a_frequency_of_its_own():
+    """Texture above and below three cycles swings in phase with them here and there; a box over it is no lamp's."""
+    rows, columns, size, found, own = 480, 640, 45.0, 0, 0
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        wave = np.hypot(*np.meshgrid(np.fft.fftfreq(rows), np.fft.rfftfreq(columns), indexing="ij"))
+        field = np.fft.irfft2(
+            np.exp(2j * np.pi * random.random(wave.shape)) / np.maximum(wave, 1 / columns), (rows, columns)
+        )
+        picture = 60.0 + 15.0 * field / field.std()
+        y, x = np.ogrid[:rows, :columns]
+        lamps = [(row, column, random.uniform(3.0, 3.6) / size) for row in (130, 350) for column in (130, 320, 510)]
+        for row, column, frequency in lamps:
+            light = integrate_exposure(
+                SquareWave(frequency / ROW_TIME, phase=random.uniform(0, 2 * np.pi)), CAMERA, rows
+            )
+            picture = np.where(np.hypot(y - row, x - column) < size / 2, 20.0 + 60.0 * light[:, None], picture)
+        for source in detect_sources(stored(picture + 3.0 * random.standard_normal(picture.shape)), CAMERA):
+            for row, column, frequency in lamps:
+                if source.y < row < source.y + source.height and abs(source.x + source.width / 2 - column) < size / 2:
+                    found += 1
+                    own += (
+                        abs(source.y + source.height / 2 - row) < size / 4
+                        and source.height * frequency < 4.8
+                        and abs(source.frequency * ROW_TIME / frequency - 1) < 0.03
+                    )
+    assert found >= 40
+    assert own >= 0.8 * found

@@ -38,6 +38,8 @@ constexpr double largest_spread = 0.05;   // max relative standard error of a us
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more belong to a light that sends data
 constexpr double settled_cycles = 5, settled_periodic = 0.95;
 constexpr double faint_level = 0.1;
+constexpr double much_clearer = 1.5;  // ratio of signal-to-noise ratios
+constexpr double edges_beyond = 1;    // cycles that both edges of a sharp lamp may be apart in its whole and inner box
 constexpr double reflection_level = 0.5;  // min strength relative to another light for a separate light
 
 void check(const DetectOptions& options) {
@@ -57,6 +59,7 @@ struct Found {
   bool known = false;   // from the last frame
   std::optional<std::size_t> reflection_of = {};
   bool by_phase = false;
+  double odds = 1;  // by the phase in other frames
   double probability = 0;
 };
 
@@ -120,7 +123,7 @@ double evidence(const RefinedLight& light) {
 // bars can be even without noise, they fall as e^(−evidence/2.6).
 double evidence_for(std::size_t suspects, double false_alarms) {
   return std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))) - 1.6 * std::log(false_alarms) -
-         std::min(std::log(false_alarms / 0.02), 0.0) - 1.1;
+         std::min(std::log(false_alarms / 0.02), 0.0) - 0.3;
 }
 
 bool clean(const Found& one) { return !one.data && one.light.periodic >= data_periodic; }
@@ -295,9 +298,9 @@ class Look {
   // Returns true if the expected light is confirmed at its place and no other detection is there.
   bool find_expected(const Region& box, double cycles_per_row) {
     const Suspect suspect{box, cycles_per_row, 1, 0, box};
-    const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, 1);
-    auto one = light ? found_light(*light) : std::nullopt;
-    if (!one) return false;
+    const auto light = refine_source(frames_, frame_, stored_.dark_level, suspect, floor_, limits_, whole_box, 1);
+    auto one = light ? judged(*light) : std::nullopt;
+    if (!one || !convincing(*one)) return false;
     one->known = true;
     if (std::ranges::any_of(found_, [&](const Found& other) { return doubles(*one, other); })) return false;
     found_.push_back(*one);
@@ -308,8 +311,11 @@ class Look {
   // frequencies: any tone, and data where no tone explains a suspect.
   void search(const Region& region, std::span<const double> frequencies = {}) {
     const auto suspects = suspects_in(region, Coarsening::both);
+    const std::size_t earlier = found_.size();
     suspects_ = suspects.size();
+    refused_.clear();
     find_tones(suspects, frequencies, {0, shape_of(frames_).columns});
+    judge_again(suspects, earlier);
     if (!frequencies.empty()) return;
     for (std::size_t i = 0; i < found_.size(); ++i) search_beside(found_[i].light);
     find_data(suspects);
@@ -318,11 +324,14 @@ class Look {
   // All measurable tones of a frame, or waveforms of data, of any probability.
   std::vector<LightCandidate> candidates(bool data) {
     const Shape shape = shape_of(frames_);
-    if (!data) least_probability_ = 0;
     search({0, 0, shape.columns, shape.rows});
     if (data) return data_candidates_;
+    auto tones = without_doubles(std::move(found_));
+    std::ranges::stable_sort(refused_, std::greater{}, &Found::probability);
+    for (const Found& one : refused_)
+      if (std::ranges::none_of(tones, [&](const Found& other) { return doubles(one, other); })) tones.push_back(one);
     std::vector<LightCandidate> all;
-    for (const Found& one : without_doubles(std::move(found_)))
+    for (const Found& one : tones)
       if (!one.data) all.push_back(candidate(one.light, one.probability, features_of(one.light, suspects_)));
     return all;
   }
@@ -334,6 +343,7 @@ class Look {
         return same(frames_, frame_, stored_.dark_level, floor_, a, b);
       };
     };
+    for (Found& one : found) sharpen(one);
     join_parts(found, of(one_light_across), of(one_light_down));
     find_reflections(found);
     found.resize(std::min(found.size(), options_.max_sources));
@@ -369,9 +379,11 @@ class Look {
             std::ranges::any_of(found_, [&](const Found& one) { return covers(one.light.box, suspect.box); }) ||
             one_light_across(frames_, frame_, stored_.dark_level, floor_, part_of(light),
                              {suspect.box, suspect.frequency});
-        const auto other = known ? std::nullopt : refine(suspect, within);
-        const auto one = other && !same_frequency(*other, light) ? found_light(*other) : std::nullopt;
-        if (one && std::ranges::none_of(found_, [&](const Found& old) { return doubles(*one, old); })) add_tone(*one);
+        const auto other = known ? std::nullopt : refine(suspect, within, whole_box);
+        const auto one = other && !same_frequency(*other, light) ? judged(*other) : std::nullopt;
+        if (one && convincing(*one) &&
+            std::ranges::none_of(found_, [&](const Found& old) { return doubles(*one, old); }))
+          add_tone(*one);
       }
     };
     search(near.x, light.box.x, {0, light.box.x});
@@ -386,9 +398,12 @@ class Look {
         continue;
       // A light leaves what it does not explain, such as another lamp beside it.
       for (auto rest = unexplained(suspect); rest;) {
-        const auto light = refine(*rest, within);
-        const auto one = light ? found_light(*light) : std::nullopt;
+        const auto one = most_probable(*rest, within);
         if (!one) break;
+        if (!convincing(*one)) {
+          refused_.push_back(*one);
+          break;
+        }
         add_tone(*one);
         auto left = unexplained(*rest);
         if (left && left->tiles.size() == rest->tiles.size()) break;
@@ -398,11 +413,11 @@ class Look {
   }
 
   // Refinement that sees the columns `within` alone.
-  [[nodiscard]] std::optional<RefinedLight> refine(Suspect suspect, const Columns& within) const {
+  [[nodiscard]] std::optional<RefinedLight> refine(Suspect suspect, const Columns& within, double edge) const {
     const auto [first, end] = within;
     const auto columns = part_of(frames_, {first, 0, end - first, shape_of(frames_).rows});
     suspect.box.x -= first, suspect.best.x -= first;
-    auto light = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_);
+    auto light = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_, edge);
     if (light) light->box.x += first;
     return light;
   }
@@ -425,8 +440,8 @@ class Look {
   void add_tone(const Found& light) {
     std::vector<Found> lamps;
     for (const LightPart& part : parts_beside(frames_, frame_, stored_.dark_level, floor_, light.part)) {
-      const auto lamp = refine({part.box, part.frequency, 1, 0, part.box}, {part.box.x, part.box.right()});
-      if (const auto one = lamp ? found_light(*lamp) : std::nullopt) lamps.push_back(*one);
+      const auto lamp = refine({part.box, part.frequency, 1, 0, part.box}, {part.box.x, part.box.right()}, whole_box);
+      if (const auto one = lamp ? judged(*lamp) : std::nullopt; one && convincing(*one)) lamps.push_back(*one);
     }
     if (lamps.size() < 2) lamps.assign(1, light);
     found_.insert(found_.end(), lamps.begin(), lamps.end());
@@ -438,17 +453,75 @@ class Look {
     return {light.box, light.frequency / camera_.row_time, probability, {features.begin(), features.end()}};
   }
 
-  // The tone if it is a light, with its probability.
-  [[nodiscard]] std::optional<Found> found_light(const RefinedLight& light) const {
+  // A measurable tone with its probability.
+  [[nodiscard]] std::optional<Found> judged(const RefinedLight& light) const {
     if (!measurable(light, limits_)) return {};
-    const double odds = phase_odds(frames_, frame_, camera_, light.box, light.frequency / camera_.row_time);
-    const double own = with_odds(probability_of(features_of(light, suspects_)), odds);
-    const bool clear = (own >= std::max(clear_probability, least_probability_) && light.periodic >= clear_periodic) ||
-                       least_probability_ == 0;
-    if (!clear &&
-        (own < least_probability_ || evidence(light) + std::log(odds) < evidence_for(suspects_, options_.false_alarms)))
-      return {};
-    return Found{.light = light, .part = part_of(light), .probability = own};
+    Found one{.light = light, .part = part_of(light)};
+    one.odds = phase_odds(frames_, frame_, camera_, light.box, light.frequency / camera_.row_time);
+    one.probability = probability_now(one);
+    return one;
+  }
+
+  // The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince.
+  [[nodiscard]] std::optional<Found> most_probable(const Suspect& suspect, const Columns& within) const {
+    const auto tone = [&](const Suspect& of, double edge) {
+      const auto light = refine(of, within, edge);
+      return light ? judged(*light) : std::nullopt;
+    };
+    const auto whole = tone(suspect, whole_box);
+    if (whole && convincing(*whole)) return whole;
+    const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
+    return !whole || (inner && inner->probability > whole->probability) ? inner : whole;
+  }
+
+  // Box and frequency of a short light from its inner box where that is much clearer and shorter: texture that swings
+  // in phase with the light made its box too large. A sharp edge is 0.4 cycles further out at 0.15 of the amplitude
+  // than at 0.5.
+  void sharpen(Found& one) const {
+    const RefinedLight& whole = one.light;
+    if (one.data || static_cast<double>(whole.box.height) * whole.frequency > longest_inner) return;
+    const Suspect suspect{whole.box, whole.frequency, 1, 0, whole.box};
+    const auto inner = refine(suspect, {0, shape_of(frames_).columns}, inner_box);
+    if (!inner || !measurable(*inner, limits_) || !may_show(*inner, whole.frequency)) return;
+    const double beyond = static_cast<double>(whole.box.height) - static_cast<double>(inner->box.height);
+    if (beyond * whole.frequency < edges_beyond || inner->snr < much_clearer * whole.snr) return;
+    one.light = *inner;
+    one.part = part_of(*inner);
+  }
+
+  [[nodiscard]] double probability_now(const Found& one) const {
+    return with_odds(probability_of(features_of(one.light, suspects_)), one.odds);
+  }
+
+  [[nodiscard]] bool convincing(const Found& one) const {
+    const double own = one.probability;
+    const bool clear = own >= std::max(clear_probability, least_probability_) && one.light.periodic >= clear_periodic;
+    return clear || (own >= least_probability_ &&
+                     evidence(one.light) + std::log(one.odds) >= evidence_for(suspects_, options_.false_alarms));
+  }
+
+  [[nodiscard]] bool is_explained(const Suspect& suspect) const {
+    return std::ranges::any_of(
+        found_, [&](const Found& one) { return explained(suspect, one.light) || holds(suspect, one.light); });
+  }
+
+  // Suspects that belong to lights are no chances of a texture: without them, a fainter light may convince. `earlier`:
+  // number of lights found before this search.
+  void judge_again(const std::vector<Suspect>& suspects, std::size_t earlier) {
+    const auto acceptable = [&](const Found& one) {
+      return convincing(one) && std::ranges::none_of(found_, [&](const Found& other) { return doubles(one, other); });
+    };
+    for (;;) {
+      suspects_ = 1;
+      for (const Suspect& suspect : suspects) suspects_ += is_explained(suspect) ? 0 : 1;
+      for (std::size_t i = earlier; i < found_.size(); ++i) found_[i].probability = probability_now(found_[i]);
+      for (Found& one : refused_) one.probability = probability_now(one);
+      const auto next = std::ranges::find_if(refused_, acceptable);
+      if (next == refused_.end()) return;
+      const Found one = *next;
+      refused_.erase(next);
+      add_tone(one);
+    }
   }
 
   void find_data(const std::vector<Suspect>& suspects) {
@@ -466,7 +539,7 @@ class Look {
       if (!data) continue;
       const RefinedLight& light = data->light;
       if (!measurable(*data, limits_, min_evidence)) continue;
-      const DataFeatures features = features_of(*data, suspects_);
+      const DataFeatures features = features_of(*data, suspects.size());
       const double probability = with_odds(probability_of(features),
                                            waveform_odds(frames_, frame_, stored_.dark_level, floor_, part_of(light)));
       data_candidates_.push_back(candidate(light, probability, features));
@@ -502,8 +575,8 @@ class Look {
   LightLimits limits_;
   ToneCurve stored_;
   double floor_ = 0, least_probability_;
-  std::size_t suspects_ = 1;  // in the last search
-  std::vector<Found> found_;
+  std::size_t suspects_ = 1;  // that no light explains, in the last search
+  std::vector<Found> found_, refused_;
   std::vector<LightCandidate> data_candidates_;
 };
 

@@ -4,10 +4,12 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <numbers>
 #include <span>
 #include <vector>
 
 #include "lights/light_patch.hpp"
+#include "lights/own_pixels.hpp"
 #include "lights/profile_frequency.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
@@ -17,7 +19,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double box_edge = 0.15;                             // relative to the largest amplitude
 constexpr double min_alignment = 0.5;                         // cosine of the angle to the light's phase
 constexpr double min_coherence = 0.5;                         // of a group of columns, over the rows
 constexpr double first_reach = 0.22, frequency_reach = 0.12;  // of the frequency, relative: of a suspect, per round
@@ -108,7 +109,8 @@ std::vector<std::uint8_t> coherent_groups(const Patch& patch, const SwingMap& sw
 
 // The light's box: the connected part of largest total swing that begins in the suspect's, in columns that swing
 // together. `clear`: where the suspect's tone is clearest.
-std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Region& suspect, const Region& clear) {
+std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Region& suspect, const Region& clear,
+                           double edge) {
   const PatchRange clearest = patch.range(clear);
   if (clearest.size() == 0) return {};
   const auto coherent = coherent_groups(patch, swing, clearest);
@@ -129,7 +131,7 @@ std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Regi
   const double largest = *high;
   if (!(largest > 0) || sum == Complex(0)) return {};
   const Complex phase = sum / std::abs(sum);
-  const double least = box_edge * largest, c = phase.real(), s = phase.imag();
+  const double least = edge * largest, c = phase.real(), s = phase.imag();
   constexpr double alignment = min_alignment * min_alignment;
   std::vector<double> aligned(swing.real.size());
   std::vector<std::uint8_t> open_to(aligned.size());
@@ -296,7 +298,8 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Appearanc
 }  // namespace
 
 std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
-                                          const Suspect& suspect, double floor, const LightLimits& limits, int rounds) {
+                                          const Suspect& suspect, double floor, const LightLimits& limits, double edge,
+                                          int rounds) {
   Region box = suspect.box;
   double frequency = suspect.frequency;
   for (int round = 1;; ++round) {
@@ -304,26 +307,35 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     const Patch patch = patch_of({frames, frame, dark, floor}, box, {margin, margin});
     const Demodulator demodulator(frequency, patch.rows);
     const SwingMap swing = demodulator.swing(patch, patch.light);
-    const auto lit = lit_box(patch, swing, box, round == 1 ? suspect.best : box);
+    const auto lit = lit_box(patch, swing, box, round == 1 ? suspect.best : box, edge);
     if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
         static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
       return {};
     const std::size_t known = box.height;
     box = lit->box;
-    const Profile profile = profile_of(patch, demodulator, box, frequency);
+    const bool inside = edge != whole_box;
+    if (inside && static_cast<double>(box.height) * frequency > longest_inner) return {};
+    const Profile profile = inside ? Profile{} : profile_of(patch, demodulator, box, frequency);
+    const OwnPixels own = inside ? own_pixels(patch, swing, patch.range(box), edge * lit->amplitude) : OwnPixels{};
     const double reach = round == 1 ? first_reach : frequency_reach, last = frequency;
     const double lower = frequency * (1 - reach), upper = std::min(frequency * (1 + reach), 0.499);
-    frequency = strongest_frequency(profile.matched, lower, upper);
+    frequency = inside ? strongest_frequency(own, lower, upper) : strongest_frequency(profile.matched, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
     // A round sees two cycles above and below its box, less at a wrong frequency.
     const bool settled = std::abs(frequency - last) <= settled_frequency * frequency &&
                          static_cast<double>(box.height) <= static_cast<double>(known) + 0.5 / frequency;
     if (round < rounds || (!settled && round < max_rounds)) continue;
     box.width = std::min(box.width, shape_of(frames).columns - box.x);
+    const Appearance appearance = appearance_of(patch, swing, box, frequency);
+    if (inside) {
+      RefinedLight light = light_of(own, frequency, noise_variance(patch, patch.range(box)));
+      light.box = box, light.phase -= 2 * std::numbers::pi * std::fmod(frequency * static_cast<double>(box.y), 1.0);
+      light.amplitude = 2 * lit->amplitude, light.depth = appearance.depth, light.contour = appearance.contour;
+      return light;
+    }
     const double error =
         jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);
-    return refined(patch, profile, appearance_of(patch, swing, box, frequency), box, frequency, error,
-                   2 * lit->amplitude);
+    return refined(patch, profile, appearance, box, frequency, error, 2 * lit->amplitude);
   }
 }
 

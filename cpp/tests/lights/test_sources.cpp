@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "lights/own_pixels.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
@@ -156,6 +157,26 @@ TEST_CASE("the row time is that of the lamp's frequency") {
   CHECK(calibration.row_time_std == doctest::Approx(calibration.found.frequency_std / 8000));
   CHECK_THROWS_AS(calibrate(view, 0, {}), std::invalid_argument);
   CHECK_THROWS_AS(pick_colour({}, {}), std::invalid_argument);
+}
+
+TEST_CASE("a short tone on a slope is measured without bias from its own pixels") {
+  for (const double cycles : {2.5, 3.1, 3.7, 4.6})
+    for (const double phase : {0.0, 1.1, 2.3, 4.0}) {
+      constexpr std::size_t count = 45, groups = 3;
+      const double frequency = cycles / count;
+      OwnPixels pixels{std::vector<double>(count * groups), std::vector<std::uint8_t>(count * groups, 1),
+                       std::vector<double>(count), std::vector<double>(count, groups)};
+      for (std::size_t n = 0; n < count; ++n) {
+        const auto row = static_cast<double>(n);
+        pixels.profile[n] = 0.02 * row + std::cos(2 * std::numbers::pi * frequency * row + phase);
+        for (std::size_t g = 0; g < groups; ++g) pixels.light[n * groups + g] = pixels.profile[n];
+      }
+      CHECK(strongest_frequency(pixels, 0.8 * frequency, 1.2 * frequency) == doctest::Approx(frequency).epsilon(1e-4));
+      const RefinedLight light = light_of(pixels, frequency, 0);
+      CHECK(light.periodic == doctest::Approx(1).epsilon(1e-6));
+      CHECK(light.texture < 1e-6);
+      CHECK(light.frequency_std < 3e-4 * frequency);
+    }
 }
 
 TEST_CASE("options without meaning are refused") {
