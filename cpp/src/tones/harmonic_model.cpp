@@ -165,9 +165,12 @@ void add_block(const Block& block, const Folding& folding, double sign, const st
 
 }  // namespace
 
+// Of a wave with a cycle in 131072 rows; of a slower one no frame shows a cycle, and the list would take all memory.
+constexpr int kMostHarmonics = 1 << 16;
+
 std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
   std::vector<int> harmonics{1};
-  for (int h = 2; h * cycles_per_row < 0.5; ++h)
+  for (int h = 2; h <= kMostHarmonics && h * cycles_per_row < 0.5; ++h)
     if (std::abs(sinc(h * duty)) > 1e-9) harmonics.push_back(h);
   return harmonics;
 }
