@@ -25,8 +25,8 @@ py::object as_object(const std::optional<RowProfile>& profile) {
 py::tuple as_tuple(RowRange rows) { return py::make_tuple(rows.begin, rows.end); }
 
 py::object without_nuisance(const Doubles& signal, double slow, const std::vector<double>& tones,
-                            const Doubles& exposed) {
-  const auto fit = remove_nuisance(span_of(signal), {slow, tones}, span_of(exposed));
+                            const Doubles& exposed, const std::vector<double>& scale) {
+  const auto fit = remove_nuisance(span_of(signal), {slow, tones, scale}, span_of(exposed));
   if (!fit) return py::none();
   return py::make_tuple(array_of(fit->rest), fit->squares);
 }
@@ -84,7 +84,8 @@ void register_reference(py::module_& module) {
       arg("signal"), arg("noise"), arg("seen"), arg("least_departure") = DarkRows{}.least_departure,
       arg("texture") = DarkRows{}.texture, arg("most_noise") = DarkRows{}.most_noise,
       arg("expected") = DarkRows{}.expected);
-  module.def("remove_nuisance", &without_nuisance, arg("signal"), arg("slow"), arg("tones"), arg("exposed"));
+  module.def("remove_nuisance", &without_nuisance, arg("signal"), arg("slow"), arg("tones"), arg("exposed"),
+             arg("scale") = std::vector<double>{});
   module.def(
       "strongest_tone",
       [](const Doubles& signals, std::size_t rows, double lowest, double highest) {

@@ -90,8 +90,9 @@ def test_profile_rows_are_those_of_the_reference(values, share):
     slow=st.just(0.0) | st.floats(1e-4, 0.01),
     tones=st.lists(st.floats(0.02, 0.4), max_size=2),
     known=st.booleans(),
+    scaled=st.booleans(),
 )
-def test_other_light_is_removed_as_by_the_reference(seed, rows, slow, tones, known):
+def test_other_light_is_removed_as_by_the_reference(seed, rows, slow, tones, known, scaled):
     random = np.random.default_rng(seed)
     if len(tones) == 2 and any(abs(tones[0] * a - tones[1] * b) < 3 / rows for a in (1, 2, 3) for b in (1, 2, 3)):
         tones = tones[:1]
@@ -101,7 +102,8 @@ def test_other_light_is_removed_as_by_the_reference(seed, rows, slow, tones, kno
     for tone in tones:
         signal = signal + 9 * np.cos(2 * np.pi * tone * row + 1)
     exposed = s if known else []
-    got, want = (module.remove_nuisance(signal, slow, tones, exposed) for module in (_core, reference))
+    scale = random.uniform(0.5, 2) + np.abs(np.linspace(-3, 3, rows)) if scaled else []
+    got, want = (module.remove_nuisance(signal, slow, tones, exposed, scale) for module in (_core, reference))
     np.testing.assert_allclose(got[0], want[0], atol=1e-6)
     assert got[1] == pytest.approx(want[1], rel=1e-6)
 
@@ -118,6 +120,19 @@ def test_hum_and_tones_are_removed_and_the_chips_stay():
     assert away.std() < 0.05 * hum.std()  # half cosines leave something at the frame's ends
     assert squares < 1e-3 * np.sum(hum**2)
     assert _core.remove_nuisance(light[:20], 0.4, [0.1, 0.2], s[:20]) is None
+
+
+def test_hum_beside_a_lamp_is_removed_where_rows_are_divided_by_its_profile():
+    random = np.random.default_rng(3)
+    rows = 1080
+    s, row = chip_light(random, rows), np.arange(rows)
+    swing = np.exp(-0.5 * ((row - 500) / 250) ** 2)
+    hum = 0.3 * np.sin(2 * np.pi * 100 * 22.2e-6 * row + 0.4)
+    signal = s + hum / swing
+    rest, _ = _core.remove_nuisance(signal, 0, [100 * 22.2e-6], s, 1 / swing)
+    np.testing.assert_allclose(rest, s, atol=1e-9)
+    with pytest.raises(ValueError, match="scale"):
+        _core.remove_nuisance(signal, 0, [100 * 22.2e-6], s, [1.0, 2.0])
 
 
 @settings(deadline=None, max_examples=3 * settings.default.max_examples // 20)

@@ -239,12 +239,19 @@ def test_rows_displaced_by_a_stabiliser_are_received():
 
 
 @pytest.mark.parametrize(
-    ("texture", "light", "hum", "most"),
-    [(0.1, {"rise": 0.4, "fall": 0.4}, 0.0, 16), (0.1, {}, 0.3, 18), (0.15, {}, 0.0, 14)],
-    ids=["rise and fall", "hum", "alone"],
+    ("texture", "spot", "light", "tone", "most"),
+    [
+        (0.1, 1e9, {"rise": 0.4, "fall": 0.4}, (100, 0.0), 16),
+        (0.1, 1e9, {}, (100, 0.3), 18),
+        (0.15, 1e9, {}, (100, 0.0), 14),
+        (0.0, 230, {}, (100, 0.1), 22),
+        (0.0, 230, {}, (100, 0.2), 22),
+        (0.0, 240, {}, (1270, 0.06), 26),
+    ],
+    ids=["rise and fall", "hum", "alone", "spot beside hum", "spot beside more hum", "spot beside a lamp"],
 )
-def test_texture_is_learned_beside_other_disturbances(texture, light, hum, most):
-    """The limit of frames is that of 100 bytes in a clean stream (11 to 13), and a few to learn from."""
+def test_a_profile_is_learned_beside_other_disturbances(texture, spot, light, tone, most):
+    """The limit of frames is that of 100 bytes in a clean stream (11 to 13; round spots 17), and some to learn from."""
     chips = ocisac.transmit(PAYLOAD[:100]).chips
     frames = simulate_frames(
         ocisac.Chips(chips, CHIP_RATE, repeat=True, **light),
@@ -254,8 +261,8 @@ def test_texture_is_learned_beside_other_disturbances(texture, light, hum, most)
         dark_level=20,
         noise=2,
         start=0.7,
-        lamp=lamp_bar(1080, 64, 26),
-        ambient=ocisac.Tone(100, amplitude=hum),
+        lamp=lamp_bar(1080, 64, 26) * np.exp(-0.5 * ((np.arange(1080)[:, None] - 540) / spot) ** 2),
+        ambient=ocisac.Tone(tone[0], amplitude=tone[1]),
         reflectance=scene_texture(1080, 64, texture, seed=3),
         seed=3,
     )

@@ -10,6 +10,7 @@
 #include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/spectrum.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
@@ -65,6 +66,10 @@ MatrixXd nuisance_columns(std::size_t rows, const RowNuisance& nuisance, std::si
     fill_tone(kTurn * frequency, 0, &columns(0, column), &columns(0, column + 1), rows);
     column += 2;
   }
+  if (!nuisance.scale.empty()) {
+    const Eigen::Map<const VectorXd> scale(nuisance.scale.data(), columns.rows());
+    columns.middleCols(1, column - 1).array().colwise() *= scale.array();
+  }
   return columns;
 }
 
@@ -110,6 +115,8 @@ double exposed_square(double cycles, double exposure) {
 
 std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const RowNuisance& nuisance,
                                            std::span<const double> exposed) {
+  const std::size_t scaled = nuisance.scale.size();
+  require(scaled == 0 || scaled == signal.size(), "scale", scaled, "a value for each row");
   const Index swings = exposed.empty() ? 0 : kSwingTerms;
   MatrixXd model = nuisance_columns(signal.size(), nuisance, exposed.empty() ? 1 : kToneHarmonics, swings);
   const Index others = model.cols() - swings;

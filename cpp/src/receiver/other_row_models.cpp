@@ -26,30 +26,31 @@ std::vector<double> without_slow_light(std::span<const std::span<const double>> 
 
 }  // namespace
 
-RowNuisance RowModelSearch::prominent_tone(std::span<const double> signals, std::size_t rows) const {
+StrongestTone RowModelSearch::prominent_tone(std::span<const double> signals, std::size_t rows) const {
   const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
-  const auto tone = strongest_tone(signals, rows, kLowestHum * camera_.row_time, highest);
+  auto tone = strongest_tone(signals, rows, kLowestHum * camera_.row_time, highest);
   if (tone.prominence < kMinProminence) return {};
   for (const double mains : kMains)
     if (std::abs(mains * camera_.row_time - tone.frequency) * static_cast<double>(rows) < kSameTone)
-      return {0, {mains * camera_.row_time}};
-  return {0, {tone.frequency}};
+      tone.frequency = mains * camera_.row_time;
+  return tone;
 }
 
 // Slow light and tones that the rows show, the most likely first.
 std::vector<RowNuisance> RowModelSearch::other_nuisances(std::span<const double> signal, const FrameRows& frame) const {
   const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
-  const auto fit = remove_nuisance(signal, {slow, {}});
+  const auto& scale = state_.scale_beside;
+  const auto fit = remove_nuisance(signal, {slow, {}, scale});
   const auto plain = remove_nuisance(signal, {});
   const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
   std::vector<RowNuisance> nuisances;
   if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
-    for (const double mains : kMains) nuisances.push_back({0, {mains * row_time}});
-    nuisances.push_back({slow, {}});
+    for (const double mains : kMains) nuisances.push_back({0, {mains * row_time}, scale});
+    nuisances.push_back({slow, {}, scale});
   }
   if (fit && slow < highest) {
     const auto tone = strongest_tone(without_slow_light(frame.recent, slow), signal.size(), slow, highest);
-    if (tone.prominence > kMinProminence) nuisances.push_back({0, {tone.frequency}});
+    if (tone.prominence > kMinProminence) nuisances.push_back({0, {tone.frequency}, scale});
   }
   // In order of Schwarz's criterion.
   std::vector<std::pair<double, std::size_t>> order;

@@ -53,6 +53,37 @@ bool explains(const LearnedProfile& learned, const std::optional<FrameReading>& 
                                 reading->relative_noise < kMaxProfileGrowth * learned.noise);
 }
 
+// Tones in the frames of a round. Those of mains stay; others become their mean over the frames, in each of which a
+// wrong profile moves them.
+class ToneMeans {
+ public:
+  ToneMeans(const std::vector<double>& tones, double row_time) : means_(tones), row_time_(row_time) {}
+
+  void add(const std::vector<double>& found) {
+    ++frames_;
+    for (std::size_t k = 0; k < means_.size(); ++k)
+      if (!is_mains(means_[k])) means_[k] += (found[k] - means_[k]) / static_cast<double>(frames_);
+  }
+  [[nodiscard]] const std::vector<double>& means() const { return means_; }
+
+ private:
+  [[nodiscard]] bool is_mains(double tone) const {
+    return std::ranges::any_of(kMains, [&](double mains) { return tone == mains * row_time_; });
+  }
+
+  std::vector<double> means_;  // cycles per row
+  double row_time_;
+  std::size_t frames_ = 0;
+};
+
+// Light of other lamps, less the profile: it is divided by the lamp's swing.
+std::vector<double> scale_of_beside(const LearnedProfile& learned) {
+  if (!learned.beside) return {};
+  std::vector<double> scale(learned.rows.size());
+  for (std::size_t n = 0; n < scale.size(); ++n) scale[n] = 1 / learned.profile.swing[learned.rows.begin + n];
+  return scale;
+}
+
 }  // namespace
 
 void KeptFrame::expose(const FrameReading& reading, const LearnedProfile& learned, const RowNuisance& nuisance) {
@@ -126,14 +157,16 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
                                                     const CombinedColumn& column, std::size_t first_row,
                                                     const UseReading& use) {
   rows.state().first_row = first_row + learned.rows.begin;
+  rows.scale_beside(scale_of_beside(learned));
   KeptFit fit;
   const SearchEffort effort = rows.effort(learned.rows.size());
   double searches = use ? std::numeric_limits<double>::infinity() : kProfileSearches;
   const RowNuisance nuisance = rows.state().model.nuisance;
+  ToneMeans tones(nuisance.tones, rows.camera().row_time);
   double repeated = 0;
   for (KeptFrame& kept : kept_) {
     kept.time -= repeated;
-    rows.state().model.nuisance = nuisance;  // a wrong profile moves the tones of a frame anywhere
+    rows.state().model.nuisance = nuisance;
     const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
     FrameRows now{column, kept.time, searches > 0, effort, effort};
     const auto reading = rows.read_with_last(rest, now);
@@ -144,6 +177,7 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
     fit.read += reading.has_value();
     fit.noise += (reading ? reading->relative_noise : kMaxProfileNoise) / static_cast<double>(kept_.size());
     if (!reading) continue;
+    tones.add(rows.state().model.nuisance.tones);
     kept.expose(*reading, learned, rows.state().model.nuisance);
     if (use) {
       kept.repeats = use(kept, *reading, rest);
@@ -154,6 +188,7 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
     rows.accept(*reading, rest);
     rows.state().relative_noise = reading->relative_noise;
   }
+  if (!use) rows.state().model.nuisance.tones = tones.means();
   drop_repeated();
   return fit;
 }
@@ -164,26 +199,70 @@ void ProfileLearning::drop_repeated() {
   kept_.erase(std::remove_if(kept_.begin(), current, std::mem_fn(&KeptFrame::repeats)), current);
 }
 
-// The first profile, 0 where the lamp is too dark.
-std::optional<LearnedProfile> ProfileLearning::first_learned(std::size_t smooth) const {
+// Each kept frame less their mean: the still light is gone, and what changes is not divided by a profile.
+std::vector<std::vector<double>> ProfileLearning::changes() const {
+  std::vector<double> mean(kept_.back().signal.size());
+  for (const KeptFrame& kept : kept_)
+    for (std::size_t n = 0; n < mean.size(); ++n) mean[n] += kept.signal[n] / static_cast<double>(kept_.size());
+  std::vector<std::vector<double>> changes;
+  for (const KeptFrame& kept : kept_) {
+    changes.push_back(kept.signal);
+    for (std::size_t n = 0; n < mean.size(); ++n) changes.back()[n] -= mean[n];
+  }
+  return changes;
+}
+
+// The first profile, 0 where the lamp is too dark. `beside`: of a light as bright in all rows, which is no part of it.
+std::optional<LearnedProfile> ProfileLearning::first_learned(std::size_t smooth, const RowNuisance& beside) const {
+  std::vector<std::vector<double>> lamps;
+  for (const KeptFrame& kept : kept_) lamps.push_back(kept.signal);
+  if (!beside.empty()) {
+    const auto all = changes();
+    for (std::size_t k = 0; k < lamps.size(); ++k)
+      if (const auto fit = remove_nuisance(all[k], beside))
+        for (std::size_t n = 0; n < all[k].size(); ++n) lamps[k][n] -= all[k][n] - fit->rest[n];
+  }
   std::vector<ProfileFrame> signals;
-  for (const KeptFrame& kept : kept_) signals.push_back({kept.signal, {}});
+  for (const auto& lamp : lamps) signals.push_back({lamp, {}});
   auto first = first_profile(signals, smooth);
   if (!first) return std::nullopt;
   const RowRange bright = profile_rows(*first, kMinProfileSwing);
   std::fill_n(first->swing.begin(), bright.begin, 0.0);
   std::fill(first->swing.begin() + static_cast<std::ptrdiff_t>(bright.end), first->swing.end(), 0.0);
-  return LearnedProfile{std::move(*first), bright};
+  return LearnedProfile{std::move(*first), bright, 0, false, !beside.empty()};
 }
 
-// A tone in what a profile leaves of the kept frames: the profile divides hum and lamp alike.
-RowNuisance ProfileLearning::tone_beside(const LearnedProfile& learned, const RowModelSearch& rows) const {
+// The kept frames, divided by a profile.
+std::vector<double> ProfileLearning::divided(const LearnedProfile& learned) const {
   std::vector<double> rests;
   for (const KeptFrame& kept : kept_) {
     const auto rest = without_profile(kept.signal, learned.profile, learned.rows);
     rests.insert(rests.end(), rest.begin(), rest.end());
   }
-  return rows.prominent_tone(rests, learned.rows.size());
+  return rests;
+}
+
+// A profile that divides a tone as well, and one with the tone beside it. The more probable first: the wrong one
+// modulates the tone, which stands out less then.
+std::vector<ProfileLearning::Start> ProfileLearning::starts(const RowModelSearch& rows) const {
+  const auto tone_of = [](const StrongestTone& tone) {
+    return tone.prominence > 0 ? std::vector{tone.frequency} : std::vector<double>{};
+  };
+  const std::size_t smooth = smoothing(rows);
+  std::vector<Start> starts;
+  if (auto alike = first_learned(smooth, {})) {
+    const auto tone = rows.prominent_tone(divided(*alike), alike->rows.size());
+    starts.push_back({std::move(*alike), tone_of(tone)});
+  }
+  std::vector<double> all;
+  for (const auto& change : changes()) all.insert(all.end(), change.begin(), change.end());
+  const auto tone = rows.prominent_tone(all, kept_.back().signal.size());
+  auto beside = tone.prominence > 0 ? first_learned(smooth, {0, tone_of(tone)}) : std::nullopt;
+  if (!beside) return starts;
+  const auto modulated = rows.prominent_tone(divided(*beside), beside->rows.size());
+  const auto place = tone.prominence > modulated.prominence ? starts.begin() : starts.end();
+  starts.insert(place, {std::move(*beside), tone_of(tone)});
+  return starts;
 }
 
 // True if the residual falls by more than two unknowns a row cost (Schwarz's criterion).
@@ -194,38 +273,53 @@ bool ProfileLearning::is_worth(const LearnedProfile& learned) const {
   return 2 * std::log(without / learned.noise) > 2 * std::log(count) / count;
 }
 
+// True if a tone stands out of what profile and chips leave, and none was known: it belongs to the model from now on.
+bool ProfileLearning::finds_tone_left(LearnedProfile& learned, RowModelSearch& rows) const {
+  if (!rows.state().model.nuisance.empty()) return false;
+  std::vector<double> all;
+  for (const KeptFrame& kept : kept_)
+    for (std::size_t n = learned.rows.begin; n < learned.rows.end && !kept.exposed.empty(); ++n)
+      all.push_back(kept.signal[n] - learned.profile.dark[n] - learned.profile.swing[n] * kept.exposed[n]);
+  const auto tone = rows.prominent_tone(all, learned.rows.size());
+  learned.beside = tone.prominence > 0;
+  if (learned.beside) rows.state().model.nuisance.tones = {tone.frequency};
+  return learned.beside;
+}
+
 // Alternates chips of all kept frames and the profile, from the frames' mean and standard deviation on. The first
-// rounds have wrong chips: they keep near the first shape. Where a settled profile leaves more than noise, rise and
-// fall of the light are fitted, too.
+// rounds have wrong chips: they keep near the first shape. A tone in what is left is fitted, and where a settled
+// profile leaves more than noise, rise and fall of the light, too.
 std::optional<LearnedProfile> ProfileLearning::learn(RowModelSearch& rows, const CombinedColumn& column,
-                                                     std::size_t first_row) {
-  auto learned = first_learned(smoothing(rows));
-  if (!learned) return std::nullopt;
-  const RowProfile first = learned->profile;
+                                                     std::size_t first_row, const Start& start) {
+  LearnedProfile learned = start.learned;
+  const RowProfile& first = start.learned.profile;
   rows.restart_clock();
-  rows.state().model.nuisance = tone_beside(*learned, rows);
+  rows.state().model.nuisance.tones = start.tones;
   const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(kept_.size()));
   std::optional<std::pair<LearnedProfile, SignalModel>> best;
   double noise = std::numeric_limits<double>::infinity();
   for (std::size_t round = 0; round < kProfileRounds; ++round) {
-    const KeptFit fit = read_kept(rows, *learned, column, first_row, {});
+    const KeptFit fit = read_kept(rows, learned, column, first_row, {});
     rows.restart_phase(fit.read >= enough);
-    learned->noise = fit.noise;
-    learned->fits = fit.frames >= enough && round > 0;
+    learned.noise = fit.noise;
+    learned.fits = fit.frames >= enough && round > 0;
     const bool slower = best && rows.state().model.slow_light && !best->second.slow_light;
     const double highest = best ? (slower ? kBetterProfile : 1.0) * best->first.noise : kMaxProfileNoise;
-    if (round > 0 && fit.read >= enough && (fit.noise < highest || (learned->fits && !slower)))
-      best.emplace(*learned, rows.state().model);
+    if (round > 0 && fit.read >= enough && (fit.noise < highest || (learned.fits && !slower)))
+      best.emplace(learned, rows.state().model);
     if (best && best->first.fits) break;
-    if (round >= kShapeWeights.size() && fit.noise > kProfileGain * noise && !rows.start_slow_light()) break;
+    const bool finds_tone = fit.read >= enough && finds_tone_left(learned, rows);
+    if (round >= kShapeWeights.size() && fit.noise > kProfileGain * noise && !finds_tone && !rows.start_slow_light())
+      break;
     noise = fit.noise;
     const double weight = kShapeWeights[std::min(round, kShapeWeights.size() - 1)];
     auto profile = fit_profile(frames(), first.swing, smoothing(rows), weight);
-    if (!profile || !is_bright(*profile, learned->rows)) break;
-    learned->profile = std::move(*profile);
+    if (!profile || !is_bright(*profile, learned.rows)) break;
+    learned.profile = std::move(*profile);
   }
   if (!best || !(best->first.fits || is_worth(best->first))) return std::nullopt;
   rows.state().model = std::move(best->second);
+  rows.scale_beside(scale_of_beside(best->first));
   return std::move(best->first);
 }
 
@@ -252,7 +346,13 @@ bool ProfileLearning::learn_first(RowModelSearch& rows, const CombinedColumn& co
   if (kept_.size() < kMinProfileFrames) return false;
   const LightState before = rows.state();
   auto kept = kept_;
-  auto learned = learn(rows, column, first_row);
+  std::optional<LearnedProfile> learned;
+  for (const Start& start : starts(rows)) {
+    rows.state() = before;
+    kept_ = kept;
+    learned = learn(rows, column, first_row, start);
+    if (learned) break;
+  }
   const bool better = learned && (!profile_ || learned->fits || learned->noise < kBetterProfile * profile_->noise);
   if (better) {
     profile_ = std::move(learned);
@@ -289,7 +389,10 @@ bool ProfileLearning::follow(const std::optional<FrameReading>& reading, RowMode
     now.expose(*reading, *profile_, rows.state().model.nuisance);
     if (now.number % kProfileInterval == 0) {
       auto again = fit_profile(frames(), profile_->profile.swing, smoothing(rows), kShapeWeights.back());
-      if (again && is_bright(*again, profile_->rows)) profile_->profile = std::move(*again);
+      if (again && is_bright(*again, profile_->rows)) {
+        profile_->profile = std::move(*again);
+        rows.scale_beside(scale_of_beside(*profile_));
+      }
     }
   }
   profile_misfits_ = explained ? 0 : profile_misfits_ + 1;

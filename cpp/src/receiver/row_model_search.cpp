@@ -118,6 +118,12 @@ void RowModelSearch::restart_clock() {
   state_.model = {{}, {}, camera_.exposure.has_value()};
   if (camera_.exposure) state_.model.exposure_rows = *camera_.exposure / camera_.row_time;
   state_.relative_noise = 0;
+  state_.scale_beside.clear();
+}
+
+void RowModelSearch::scale_beside(std::vector<double> scale) {
+  state_.model.nuisance.scale = scale;
+  state_.scale_beside = std::move(scale);
 }
 
 void RowModelSearch::restart_phase(bool readable) {

@@ -67,12 +67,13 @@ def profile_rows(swing: npt.ArrayLike, share: float) -> tuple[int, int]:
 
 
 def remove_nuisance(
-    signal: npt.ArrayLike, slow: float, tones: Sequence[float], exposed: npt.ArrayLike
+    signal: npt.ArrayLike, slow: float, tones: Sequence[float], exposed: npt.ArrayLike, scale: npt.ArrayLike = ()
 ) -> tuple[FloatArray, float]:
     """Signal minus slow light and tones of one least-squares fit with a constant and the chips, and its residual.
 
     Slow light: cosines of half periods of the frame, up to ``slow`` cycles per row. Tones (cycles per row) have seven
-    harmonics, one if the chips are unknown (``exposed`` empty). The chips' swing is a parabola along the frame.
+    harmonics, one if the chips are unknown (``exposed`` empty). Both are multiplied by ``scale`` (rows), unless it is
+    empty. The chips' swing is a parabola along the frame.
     """
     values, chips = np.asarray(signal, dtype=np.float64), np.asarray(exposed, dtype=np.float64)
     rows = len(values)
@@ -84,6 +85,8 @@ def remove_nuisance(
             if harmonic * tone < 0.5:
                 angle = 2 * np.pi * harmonic * tone * row
                 other += [np.cos(angle), np.sin(angle)]
+    if np.size(scale):
+        other = [np.asarray(scale) * column for column in other]
     along = np.linspace(-1, 1, rows)
     swings = [chips * along**k for k in range(3)] if chips.size else []
     model = np.stack([np.ones(rows), *other, *swings], axis=1)

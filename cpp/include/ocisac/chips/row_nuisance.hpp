@@ -18,6 +18,9 @@ namespace ocisac {
 struct RowNuisance {
   double slow = 0;            // cycles per row; 0: none
   std::vector<double> tones;  // cycles per row
+  // (rows) q_n, by which slow light and tones are multiplied; empty: 1. Rows of a lamp are divided by its profile, the
+  // light of other lamps beside it has none.
+  std::vector<double> scale{};
 
   [[nodiscard]] bool empty() const { return slow == 0 && tones.empty(); }
 };

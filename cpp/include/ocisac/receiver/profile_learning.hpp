@@ -20,7 +20,8 @@ struct LearnedProfile {
   RowProfile profile;
   RowRange rows;
   double noise = 0;
-  bool fits = false;  // no more than noise
+  bool fits = false;    // no more than noise
+  bool beside = false;  // other lamps' light is as bright where the lamp is dark: no part of its profile
 };
 
 // A recent frame: its rows, and s of each where its chips are known.
@@ -85,14 +86,22 @@ class ProfileLearning {
     std::size_t frames = 0, read = 0;  // that leave no more than noise; that were read
     double noise = 0;                  // mean over the frames, relative to the swing
   };
+  struct Start {
+    LearnedProfile learned;
+    std::vector<double> tones;  // cycles per row
+  };
   [[nodiscard]] std::vector<ProfileFrame> frames() const;
   KeptFit read_kept(RowModelSearch& rows, const LearnedProfile& learned, const CombinedColumn& column,
                     std::size_t first_row, const UseReading& use);
   void drop_repeated();
-  [[nodiscard]] std::optional<LearnedProfile> first_learned(std::size_t smooth) const;
-  [[nodiscard]] RowNuisance tone_beside(const LearnedProfile& learned, const RowModelSearch& rows) const;
+  [[nodiscard]] std::vector<std::vector<double>> changes() const;
+  [[nodiscard]] std::optional<LearnedProfile> first_learned(std::size_t smooth, const RowNuisance& beside) const;
+  [[nodiscard]] std::vector<double> divided(const LearnedProfile& learned) const;
+  [[nodiscard]] std::vector<Start> starts(const RowModelSearch& rows) const;
+  bool finds_tone_left(LearnedProfile& learned, RowModelSearch& rows) const;
   [[nodiscard]] bool is_worth(const LearnedProfile& learned) const;
-  std::optional<LearnedProfile> learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
+  std::optional<LearnedProfile> learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row,
+                                      const Start& start);
 
   std::deque<KeptFrame> kept_;                    // the last frames, the current one included
   std::size_t kept_first_row_ = 0;                // of the picture, at index 0 of their signals

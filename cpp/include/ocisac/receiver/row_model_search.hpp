@@ -45,6 +45,7 @@ struct LightState {
   SignalModel model;                       // that explained it
   double relative_noise = 0;               // max of the last frame's and of the decayed earlier values
   std::size_t first_row = 0;               // of the current frame
+  std::vector<double> scale_beside;        // that of slow light and tones beside the chips
 };
 
 struct RowSearchOptions {
@@ -74,13 +75,15 @@ class RowModelSearch {
   void restart_clock();
   // The same with the rate.
   void forget();
+  // (rows) of slow light and tones beside the chips from now on, RowNuisance::scale.
+  void scale_beside(std::vector<double> scale);
   // The next rows have levels of 0 and 1. The model stays, and where `readable`, of the clock all but its phase.
   void restart_phase(bool readable);
   // Rise and fall belong to the model from now on, starting from those of a moderately slow light. False where they do,
   // and where no frame was read.
   bool start_slow_light();
-  // A tone that stands out of frames of `rows` rows; none.
-  [[nodiscard]] RowNuisance prominent_tone(std::span<const double> signals, std::size_t rows) const;
+  // A tone that stands out of frames of `rows` rows; prominence 0: none.
+  [[nodiscard]] StrongestTone prominent_tone(std::span<const double> signals, std::size_t rows) const;
 
   std::optional<FrameReading> read(std::span<const double> signal, FrameRows& frame);
   // With the model of the last frame only.
