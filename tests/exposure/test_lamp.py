@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from ocisac_fast import Camera, Chips, integrate_exposure, reference
 from ocisac_fast.exposure import (
@@ -21,12 +21,15 @@ from ocisac_fast.exposure import (
 )
 from ocisac_fast.packets.transmission import encode_line_code
 
+ROUNDING = 1e-12
 shutters = st.lists(st.floats(2e-4, 0.03), min_size=1, max_size=3)
 duties = st.one_of(st.none(), st.floats(0.03, 0.97))
 
 
 @settings(deadline=None, max_examples=3 * settings.default.max_examples // 10)
 @given(shutters, duties, st.floats(0.01, 0.5), st.floats(0.0, 0.02))
+@example([0.0234375], 0.05227697141707196, 1 / 3, 0.0)
+@example([0.015625], 0.05227697141707196, 1 / 3, 0.0)
 def test_frequencies_are_those_and_all_those(
     exposures: list[float], duty: float | None, below: float, spread: float
 ) -> None:
@@ -39,14 +42,16 @@ def test_frequencies_are_those_and_all_those(
     for low, high in found.intervals:
         inside |= (grid >= low * (1 - 1e-12)) & (grid <= high * (1 + 1e-12))
     if found.holds:
-        assert found.modulation <= below
+        assert found.modulation <= below * (1 + ROUNDING)
         assert np.array_equal(inside, left <= below) or np.abs(left[inside != (left <= below)] - below).max() < 1e-9
     else:
         assert left.min() > below
         assert found.modulation <= left.min() * (1 + 1e-9)
     beyond = found.always_from * np.linspace(1.0 + 1e-9, 5.0, 5001)
     for t in exposures:
-        assert np.all(exposure_modulation(FlickeringLight(t, uncertainty=t * spread, duty=duty), beyond) <= below)
+        assert np.all(
+            exposure_modulation(FlickeringLight(t, uncertainty=t * spread, duty=duty), beyond) <= below * (1 + ROUNDING)
+        )
 
 
 @pytest.mark.parametrize("duty", [None, 0.1, 0.7])

@@ -106,6 +106,10 @@ def test_numbers_are_those_of_the_lamps_in_any_array(seed, dtype, transposed, re
     assert_same(sources, detect_sources(frame.copy(), camera))
     assert len(sources) == 2
     full = 256.0 if dtype == np.uint16 else 1.0
+    apart = abs(sources[0].frequency - sources[1].frequency)
+    alike = apart < 3 * np.hypot(
+        sources[0].frequency_std, sources[1].frequency_std
+    )  # one may be the other's reflection
     for row, column, radius, wave in lamps:
         source = nearest(sources, row, column)
         assert abs(source.y + source.height / 2 - row) < 10
@@ -125,7 +129,8 @@ def test_numbers_are_those_of_the_lamps_in_any_array(seed, dtype, transposed, re
             assert abs(np.angle(np.exp(1j * (source.phase - turn)))) < 1e-4
         assert source.periodic > 0.7
         assert source.snr > 1
-        assert (source.carries_data, source.reflection_of) == (False, None)
+        assert not source.carries_data
+        assert source.reflection_of is None or alike
 
 
 def data_light(seed, rows_per_chip=8.0, radius=160):
