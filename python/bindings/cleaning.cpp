@@ -1,8 +1,10 @@
 #include <limits>
 
 #include "bindings.hpp"
+#include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 #include "ocisac/cleaning/restore_picture.hpp"
+#include "ocisac/cleaning/row_misfit.hpp"
 
 namespace ocisac::bindings {
 
@@ -29,6 +31,40 @@ py::tuple run_refine_row_light(const Doubles& light, const Doubles& variance, co
   const RowLight result =
       unlocked([&] { return refine_row_light(picture, span_of(share), span_of(row_light), steps, model); });
   return py::make_tuple(array_of(result.light, {light.shape(1)}), array_of(result.information, {light.shape(1)}));
+}
+
+double run_row_misfit(const Doubles& light, const Doubles& variance, const Doubles& row_light, const Doubles& share,
+                      std::size_t lag) {
+  const BandedPicture picture = picture_of(light, variance);
+  return unlocked([&] { return row_misfit(picture, span_of(row_light), span_of(share), lag); });
+}
+
+CleaningVerdict run_judge_cleaning(const Doubles& light, const Doubles& variance, const Doubles& row_light,
+                                   const Doubles& share, std::size_t block_rows, std::size_t block_columns,
+                                   std::size_t max_columns) {
+  const BandedPicture picture = picture_of(light, variance);
+  return unlocked([&] {
+    return judge_cleaning(picture, span_of(row_light), {span_of(share), block_rows, block_columns}, max_columns);
+  });
+}
+
+void register_verdict(py::module_& module) {
+  using py::arg;
+  py::class_<CleaningVerdict>(module, "CleaningVerdict")
+      .def_readwrite("light_left", &CleaningVerdict::light_left)
+      .def_readwrite("texture_change", &CleaningVerdict::texture_change)
+      .def_readwrite("gain", &CleaningVerdict::gain)
+      .def_readwrite("worse", &CleaningVerdict::worse)
+      .def_readwrite("level", &CleaningVerdict::level)
+      .def_readwrite("slow_bands", &CleaningVerdict::slow_bands)
+      .def_readwrite("energy", &CleaningVerdict::energy)
+      .def_property_readonly("objection", &objection_to);
+  module.def("row_misfit", &run_row_misfit, arg("light"), arg("variance"), arg("row_light"), arg("share"), arg("lag"));
+  module.def("judge_cleaning", &run_judge_cleaning, arg("light"), arg("variance"), arg("row_light"), arg("share"),
+             arg("block_rows"), arg("block_columns"), arg("max_columns"));
+  module.def(
+      "mean_verdict", [](const std::vector<CleaningVerdict>& verdicts) { return mean_verdict(verdicts); },
+      arg("verdicts"));
 }
 
 template <class Sample>
@@ -88,6 +124,7 @@ void register_cleaning(py::module_& module) {
       arg("row_light"));
   module.def("refine_row_light", &run_refine_row_light, arg("light"), arg("variance"), arg("share"), arg("row_light"),
              arg("steps"), arg("basis") = py::none(), arg("deviation") = std::numeric_limits<double>::infinity());
+  register_verdict(module);
   register_stored<std::uint8_t>(module);
   register_stored<std::uint16_t>(module);
 }

@@ -337,6 +337,35 @@ def refine_row_light(
     basis: npt.NDArray[np.float64] | None = None,
     deviation: float = ...,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+def row_misfit(
+    light: npt.NDArray[np.float64],
+    variance: npt.NDArray[np.float64],
+    row_light: npt.NDArray[np.float64],
+    share: npt.NDArray[np.float64],
+    lag: int,
+) -> float: ...
+
+class CleaningVerdict:
+    light_left: float
+    texture_change: float
+    gain: float
+    worse: float
+    level: float
+    slow_bands: float
+    energy: float
+    @property
+    def objection(self) -> str: ...
+
+def judge_cleaning(
+    light: npt.NDArray[np.float64],
+    variance: npt.NDArray[np.float64],
+    row_light: npt.NDArray[np.float64],
+    share: npt.NDArray[np.float64],
+    block_rows: int,
+    block_columns: int,
+    max_columns: int,
+) -> CleaningVerdict: ...
+def mean_verdict(verdicts: Sequence[CleaningVerdict]) -> CleaningVerdict: ...
 def merge_columns(
     stored: npt.NDArray[Any], merged: int, light: npt.NDArray[np.float64], variance: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...

@@ -606,3 +606,65 @@ def test_a_light_that_lights_all_alike_has_one_share(seed: int) -> None:
     assert even.share[0, 0] == pytest.approx(0.5, abs=0.02)
     shaded = remove_bands(scene(light, seed)[0], CAMERA, light=light)
     assert np.ptp(shaded.share) > 0.3
+
+
+@given(
+    st.sampled_from([(8, 1), (16, 5), (61, 30), (300, 70)]),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(["random", "dark", "even", "lost"]),
+)
+@settings(max_examples=settings.default.max_examples // 2)
+def test_the_verdict_agrees_with_the_reference(shape: tuple[int, int], seed: int, kind: str) -> None:
+    random = np.random.default_rng(seed)
+    light, variance = random.uniform(-5, 200, shape), random.uniform(0.5, 4, shape)
+    share, rows = random.uniform(0, 1, shape), random.uniform(0, 2, shape[0])
+    if kind == "dark":
+        light[:] = 0.0
+    if kind == "even":
+        rows[:] = 1.0
+    if kind == "lost":
+        variance[random.random(shape) < 0.3] = np.inf
+        variance[shape[0] // 2] = np.inf
+    got = _core.judge_cleaning(light[None], variance[None], rows, share, 1, 1, shape[1])
+    want = reference.judge_cleaning(light, variance, rows, share)
+    numbers = got.light_left, got.texture_change, got.gain, got.worse, got.level, got.energy
+    np.testing.assert_allclose(numbers, want, rtol=1e-9, atol=1e-10)
+    lag = int(random.integers(1, shape[0]))
+    for own in (share, share[0], share[0, :1]):
+        misfit = _core.row_misfit(light[None], variance[None], rows[None], own, lag)
+        assert misfit == pytest.approx(reference.row_misfit(light[None], variance[None], rows[None], own, lag), abs=1e-11)
+
+
+def test_a_verdict_counts_some_columns_and_shares_of_blocks() -> None:
+    random = np.random.default_rng(3)
+    light, variance = random.uniform(20, 200, (40, 90)), np.ones((40, 90))
+    rows, blocks = random.uniform(0, 2, 40), random.uniform(0, 1, (4, 8))
+    share = blocks.repeat(12, axis=0)[:40].repeat(12, axis=1)[:, :90]
+    some = _core.judge_cleaning(light[None], variance[None], rows, blocks, 12, 12, 30)
+    every = _core.judge_cleaning(light[None, :, ::3], variance[None, :, ::3], rows, share[:, ::3], 1, 1, 30)
+    assert (some.gain, some.light_left, some.worse) == (every.gain, every.light_left, every.worse)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"share": np.ones((2, 2))}, "share: got 4"),
+        ({"row_light": np.ones(5)}, "row_light: got 5"),
+        ({"max_columns": 0}, "max_columns: got 0"),
+        ({"block_columns": 0}, "block_rows, block_columns"),
+        ({"light": np.full((1, 8, 9), np.nan)}, "picture: got nan"),
+        ({"light": np.ones((2, 8, 9)), "variance": np.ones((2, 8, 9)), "row_light": np.ones((2, 8))}, "frames: got 2"),
+    ],
+)
+def test_bad_verdicts(change: dict[str, Any], message: str) -> None:
+    valid: dict[str, Any] = {
+        "light": np.ones((1, 8, 9)), "variance": np.ones((1, 8, 9)), "row_light": np.ones(8), "share": np.ones((2, 3)),
+        "block_rows": 4, "block_columns": 3, "max_columns": 4,
+    }  # fmt: skip
+    _core.judge_cleaning(**valid)
+    with pytest.raises(ValueError, match=message):
+        _core.judge_cleaning(**{**valid, **change})
+    with pytest.raises(ValueError, match="lag: got 0"):
+        _core.row_misfit(np.ones((1, 8, 9)), np.ones((1, 8, 9)), np.ones((1, 8)), np.ones(1), 0)
+    with pytest.raises(ValueError, match="verdicts: got 0"):
+        _core.mean_verdict([])

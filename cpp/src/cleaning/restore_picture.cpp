@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "cleaning/block_shares.hpp"
 #include "core/check_interrupt.hpp"
-#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
@@ -13,8 +13,6 @@ namespace {
 
 constexpr std::size_t cells = 4096;  // of the table from which the search for a stored value starts
 constexpr double min_left = 1e-9;    // of the light of a row, as a divisor
-
-std::size_t blocks_of(std::size_t length, std::size_t block) { return (length + block - 1) / block; }
 
 void check(std::size_t pixels, std::size_t columns, const StoredLight& table) {
   require(columns > 0 && pixels > 0 && pixels % columns == 0, "stored", pixels, "rows x columns values");
@@ -115,9 +113,8 @@ RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::siz
   const std::size_t rows = stored.size() / columns;
   require(bounds.size() + 1 == table.light.size(), "bounds", bounds.size(), "one less than stored values");
   require(to.rows.size() == rows, "rows", to.rows.size(), "one value a row");
-  require(shares.block_rows > 0 && shares.block_columns > 0, "block_rows, block_columns", 0, "1 or more");
+  check(shares, rows, columns);
   const std::size_t down = blocks_of(rows, shares.block_rows), across = blocks_of(columns, shares.block_columns);
-  require(shares.share.size() == down * across, "share", shares.share.size(), "one value a block");
   const StoredValues value_of(table.light, bounds);
   std::vector<Place> places;
   for (std::size_t column = 0; column < columns; ++column)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast._core import CleaningVerdict
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
@@ -18,7 +19,6 @@ from ocisac_fast.cleaning.shares import colour_shares
 from ocisac_fast.cleaning.slow_light import CommonCourse, SlowLight, find_slow_lights
 from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, block_size, merged
 from ocisac_fast.cleaning.toe import find_toe
-from ocisac_fast.cleaning.verdict import MAX_JUDGED_COLUMNS, MIN_LEFT, Verdict, judged, mean_verdict
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
@@ -26,6 +26,8 @@ from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 FloatArray = npt.NDArray[np.float64]
 
 _MUCH_LEFT, _MUCH_TEXTURE = 0.5, 1.0  # of the bands' swing; dB: a remark
+_MAX_JUDGED_COLUMNS = 256  # of a picture
+_MIN_LEFT = 1 / 8  # lower bound of a light that is a divisor
 
 
 class Mark(IntEnum):
@@ -319,7 +321,7 @@ class Done:
     shares: npt.NDArray[np.float32]
     lights: list[list[RowLight]]
     toe: float
-    verdicts: list[Verdict]
+    verdicts: list[CleaningVerdict]
     unchanged: str
 
 
@@ -333,7 +335,7 @@ class Estimate:
     stored: StoredFrames
     lights: list[list[RowLight]]
     shares: list[BlockShares]
-    verdicts: list[Verdict]
+    verdicts: list[CleaningVerdict]
     unchanged: str
     slow: list[SlowLight]
 
@@ -359,8 +361,8 @@ def estimated(
     rows = np.stack([[own.light for own in of_frame] for of_frame in found])  # (frames, colours, rows)
     shares = shares_of(stored, rows, smooth=all(own.model == "tone" for of_frame in found for own in of_frame))
     verdicts = [verdict_on(stored, k, rows[k], shares) for k in range(len(stack))]
-    objection = "" if given else mean_verdict(verdicts).objection
-    doubtful = objection or found[0][0].model == "rows" or mean_verdict(verdicts).light_left > _MUCH_LEFT
+    objection = "" if given else _core.mean_verdict(verdicts).objection
+    doubtful = objection or found[0][0].model == "rows" or _core.mean_verdict(verdicts).light_left > _MUCH_LEFT
     if not given and task.model in ("auto", "tone") and doubtful:
         slow = find_slow_lights(stored.light, stored.variance, camera, earlier)
         if not any(own.objection for own in slow):
@@ -372,8 +374,10 @@ def estimated(
     return Estimate(stored, found, shares, _with_slow_bands(verdicts, slow), objection, [])
 
 
-def _with_slow_bands(verdicts: list[Verdict], slow: list[SlowLight]) -> list[Verdict]:
-    return [replace(one, slow_bands=own.amplitude) for one, own in zip(verdicts, slow, strict=True)]
+def _with_slow_bands(verdicts: list[CleaningVerdict], slow: list[SlowLight]) -> list[CleaningVerdict]:
+    for verdict, own in zip(verdicts, slow, strict=True):
+        verdict.slow_bands = own.amplitude
+    return verdicts
 
 
 def _light_of_blocks(stored: StoredFrames, rows: FloatArray, shares: list[BlockShares]) -> FloatArray:
@@ -381,7 +385,7 @@ def _light_of_blocks(stored: StoredFrames, rows: FloatArray, shares: list[BlockS
     down = np.arange(stored.light.shape[1]) // shares[0].rows
     across = np.arange(stored.light.shape[2]) * stored.merged // shares[0].columns
     share = np.stack([own.share[np.ix_(down, across)] for own in shares], axis=-1)
-    return np.maximum(1 + share * (np.swapaxes(rows, 1, 2)[:, :, None] - 1), MIN_LEFT)
+    return np.maximum(1 + share * (np.swapaxes(rows, 1, 2)[:, :, None] - 1), _MIN_LEFT)
 
 
 def of_slow_light(stored: StoredFrames, slow: list[SlowLight], camera: Camera) -> Estimate:
@@ -397,7 +401,8 @@ def of_slow_light(stored: StoredFrames, slow: list[SlowLight], camera: Camera) -
         hertz = own.tones[0].cycles / (count * camera.row_period)
         lights.append([RowLight(light, float(light.max()), "tone", hertz) for light in rows])
         verdict = verdict_on(stored, frame, rows, shares)
-        verdicts.append(replace(verdict, light_left=own.verdict.left, worse=own.verdict.worse, level=own.verdict.level))
+        verdict.light_left, verdict.worse, verdict.level = own.verdict.left, own.verdict.worse, own.verdict.level
+        verdicts.append(verdict)
     return Estimate(stored, lights, shares, verdicts, "", slow)
 
 
@@ -425,19 +430,19 @@ def verdict_on(
     frame: int,
     rows: FloatArray,
     shares: list[BlockShares],
-    columns: int = MAX_JUDGED_COLUMNS,
+    columns: int = _MAX_JUDGED_COLUMNS,
     slow_bands: float = 0.0,
-) -> Verdict:
+) -> CleaningVerdict:
     """The verdict on one frame with the row light of each colour, ``rows`` (colours, rows), by so many columns."""
     light, variance = stored.light[frame], stored.variance[frame]
-    every = max(1, light.shape[1] // columns)
-    verdicts = []
+    each = []
     for colour, own in enumerate(shares):
-        down = np.arange(light.shape[0]) // own.rows
-        across = np.arange(0, light.shape[1], every) * stored.merged // own.columns
-        thin = light[:, ::every, colour], variance[:, ::every, colour]
-        verdicts.append(judged(*thin, rows[colour], own.share[np.ix_(down, across)], slow_bands))
-    return mean_verdict(verdicts)
+        picture = light[None, ..., colour], variance[None, ..., colour]
+        block = own.rows, -(-own.columns // stored.merged)
+        each.append(_core.judge_cleaning(*picture, rows[colour], own.share, *block, columns))
+    verdict = _core.mean_verdict(each)
+    verdict.slow_bands = slow_bands
+    return verdict
 
 
 def finished(found: Estimate, task: Task) -> Done:

@@ -11,8 +11,6 @@ FloatArray = npt.NDArray[np.float64]
 
 _MAX_COLUMNS, _LEAST_COLUMNS, _MAX_SAMPLES = 192, 48, 1 << 17  # bundles of columns, and their rows
 _SLOWEST_ROWS = 128  # rows; slower changes of the light cannot be distinguished from the picture
-_TEXTURE = 0.05  # relative difference of neighbours that texture causes
-_MIN_LEFT = 0.02  # lower bound of a light that is a divisor
 
 
 def block_rows(rows: int, lag: int) -> int:
@@ -59,9 +57,9 @@ class Columns:
         return float(self._share_of_columns(rows).mean())
 
     def misfit(self, rows: FloatArray, lag: int) -> float:
-        """:func:`misfit` after division by a light of mean 1."""
-        left = np.maximum(1 + self._share_of_columns(rows) * (rows[:, None] - 1), _MIN_LEFT)
-        return misfit(self.light / left, self.variance / left**2, lag)
+        """Misfit of rows ``lag`` apart after division by a light of mean 1."""
+        share = self._share_of_columns(rows)
+        return _core.row_misfit(self.light[None], self.variance[None], rows[None], share, lag)
 
     def _share_of_columns(self, rows: FloatArray) -> FloatArray:
         if self._share is not None:
@@ -92,17 +90,6 @@ class Columns:
             self.light[None], self.variance[None], share, rows, steps, basis, deviation
         )
         return rows, certainty / max(float(certainty.max()), 1e-300)
-
-
-def misfit(light: FloatArray, variance: FloatArray, lag: int) -> float:
-    """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart of (..., rows, columns).
-
-    A lower value is more likely. The logarithm limits the influence of edges."""
-    after, before = light[..., lag:, :], light[..., :-lag, :]
-    mean = 0.5 * (after + before)
-    spread = (after - before) ** 2 + variance[..., lag:, :] + variance[..., :-lag, :]
-    known = (mean > 0.0) & np.isfinite(spread)
-    return float(np.mean(np.log(_TEXTURE**2 + spread[known] / mean[known] ** 2))) if known.any() else 0.0
 
 
 def alike_colours(light: FloatArray, variance: FloatArray) -> list[list[int]]:

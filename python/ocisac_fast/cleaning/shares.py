@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ocisac_fast import _core
-from ocisac_fast.cleaning.columns import FloatArray, misfit
+from ocisac_fast.cleaning.columns import FloatArray
 
 _MAX_TRIED_COLUMNS = 256  # of a picture, in its middle, for the gain by chance
 _CLEAR_GAIN = 0.1  # of the log-likelihood of a pair of pixels; by chance at most 0.03
@@ -42,8 +42,7 @@ def _left(rows: FloatArray, share: FloatArray | float) -> FloatArray:
 
 
 def _misfit(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray | float) -> float:
-    left = _left(rows, share)
-    return misfit(light / left, variance / left**2, _core.comparison_lag(rows))
+    return _core.row_misfit(light, variance, rows, np.asarray(share), _core.comparison_lag(rows))
 
 
 def _one_share(light: FloatArray, variance: FloatArray, rows: FloatArray, share: FloatArray) -> float:
@@ -51,7 +50,7 @@ def _one_share(light: FloatArray, variance: FloatArray, rows: FloatArray, share:
     middle = float(np.median(share))
     tried = np.linspace(max(middle - 0.1, 0.0), min(middle + 0.1, 1.0), _STEPS + 1)
     every = max(1, light.shape[2] // _MAX_TRIED_COLUMNS)
-    light, variance = light[..., ::every], variance[..., ::every]
+    light, variance = (np.ascontiguousarray(values[..., ::every]) for values in (light, variance))
     return float(tried[np.argmin([_misfit(light, variance, rows, one) for one in tried])])
 
 

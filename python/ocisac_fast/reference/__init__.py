@@ -17,10 +17,12 @@ from ocisac_fast.reference.chips import (
     pool_estimates as pool_estimates,
 )
 from ocisac_fast.reference.cleaning import (
+    judge_cleaning as judge_cleaning,
     light_share as light_share,
     merge_columns as merge_columns,
     refine_row_light as refine_row_light,
     restore_picture as restore_picture,
+    row_misfit as row_misfit,
     subtract_still as subtract_still,
 )
 from ocisac_fast.reference.exposure import (

@@ -402,3 +402,86 @@ def _without_last(values: FloatArray, axis: int) -> FloatArray:
 
 def _without_first(values: FloatArray, axis: int) -> FloatArray:
     return np.take(values, range(1, values.shape[axis]), axis=axis)
+
+
+SLOWEST_ROWS, GROUPS, TEXTURE, FLOOR = 128, 24, 0.05, 0.01
+
+
+def row_misfit(light: FloatArray, variance: FloatArray, row_light: FloatArray, share: FloatArray, lag: int) -> float:
+    """Misfit of rows ``lag`` apart of (frames, rows, columns) after division by (frames, rows) of mean 1.
+
+    ``share`` broadcasts to (rows, columns).
+    """
+    left = np.maximum(1 + share * (row_light[:, :, None] - 1), 0.02)
+    return _misfit(light / left, variance / left**2, lag)
+
+
+def _misfit(light: FloatArray, variance: FloatArray, lag: int) -> float:
+    """Mean of log(texture^2 + relative difference^2) of rows ``lag`` apart of (..., rows, columns)."""
+    after, before = light[..., lag:, :], light[..., :-lag, :]
+    mean = 0.5 * (after + before)
+    spread = (after - before) ** 2 + variance[..., lag:, :] + variance[..., :-lag, :]
+    known = (mean > 0.0) & np.isfinite(spread)
+    return float(np.mean(np.log(TEXTURE**2 + spread[known] / mean[known] ** 2))) if known.any() else 0.0
+
+
+def judge_cleaning(
+    light: FloatArray, variance: FloatArray, row_light: FloatArray, share: FloatArray
+) -> tuple[float, float, float, float, float, float]:
+    """Compare (rows, columns) before and after division by the (rows,) light with its shares of each pixel.
+
+    Returns the light left, the change of texture in dB, the gain, the share of groups of columns that are worse, the
+    level and the energy of the swing.
+    """
+    left = np.maximum(1 + share * (row_light[:, None] - 1), 1 / 8)
+    after = light / left
+    lag = comparison_lag(row_light[None])
+    pairs = ((light, variance), (after, variance / left**2))
+    whole = [_misfit(values, spread, lag) for values, spread in pairs]
+    parts = np.array_split(np.arange(left.shape[1]), min(GROUPS, left.shape[1]))
+    grown = [np.diff([_misfit(values[:, part], spread[:, part], lag) for values, spread in pairs]) > 0 for part in parts]
+    kept = np.isfinite(variance) & (left > 1 / 8)
+    first, second = _group_means(light, np.isfinite(variance)), _group_means(after, kept)
+    course = _course(row_light)
+    swings, swings_left = course.T @ first, course.T @ second
+    energy, mean = float((swings**2).sum()), swings.mean(axis=1)
+    return (
+        float(np.sqrt((swings_left**2).sum() / energy)) if energy > 0 else 0.0,
+        _decibels(_texture(after, kept), _texture(light, kept)),
+        whole[0] - whole[1],
+        float(np.mean(grown)),
+        float(mean @ mean) * swings.shape[1] / energy if energy > 0 else 1.0,
+        energy,
+    )
+
+
+def _group_means(light: FloatArray, kept: npt.NDArray[np.bool_]) -> FloatArray:
+    """(rows, groups) mean light of groups of columns; the mean of the group in rows that lack pixels."""
+    starts = np.unique(np.linspace(0, light.shape[1], GROUPS, endpoint=False).astype(int))
+    sums = np.add.reduceat(np.where(kept, light, 0.0), starts, axis=1)
+    counts = np.add.reduceat(kept, starts, axis=1, dtype=np.int64)
+    whole = counts >= np.maximum(0.8 * counts.max(axis=0), 1)
+    values = sums / np.maximum(counts, 1)
+    means = np.where(whole, values, 0.0).sum(axis=0) / np.maximum(whole.sum(axis=0), 1)
+    return np.asarray(np.where(whole, values, means))
+
+
+def _course(rows: FloatArray) -> FloatArray:
+    """(rows, 2): orthonormal course of the row light and its derivative, which a shift adds, without slow changes."""
+    slow, _ = np.linalg.qr(np.cos(np.pi * np.outer((np.arange(len(rows)) + 0.5) / len(rows), np.arange(1 + 2 * len(rows) // SLOWEST_ROWS))))
+    terms = np.stack([rows - rows.mean(), np.gradient(rows)], axis=1)
+    fast = terms - slow @ (slow.T @ terms)
+    u, sizes, _ = np.linalg.svd(fast, full_matrices=False)
+    return np.asarray(u * (sizes > 1e-9 * max(float(sizes.max()), 1e-300)))
+
+
+def _texture(light: FloatArray, kept: npt.NDArray[np.bool_]) -> float:
+    """Energy of the mixed differences of log light over rows and columns, in which bands and gains cancel."""
+    across = np.diff(np.log(np.maximum(light, 0.0) + FLOOR * max(float(light.mean()), 1e-300)), axis=1)
+    valid = kept[1:, 1:] & kept[:-1, 1:] & kept[1:, :-1] & kept[:-1, :-1]
+    mixed = (across[1:] - across[:-1])[valid]
+    return float(np.mean(mixed**2)) if mixed.size else 0.0
+
+
+def _decibels(after: float, before: float) -> float:
+    return float(10 * np.log10(after / before)) if after > 0 and before > 0 else 0.0
