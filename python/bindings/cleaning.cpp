@@ -3,6 +3,7 @@
 #include "bindings.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/cleaning/light_share.hpp"
+#include "ocisac/cleaning/picture_motion.hpp"
 #include "ocisac/cleaning/restore_picture.hpp"
 #include "ocisac/cleaning/row_misfit.hpp"
 
@@ -67,6 +68,41 @@ void register_verdict(py::module_& module) {
       arg("verdicts"));
 }
 
+LogPicture log_picture_of(const Doubles& values, const char* name) {
+  require(values.ndim() == 2, name, values.ndim(), "2 dimensions (rows, columns)");
+  return {span_of(values), static_cast<std::size_t>(values.shape(0)), static_cast<std::size_t>(values.shape(1))};
+}
+
+py::tuple run_picture_motion(const Doubles& before, const Doubles& after) {
+  const LogPicture one = log_picture_of(before, "before"), other = log_picture_of(after, "after");
+  const PictureMotion motion = unlocked([&] { return picture_motion(one, other); });
+  const std::vector<py::ssize_t> shape{after.shape(0), after.shape(1)};
+  return py::make_tuple(array_of(motion.down, shape), array_of(motion.right, shape));
+}
+
+py::array_t<double> run_moved_picture(const Doubles& values, const Doubles& down, const Doubles& right) {
+  const LogPicture picture = log_picture_of(values, "values");
+  const auto vector_of = [](const Doubles& ways) { return std::vector(ways.data(), ways.data() + ways.size()); };
+  const PictureMotion motion{vector_of(down), vector_of(right)};
+  const auto moved = unlocked([&] { return moved_picture(picture.values, picture.columns, motion); });
+  return array_of(moved, {values.shape(0), values.shape(1)});
+}
+
+py::tuple run_picture_change(const Doubles& before, const Doubles& after) {
+  const LogPicture one = log_picture_of(before, "before"), other = log_picture_of(after, "after");
+  const PictureChange change = unlocked([&] { return picture_change(one, other); });
+  const std::vector<py::ssize_t> shape{after.shape(0), after.shape(1)};
+  return py::make_tuple(array_of(change.motion.down, shape), array_of(change.motion.right, shape),
+                        array_of(change.is_new, shape));
+}
+
+void register_motion(py::module_& module) {
+  using py::arg;
+  module.def("picture_motion", &run_picture_motion, arg("before"), arg("after"));
+  module.def("moved_picture", &run_moved_picture, arg("values"), arg("down"), arg("right"));
+  module.def("picture_change", &run_picture_change, arg("before"), arg("after"));
+}
+
 template <class Sample>
 using Picture = py::array_t<Sample, py::array::c_style>;
 
@@ -125,6 +161,7 @@ void register_cleaning(py::module_& module) {
   module.def("refine_row_light", &run_refine_row_light, arg("light"), arg("variance"), arg("share"), arg("row_light"),
              arg("steps"), arg("basis") = py::none(), arg("deviation") = std::numeric_limits<double>::infinity());
   register_verdict(module);
+  register_motion(module);
   register_stored<std::uint8_t>(module);
   register_stored<std::uint16_t>(module);
 }

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from ocisac_fast import Camera, remove_bands
+from hypothesis import given, settings, strategies as st
+
+from ocisac_fast import Camera, _core, reference, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
-from ocisac_fast.cleaning.motion import displacement, moved
 
 Array = npt.NDArray[np.float64]
 ROWS, COLUMNS, FRAMES = 320, 400, 10
@@ -167,11 +168,50 @@ def test_displacements_are_found(way: tuple[float, float], seed: int) -> None:
         0.3 * part / part.std() for part in (np.fft.ifft2(values).real for values in (whole, whole * turn))
     )
     part = np.s_[60:200, 60:240]
-    ways = displacement(before[part], after[part])
+    ways = _core.picture_motion(before[part], after[part])
     inner = np.s_[15:-15, 15:-15]
     for found, true in zip(ways, way, strict=True):
         assert abs(found[inner].mean() - true) < 0.05
         assert found[inner].std() < 0.3
     if way != (0.0, 0.0):
-        left = (moved(before[part], ways) - after[part])[inner]
+        left = (_core.moved_picture(before[part], *ways) - after[part])[inner]
         assert left.std() < 0.3 * (before[part] - after[part])[inner].std()
+
+
+@given(
+    st.sampled_from([(1, 1), (1, 9), (3, 40), (4, 4), (7, 13), (30, 41), (64, 50)]),
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.01, 0.3, 3.0]),
+)
+@settings(max_examples=settings.default.max_examples // 2)
+def test_motion_agrees_with_the_reference(shape: tuple[int, int], seed: int, contrast: float) -> None:
+    random = np.random.default_rng(seed)
+    before = contrast * random.standard_normal(shape)
+    shifted = np.roll(before, random.integers(-2, 3, 2), (0, 1)) + 0.1 * contrast * random.standard_normal(shape)
+    for got, want in zip(
+        _core.picture_change(before, shifted), reference.picture_change(before, shifted), strict=True
+    ):
+        np.testing.assert_allclose(got, want, atol=1e-8)
+    assert all(
+        np.array_equal(*both)
+        for both in zip(_core.picture_motion(before, shifted), _core.picture_change(before, shifted)[:2], strict=True)
+    )
+    ways = 5 * random.standard_normal((2, *shape))
+    got = _core.moved_picture(before, *ways)
+    np.testing.assert_allclose(got, reference.moved_picture(before, *ways), atol=1e-12 * contrast)
+
+
+def test_bad_motion() -> None:
+    picture = np.ones((8, 9))
+    with pytest.raises(ValueError, match="before: got 63"):
+        _core.picture_motion(np.ones((7, 9)), picture)
+    with pytest.raises(ValueError, match="after: got nan"):
+        _core.picture_change(picture, np.full((8, 9), np.nan))
+    with pytest.raises(ValueError, match="after: got 0"):
+        _core.picture_motion(np.ones((0, 9)), np.ones((0, 9)))
+    with pytest.raises(ValueError, match="motion: got 9"):
+        _core.moved_picture(picture, np.ones(9), picture)
+    with pytest.raises(ValueError, match="motion: got nan"):
+        _core.moved_picture(picture, picture, np.full((8, 9), np.nan))
+    with pytest.raises(ValueError, match="before: got 1, allowed: 2"):
+        _core.picture_motion(np.ones(9), picture)

@@ -197,6 +197,8 @@ std::vector<double> moved_picture(std::span<const double> values, std::size_t co
   require(columns > 0 && !values.empty() && values.size() % columns == 0, "values", values.size(), "rows x columns");
   require(motion.down.size() == values.size() && motion.right.size() == values.size(), "motion", motion.down.size(),
           "one way a pixel");
+  for (const auto* ways : {&motion.down, &motion.right})
+    for (const double way : *ways) require_finite("motion", way);
   const std::size_t rows = values.size() / columns;
   const std::size_t below = rows > 1 ? columns : 0, beside = columns > 1 ? 1 : 0;
   const auto last_row = static_cast<double>(rows - 1), last_column = static_cast<double>(columns - 1);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -24,7 +25,6 @@ from ocisac_fast.cleaning.bands import (
     verdict_on,
 )
 from ocisac_fast.cleaning.columns import Columns, FloatArray
-from ocisac_fast.cleaning.motion import displacement, moved, window_mean
 from ocisac_fast.cleaning.row_light import RowLight, find_row_light, row_light_of
 from ocisac_fast.cleaning.slow_light import MOST_FRAMES, CommonCourse, SlowTone, find_slow_lights, mode_count
 from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, merged
@@ -34,7 +34,6 @@ from ocisac_fast.core.checks import checked
 _EVERY, _EVERY_ONE_SHARE = 8, 64  # frames between estimates of the shares: of pixels, of the whole picture
 _MAX_ESTIMATES = 6  # whose mean the shares are
 _GUIDE = 1 << 15  # blocks of the picture whose displacement is measured
-_UNLIKE = 0.1  # relative difference of the displaced picture, in a window, from which on shares are estimated again
 _CUT = 0.5  # of the picture unlike the frame before: another scene
 _JUDGED_COLUMNS = 64
 _MAX_FREQUENCIES = 64  # frames whose mean frequency is followed
@@ -144,7 +143,7 @@ class VideoCleaner:
         lights = self._lights(stored, before)
         blocks = _in_blocks(stored, before.shares[0])
         guide = _guide(blocks[0], lights, before.shares)
-        ways, unlike = _change(before.guide, guide)
+        *ways, unlike = _core.picture_change(before.guide, guide)
         if np.mean(unlike) > _CUT:
             return None
         shares, estimates = _shares(stored, blocks, lights, before, ways, unlike)
@@ -221,22 +220,13 @@ def _guide_size(shape: tuple[int, ...]) -> int:
     return max(1, round(float(np.sqrt(shape[0] * shape[1] / _GUIDE))))
 
 
-def _change(before: FloatArray, after: FloatArray) -> tuple[tuple[FloatArray, FloatArray], npt.NDArray[np.bool_]]:
-    """Displacement of the picture, and where the displaced picture is unlike the frame."""
-    ways = displacement(before, after)
-    rows, columns = (np.arange(length).reshape(-1, *[1] * (1 - axis)) for axis, length in enumerate(after.shape))
-    outside = (rows - ways[0] < -0.5) | (rows - ways[0] > after.shape[0] - 0.5)
-    outside |= (columns - ways[1] < -0.5) | (columns - ways[1] > after.shape[1] - 0.5)
-    return ways, outside | (window_mean(np.abs(moved(before, ways) - after)) > _UNLIKE)
-
-
 def _shares(
     stored: StoredFrames,
     blocks: tuple[FloatArray, FloatArray],
     lights: list[RowLight],
     before: _Before,
-    ways: tuple[FloatArray, FloatArray],
-    unlike: npt.NDArray[np.bool_],
+    ways: Sequence[FloatArray],
+    unlike: npt.NDArray[np.uint8],
 ) -> tuple[list[BlockShares], FloatArray]:
     """Shares of the frame before, moved with the picture, and from time to time joined by estimates of this frame."""
     frames = before.frames + 1
@@ -247,10 +237,10 @@ def _shares(
         shares = shares_of(stored, rows[None], smooth=lights[0].tone is not None)
         return shares, np.ones(shares[0].share.shape)
     shape, count = before.estimates.shape, _guide_size(before.estimates.shape)
-    every = tuple(count * BlockShares(way, count, count).enlarged(shape) for way in ways)
+    down, right = (count * BlockShares(way, count, count).enlarged(shape) for way in ways)
     new = np.repeat(np.repeat(unlike, count, axis=0), count, axis=1)[: shape[0], : shape[1]]
-    estimates = np.where(new, 0.0, moved(before.estimates, every))  # type: ignore[arg-type]
-    carried = [moved(own.share, every) for own in before.shares]  # type: ignore[arg-type]
+    estimates = np.where(new, 0.0, _core.moved_picture(before.estimates, down, right))
+    carried = [_core.moved_picture(own.share, down, right) for own in before.shares]
     if frames % _EVERY and frames > 1 and not (estimates < 0.5).mean() > 1 / 16:
         return [replace(own, share=share) for own, share in zip(before.shares, carried, strict=True)], estimates
     block = before.shares[0]

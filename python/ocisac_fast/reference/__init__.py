@@ -38,6 +38,11 @@ from ocisac_fast.reference.light import (
     integrate_exposure as integrate_exposure,
     sample_waveform as sample_waveform,
 )
+from ocisac_fast.reference.motion import (
+    moved_picture as moved_picture,
+    picture_change as picture_change,
+    picture_motion as picture_motion,
+)
 from ocisac_fast.reference.packets import (
     decode_line_code as decode_line_code,
     encode_line_code as encode_line_code,

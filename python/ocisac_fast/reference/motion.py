@@ -1,4 +1,4 @@
-"""Displacement of a picture between two frames, dense and below a pixel, and maps moved with it.
+"""Displacement of a picture between two frames, and pictures moved with it, in plain NumPy.
 
 The mean displacement is the peak of the phase correlation; what remains is the least-squares solution of the
 gradients' equation in a window about each pixel (Lucas and Kanade 1981), held to 0 where there is no texture.
@@ -15,10 +15,11 @@ _REACH = 4  # half width of a window, pixels
 _ROUNDS = 2
 _MIN_SIDE = 4  # pixels
 _HOLD = 2e-4  # mean squared gradient that halves a displacement: texture of 1.4 percent a pixel
+_UNLIKE = 0.1  # difference of the displaced picture, in a window
 _MAX_STEP = 2.0  # pixels, of what the mean displacement leaves
 
 
-def displacement(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+def picture_motion(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(rows, columns) arrays of the way, down and right in pixels, of each pixel of ``after`` since ``before``.
 
     Pictures of fewer than 4 rows or columns are taken to stand still.
@@ -28,11 +29,11 @@ def displacement(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Flo
     down, right = _mean_displacement(before, after)
     ways = np.full(after.shape, down), np.full(after.shape, right)
     for _ in range(_ROUNDS):
-        there = moved(before, ways)
+        there = moved_picture(before, *ways)
         gradients = np.gradient(0.5 * (there + after))
         change = there - after
         rr, rc, cc, rt, ct = (
-            window_mean(one * other)
+            _window_mean(one * other)
             for one, other in (
                 (gradients[0], gradients[0]),
                 (gradients[0], gradients[1]),
@@ -48,11 +49,20 @@ def displacement(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Flo
     return ways
 
 
-def moved(values: FloatArray, ways: tuple[FloatArray, FloatArray]) -> FloatArray:
+def picture_change(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Displacement of the picture, and where the displaced picture is unlike the frame."""
+    ways = picture_motion(before, after)
+    rows, columns = (np.arange(length).reshape(-1, *[1] * (1 - axis)) for axis, length in enumerate(after.shape))
+    outside = (rows - ways[0] < -0.5) | (rows - ways[0] > after.shape[0] - 0.5)
+    outside |= (columns - ways[1] < -0.5) | (columns - ways[1] > after.shape[1] - 0.5)
+    return *ways, outside | (_window_mean(np.abs(moved_picture(before, *ways) - after)) > _UNLIKE)
+
+
+def moved_picture(values: FloatArray, down: FloatArray, right: FloatArray) -> FloatArray:
     """Values at the place where each pixel was; those of the border beyond it."""
     rows, columns = values.shape
-    down = np.clip(np.arange(rows)[:, None] - ways[0], 0, rows - 1)
-    right = np.clip(np.arange(columns) - ways[1], 0, columns - 1)
+    down = np.clip(np.arange(rows)[:, None] - down, 0, rows - 1)
+    right = np.clip(np.arange(columns) - right, 0, columns - 1)
     top, left = np.minimum(down.astype(int), max(rows - 2, 0)), np.minimum(right.astype(int), max(columns - 2, 0))
     below, beside = min(columns, values.size - 1) if rows > 1 else 0, 1 if columns > 1 else 0
     flat, at = values.ravel(), top * columns + left
@@ -81,7 +91,7 @@ def _mean_displacement(before: FloatArray, after: FloatArray) -> tuple[float, fl
     return result[0], result[1]
 
 
-def window_mean(values: FloatArray) -> FloatArray:
+def _window_mean(values: FloatArray) -> FloatArray:
     """Means over windows of 9 × 9 pixels, those of the border repeated beyond it."""
     for axis in (0, 1):
         reach = min(_REACH, values.shape[axis] - 1)
