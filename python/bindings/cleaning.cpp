@@ -1,11 +1,14 @@
 #include <limits>
 
 #include "bindings.hpp"
+#include "ocisac/cleaning/colour_shares.hpp"
+#include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 #include "ocisac/cleaning/picture_motion.hpp"
 #include "ocisac/cleaning/restore_picture.hpp"
 #include "ocisac/cleaning/row_misfit.hpp"
+#include "ocisac/cleaning/tone_light.hpp"
 
 namespace ocisac::bindings {
 
@@ -66,6 +69,117 @@ void register_verdict(py::module_& module) {
   module.def(
       "mean_verdict", [](const std::vector<CleaningVerdict>& verdicts) { return mean_verdict(verdicts); },
       arg("verdicts"));
+}
+
+// One frame, (rows, columns).
+BandedPicture frame_of(const Doubles& light, const Doubles& variance) {
+  require(light.ndim() == 2, "picture", light.ndim(), "2 dimensions (rows, columns)");
+  return {span_of(light), span_of(variance), 1, static_cast<std::size_t>(light.shape(0)),
+          static_cast<std::size_t>(light.shape(1))};
+}
+
+py::tuple tuple_of(const RowLight& rows) { return py::make_tuple(array_of(rows.light), array_of(rows.information)); }
+
+py::tuple run_refined(const ColumnBundles& picture, const Doubles& rows, const std::optional<Doubles>& basis,
+                      double deviation, int steps) {
+  const RowLightPrior model{basis ? span_of(*basis) : std::span<const double>{}, deviation};
+  return tuple_of(unlocked([&] { return picture.refined(span_of(rows), model, steps); }));
+}
+
+// The colours of (rows, columns, colours), one after the other.
+std::vector<double> planes_of(const Doubles& picture) {
+  std::vector<double> planes;
+  planes.reserve(static_cast<std::size_t>(picture.size()));
+  const py::ssize_t colours = picture.shape(2);
+  for (py::ssize_t colour = 0; colour < colours; ++colour)
+    for (py::ssize_t i = colour; i < picture.size(); i += colours) planes.push_back(picture.data()[i]);
+  return planes;
+}
+
+std::vector<std::vector<std::size_t>> run_alike_colours(const Doubles& light, const Doubles& variance) {
+  require(light.ndim() == 3 && variance.ndim() == 3, "picture", light.ndim(), "3 dimensions (rows, columns, colours)");
+  require(variance.size() == light.size(), "variance", variance.size(), "one value a pixel");
+  const std::vector<double> of_light = planes_of(light), of_variance = planes_of(variance);
+  const auto rows = static_cast<std::size_t>(light.shape(0)), columns = static_cast<std::size_t>(light.shape(1));
+  std::vector<BandedPicture> colours;
+  for (std::size_t first = 0; first < of_light.size(); first += rows * columns) {
+    const auto plane = [&](const std::vector<double>& all) { return std::span(all).subspan(first, rows * columns); };
+    colours.push_back({plane(of_light), plane(of_variance), 1, rows, columns});
+  }
+  return unlocked([&] { return alike_colours(colours); });
+}
+
+std::vector<py::array_t<double>> run_colour_shares(const std::vector<Doubles>& light,
+                                                   const std::vector<Doubles>& variance,
+                                                   const std::vector<Doubles>& row_light) {
+  require(variance.size() == light.size() && row_light.size() == light.size(), "variance, row_light", variance.size(),
+          "one array a colour");
+  std::vector<BandedColour> colours;
+  for (std::size_t k = 0; k < light.size(); ++k)
+    colours.push_back({picture_of(light[k], variance[k]), span_of(row_light[k])});
+  const auto shares = unlocked([&] { return colour_shares(colours); });
+  std::vector<py::array_t<double>> arrays;
+  for (std::size_t k = 0; k < shares.size(); ++k)
+    arrays.push_back(array_of(shares[k], {light[k].shape(1), light[k].shape(2)}));
+  return arrays;
+}
+
+void register_columns(py::module_& module) {
+  using py::arg;
+  py::class_<ColumnBundles>(module, "ColumnBundles")
+      .def(py::init([](const Doubles& light, const Doubles& variance, const std::optional<Doubles>& share) {
+             return ColumnBundles(frame_of(light, variance), share ? span_of(*share) : std::span<const double>{});
+           }),
+           arg("light"), arg("variance"), arg("share") = py::none())
+      .def("refined", &run_refined, arg("rows"), arg("basis") = py::none(),
+           arg("deviation") = std::numeric_limits<double>::infinity(), arg("steps") = 6)
+      .def("free",
+           [](const ColumnBundles& picture) { return tuple_of(unlocked([&] { return picture.free(); })); })
+      .def(
+          "depth", [](const ColumnBundles& picture, const Doubles& rows) { return picture.depth(span_of(rows)); },
+          arg("rows"));
+  module.def("alike_colours", &run_alike_colours, arg("light"), arg("variance"));
+  module.def("colour_shares", &run_colour_shares, arg("light"), arg("variance"), arg("row_light"));
+  module.def(
+      "fully_modulated_rows", [](const Doubles& rows) { return array_of(fully_modulated_rows(span_of(rows))); },
+      arg("rows"));
+  module.def(
+      "explained_share",
+      [](const Doubles& rows, const Doubles& model, const Doubles& weight) {
+        return explained_share(span_of(rows), span_of(model), span_of(weight));
+      },
+      arg("rows"), arg("model"), arg("weight"));
+}
+
+void register_tone_light(py::module_& module) {
+  using py::arg;
+  py::class_<ToneLight>(module, "ToneLight")
+      .def(py::init([](const std::vector<double>& light, double frequency, std::size_t harmonics) {
+             return ToneLight{light, frequency, harmonics};
+           }),
+           arg("light"), arg("frequency"), arg("harmonics"))
+      .def_property_readonly("light", [](const ToneLight& tone) { return array_of(tone.light); })
+      .def_readonly("frequency", &ToneLight::frequency)
+      .def_readonly("harmonics", &ToneLight::harmonics);
+  module.def(
+      "find_tone_light",
+      [](const ColumnBundles& picture, const std::vector<double>& rows, const std::vector<double>& information,
+         std::optional<double> enough) {
+        return unlocked([&] { return find_tone_light(picture, {rows, information}, enough); });
+      },
+      arg("picture"), arg("rows"), arg("information"), arg("enough"));
+  module.def(
+      "tone_light_at",
+      [](const ColumnBundles& picture, const ToneLight& tone, double frequency) {
+        return unlocked([&] { return tone_light_at(picture, tone, frequency); });
+      },
+      arg("picture"), arg("tone"), arg("frequency"));
+  module.def(
+      "followed_tone_light",
+      [](const ColumnBundles& picture, const ToneLight& tone) {
+        return unlocked([&] { return followed_tone_light(picture, tone); });
+      },
+      arg("picture"), arg("tone"));
 }
 
 LogPicture log_picture_of(const Doubles& values, const char* name) {
@@ -162,6 +276,8 @@ void register_cleaning(py::module_& module) {
              arg("steps"), arg("basis") = py::none(), arg("deviation") = std::numeric_limits<double>::infinity());
   register_verdict(module);
   register_motion(module);
+  register_columns(module);
+  register_tone_light(module);
   register_stored<std::uint8_t>(module);
   register_stored<std::uint16_t>(module);
 }

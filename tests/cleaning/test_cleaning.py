@@ -28,7 +28,6 @@ from ocisac_fast import (
 )
 from ocisac_fast.camera.linear_light import linear_light, stored_values
 from ocisac_fast.cleaning import CleaningOptions, Mark, VideoCleaner
-from ocisac_fast.cleaning.columns import scaled
 from ocisac_fast.cleaning.toe import lifted, lowered, slope
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
@@ -257,7 +256,7 @@ def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
     def correlation(picture: npt.NDArray[np.generic]) -> float:
         rows = np.where(done.marks == Mark.RESTORED, picture, np.nan)
         rows = np.nanmean(rows[:, :100], axis=1)
-        smooth = scaled(done.light)
+        smooth = _core.fully_modulated_rows(done.light)
         return abs(float(np.corrcoef(rows, smooth)[0, 1]))
 
     blurs = [np.apply_along_axis(np.convolve, 0, np.float64(stored), np.ones(n) / n, "same") for n in (7, 9)]
@@ -268,7 +267,7 @@ def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
 
 
 def test_saturated_pixels_are_left_alone_and_dark_ones_marked() -> None:
-    light = scaled(row_light("square"))
+    light = _core.fully_modulated_rows(row_light("square"))
     read, _, _ = scene(light, noise=0.5)
     read[60:200, 20:60] = 400 * light[60:200, None]
     stored = np.clip(np.rint(read), 0, 255).astype(np.uint8)
@@ -632,7 +631,9 @@ def test_the_verdict_agrees_with_the_reference(shape: tuple[int, int], seed: int
     lag = int(random.integers(1, shape[0]))
     for own in (share, share[0], share[0, :1]):
         misfit = _core.row_misfit(light[None], variance[None], rows[None], own, lag)
-        assert misfit == pytest.approx(reference.row_misfit(light[None], variance[None], rows[None], own, lag), abs=1e-11)
+        assert misfit == pytest.approx(
+            reference.row_misfit(light[None], variance[None], rows[None], own, lag), abs=1e-11
+        )
 
 
 def test_a_verdict_counts_some_columns_and_shares_of_blocks() -> None:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 import pytest
-
 from hypothesis import given, settings, strategies as st
 
 from ocisac_fast import Camera, _core, reference, remove_bands
@@ -188,9 +187,7 @@ def test_motion_agrees_with_the_reference(shape: tuple[int, int], seed: int, con
     random = np.random.default_rng(seed)
     before = contrast * random.standard_normal(shape)
     shifted = np.roll(before, random.integers(-2, 3, 2), (0, 1)) + 0.1 * contrast * random.standard_normal(shape)
-    for got, want in zip(
-        _core.picture_change(before, shifted), reference.picture_change(before, shifted), strict=True
-    ):
+    for got, want in zip(_core.picture_change(before, shifted), reference.picture_change(before, shifted), strict=True):
         np.testing.assert_allclose(got, want, atol=1e-8)
     assert all(
         np.array_equal(*both)

@@ -3,20 +3,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <vector>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/pair_misfit.hpp"
+#include "cleaning/slow_changes.hpp"
 
 namespace ocisac {
 
 namespace {
 
 constexpr std::size_t most_groups = 24;                   // of columns
-constexpr std::size_t slowest_rows = 128;                 // slower changes are those of the picture
 constexpr double min_left = 0.125;                        // lower bound of a light that is a divisor
 constexpr double floor_of_light = 0.01;                   // of the mean light, below which logarithms show noise
 constexpr double min_gain = 0.03;                         // texture without a light gives less
@@ -98,19 +97,6 @@ void remove_along(std::span<const double> unit, std::span<double> values) {
   for (std::size_t n = 0; n < values.size(); ++n) values[n] -= part * unit[n];
 }
 
-// Removes the cosines of the periods above `slowest_rows` and the mean: terms of a discrete cosine transform, so they
-// are orthogonal.
-void remove_slow_changes(std::span<double> values) {
-  const auto rows = static_cast<double>(values.size());
-  Values term(values.size());
-  for (std::size_t order = 0; order < 1 + 2 * values.size() / slowest_rows; ++order) {
-    for (std::size_t n = 0; n < values.size(); ++n)
-      term[n] = std::sqrt((order == 0 ? 1 : 2) / rows) *
-                std::cos(std::numbers::pi * static_cast<double>(order) * (static_cast<double>(n) + 0.5) / rows);
-    remove_along(term, values);
-  }
-}
-
 Values gradient_of(std::span<const double> values) {
   const std::size_t last = values.size() - 1;
   Values result(values.size());
@@ -125,9 +111,6 @@ Values gradient_of(std::span<const double> values) {
 // where they are not independent.
 std::vector<Values> course_of(std::span<const double> row_light) {
   std::array<Values, 2> terms{Values(row_light.begin(), row_light.end()), gradient_of(row_light)};
-  const double mean =
-      std::accumulate(row_light.begin(), row_light.end(), 0.0) / static_cast<double>(row_light.size());
-  for (double& value : terms[0]) value -= mean;  // exactly 0 for an even light
   for (Values& term : terms) remove_slow_changes(term);
   if (dot(terms[0], terms[0]) < dot(terms[1], terms[1])) std::swap(terms[0], terms[1]);
   const double least = std::max(independent * std::sqrt(dot(terms[0], terms[0])), smallest);

@@ -15,7 +15,6 @@ from ocisac_fast._core import CleaningVerdict
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
-from ocisac_fast.cleaning.shares import colour_shares
 from ocisac_fast.cleaning.slow_light import CommonCourse, SlowLight, find_slow_lights
 from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, block_size, merged
 from ocisac_fast.cleaning.toe import find_toe
@@ -421,8 +420,10 @@ def shares_of(stored: StoredFrames, rows: FloatArray, *, smooth: bool) -> list[B
     light, variance = merged(light, variance, height, axis=1)
     starts = np.arange(0, rows.shape[2], height)
     means = np.add.reduceat(rows, starts, axis=2) / np.diff(np.append(starts, rows.shape[2]))
-    share = colour_shares(light, variance, means)
-    return [BlockShares(share[..., c], height, width) for c in range(share.shape[2])]
+    colours = range(rows.shape[1])
+    of_light, of_variance = ([part[..., c] for c in colours] for part in (light, variance))
+    shares = _core.colour_shares(of_light, of_variance, [means[:, c] for c in colours])
+    return [BlockShares(share, height, width) for share in shares]
 
 
 def verdict_on(

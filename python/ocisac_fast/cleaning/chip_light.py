@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
+from ocisac_fast import _core
+from ocisac_fast._core import ColumnBundles
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cleaning.columns import Columns, FloatArray, explained, scaled
 from ocisac_fast.core.flags import Flag
+
+FloatArray = npt.NDArray[np.float64]
 
 _ENOUGH = 0.92  # min. share of the rows' swing, after `levelled`, that chips explain
 _TOP_REACH, _LONGEST_RUN = 3, 48  # rows: half width of a top; half width of the window in which tops are compared
@@ -34,7 +38,7 @@ class _Fit:
 
 
 def chip_light(
-    picture: Columns, rows: FloatArray, weight: FloatArray, row_time: float, *, always: bool
+    picture: ColumnBundles, rows: FloatArray, weight: FloatArray, row_time: float, *, always: bool
 ) -> ChipLight | None:
     """Refine the estimated ``rows`` with a model of chips; None if chips do not explain them.
 
@@ -45,11 +49,11 @@ def chip_light(
     if not fits or (fits[0].explained < _ENOUGH and not always):
         return None
     best = max(fits, key=lambda fit: fit.explained)
-    light = scaled(best.light)
+    light = _core.fully_modulated_rows(best.light)
     for _ in range(2):
         within = best.basis @ np.linalg.lstsq(best.basis, light, rcond=None)[0]
-        light = scaled(picture.refined(within, best.basis)[0])
-    light = scaled(picture.refined(light, deviation=_OWN_SWING)[0])
+        light = _core.fully_modulated_rows(picture.refined(within, best.basis)[0])
+    light = _core.fully_modulated_rows(picture.refined(light, deviation=_OWN_SWING)[0])
     return ChipLight(light, best.rate / row_time)
 
 
@@ -105,7 +109,7 @@ def _fit(rows: FloatArray, weight: FloatArray) -> _Fit | None:
             bit = float(2 * (weight * rest) @ shape > (weight * shape) @ shape)
             basis[:, 1:] += (bit - bits[k]) * each[:, k]
             bits[k] = bit
-    share = explained(rows, basis @ fitted, weight)
+    share = _core.explained_share(rows, basis @ fitted, weight)
     if count >= 8 * terms:
         pairs = np.append(bits[:-1] * bits[1:], 0.0)
         basis = np.concatenate([basis, np.einsum("nck,c->nk", each, pairs)], axis=1)

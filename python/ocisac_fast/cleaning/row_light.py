@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
+from ocisac_fast import _core
+from ocisac_fast._core import ColumnBundles, ToneLight
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.chip_light import chip_light
-from ocisac_fast.cleaning.columns import Columns, FloatArray, alike_colours
-from ocisac_fast.cleaning.tone_light import ToneLight, tone_light, with_frequency
+
+FloatArray = npt.NDArray[np.float64]
 
 MODELS = ("auto", "tone", "chips", "rows")
 _ENOUGH_OF_TONE = 0.5  # min. share of the rows' swing that a tone explains
@@ -36,8 +39,8 @@ def find_colour_lights(light: FloatArray, variance: FloatArray, camera: Camera, 
     Other groups have tone or chips of their own if their frequency is that of the strongest group, else its light.
     Tones are then fitted to every colour at their mean frequency.
     """
-    groups = alike_colours(light, variance)
-    pictures = [Columns(light[..., group].sum(axis=2), variance[..., group].sum(axis=2)) for group in groups]
+    groups = _core.alike_colours(light, variance)
+    pictures = [ColumnBundles(light[..., group].sum(axis=2), variance[..., group].sum(axis=2)) for group in groups]
     main = find_row_light(pictures[0], camera, model)
     found = [main]
     for picture in pictures[1:]:
@@ -48,27 +51,28 @@ def find_colour_lights(light: FloatArray, variance: FloatArray, camera: Camera, 
     if main.tone is None or len(by_colour) == 1:
         return by_colour
     weights = [picture.depth(one.light) ** 2 for picture, one in zip(pictures, found, strict=True)]
-    frequency = float(np.average([one.frequency for one in found], weights=weights))
+    frequency = camera.row_period * float(np.average([one.frequency for one in found], weights=weights))
     return [
-        _tone_of_colour(Columns(light[..., c], variance[..., c]), one, frequency, camera.row_period)
+        _tone_of_colour(ColumnBundles(light[..., c], variance[..., c]), one, frequency, camera.row_period)
         for c, one in enumerate(by_colour)
     ]
 
 
-def _tone_of_colour(picture: Columns, of_group: RowLight, frequency: float, row_time: float) -> RowLight:
-    """The tone of a colour at a given frequency; that of its group where they agree."""
+def _tone_of_colour(picture: ColumnBundles, of_group: RowLight, frequency: float, row_time: float) -> RowLight:
+    """The tone of a colour at a given frequency, cycles per row; that of its group where they agree."""
     assert of_group.tone is not None
-    own = with_frequency(picture, of_group.tone, frequency, row_time)
+    own = _core.tone_light_at(picture, of_group.tone, frequency)
     agrees = np.corrcoef(own.light, of_group.light)[0, 1] > _AGREEMENT
-    return of_group if agrees else row_light_of(own)
+    return of_group if agrees else row_light_of(own, row_time)
 
 
-def row_light_of(tone: ToneLight) -> RowLight:
+def row_light_of(tone: ToneLight, row_time: float) -> RowLight:
     """The light of the rows under a tone."""
-    return RowLight(tone.light, float(tone.light.max()), "tone", tone.frequency, tone)
+    light = tone.light
+    return RowLight(light, float(light.max()), "tone", tone.frequency / row_time, tone)
 
 
-def find_row_light(picture: Columns, camera: Camera, model: str) -> RowLight:
+def find_row_light(picture: ColumnBundles, camera: Camera, model: str) -> RowLight:
     """Estimate the row light of a picture."""
     rows, weight = picture.free()
     tries = {
@@ -78,9 +82,9 @@ def find_row_light(picture: Columns, camera: Camera, model: str) -> RowLight:
     }
     for kind, enough in tries.get(model, ()):
         if kind == "tone":
-            tone = tone_light(picture, rows, weight, camera.row_period, enough)
+            tone = _core.find_tone_light(picture, rows, weight, enough)
             if tone is not None:
-                return row_light_of(tone)
+                return row_light_of(tone, camera.row_period)
         else:
             chips = chip_light(picture, rows, weight, camera.row_period, always=model == "chips")
             if chips is not None:

@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cleaning.columns import FloatArray
 from ocisac_fast.cleaning.stored import merged
+
+FloatArray = npt.NDArray[np.float64]
 
 SLOWEST_PERIOD = 128  # rows per cycle, above which a light is slow
 _LEAST_CYCLES, _MOST_CYCLES = 0.4, 16.0  # in the picture

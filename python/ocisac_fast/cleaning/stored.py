@@ -18,8 +18,9 @@ from ocisac_fast.camera.linear_light import (
     type_maximum,
     white_level,
 )
-from ocisac_fast.cleaning.columns import FloatArray
 from ocisac_fast.cleaning.toe import lifted, lowered, slope, with_toe
+
+FloatArray = npt.NDArray[np.float64]
 
 _WHOLE = 1 << 19  # pixels of a picture up to which every pixel has a share of its own
 _SUMS, _MAX_MERGED = 1 << 19, 8  # means of neighbouring columns in larger ones, and columns in each

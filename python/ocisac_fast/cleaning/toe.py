@@ -7,9 +7,13 @@ x^2/(t W) for dim light; s(0) = 0.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
+from ocisac_fast import _core
+from ocisac_fast._core import ColumnBundles
 from ocisac_fast.cleaning.chip_light import unexplained
-from ocisac_fast.cleaning.columns import Columns, FloatArray, alike_colours
+
+FloatArray = npt.NDArray[np.float64]
 
 _LADDER = (1 / 32, 1 / 8)  # candidates in order; values in between give nearly the same picture
 _LESS_LEFT = 0.6  # max. ratio of the unexplained shares with and without toe; noise of the rows alone may give 0.64
@@ -46,12 +50,12 @@ def with_toe(light: FloatArray, variance: FloatArray, toe: float, white: float) 
 def find_toe(light: FloatArray, variance: FloatArray, white: float) -> float:
     """Estimate the toe of one frame (rows, columns, colours) under chips: the candidate with the best fit, or 0."""
 
-    colours = alike_colours(light, variance)[0]
+    colours = _core.alike_colours(light, variance)[0]
     light, variance = light[..., colours], variance[..., colours]
 
     def left(toe: float) -> float:
         lit, certain = with_toe(light, variance, toe, white)
-        return unexplained(*Columns(lit.sum(axis=2), certain.sum(axis=2)).free())
+        return unexplained(*ColumnBundles(lit.sum(axis=2), certain.sum(axis=2)).free())
 
     without = least = left(0.0)
     best = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast._core import ColumnBundles, ToneLight
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.bands import (
     CleanedFrames,
@@ -24,11 +25,9 @@ from ocisac_fast.cleaning.bands import (
     stacked,
     verdict_on,
 )
-from ocisac_fast.cleaning.columns import Columns, FloatArray
 from ocisac_fast.cleaning.row_light import RowLight, find_row_light, row_light_of
 from ocisac_fast.cleaning.slow_light import MOST_FRAMES, CommonCourse, SlowTone, find_slow_lights, mode_count
-from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, merged
-from ocisac_fast.cleaning.tone_light import followed
+from ocisac_fast.cleaning.stored import BlockShares, FloatArray, StoredFrames, merged
 from ocisac_fast.core.checks import checked
 
 _EVERY, _EVERY_ONE_SHARE = 8, 64  # frames between estimates of the shares: of pixels, of the whole picture
@@ -166,13 +165,15 @@ class VideoCleaner:
             light, variance = (values[0][..., colours].sum(axis=-1) for values in (stored.light, stored.variance))
             own = before.lights[colours[0]]
             if own.tone is None:
-                found = find_row_light(Columns(light, variance), self._camera, own.model)
+                found = find_row_light(ColumnBundles(light, variance), self._camera, own.model)
             else:
-                picture = Columns(light, variance, _share_of_columns(before.shares[colours[0]], light.shape[1], stored))
-                tone = followed(picture, own.tone, self._camera.row_period)
+                picture = ColumnBundles(
+                    light, variance, _share_of_columns(before.shares[colours[0]], light.shape[1], stored)
+                )
+                tone = _core.followed_tone_light(picture, own.tone)
                 weight = 1 / (min(before.frames, _MAX_FREQUENCIES) + 2)
                 mean = own.tone.frequency + weight * (tone.frequency - own.tone.frequency)
-                found = row_light_of(replace(tone, frequency=mean))
+                found = row_light_of(ToneLight(tone.light, mean, tone.harmonics), self._camera.row_period)
             lights.update(dict.fromkeys(colours, found))
         return [lights[colour] for colour in range(len(before.lights))]
 

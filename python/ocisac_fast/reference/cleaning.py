@@ -439,7 +439,9 @@ def judge_cleaning(
     pairs = ((light, variance), (after, variance / left**2))
     whole = [_misfit(values, spread, lag) for values, spread in pairs]
     parts = np.array_split(np.arange(left.shape[1]), min(GROUPS, left.shape[1]))
-    grown = [np.diff([_misfit(values[:, part], spread[:, part], lag) for values, spread in pairs]) > 0 for part in parts]
+    grown = [
+        np.diff([_misfit(values[:, part], spread[:, part], lag) for values, spread in pairs]) > 0 for part in parts
+    ]
     kept = np.isfinite(variance) & (left > 1 / 8)
     first, second = _group_means(light, np.isfinite(variance)), _group_means(after, kept)
     course = _course(row_light)
@@ -468,7 +470,9 @@ def _group_means(light: FloatArray, kept: npt.NDArray[np.bool_]) -> FloatArray:
 
 def _course(rows: FloatArray) -> FloatArray:
     """(rows, 2): orthonormal course of the row light and its derivative, which a shift adds, without slow changes."""
-    slow, _ = np.linalg.qr(np.cos(np.pi * np.outer((np.arange(len(rows)) + 0.5) / len(rows), np.arange(1 + 2 * len(rows) // SLOWEST_ROWS))))
+    slow, _ = np.linalg.qr(
+        np.cos(np.pi * np.outer((np.arange(len(rows)) + 0.5) / len(rows), np.arange(1 + 2 * len(rows) // SLOWEST_ROWS)))
+    )
     terms = np.stack([rows - rows.mean(), np.gradient(rows)], axis=1)
     fast = terms - slow @ (slow.T @ terms)
     u, sizes, _ = np.linalg.svd(fast, full_matrices=False)
