@@ -1,6 +1,7 @@
 #include <limits>
 
 #include "bindings.hpp"
+#include "ocisac/cleaning/chip_light.hpp"
 #include "ocisac/cleaning/colour_shares.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
@@ -8,6 +9,7 @@
 #include "ocisac/cleaning/picture_motion.hpp"
 #include "ocisac/cleaning/restore_picture.hpp"
 #include "ocisac/cleaning/row_misfit.hpp"
+#include "ocisac/cleaning/row_model.hpp"
 #include "ocisac/cleaning/tone_light.hpp"
 
 namespace ocisac::bindings {
@@ -80,12 +82,6 @@ BandedPicture frame_of(const Doubles& light, const Doubles& variance) {
 
 py::tuple tuple_of(const RowLight& rows) { return py::make_tuple(array_of(rows.light), array_of(rows.information)); }
 
-py::tuple run_refined(const ColumnBundles& picture, const Doubles& rows, const std::optional<Doubles>& basis,
-                      double deviation, int steps) {
-  const RowLightPrior model{basis ? span_of(*basis) : std::span<const double>{}, deviation};
-  return tuple_of(unlocked([&] { return picture.refined(span_of(rows), model, steps); }));
-}
-
 // The colours of (rows, columns, colours), one after the other.
 std::vector<double> planes_of(const Doubles& picture) {
   std::vector<double> planes;
@@ -96,7 +92,9 @@ std::vector<double> planes_of(const Doubles& picture) {
   return planes;
 }
 
-std::vector<std::vector<std::size_t>> run_alike_colours(const Doubles& light, const Doubles& variance) {
+// Calls use(colours) with the pictures of (rows, columns, colours).
+template <class Use>
+auto with_colours(const Doubles& light, const Doubles& variance, Use use) {
   require(light.ndim() == 3 && variance.ndim() == 3, "picture", light.ndim(), "3 dimensions (rows, columns, colours)");
   require(variance.size() == light.size(), "variance", variance.size(), "one value a pixel");
   const std::vector<double> of_light = planes_of(light), of_variance = planes_of(variance);
@@ -106,7 +104,19 @@ std::vector<std::vector<std::size_t>> run_alike_colours(const Doubles& light, co
     const auto plane = [&](const std::vector<double>& all) { return std::span(all).subspan(first, rows * columns); };
     colours.push_back({plane(of_light), plane(of_variance), 1, rows, columns});
   }
-  return unlocked([&] { return alike_colours(colours); });
+  return unlocked([&] { return use(std::span<const BandedPicture>(colours)); });
+}
+
+RowModel row_model(const std::string& name) {
+  for (const RowModel model : {RowModel::automatic, RowModel::tone, RowModel::chips, RowModel::rows})
+    if (name == name_of(model)) return model;
+  refuse("model", name, "auto, tone, chips or rows");
+}
+
+py::tuple run_find_colour_lights(const Doubles& light, const Doubles& variance, const std::string& model) {
+  const RowModel asked = row_model(model);
+  ColourLights found = with_colours(light, variance, [&](auto colours) { return find_colour_lights(colours, asked); });
+  return py::make_tuple(std::move(found.lights), found.of_colour);
 }
 
 std::vector<py::array_t<double>> run_colour_shares(const std::vector<Doubles>& light,
@@ -131,27 +141,19 @@ void register_columns(py::module_& module) {
              return ColumnBundles(frame_of(light, variance), share ? span_of(*share) : std::span<const double>{});
            }),
            arg("light"), arg("variance"), arg("share") = py::none())
-      .def("refined", &run_refined, arg("rows"), arg("basis") = py::none(),
-           arg("deviation") = std::numeric_limits<double>::infinity(), arg("steps") = 6)
       .def("free",
-           [](const ColumnBundles& picture) { return tuple_of(unlocked([&] { return picture.free(); })); })
-      .def(
-          "depth", [](const ColumnBundles& picture, const Doubles& rows) { return picture.depth(span_of(rows)); },
-          arg("rows"));
-  module.def("alike_colours", &run_alike_colours, arg("light"), arg("variance"));
+           [](const ColumnBundles& picture) { return tuple_of(unlocked([&] { return picture.free(); })); });
+  module.def(
+      "alike_colours",
+      [](const Doubles& light, const Doubles& variance) { return with_colours(light, variance, alike_colours); },
+      arg("light"), arg("variance"));
   module.def("colour_shares", &run_colour_shares, arg("light"), arg("variance"), arg("row_light"));
   module.def(
       "fully_modulated_rows", [](const Doubles& rows) { return array_of(fully_modulated_rows(span_of(rows))); },
       arg("rows"));
-  module.def(
-      "explained_share",
-      [](const Doubles& rows, const Doubles& model, const Doubles& weight) {
-        return explained_share(span_of(rows), span_of(model), span_of(weight));
-      },
-      arg("rows"), arg("model"), arg("weight"));
 }
 
-void register_tone_light(py::module_& module) {
+void register_row_models(py::module_& module) {
   using py::arg;
   py::class_<ToneLight>(module, "ToneLight")
       .def(py::init([](const std::vector<double>& light, double frequency, std::size_t harmonics) {
@@ -161,19 +163,26 @@ void register_tone_light(py::module_& module) {
       .def_property_readonly("light", [](const ToneLight& tone) { return array_of(tone.light); })
       .def_readonly("frequency", &ToneLight::frequency)
       .def_readonly("harmonics", &ToneLight::harmonics);
+  py::class_<ModelledLight>(module, "ModelledLight")
+      .def_property_readonly("light", [](const ModelledLight& one) { return array_of(one.light); })
+      .def_readonly("full", &ModelledLight::full)
+      .def_property_readonly("model", [](const ModelledLight& one) { return std::string(name_of(one.model)); })
+      .def_readonly("frequency", &ModelledLight::frequency)
+      .def_readonly("tone", &ModelledLight::tone);
+  module.def("find_colour_lights", &run_find_colour_lights, arg("light"), arg("variance"), arg("model"));
   module.def(
-      "find_tone_light",
-      [](const ColumnBundles& picture, const std::vector<double>& rows, const std::vector<double>& information,
-         std::optional<double> enough) {
-        return unlocked([&] { return find_tone_light(picture, {rows, information}, enough); });
+      "find_row_light",
+      [](const ColumnBundles& picture, const std::string& model) {
+        const RowModel asked = row_model(model);
+        return unlocked([&] { return find_row_light(picture, asked); });
       },
-      arg("picture"), arg("rows"), arg("information"), arg("enough"));
+      arg("picture"), arg("model"));
   module.def(
-      "tone_light_at",
-      [](const ColumnBundles& picture, const ToneLight& tone, double frequency) {
-        return unlocked([&] { return tone_light_at(picture, tone, frequency); });
+      "unexplained_by_chips",
+      [](const std::vector<double>& rows, const std::vector<double>& information) {
+        return unlocked([&] { return unexplained_by_chips({rows, information}); });
       },
-      arg("picture"), arg("tone"), arg("frequency"));
+      arg("rows"), arg("information"));
   module.def(
       "followed_tone_light",
       [](const ColumnBundles& picture, const ToneLight& tone) {
@@ -277,7 +286,7 @@ void register_cleaning(py::module_& module) {
   register_verdict(module);
   register_motion(module);
   register_columns(module);
-  register_tone_light(module);
+  register_row_models(module);
   register_stored<std::uint8_t>(module);
   register_stored<std::uint16_t>(module);
 }

@@ -3,12 +3,11 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <numeric>
 
+#include "cleaning/row_basis.hpp"
 #include "cleaning/slow_changes.hpp"
-#include "core/linear_algebra.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/find_frequency.hpp"
@@ -23,15 +22,6 @@ constexpr int steps_to_fit = 24, steps_to_follow = 10;  // with known shares, fr
 constexpr double much_likelier = 0.01;                  // min. decrease of the misfit
 constexpr double largest_change = 0.25;                 // cycles in the frame: the range of a linear step
 constexpr double quarter = 0.25;                        // cycles between compared rows
-
-// Columns of a basis: (rows × terms).
-using Basis = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-std::span<const double> span_of(const Basis& basis) { return {basis.data(), static_cast<std::size_t>(basis.size())}; }
-
-Eigen::Map<const Eigen::VectorXd> vector_of(std::span<const double> values) {
-  return {values.data(), static_cast<Eigen::Index>(values.size())};
-}
 
 double from_middle(Eigen::Index row, Eigen::Index rows) {
   return static_cast<double>(row) - 0.5 * static_cast<double>(rows - 1);
@@ -63,13 +53,6 @@ Basis periodic_basis(std::size_t rows, Eigen::Index count, double frequency, Eig
   return basis;
 }
 
-Eigen::VectorXd fitted_to(const Basis& basis, std::span<const double> values) {
-  const double min_pivot = std::numeric_limits<double>::epsilon() * static_cast<double>(basis.rows());
-  return least_squares(Eigen::MatrixXd(basis), vector_of(values), min_pivot);
-}
-
-Values values_of(const Eigen::VectorXd& vector) { return {vector.data(), vector.data() + vector.size()}; }
-
 // Scaled to mean 1 and a minimum of 0.
 Values fully_modulated(Values tone) {
   const double mean = std::accumulate(tone.begin(), tone.end(), 0.0) / static_cast<double>(tone.size());
@@ -92,7 +75,7 @@ ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> 
     basis(n, drift + 1) = from_middle(n, rows) / length * basis(n, 1 + count);
   }
   const RowLight refined = picture.refined(light, {.basis = span_of(basis)}, steps);
-  const Eigen::VectorXd terms = fitted_to(basis, refined.light);
+  const Eigen::VectorXd terms = fitted_terms(basis, vector_of(refined.light));
   const double cosine = terms[1], sine = terms[1 + count];
   double change = (terms[drift] * sine - terms[drift + 1] * cosine) /
                   (2 * std::numbers::pi * length * std::max(cosine * cosine + sine * sine, 1e-300));
@@ -168,7 +151,7 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
   const Basis basis = slow_and_periodic(picture.rows(), count, found.frequency);
   const Eigen::VectorXd root = vector_of(rows.information).array().sqrt();
   const Basis weighted = root.asDiagonal() * basis;
-  const Eigen::VectorXd terms = fitted_to(weighted, values_of(root.cwiseProduct(vector_of(rows.light))));
+  const Eigen::VectorXd terms = fitted_terms(weighted, root.cwiseProduct(vector_of(rows.light)));
   if (enough && explained_share(rows.light, values_of(basis * terms), rows.information) < *enough) return {};
   const Basis tones = basis.rightCols(2 * count) * terms.tail(2 * count).asDiagonal();
   const Eigen::VectorXd fundamental = tones.col(0) + tones.col(count);
@@ -180,7 +163,7 @@ ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, dou
   const Eigen::Index count = resolved(tone.harmonics, frequency);
   const Basis basis = periodic_basis(picture.rows(), count, frequency);
   const RowLight refined = picture.refined(tone.light, {.basis = span_of(basis)}, steps_to_fit);
-  const Eigen::VectorXd terms = fitted_to(basis, refined.light);
+  const Eigen::VectorXd terms = fitted_terms(basis, vector_of(refined.light));
   return {fully_modulated(values_of(basis.rightCols(2 * count) * terms.tail(2 * count))), frequency, tone.harmonics};
 }
 

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast._core import ColumnBundles
-from ocisac_fast.cleaning.chip_light import unexplained
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -55,7 +54,7 @@ def find_toe(light: FloatArray, variance: FloatArray, white: float) -> float:
 
     def left(toe: float) -> float:
         lit, certain = with_toe(light, variance, toe, white)
-        return unexplained(*ColumnBundles(lit.sum(axis=2), certain.sum(axis=2)).free())
+        return _core.unexplained_by_chips(*ColumnBundles(lit.sum(axis=2), certain.sum(axis=2)).free())
 
     without = least = left(0.0)
     best = 0.0

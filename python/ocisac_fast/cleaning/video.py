@@ -165,7 +165,7 @@ class VideoCleaner:
             light, variance = (values[0][..., colours].sum(axis=-1) for values in (stored.light, stored.variance))
             own = before.lights[colours[0]]
             if own.tone is None:
-                found = find_row_light(ColumnBundles(light, variance), self._camera, own.model)
+                found = find_row_light(light, variance, self._camera, own.model)
             else:
                 picture = ColumnBundles(
                     light, variance, _share_of_columns(before.shares[colours[0]], light.shape[1], stored)
@@ -173,7 +173,7 @@ class VideoCleaner:
                 tone = _core.followed_tone_light(picture, own.tone)
                 weight = 1 / (min(before.frames, _MAX_FREQUENCIES) + 2)
                 mean = own.tone.frequency + weight * (tone.frequency - own.tone.frequency)
-                found = row_light_of(ToneLight(tone.light, mean, tone.harmonics), self._camera.row_period)
+                found = row_light_of(ToneLight(tone.light, mean, tone.harmonics), self._camera)
             lights.update(dict.fromkeys(colours, found))
         return [lights[colour] for colour in range(len(before.lights))]
 

@@ -1,0 +1,26 @@
+// The light of the rows of a banded picture as chips: on or off, with one response.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/cleaning/column_bundles.hpp"
+
+namespace ocisac {
+
+struct ChipLight {
+  std::vector<double> light;  // of each row, mean 1
+  double rate = 0;            // chips per row
+};
+
+// Refines rows estimated without a model (ColumnBundles::free) with chips; none if chips do not explain 92 % of them,
+// unless `always`. Rows drift, since the picture contributes to their slow changes: chips are detected without these,
+// and their response is then fitted to the differences of neighbouring rows of the picture.
+std::optional<ChipLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always);
+
+// Share of the rows' swing, about the line through the tops of bright runs, that chips of one response leave
+// unexplained; 1 without chips. Chips are additive in linear light only: a wrong tone curve increases it.
+double unexplained_by_chips(const RowLight& rows);
+
+}  // namespace ocisac
