@@ -10,6 +10,7 @@
 #include "ocisac/cleaning/restore_picture.hpp"
 #include "ocisac/cleaning/row_misfit.hpp"
 #include "ocisac/cleaning/row_model.hpp"
+#include "ocisac/cleaning/slow_light.hpp"
 #include "ocisac/cleaning/tone_light.hpp"
 
 namespace ocisac::bindings {
@@ -82,11 +83,11 @@ BandedPicture frame_of(const Doubles& light, const Doubles& variance) {
 
 py::tuple tuple_of(const RowLight& rows) { return py::make_tuple(array_of(rows.light), array_of(rows.information)); }
 
-// The colours of (rows, columns, colours), one after the other.
+// The colours of (..., colours), one after the other.
 std::vector<double> planes_of(const Doubles& picture) {
   std::vector<double> planes;
   planes.reserve(static_cast<std::size_t>(picture.size()));
-  const py::ssize_t colours = picture.shape(2);
+  const py::ssize_t colours = picture.shape(picture.ndim() - 1);
   for (py::ssize_t colour = 0; colour < colours; ++colour)
     for (py::ssize_t i = colour; i < picture.size(); i += colours) planes.push_back(picture.data()[i]);
   return planes;
@@ -141,8 +142,7 @@ void register_columns(py::module_& module) {
              return ColumnBundles(frame_of(light, variance), share ? span_of(*share) : std::span<const double>{});
            }),
            arg("light"), arg("variance"), arg("share") = py::none())
-      .def("free",
-           [](const ColumnBundles& picture) { return tuple_of(unlocked([&] { return picture.free(); })); });
+      .def("free", [](const ColumnBundles& picture) { return tuple_of(unlocked([&] { return picture.free(); })); });
   module.def(
       "alike_colours",
       [](const Doubles& light, const Doubles& variance) { return with_colours(light, variance, alike_colours); },
@@ -189,6 +189,54 @@ void register_row_models(py::module_& module) {
         return unlocked([&] { return followed_tone_light(picture, tone); });
       },
       arg("picture"), arg("tone"));
+}
+
+std::vector<SlowLight> run_find_slow_lights(const Doubles& light, const Doubles& variance, const Camera& camera,
+                                            const std::vector<CommonCourse>& earlier,
+                                            const std::optional<SlowTone>& near) {
+  require(light.ndim() == 4, "light", light.ndim(), "4 dimensions (frames, rows, columns, colours)");
+  require(variance.size() == light.size(), "variance", variance.size(), "one value a pixel");
+  const auto rows = static_cast<std::size_t>(light.shape(1)), columns = static_cast<std::size_t>(light.shape(2));
+  const auto colours = static_cast<std::size_t>(light.shape(3));
+  const std::vector<double> of_light = planes_of(light), of_variance = planes_of(variance);
+  std::vector<std::vector<BandedPicture>> frames(static_cast<std::size_t>(light.shape(0)));
+  for (std::size_t frame = 0; frame < frames.size(); ++frame)
+    for (std::size_t colour = 0; colour < colours; ++colour) {
+      const std::size_t pixels = rows * columns, first = (colour * frames.size() + frame) * pixels;
+      const auto plane = [&](const std::vector<double>& all) { return std::span(all).subspan(first, pixels); };
+      frames[frame].push_back({plane(of_light), plane(of_variance), 1, rows, columns});
+    }
+  return unlocked([&] { return find_slow_lights(frames, camera, earlier, near); });
+}
+
+void register_slow_light(py::module_& module) {
+  using py::arg;
+  py::class_<CommonCourse>(module, "CommonCourse").def_property_readonly("modes", [](const CommonCourse& course) {
+    return array_of(course.modes);
+  });
+  py::class_<SlowTone>(module, "SlowTone")
+      .def_readonly("cycles", &SlowTone::cycles)
+      .def(
+          "light", [](const SlowTone& tone, std::size_t rows) { return array_of(tone.light(rows)); }, arg("rows"))
+      .def("depth", &SlowTone::depth, arg("rows"));
+  py::class_<SlowVerdict>(module, "SlowVerdict")
+      .def_readonly("left", &SlowVerdict::left)
+      .def_readonly("worse", &SlowVerdict::worse)
+      .def_readonly("level", &SlowVerdict::level);
+  py::class_<SlowLight>(module, "SlowLight")
+      .def_readonly("tones", &SlowLight::tones)
+      .def_readonly("course", &SlowLight::course)
+      .def_readonly("amplitude", &SlowLight::amplitude)
+      .def_readonly("verdict", &SlowLight::verdict)
+      .def_readonly("objection", &SlowLight::objection);
+  module.attr("MOST_SLOW_FRAMES") = most_slow_frames;
+  module.def("mode_count", &mode_count, arg("rows"));
+  module.def(
+      "common_course",
+      [](const Doubles& light, const Doubles& variance) { return common_course(frame_of(light, variance)); },
+      arg("light"), arg("variance"));
+  module.def("find_slow_lights", &run_find_slow_lights, arg("light"), arg("variance"), arg("camera"), arg("earlier"),
+             arg("near"));
 }
 
 LogPicture log_picture_of(const Doubles& values, const char* name) {
@@ -287,6 +335,7 @@ void register_cleaning(py::module_& module) {
   register_motion(module);
   register_columns(module);
   register_row_models(module);
+  register_slow_light(module);
   register_stored<std::uint8_t>(module);
   register_stored<std::uint16_t>(module);
 }

@@ -7,9 +7,8 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
-from ocisac_fast import Camera, remove_bands
+from ocisac_fast import Camera, _core, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
-from ocisac_fast.cleaning.slow_light import common_course, find_slow_lights
 
 Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 400, 200
@@ -60,7 +59,9 @@ def test_a_picture_without_slow_bands_has_none(seed: int) -> None:
     y, x = np.mgrid[-1 : 1 : ROWS * 1j, -1 : 1 : COLUMNS * 1j]
     for shade in (np.ones_like(y), np.exp(-0.4 * y), 1 / (1 + 0.3 * (x**2 + y**2)) ** 2):
         light = 120 * boxes(seed) * shade
-        (slow,) = find_slow_lights(light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA)
+        (slow,) = _core.find_slow_lights(
+            light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA._handle, (), None
+        )
         assert slow.objection
         assert slow.amplitude == 0.0
 
@@ -79,7 +80,7 @@ def test_bands_of_other_shapes_are_refused_or_left_and_told(seed: int, shape: st
 
 def test_a_lamp_on_part_of_the_columns_is_refused() -> None:
     light = under(boxes(1), 2.0, np.where(np.arange(COLUMNS) < 0.6 * COLUMNS, 0.5, 0.0)).astype(float)
-    (slow,) = find_slow_lights(light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA)
+    (slow,) = _core.find_slow_lights(light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA._handle, (), None)
     assert slow.objection
 
 
@@ -127,7 +128,8 @@ def test_the_common_course_is_that_of_the_rows(seed: int) -> None:
     place = (np.arange(ROWS) + 0.5) / ROWS
     rows = np.exp(0.2 * np.cos(np.pi * np.outer(place, np.arange(1, 4))) @ random.standard_normal(3))
     lit, brighter = (
-        common_course(scale * light * rows[:, None], np.full(light.shape, scale**2 * 1e-6)) for scale in (1.0, 3.0)
+        _core.common_course(scale * light * rows[:, None], np.full(light.shape, scale**2 * 1e-6))
+        for scale in (1.0, 3.0)
     )
     np.testing.assert_allclose(brighter.modes, lit.modes, atol=1e-9)
     modes = np.cos(np.pi * np.outer(place, np.arange(1, len(lit.modes) + 1)))

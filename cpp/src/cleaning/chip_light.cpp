@@ -92,7 +92,8 @@ class Responses {
 
   // Adds `weight` times the response of a chip to columns of the basis from `first` on.
   void add(std::size_t chip, double weight, Eigen::Index first, Basis& basis) const {
-    of_chip(chip, [&](Eigen::Index row, Eigen::Index knot, double value) { basis(row, first + knot) += weight * value; });
+    of_chip(chip,
+            [&](Eigen::Index row, Eigen::Index knot, double value) { basis(row, first + knot) += weight * value; });
   }
 
   // A constant, then the sums of the chips' responses with their weights.
@@ -107,8 +108,7 @@ class Responses {
   // The course that a chip adds to the rows.
   [[nodiscard]] Eigen::VectorXd course(std::size_t chip, const Eigen::VectorXd& terms) const {
     Eigen::VectorXd course = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(rows_));
-    of_chip(chip,
-            [&](Eigen::Index row, Eigen::Index knot, double value) { course[row] += value * terms[1 + knot]; });
+    of_chip(chip, [&](Eigen::Index row, Eigen::Index knot, double value) { course[row] += value * terms[1 + knot]; });
     return course;
   }
 
@@ -156,7 +156,9 @@ void guess(const Responses& responses, const Values& rows, const Values& weight,
   for (const std::size_t k : guessed) {
     const Eigen::VectorXd shape = responses.course(k, terms);
     const Eigen::VectorXd rest = vector_of(rows) - basis * terms + chips.bits[k] * shape;
-    const auto weighted = [&](const Eigen::VectorXd& values) { return vector_of(weight).cwiseProduct(values).dot(shape); };
+    const auto weighted = [&](const Eigen::VectorXd& values) {
+      return vector_of(weight).cwiseProduct(values).dot(shape);
+    };
     const double bit = 2 * weighted(rest) > weighted(shape) ? 1 : 0;
     if (bit != chips.bits[k]) responses.add(k, bit - chips.bits[k], 1, basis);
     chips.bits[k] = bit;

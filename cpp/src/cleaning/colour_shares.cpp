@@ -38,7 +38,8 @@ struct Part {
 Part part_of(const BandedColour& colour, std::size_t first, std::size_t every, std::size_t count) {
   const BandedPicture& picture = colour.picture;
   const std::size_t columns = std::min(count, blocks_of(picture.columns - first, every));
-  Part part{{{}, {}, picture.frames, picture.rows, columns}, {}, {}, {colour.row_light.begin(), colour.row_light.end()}};
+  Part part{
+      {{}, {}, picture.frames, picture.rows, columns}, {}, {}, {colour.row_light.begin(), colour.row_light.end()}};
   for (std::size_t row = 0; row < picture.frames * picture.rows; ++row)
     for (std::size_t k = 0; k < columns; ++k) {
       const std::size_t at = row * picture.columns + first + k * every;
@@ -102,8 +103,8 @@ Values moved_rows(std::span<const double> row_light, std::size_t rows, bool up) 
   return moved;
 }
 
-// Puts an even light of share `one` and of the course `moved` onto the cleaned picture; `share`: (rows × columns) of the
-// light that it takes away.
+// Puts an even light of share `one` and of the course `moved` onto the cleaned picture; `share`: (rows × columns) of
+// the light that it takes away.
 Part under_even_light(Part part, std::span<const double> share, double one, Values moved) {
   const std::size_t pixels = part.shape.rows * part.shape.columns;
   for (std::size_t i = 0; i < part.light.size(); ++i) {

@@ -17,14 +17,14 @@ namespace {
 using Values = std::vector<double>;
 
 constexpr std::size_t most_columns = 192, least_columns = 48, most_samples = 1U << 17U;  // of all bundles
-constexpr std::size_t rows_of_shares = 512;  // means of rows show the shares of columns as well as each does
-constexpr std::size_t rows_of_lag = 4;       // means in the lag between compared rows
+constexpr std::size_t rows_of_shares = 512;   // means of rows show the shares of columns as well as each does
+constexpr std::size_t rows_of_lag = 4;        // means in the lag between compared rows
 constexpr double bright = 0.95, dark = 0.02;  // quantiles
 constexpr double min_share = 0.02;            // of a column, relative to those with a large one
 constexpr double min_depth = 1e-3;
-constexpr double largest_row = 1.5;           // of a bright one
-constexpr double least_trend = 0.1;           // of the mean
-constexpr double enough_rows = 0.9;           // of a column that counts
+constexpr double largest_row = 1.5;  // of a bright one
+constexpr double least_trend = 0.1;  // of the mean
+constexpr double enough_rows = 0.9;  // of a column that counts
 constexpr double alike = 0.9, alike_depth = 0.7;
 constexpr double smallest = 1e-300, smallest_swing = 1e-100;
 
@@ -125,8 +125,7 @@ std::vector<double> ColumnBundles::share_of_columns(std::span<const double> rows
   Values variance = means_of(variance_, rows_, columns_, height, 1);
   for (double& value : variance) value /= static_cast<double>(height);
   const std::size_t count = blocks_of(rows_, height);
-  const Values share =
-      light_share({light, variance, 1, count, columns_}, means_of(lit, rows_, 1, height, 1), false);
+  const Values share = light_share({light, variance, 1, count, columns_}, means_of(lit, rows_, 1, height, 1), false);
   return means_of(share, count, columns_, count, 1);
 }
 

@@ -15,14 +15,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t most_groups = 24;                   // of columns
-constexpr double min_left = 0.125;                        // lower bound of a light that is a divisor
-constexpr double floor_of_light = 0.01;                   // of the mean light, below which logarithms show noise
-constexpr double min_gain = 0.03;                         // texture without a light gives less
-constexpr double half_left = 0.5, much_left = 0.6;        // of the row light
-constexpr double min_level = 0.25;                        // of a light on part of the picture 0.4 and more
-constexpr double max_worse = 0.25;                        // share of the columns
-constexpr double min_part = 0.8;                          // of a group's pixels, of rows that count
+constexpr std::size_t most_groups = 24;                  // of columns
+constexpr double min_left = 0.125;                       // lower bound of a light that is a divisor
+constexpr double floor_of_light = 0.01;                  // of the mean light, below which logarithms show noise
+constexpr double min_gain = 0.03;                        // texture without a light gives less
+constexpr double half_left = 0.5, much_left = 0.6;       // of the row light
+constexpr double min_level = 0.25;                       // of a light on part of the picture 0.4 and more
+constexpr double max_worse = 0.25;                       // share of the columns
+constexpr double min_part = 0.8;                         // of a group's pixels, of rows that count
 constexpr double smallest = 1e-300, independent = 1e-9;  // of a term that another one does not explain
 
 using Values = std::vector<double>;

@@ -37,7 +37,8 @@ struct Shape {
 Values bell(std::size_t length) {
   Values result(length);
   for (std::size_t n = 0; n < length; ++n)
-    result[n] = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * static_cast<double>(n + 1) / static_cast<double>(length + 1));
+    result[n] =
+        0.5 - 0.5 * std::cos(2 * std::numbers::pi * static_cast<double>(n + 1) / static_cast<double>(length + 1));
   return result;
 }
 

@@ -130,8 +130,7 @@ ColourLights find_colour_lights(std::span<const BandedPicture> colours, RowModel
     for (const std::size_t colour : alike) found.of_colour[colour] = group.light;
     groups.push_back(std::move(group));
   }
-  if (found.lights.front().tone && colours.size() > 1)
-    fit_tones(colours, mean_frequency(groups, found.lights), found);
+  if (found.lights.front().tone && colours.size() > 1) fit_tones(colours, mean_frequency(groups, found.lights), found);
   return found;
 }
 

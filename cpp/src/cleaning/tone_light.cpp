@@ -93,8 +93,8 @@ ToneLight fitted_tone(const ColumnBundles& picture, const Values& start, std::si
   return tone;
 }
 
-// The fundamental alone, or with harmonics if these decrease the misfit clearly. Periodic texture resembles harmonics if
-// the fit starts with those of the rows, so both starts are tried.
+// The fundamental alone, or with harmonics if these decrease the misfit clearly. Periodic texture resembles harmonics
+// if the fit starts with those of the rows, so both starts are tried.
 ToneLight likeliest(const ColumnBundles& picture, const Values& all_of_rows, const Values& fundamental,
                     std::size_t harmonics, double frequency) {
   ToneLight best = fitted_tone(picture, fundamental, 1, frequency);

@@ -11,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast._core import CleaningVerdict
+from ocisac_fast._core import CleaningVerdict, CommonCourse, SlowLight
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
-from ocisac_fast.cleaning.slow_light import CommonCourse, SlowLight, find_slow_lights
 from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, block_size, merged
 from ocisac_fast.cleaning.toe import find_toe
 from ocisac_fast.core.arrays import as_frames, in_stored_order
@@ -363,13 +362,15 @@ def estimated(
     objection = "" if given else _core.mean_verdict(verdicts).objection
     doubtful = objection or found[0][0].model == "rows" or _core.mean_verdict(verdicts).light_left > _MUCH_LEFT
     if not given and task.model in ("auto", "tone") and doubtful:
-        slow = find_slow_lights(stored.light, stored.variance, camera, earlier)
+        slow = _core.find_slow_lights(stored.light, stored.variance, camera._handle, earlier, None)
         if not any(own.objection for own in slow):
             return of_slow_light(stored, slow, camera)
         if objection:
             objection = next((own.objection for own in slow if own.amplitude > 0.0), objection)
             return Estimate(stored, found, shares, _with_slow_bands(verdicts, slow), objection, slow)
-    slow = find_slow_lights(stored.light / _light_of_blocks(stored, rows, shares), stored.variance, camera)
+    slow = _core.find_slow_lights(
+        stored.light / _light_of_blocks(stored, rows, shares), stored.variance, camera._handle, (), None
+    )
     return Estimate(stored, found, shares, _with_slow_bands(verdicts, slow), objection, [])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast._core import ColumnBundles, ToneLight
+from ocisac_fast._core import MOST_SLOW_FRAMES, ColumnBundles, CommonCourse, SlowTone, ToneLight, mode_count
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.bands import (
     CleanedFrames,
@@ -26,7 +26,6 @@ from ocisac_fast.cleaning.bands import (
     verdict_on,
 )
 from ocisac_fast.cleaning.row_light import RowLight, find_row_light, row_light_of
-from ocisac_fast.cleaning.slow_light import MOST_FRAMES, CommonCourse, SlowTone, find_slow_lights, mode_count
 from ocisac_fast.cleaning.stored import BlockShares, FloatArray, StoredFrames, merged
 from ocisac_fast.core.checks import checked
 
@@ -118,7 +117,7 @@ class VideoCleaner:
         return found
 
     def _keep_slow(self, found: Estimate) -> None:
-        self._courses = [*self._courses, found.slow[-1].course][1 - MOST_FRAMES :]
+        self._courses = [*self._courses, found.slow[-1].course][1 - MOST_SLOW_FRAMES :]
         self._slow = None if found.unchanged else found.slow[-1].tones[0]
 
     def _slowly(self, stack: npt.NDArray[Any]) -> Estimate | None:
@@ -126,7 +125,7 @@ class VideoCleaner:
         if self._slow is None or len(self._courses[0].modes) != mode_count(stack.shape[1]):
             return None
         stored = StoredFrames(stack, self._camera, self._task.options.noise, self._task.options.toe or 0.0)
-        slow = find_slow_lights(stored.light, stored.variance, self._camera, self._courses, self._slow)
+        slow = _core.find_slow_lights(stored.light, stored.variance, self._camera._handle, self._courses, self._slow)
         if slow[-1].objection:
             return None
         found = of_slow_light(stored, slow, self._camera)

@@ -17,8 +17,9 @@ struct CleaningVerdict {
   double gain = 0;            // decrease of the misfit of rows a few apart (row_misfit)
   double worse = 0;           // share of the groups of columns whose misfit increases
   double level = 1;           // coherence of the bands over the columns, 1 for level bands, 0 for tilted ones
-  double slow_bands = 0;  // amplitude, relative to the light, of bands above 128 rows that are left; 0 if none are likely
-  double energy = 0;      // of the row light's swing in the columns before cleaning
+  double slow_bands =
+      0;              // amplitude, relative to the light, of bands above 128 rows that are left; 0 if none are likely
+  double energy = 0;  // of the row light's swing in the columns before cleaning
 };
 
 // Compares one colour of a frame (picture.frames is 1) before and after division by its row light, mean 1, with its

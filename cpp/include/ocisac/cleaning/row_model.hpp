@@ -23,7 +23,8 @@ struct ModelledLight {
   std::vector<double> light;  // of each row, mean 1
   double full = 1;            // of a fully lit row
   RowModel model = RowModel::rows;
-  double frequency = std::numeric_limits<double>::quiet_NaN();  // of the tone, or the chip rate, cycles or chips per row
+  double frequency =
+      std::numeric_limits<double>::quiet_NaN();  // of the tone, or the chip rate, cycles or chips per row
   std::optional<ToneLight> tone;
 };
 

@@ -1,0 +1,74 @@
+// A row light slower than 128 rows per cycle: mains at a few cycles a picture.
+//
+// All pixels of a row have the light in common, and so they have part of the picture: horizons, shades, vignettes. The
+// cosine modes of the course that the columns have in common tell them apart. Those of a picture decrease with their
+// order k as k^-1.5, by a factor S that is the picture's own; a tone stands out of them. Where frames follow each
+// other, the picture stays, and the phase of the tone advances by the same step from frame to frame.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/cleaning/light_share.hpp"
+
+namespace ocisac {
+
+constexpr std::size_t most_slow_frames = 8;  // that are compared
+
+// Cosine modes 1 to K of the log light that the columns of a picture have in common.
+struct CommonCourse {
+  std::vector<double> modes;
+  std::vector<double> variance;             // of what the groups of columns have not in common
+  std::vector<std::vector<double>> groups;  // the modes of each group of columns
+};
+
+// Differences of blocks of pixels along the rows are fitted with a redescending weight, since edges are few.
+CommonCourse common_course(const BandedPicture& picture);
+
+// Number of modes: those of the second harmonic of the fastest slow tone.
+std::size_t mode_count(std::size_t rows);
+
+// A tone in the log light of the rows.
+struct SlowTone {
+  double cycles = 0;                 // in the picture
+  double step = 0;                   // advance of its phase from frame to frame, rad
+  std::array<double, 4> terms{};     // cosine and sine about the middle row, and those of the second harmonic
+  std::array<double, 2> variance{};  // of the fundamental's terms, with the doubt about the phase step
+  double log_odds = 0;               // natural logarithm of the odds of the tone against none
+
+  [[nodiscard]] double amplitude() const;  // of the fundamental, relative to the light
+  // The evidence is enough to remove it: the rest is smaller than the tone, and there is a tone.
+  [[nodiscard]] bool is_sure() const;
+  [[nodiscard]] SlowTone in_frame(std::size_t frame) const;         // with its phase in a later frame
+  [[nodiscard]] std::vector<double> light(std::size_t rows) const;  // mean 1
+  [[nodiscard]] double depth(std::size_t rows) const;               // how far the darkest row is below the mean light
+};
+
+// Agreement of the groups of columns about a slow tone.
+struct SlowVerdict {
+  double left = 0;   // swing of the tone in the groups after its removal, over that before
+  double worse = 0;  // share of the groups whose tone grows
+  double level = 1;  // coherence of the groups' tones, 1 for level bands of one depth, 0 for tilted ones
+};
+
+// Slow light of one frame.
+struct SlowLight {
+  std::vector<SlowTone> tones;  // of each colour
+  CommonCourse course;          // of all colours, which following frames are compared with
+  double amplitude = 0;         // of the tone, relative to the light; 0 where none is likely
+  SlowVerdict verdict;
+  std::string objection;  // why it is not removed, or empty
+};
+
+// Of consecutive frames of one scene, each with the pictures of its colours. `earlier`: courses of the frames before
+// the first one; `near`: the tone of those, if it is known.
+std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
+                                        std::span<const CommonCourse> earlier = {},
+                                        const std::optional<SlowTone>& near = {});
+
+}  // namespace ocisac

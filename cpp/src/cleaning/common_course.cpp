@@ -1,0 +1,197 @@
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "cleaning/block_shares.hpp"
+#include "cleaning/cleaned_picture.hpp"
+#include "cleaning/slow_modes.hpp"
+#include "core/linear_algebra.hpp"
+#include "ocisac/cleaning/slow_light.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Values = std::vector<double>;
+
+constexpr std::size_t most_groups = 12;   // of columns, whose agreement gives the variance of their common course
+constexpr std::size_t most_columns = 64;  // bundles
+constexpr double texture = 0.03;          // relative difference of neighbouring blocks
+constexpr std::array<std::size_t, 4> lags{1, 2, 4, 8};  // blocks
+constexpr int steps = 12, wide_steps = 6;  // of the robust fit; those with a larger texture, so that bands are not
+                                           // taken for edges
+constexpr double darkest = 1e-3;           // of the mean light, of which a logarithm is taken
+constexpr double ridge = 1e-6;
+
+// Light and noise variance (rows × columns).
+struct Blocks {
+  std::size_t rows, columns;
+  Values light, variance;
+};
+
+// Means of the known ones of `count` neighbours; down the rows or along them.
+Blocks merged(const Blocks& from, std::size_t count, bool down) {
+  if (count == 1) return from;
+  Blocks to{
+      down ? blocks_of(from.rows, count) : from.rows, down ? from.columns : blocks_of(from.columns, count), {}, {}};
+  to.light.resize(to.rows * to.columns);
+  to.variance.resize(to.light.size());
+  Values known(to.light.size());
+  for (std::size_t n = 0; n < from.rows; ++n)
+    for (std::size_t k = 0; k < from.columns; ++k) {
+      const std::size_t i = n * from.columns + k;
+      const std::size_t at = (down ? n / count : n) * to.columns + (down ? k : k / count);
+      if (!std::isfinite(from.variance[i])) continue;
+      known[at] += 1;
+      to.light[at] += from.light[i];
+      to.variance[at] += from.variance[i];
+    }
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    to.light[i] /= std::max(known[i], 1.0);
+    to.variance[i] = known[i] > 0 ? to.variance[i] / (known[i] * known[i]) : std::numeric_limits<double>::infinity();
+  }
+  return to;
+}
+
+// Differences of the logarithms of blocks, some apart in one column, and how modes change over them.
+struct Differences {
+  std::size_t columns;
+  Eigen::MatrixXd design;  // (differences × modes)
+  Values change, spread;   // (differences × columns); spread: noise variance
+};
+
+Differences differences_of(const Blocks& blocks, std::size_t count) {
+  const double mean =
+      std::accumulate(blocks.light.begin(), blocks.light.end(), 0.0) / static_cast<double>(blocks.light.size());
+  Values level, noise;
+  for (std::size_t i = 0; i < blocks.light.size(); ++i) {
+    const double usable = std::max(blocks.light[i], darkest * std::max(mean, 1e-100));
+    level.push_back(std::log(usable));
+    noise.push_back(blocks.variance[i] / (usable * usable));
+  }
+  const Eigen::MatrixXd modes = slow_modes(blocks.rows, count);
+  std::size_t rows = 0;
+  for (const std::size_t lag : lags) rows += lag < blocks.rows ? blocks.rows - lag : 0;
+  Differences result{blocks.columns, Eigen::MatrixXd(static_cast<Eigen::Index>(rows), modes.cols()), {}, {}};
+  Eigen::Index at = 0;
+  for (const std::size_t lag : lags)
+    for (std::size_t n = 0; n + lag < blocks.rows; ++n) {
+      result.design.row(at++) = modes.row(static_cast<Eigen::Index>(n + lag)) - modes.row(static_cast<Eigen::Index>(n));
+      for (std::size_t k = 0; k < blocks.columns; ++k) {
+        const std::size_t one = n * blocks.columns + k, other = one + lag * blocks.columns;
+        result.change.push_back(level[other] - level[one]);
+        result.spread.push_back(noise[other] + noise[one]);
+      }
+    }
+  return result;
+}
+
+// Sums over columns of the weights of differences, and of the weighted differences.
+struct Evidence {
+  Eigen::VectorXd weight, pull;
+};
+
+// Those of columns first to end.
+Evidence evidence_of(const Differences& all, const Values& weight, std::size_t first, std::size_t end) {
+  const Eigen::Index rows = all.design.rows();
+  Evidence sum{Eigen::VectorXd::Zero(rows), Eigen::VectorXd::Zero(rows)};
+  for (Eigen::Index n = 0; n < rows; ++n)
+    for (std::size_t k = first; k < end; ++k) {
+      const std::size_t at = static_cast<std::size_t>(n) * all.columns + k;
+      sum.weight[n] += weight[at];
+      sum.pull[n] += weight[at] * all.change[at];
+    }
+  return sum;
+}
+
+Eigen::VectorXd solved(const Eigen::MatrixXd& design, const Evidence& evidence) {
+  Eigen::MatrixXd normal = transposed_product(design, Eigen::MatrixXd(evidence.weight.asDiagonal() * design));
+  normal.diagonal().array() += ridge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-300);
+  return solve_positive_definite(normal, design.transpose() * evidence.pull);
+}
+
+Values weights_of(const Differences& all, const Eigen::VectorXd& modes, double of_texture) {
+  const Eigen::VectorXd course = all.design * modes;
+  Values weights(all.change.size());
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    const double left = all.change[i] - course[static_cast<Eigen::Index>(i / all.columns)];
+    weights[i] = 1 / (of_texture * of_texture + all.spread[i] + left * left);
+  }
+  return weights;
+}
+
+Values values_of(const Eigen::VectorXd& vector) { return {vector.data(), vector.data() + vector.size()}; }
+
+// Modes of the groups of columns, and the variance of their mean by the jackknife.
+void compare_groups(const Differences& all, const Values& weights, CommonCourse& course) {
+  const std::size_t count = std::min(most_groups, all.columns);
+  std::vector<Evidence> groups;
+  for (std::size_t group = 0, first = 0; group < count; ++group) {
+    const std::size_t end = first + all.columns / count + (group < all.columns % count ? 1 : 0);
+    groups.push_back(evidence_of(all, weights, first, end));
+    course.groups.push_back(values_of(solved(all.design, groups.back())));
+    first = end;
+  }
+  Eigen::MatrixXd others(all.design.cols(), static_cast<Eigen::Index>(count));
+  for (std::size_t left_out = 0; left_out < count; ++left_out) {
+    const Eigen::Index rows = all.design.rows();
+    Evidence rest{Eigen::VectorXd::Zero(rows), Eigen::VectorXd::Zero(rows)};
+    for (std::size_t group = 0; group < count; ++group) {
+      if (group == left_out) continue;
+      rest.weight += groups[group].weight;
+      rest.pull += groups[group].pull;
+    }
+    others.col(static_cast<Eigen::Index>(left_out)) =
+        count > 1 ? solved(all.design, rest)
+                  : Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(course.modes.data(), all.design.cols()));
+  }
+  const Eigen::VectorXd mean = others.rowwise().mean();
+  const Eigen::VectorXd squares = (others.colwise() - mean).rowwise().squaredNorm();
+  for (Eigen::Index k = 0; k < squares.size(); ++k)
+    course.variance.push_back(static_cast<double>(count - 1) / static_cast<double>(count) * squares[k] +
+                              least_mode_variance);
+}
+
+}  // namespace
+
+Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count) {
+  Eigen::MatrixXd modes(static_cast<Eigen::Index>(places), static_cast<Eigen::Index>(count));
+  for (Eigen::Index n = 0; n < modes.rows(); ++n)
+    for (Eigen::Index k = 0; k < modes.cols(); ++k)
+      modes(n, k) = std::cos(std::numbers::pi * (static_cast<double>(n) + 0.5) / static_cast<double>(places) *
+                             static_cast<double>(k + 1));
+  return modes;
+}
+
+std::size_t mode_count(std::size_t rows) {
+  const double cycles = std::min(1.1 * static_cast<double>(rows) / slowest_period, most_cycles);
+  return std::max(std::min<std::size_t>(24, rows / 4), static_cast<std::size_t>(std::ceil(4 * cycles)));
+}
+
+CommonCourse common_course(const BandedPicture& picture) {
+  check(picture, Values(picture.rows, 1.0));
+  require(picture.frames == 1 && picture.rows >= 4, "rows", picture.rows, "4 or more, of one frame");
+  const std::size_t count = mode_count(picture.rows);
+  Blocks blocks{picture.rows,
+                picture.columns,
+                {picture.light.begin(), picture.light.end()},
+                {picture.variance.begin(), picture.variance.end()}};
+  blocks = merged(blocks, std::max<std::size_t>(1, picture.rows / (4 * count)), true);
+  blocks = merged(blocks, blocks_of(picture.columns, most_columns), false);
+  const Differences all = differences_of(blocks, count);
+  Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
+  Values weights;
+  for (int step = 0; step < steps; ++step) {
+    weights = weights_of(all, modes, texture * std::max(1, wide_steps - step));
+    modes = solved(all.design, evidence_of(all, weights, 0, all.columns));
+  }
+  CommonCourse course{values_of(modes), {}, {}};
+  compare_groups(all, weights, course);
+  return course;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,16 @@
+// Cosine modes of the slow course of the rows.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+
+namespace ocisac {
+
+constexpr double slowest_period = 128;  // rows per cycle, above which a light is slow
+constexpr double most_cycles = 16;      // in the picture
+constexpr double least_mode_variance = 1e-8;
+
+// (places × count): cosines of order 1 to count.
+Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count);
+
+}  // namespace ocisac
