@@ -1,17 +1,16 @@
 #include <limits>
 
 #include "bindings.hpp"
-#include "ocisac/cleaning/chip_light.hpp"
-#include "ocisac/cleaning/colour_shares.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 #include "ocisac/cleaning/picture_motion.hpp"
 #include "ocisac/cleaning/restore_picture.hpp"
 #include "ocisac/cleaning/row_misfit.hpp"
-#include "ocisac/cleaning/row_model.hpp"
+#include "ocisac/cleaning/scene_light.hpp"
 #include "ocisac/cleaning/slow_light.hpp"
-#include "ocisac/cleaning/tone_light.hpp"
+#include "ocisac/cleaning/stored_scene.hpp"
+#include "ocisac/cleaning/stream_cleaner.hpp"
 
 namespace ocisac::bindings {
 
@@ -65,7 +64,7 @@ void register_verdict(py::module_& module) {
       .def_readwrite("level", &CleaningVerdict::level)
       .def_readwrite("slow_bands", &CleaningVerdict::slow_bands)
       .def_readwrite("energy", &CleaningVerdict::energy)
-      .def_property_readonly("objection", &objection_to);
+      .def_property_readonly("objection", [](const CleaningVerdict& verdict) { return objection_to(verdict); });
   module.def("row_misfit", &run_row_misfit, arg("light"), arg("variance"), arg("row_light"), arg("share"), arg("lag"));
   module.def("judge_cleaning", &run_judge_cleaning, arg("light"), arg("variance"), arg("row_light"), arg("share"),
              arg("block_rows"), arg("block_columns"), arg("max_columns"));
@@ -81,8 +80,6 @@ BandedPicture frame_of(const Doubles& light, const Doubles& variance) {
           static_cast<std::size_t>(light.shape(1))};
 }
 
-py::tuple tuple_of(const RowLight& rows) { return py::make_tuple(array_of(rows.light), array_of(rows.information)); }
-
 // The colours of (..., colours), one after the other.
 std::vector<double> planes_of(const Doubles& picture) {
   std::vector<double> planes;
@@ -93,102 +90,135 @@ std::vector<double> planes_of(const Doubles& picture) {
   return planes;
 }
 
-// Calls use(colours) with the pictures of (rows, columns, colours).
-template <class Use>
-auto with_colours(const Doubles& light, const Doubles& variance, Use use) {
-  require(light.ndim() == 3 && variance.ndim() == 3, "picture", light.ndim(), "3 dimensions (rows, columns, colours)");
-  require(variance.size() == light.size(), "variance", variance.size(), "one value a pixel");
-  const std::vector<double> of_light = planes_of(light), of_variance = planes_of(variance);
-  const auto rows = static_cast<std::size_t>(light.shape(0)), columns = static_cast<std::size_t>(light.shape(1));
-  std::vector<BandedPicture> colours;
-  for (std::size_t first = 0; first < of_light.size(); first += rows * columns) {
-    const auto plane = [&](const std::vector<double>& all) { return std::span(all).subspan(first, rows * columns); };
-    colours.push_back({plane(of_light), plane(of_variance), 1, rows, columns});
-  }
-  return unlocked([&] { return use(std::span<const BandedPicture>(colours)); });
-}
-
 RowModel row_model(const std::string& name) {
   for (const RowModel model : {RowModel::automatic, RowModel::tone, RowModel::chips, RowModel::rows})
     if (name == name_of(model)) return model;
   refuse("model", name, "auto, tone, chips or rows");
 }
 
-py::tuple run_find_colour_lights(const Doubles& light, const Doubles& variance, const std::string& model) {
+// The scene and the arrays that it views.
+struct HeldScene {
+  std::vector<py::array> arrays;
+  StoredScene scene;
+};
+
+std::vector<AnyFramesView> scene_views(const std::vector<py::array>& colours) {
+  for (const py::array& colour : colours)
+    require(colour.ndim() == 3, "frames", colour.ndim(), "3 dimensions for each colour");
+  return views_of(colours);
+}
+
+std::vector<std::vector<ModelledLight>> lights_by_colour(const SceneLight& light) {
+  std::vector<std::vector<ModelledLight>> lights;
+  for (const ColourLights& frame : light.lights) {
+    lights.emplace_back();
+    for (const std::size_t k : frame.of_colour) lights.back().push_back(frame.lights[k]);
+  }
+  return lights;
+}
+
+py::list shares_as_arrays(const SceneLight& light, const StoredScene& scene) {
+  py::list result;
+  for (const KeptShares& shares : light.shares) {
+    const std::size_t down = (scene.rows() + shares.block_rows - 1) / shares.block_rows;
+    const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(down),
+                                         static_cast<py::ssize_t>(shares.share.size() / down)};
+    result.append(py::make_tuple(array_of(shares.share, shape), shares.block_rows, shares.block_columns));
+  }
+  return result;
+}
+
+py::tuple tuple_of(std::vector<py::array> arrays, StoredScene scene, SceneLight light) {
+  py::list shares = shares_as_arrays(light, scene);
+  return py::make_tuple(HeldScene{std::move(arrays), std::move(scene)}, std::move(light), std::move(shares));
+}
+
+// Rows of each frame, (frames × rows), and the light of a fully lit one.
+std::vector<ColourLights> given_lights(const Doubles& rows, double full, std::size_t colours) {
+  require(rows.ndim() == 2, "light", rows.ndim(), "2 dimensions (frames, rows)");
+  std::vector<ColourLights> lights;
+  for (py::ssize_t frame = 0; frame < rows.shape(0); ++frame) {
+    ModelledLight given;
+    given.light.assign(rows.data(frame, 0), rows.data(frame, 0) + rows.shape(1));
+    given.full = full;
+    given.model = RowModel::given;
+    lights.push_back({{std::move(given)}, std::vector<std::size_t>(colours)});
+  }
+  return lights;
+}
+
+py::tuple run_find_scene_light(const std::vector<py::array>& colours, const Camera& camera, const std::string& model,
+                               std::optional<double> noise, std::optional<double> toe,
+                               const std::optional<Doubles>& given, double full) {
   const RowModel asked = row_model(model);
-  ColourLights found = with_colours(light, variance, [&](auto colours) { return find_colour_lights(colours, asked); });
-  return py::make_tuple(std::move(found.lights), found.of_colour);
+  const std::vector<AnyFramesView> views = scene_views(colours);
+  std::vector<ColourLights> lights;
+  if (given) lights = given_lights(*given, full, colours.size());
+  std::optional<StoredScene> scene;
+  SceneLight light = unlocked([&] {
+    scene.emplace(views, camera.tone_curve, noise, toe.value_or(0));
+    return find_scene_light(*scene, camera, asked, toe.has_value(), lights);
+  });
+  return tuple_of(colours, *std::move(scene), std::move(light));
 }
 
-std::vector<py::array_t<double>> run_colour_shares(const std::vector<Doubles>& light,
-                                                   const std::vector<Doubles>& variance,
-                                                   const std::vector<Doubles>& row_light) {
-  require(variance.size() == light.size() && row_light.size() == light.size(), "variance, row_light", variance.size(),
-          "one array a colour");
-  std::vector<BandedColour> colours;
-  for (std::size_t k = 0; k < light.size(); ++k)
-    colours.push_back({picture_of(light[k], variance[k]), span_of(row_light[k])});
-  const auto shares = unlocked([&] { return colour_shares(colours); });
-  std::vector<py::array_t<double>> arrays;
-  for (std::size_t k = 0; k < shares.size(); ++k)
-    arrays.push_back(array_of(shares[k], {light[k].shape(1), light[k].shape(2)}));
-  return arrays;
+template <class Sample>
+py::tuple restored_as(const StoredScene& scene, std::size_t frame, std::size_t colour, const KeptShares& shares,
+                      const Restoration& to) {
+  const auto done = unlocked([&] { return scene.restored<Sample>(frame, colour, shares, to); });
+  const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(scene.rows()),
+                                       static_cast<py::ssize_t>(scene.columns())};
+  return py::make_tuple(array_of(done.picture, shape), array_of(done.marks, shape), array_of(done.share, shape));
 }
 
-void register_columns(py::module_& module) {
+py::tuple run_restored(const HeldScene& held, std::size_t frame, std::size_t colour, const Doubles& share,
+                       std::size_t block_rows, std::size_t block_columns, const Doubles& rows, double level,
+                       double max_gain) {
+  const KeptShares shares{{share.data(), share.data() + share.size()}, block_rows, block_columns};
+  const Restoration to{span_of(rows), level, max_gain};
+  const bool is_bytes = held.arrays.front().dtype().equal(py::dtype::of<std::uint8_t>());
+  return is_bytes ? restored_as<std::uint8_t>(held.scene, frame, colour, shares, to)
+                  : restored_as<std::uint16_t>(held.scene, frame, colour, shares, to);
+}
+
+py::tuple run_push(Shared<StreamCleaner>& cleaner, const std::vector<py::array>& colours) {
+  const std::vector<AnyFramesView> views = scene_views(colours);
+  StreamCleaner::Frame frame = cleaner.call([&](StreamCleaner& one) { return one.push(views); });
+  return tuple_of(colours, std::move(frame.stored), std::move(frame.light));
+}
+
+void register_scene_light(py::module_& module) {
   using py::arg;
-  py::class_<ColumnBundles>(module, "ColumnBundles")
-      .def(py::init([](const Doubles& light, const Doubles& variance, const std::optional<Doubles>& share) {
-             return ColumnBundles(frame_of(light, variance), share ? span_of(*share) : std::span<const double>{});
-           }),
-           arg("light"), arg("variance"), arg("share") = py::none())
-      .def("free", [](const ColumnBundles& picture) { return tuple_of(unlocked([&] { return picture.free(); })); });
-  module.def(
-      "alike_colours",
-      [](const Doubles& light, const Doubles& variance) { return with_colours(light, variance, alike_colours); },
-      arg("light"), arg("variance"));
-  module.def("colour_shares", &run_colour_shares, arg("light"), arg("variance"), arg("row_light"));
-  module.def(
-      "fully_modulated_rows", [](const Doubles& rows) { return array_of(fully_modulated_rows(span_of(rows))); },
-      arg("rows"));
-}
-
-void register_row_models(py::module_& module) {
-  using py::arg;
-  py::class_<ToneLight>(module, "ToneLight")
-      .def(py::init([](const std::vector<double>& light, double frequency, std::size_t harmonics) {
-             return ToneLight{light, frequency, harmonics};
-           }),
-           arg("light"), arg("frequency"), arg("harmonics"))
-      .def_property_readonly("light", [](const ToneLight& tone) { return array_of(tone.light); })
-      .def_readonly("frequency", &ToneLight::frequency)
-      .def_readonly("harmonics", &ToneLight::harmonics);
   py::class_<ModelledLight>(module, "ModelledLight")
       .def_property_readonly("light", [](const ModelledLight& one) { return array_of(one.light); })
       .def_readonly("full", &ModelledLight::full)
       .def_property_readonly("model", [](const ModelledLight& one) { return std::string(name_of(one.model)); })
-      .def_readonly("frequency", &ModelledLight::frequency)
-      .def_readonly("tone", &ModelledLight::tone);
-  module.def("find_colour_lights", &run_find_colour_lights, arg("light"), arg("variance"), arg("model"));
+      .def_readonly("frequency", &ModelledLight::frequency);
+  py::class_<HeldScene>(module, "StoredScene")
+      .def_property_readonly("toe", [](const HeldScene& held) { return held.scene.toe(); })
+      .def_property_readonly("white", [](const HeldScene& held) { return held.scene.white(); })
+      .def_property_readonly("by_table", [](const HeldScene& held) { return held.scene.by_table(); })
+      .def("restored", &run_restored, arg("frame"), arg("colour"), arg("share"), arg("block_rows"),
+           arg("block_columns"), arg("rows"), arg("level"), arg("max_gain"));
+  py::class_<SceneLight>(module, "SceneLight")
+      .def_property_readonly("lights", &lights_by_colour)
+      .def_readonly("verdicts", &SceneLight::verdicts)
+      .def_readonly("unchanged", &SceneLight::unchanged);
+  module.def("find_scene_light", &run_find_scene_light, arg("colours"), arg("camera"), arg("model"), arg("noise"),
+             arg("toe"), arg("given"), arg("full"));
+  py::class_<Shared<StreamCleaner>>(module, "StreamCleaner")
+      .def(py::init([](const Camera& camera, const std::string& model, std::optional<double> noise,
+                       std::optional<double> toe) {
+             return Shared<StreamCleaner>(StreamCleaner(camera, {row_model(model), noise, toe}));
+           }),
+           arg("camera"), arg("model"), arg("noise"), arg("toe"))
+      .def("push", &run_push, arg("colours"))
+      .def("forget", [](Shared<StreamCleaner>& cleaner) { cleaner.call([](StreamCleaner& one) { one.forget(); }); });
   module.def(
-      "find_row_light",
-      [](const ColumnBundles& picture, const std::string& model) {
-        const RowModel asked = row_model(model);
-        return unlocked([&] { return find_row_light(picture, asked); });
-      },
-      arg("picture"), arg("model"));
-  module.def(
-      "unexplained_by_chips",
-      [](const std::vector<double>& rows, const std::vector<double>& information) {
-        return unlocked([&] { return unexplained_by_chips({rows, information}); });
-      },
-      arg("rows"), arg("information"));
-  module.def(
-      "followed_tone_light",
-      [](const ColumnBundles& picture, const ToneLight& tone) {
-        return unlocked([&] { return followed_tone_light(picture, tone); });
-      },
-      arg("picture"), arg("tone"));
+      "fully_modulated_rows", [](const Doubles& rows) { return array_of(fully_modulated_rows(span_of(rows))); },
+      arg("rows"));
+  module.def("lifted_light", py::vectorize(&lifted_light), arg("stored"), arg("toe"), arg("white"));
+  module.def("slope_of_lifted", py::vectorize(&slope_of_lifted), arg("stored"), arg("toe"), arg("white"));
 }
 
 std::vector<SlowLight> run_find_slow_lights(const Doubles& light, const Doubles& variance, const Camera& camera,
@@ -229,8 +259,6 @@ void register_slow_light(py::module_& module) {
       .def_readonly("amplitude", &SlowLight::amplitude)
       .def_readonly("verdict", &SlowLight::verdict)
       .def_readonly("objection", &SlowLight::objection);
-  module.attr("MOST_SLOW_FRAMES") = most_slow_frames;
-  module.def("mode_count", &mode_count, arg("rows"));
   module.def(
       "common_course",
       [](const Doubles& light, const Doubles& variance) { return common_course(frame_of(light, variance)); },
@@ -333,8 +361,7 @@ void register_cleaning(py::module_& module) {
              arg("steps"), arg("basis") = py::none(), arg("deviation") = std::numeric_limits<double>::infinity());
   register_verdict(module);
   register_motion(module);
-  register_columns(module);
-  register_row_models(module);
+  register_scene_light(module);
   register_slow_light(module);
   register_stored<std::uint8_t>(module);
   register_stored<std::uint16_t>(module);

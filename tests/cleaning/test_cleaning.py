@@ -28,7 +28,7 @@ from ocisac_fast import (
 )
 from ocisac_fast.camera.linear_light import linear_light, stored_values
 from ocisac_fast.cleaning import CleaningOptions, Mark, VideoCleaner
-from ocisac_fast.cleaning.toe import lifted, lowered, slope
+from ocisac_fast.cleaning.stored import lowered
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
 
@@ -384,10 +384,12 @@ def test_toe_and_its_inverse() -> None:
     light = np.concatenate([-np.geomspace(300, 1e-3, 50), [0.0], np.geomspace(1e-3, 300, 50)])
     for toe in (0.0, 0.01, 0.5):
         stored = lowered(light, toe, 255.0)
-        np.testing.assert_allclose(lifted(stored, toe, 255.0), light, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(_core.lifted_light(stored, toe, 255.0), light, rtol=1e-9, atol=1e-12)
         bright = stored > 0.1
-        change = lifted(stored * (1 + 1e-6), toe, 255.0) - lifted(stored, toe, 255.0)
-        np.testing.assert_allclose(slope(stored, toe, 255.0)[bright], change[bright] / (1e-6 * stored[bright]), 1e-4)
+        change = _core.lifted_light(stored * (1 + 1e-6), toe, 255.0) - _core.lifted_light(stored, toe, 255.0)
+        np.testing.assert_allclose(
+            _core.slope_of_lifted(stored, toe, 255.0)[bright], change[bright] / (1e-6 * stored[bright]), 1e-4
+        )
 
 
 @pytest.mark.parametrize("toe", [0.0, 1 / 8])

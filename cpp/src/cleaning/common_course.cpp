@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <numeric>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
+#include "cleaning/merged_blocks.hpp"
 #include "cleaning/slow_modes.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/slow_light.hpp"
@@ -26,36 +26,6 @@ constexpr int steps = 12, wide_steps = 6;  // of the robust fit; those with a la
                                            // taken for edges
 constexpr double darkest = 1e-3;           // of the mean light, of which a logarithm is taken
 constexpr double ridge = 1e-6;
-
-// Light and noise variance (rows × columns).
-struct Blocks {
-  std::size_t rows, columns;
-  Values light, variance;
-};
-
-// Means of the known ones of `count` neighbours; down the rows or along them.
-Blocks merged(const Blocks& from, std::size_t count, bool down) {
-  if (count == 1) return from;
-  Blocks to{
-      down ? blocks_of(from.rows, count) : from.rows, down ? from.columns : blocks_of(from.columns, count), {}, {}};
-  to.light.resize(to.rows * to.columns);
-  to.variance.resize(to.light.size());
-  Values known(to.light.size());
-  for (std::size_t n = 0; n < from.rows; ++n)
-    for (std::size_t k = 0; k < from.columns; ++k) {
-      const std::size_t i = n * from.columns + k;
-      const std::size_t at = (down ? n / count : n) * to.columns + (down ? k : k / count);
-      if (!std::isfinite(from.variance[i])) continue;
-      known[at] += 1;
-      to.light[at] += from.light[i];
-      to.variance[at] += from.variance[i];
-    }
-  for (std::size_t i = 0; i < known.size(); ++i) {
-    to.light[i] /= std::max(known[i], 1.0);
-    to.variance[i] = known[i] > 0 ? to.variance[i] / (known[i] * known[i]) : std::numeric_limits<double>::infinity();
-  }
-  return to;
-}
 
 // Differences of the logarithms of blocks, some apart in one column, and how modes change over them.
 struct Differences {
@@ -180,8 +150,8 @@ CommonCourse common_course(const BandedPicture& picture) {
                 picture.columns,
                 {picture.light.begin(), picture.light.end()},
                 {picture.variance.begin(), picture.variance.end()}};
-  blocks = merged(blocks, std::max<std::size_t>(1, picture.rows / (4 * count)), true);
-  blocks = merged(blocks, blocks_of(picture.columns, most_columns), false);
+  blocks = merged_down(blocks, std::max<std::size_t>(1, picture.rows / (4 * count)));
+  blocks = merged_along(blocks, blocks_of(picture.columns, most_columns));
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
   Values weights;

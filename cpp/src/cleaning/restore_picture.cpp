@@ -54,19 +54,6 @@ class StoredValues {
   std::vector<std::uint32_t> starts_;
 };
 
-// Linear interpolation between the centres of blocks along one axis; constant beyond the outer ones.
-struct Place {
-  std::size_t before, after;
-  double weight;  // of `after`
-};
-
-Place place_in_blocks(std::size_t pixel, std::size_t block, std::size_t count) {
-  const double at = (static_cast<double>(pixel) + 0.5) / static_cast<double>(block) - 0.5;
-  const double within = std::clamp(at, 0.0, static_cast<double>(count - 1));
-  const auto before = static_cast<std::size_t>(within);
-  return {before, std::min(before + 1, count - 1), within - static_cast<double>(before)};
-}
-
 }  // namespace
 
 template <class Sample>

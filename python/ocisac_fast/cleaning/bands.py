@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Literal
@@ -11,12 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast._core import CleaningVerdict, CommonCourse, SlowLight
+from ocisac_fast._core import CleaningVerdict, ModelledLight, SceneLight, StoredScene
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.cleaning.row_light import MODELS, RowLight, find_colour_lights
-from ocisac_fast.cleaning.stored import BlockShares, StoredFrames, block_size, merged
-from ocisac_fast.cleaning.toe import find_toe
+from ocisac_fast.camera.linear_light import linear_light, saturation_level, stored_values
+from ocisac_fast.cleaning.stored import BlockShares, lowered
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class, shown
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
@@ -24,8 +21,7 @@ from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 FloatArray = npt.NDArray[np.float64]
 
 _MUCH_LEFT, _MUCH_TEXTURE = 0.5, 1.0  # of the bands' swing; dB: a remark
-_MAX_JUDGED_COLUMNS = 256  # of a picture
-_MIN_LEFT = 1 / 8  # lower bound of a light that is a divisor
+MODELS = ("auto", "tone", "chips", "rows")
 
 
 class Mark(IntEnum):
@@ -190,13 +186,9 @@ def remove_bands(
     """
     task = Task(model, keep, level, options or CleaningOptions())
     stack = stacked(frames, "frames", camera.scan_axis)
-    given = None if light is None else _given_light(light, camera, start, stack.shape[:2], stack.shape[3])
-    parts = [stack] if still else [stack[k : k + 1] for k in range(len(stack))]
-    lights = None if given is None else ([given] if still else [given[k : k + 1] for k in range(len(stack))])
-    done = [
-        finished(estimated(part, camera, None if lights is None else lights[k], task), task)
-        for k, part in enumerate(parts)
-    ]
+    given = None if light is None else _given_light(light, camera, start, stack.shape[:2])
+    parts = [slice(None)] if still else [slice(k, k + 1) for k in range(len(stack))]
+    done = [finished(_estimated(stack, part, camera, given, task), camera, task) for part in parts]
     return collected(done, camera, np.ndim(frames))
 
 
@@ -214,7 +206,7 @@ def collected(done: list[Done], camera: Camera, dimensions: int) -> CleanedFrame
         light=rows if dimensions == 4 else rows[..., 0] if dimensions == 3 else rows[0, :, 0],
         share=_as_given(shares, camera.scan_axis, dimensions),
         model=tuple(of_frame[0].model for of_frame in found),
-        frequency=np.array([of_frame[0].frequency for of_frame in found]),
+        frequency=np.array([of_frame[0].frequency / camera.row_period for of_frame in found]),
         toe=np.concatenate([np.full(len(one.pictures), one.toe) for one in done]),
         light_left=np.array([verdict.light_left for verdict in verdicts]),
         texture_change=np.array([verdict.texture_change for verdict in verdicts]),
@@ -289,8 +281,9 @@ def _as_given(stack: npt.NDArray[Any], scan_axis: str, dimensions: int) -> npt.N
 
 
 def _given_light(
-    light: npt.ArrayLike | Waveform, camera: Camera, start: float, shape: tuple[int, ...], colours: int
-) -> list[list[RowLight]]:
+    light: npt.ArrayLike | Waveform, camera: Camera, start: float, shape: tuple[int, ...]
+) -> tuple[FloatArray, float]:
+    """Light of each row of each frame, and that of a fully lit row."""
     count, rows = shape
     if isinstance(light, Waveform):
         every = integrate_exposure(light, camera, rows, start=start, frames=count if count > 1 else None)
@@ -304,8 +297,7 @@ def _given_light(
     if not (mean > 0).any():
         raise ValueError("light: got no light at all, allowed: rows of which some are lit")
     common = mean[mean > 0].mean()  # one scale for all frames, since a frame may be without the light
-    full = float((values / common).max())
-    return [[RowLight(row / common, full, "given", float("nan"))] * colours for row in values]
+    return values / common, float((values / common).max())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -317,7 +309,7 @@ class Done:
     pictures: npt.NDArray[Any]
     marks: npt.NDArray[np.uint8]
     shares: npt.NDArray[np.float32]
-    lights: list[list[RowLight]]
+    lights: list[list[ModelledLight]]
     toe: float
     verdicts: list[CleaningVerdict]
     unchanged: str
@@ -325,165 +317,84 @@ class Done:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """Frames of one scene, the light of each row of each frame and colour, and its shares; verdicts as in `Done`.
+    """Frames (frames, rows, columns, colours) of one scene, the light of their rows, and its shares in each colour."""
 
-    ``slow``: the slow light of each frame; empty where another light is removed or given.
-    """
-
-    stored: StoredFrames
-    lights: list[list[RowLight]]
+    stack: npt.NDArray[Any]
+    scene: StoredScene
+    light: SceneLight
     shares: list[BlockShares]
-    verdicts: list[CleaningVerdict]
-    unchanged: str
-    slow: list[SlowLight]
 
 
-def estimated(
-    stack: npt.NDArray[Any],
-    camera: Camera,
-    given: list[list[RowLight]] | None,
-    task: Task,
-    earlier: Sequence[CommonCourse] = (),
+def estimate_of(
+    stack: npt.NDArray[Any], found: tuple[StoredScene, SceneLight, list[tuple[FloatArray, int, int]]]
 ) -> Estimate:
-    """Estimate the light in frames (frames, rows, columns, colours) of one scene.
-
-    ``earlier``: courses of the frames before the first one.
-    """
-    stored = StoredFrames(stack, camera, task.options.noise, task.options.toe or 0.0)
-    found = given or _lights(stored, camera, task.model)
-    if task.options.toe is None and camera.tone_curve != "linear" and found[0][0].model == "chips":
-        toe = find_toe(stored.light[0], stored.variance[0], stored.white)
-        if toe > 0.0:
-            stored.set_toe(toe)
-            found = _lights(stored, camera, "chips")
-    rows = np.stack([[own.light for own in of_frame] for of_frame in found])  # (frames, colours, rows)
-    shares = shares_of(stored, rows, smooth=all(own.model == "tone" for of_frame in found for own in of_frame))
-    verdicts = [verdict_on(stored, k, rows[k], shares) for k in range(len(stack))]
-    objection = "" if given else _core.mean_verdict(verdicts).objection
-    doubtful = objection or found[0][0].model == "rows" or _core.mean_verdict(verdicts).light_left > _MUCH_LEFT
-    if not given and task.model in ("auto", "tone") and doubtful:
-        slow = _core.find_slow_lights(stored.light, stored.variance, camera._handle, earlier, None)
-        if not any(own.objection for own in slow):
-            return of_slow_light(stored, slow, camera)
-        if objection:
-            objection = next((own.objection for own in slow if own.amplitude > 0.0), objection)
-            return Estimate(stored, found, shares, _with_slow_bands(verdicts, slow), objection, slow)
-    slow = _core.find_slow_lights(
-        stored.light / _light_of_blocks(stored, rows, shares), stored.variance, camera._handle, (), None
-    )
-    return Estimate(stored, found, shares, _with_slow_bands(verdicts, slow), objection, [])
+    """The core's results for these frames."""
+    scene, light, shares = found
+    return Estimate(stack, scene, light, [BlockShares(*own) for own in shares])
 
 
-def _with_slow_bands(verdicts: list[CleaningVerdict], slow: list[SlowLight]) -> list[CleaningVerdict]:
-    for verdict, own in zip(verdicts, slow, strict=True):
-        verdict.slow_bands = own.amplitude
-    return verdicts
+def colours_of(stack: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+    """(frames, rows, columns) of each colour."""
+    return [stack[..., colour] for colour in range(stack.shape[3])]
 
 
-def _light_of_blocks(stored: StoredFrames, rows: FloatArray, shares: list[BlockShares]) -> FloatArray:
-    """(frames, rows, merged columns, colours) light of ``rows`` (frames, colours, rows) where shares are ``shares``."""
-    down = np.arange(stored.light.shape[1]) // shares[0].rows
-    across = np.arange(stored.light.shape[2]) * stored.merged // shares[0].columns
-    share = np.stack([own.share[np.ix_(down, across)] for own in shares], axis=-1)
-    return np.maximum(1 + share * (np.swapaxes(rows, 1, 2)[:, :, None] - 1), _MIN_LEFT)
+def _estimated(
+    frames: npt.NDArray[Any], part: slice, camera: Camera, given: tuple[FloatArray, float] | None, task: Task
+) -> Estimate:
+    stack, options = frames[part], task.options
+    rows, full = (None, 1.0) if given is None else (given[0][part], given[1])
+    scene = colours_of(stack), camera._handle, task.model, options.noise, options.toe
+    return estimate_of(stack, _core.find_scene_light(*scene, rows, full))
 
 
-def of_slow_light(stored: StoredFrames, slow: list[SlowLight], camera: Camera) -> Estimate:
-    """The estimate of a slow light, of which all pixels have the same share."""
-    count, columns = stored.stack.shape[1:3]
-    depths = np.max([[tone.depth(count) for tone in own.tones] for own in slow], axis=0)
-    shares = [BlockShares(np.full((1, 1), depth), count, columns) for depth in depths]
-    lights, verdicts = [], []
-    for frame, own in enumerate(slow):
-        rows = np.stack([
-            1 + (tone.light(count) - 1) / max(depth, 1e-9) for tone, depth in zip(own.tones, depths, strict=True)
-        ])  # fmt: skip
-        hertz = own.tones[0].cycles / (count * camera.row_period)
-        lights.append([RowLight(light, float(light.max()), "tone", hertz) for light in rows])
-        verdict = verdict_on(stored, frame, rows, shares)
-        verdict.light_left, verdict.worse, verdict.level = own.verdict.left, own.verdict.worse, own.verdict.level
-        verdicts.append(verdict)
-    return Estimate(stored, lights, shares, verdicts, "", slow)
-
-
-def _lights(stored: StoredFrames, camera: Camera, model: str) -> list[list[RowLight]]:
-    return [find_colour_lights(*one, camera, model) for one in zip(stored.light, stored.variance, strict=True)]
-
-
-def shares_of(stored: StoredFrames, rows: FloatArray, *, smooth: bool) -> list[BlockShares]:
-    """The share of each colour's row light, ``rows`` (frames, colours, rows), in blocks of pixels.
-
-    ``smooth``: the light is a tone; means of rows as far apart as those compared then change as the rows do.
-    """
-    lag = _core.comparison_lag(rows.mean(axis=1))
-    height, width = block_size(stored.stack.shape[1:3], lag if smooth else lag // 4, stored.merged)
-    light, variance = merged(stored.light, stored.variance, width // stored.merged, axis=2)
-    light, variance = merged(light, variance, height, axis=1)
-    starts = np.arange(0, rows.shape[2], height)
-    means = np.add.reduceat(rows, starts, axis=2) / np.diff(np.append(starts, rows.shape[2]))
-    colours = range(rows.shape[1])
-    of_light, of_variance = ([part[..., c] for c in colours] for part in (light, variance))
-    shares = _core.colour_shares(of_light, of_variance, [means[:, c] for c in colours])
-    return [BlockShares(share, height, width) for share in shares]
-
-
-def verdict_on(
-    stored: StoredFrames,
-    frame: int,
-    rows: FloatArray,
-    shares: list[BlockShares],
-    columns: int = _MAX_JUDGED_COLUMNS,
-    slow_bands: float = 0.0,
-) -> CleaningVerdict:
-    """The verdict on one frame with the row light of each colour, ``rows`` (colours, rows), by so many columns."""
-    light, variance = stored.light[frame], stored.variance[frame]
-    each = []
-    for colour, own in enumerate(shares):
-        picture = light[None, ..., colour], variance[None, ..., colour]
-        block = own.rows, -(-own.columns // stored.merged)
-        each.append(_core.judge_cleaning(*picture, rows[colour], own.share, *block, columns))
-    verdict = _core.mean_verdict(each)
-    verdict.slow_bands = slow_bands
-    return verdict
-
-
-def finished(found: Estimate, task: Task) -> Done:
+def finished(found: Estimate, camera: Camera, task: Task) -> Done:
     """Restore every frame and colour."""
-    stored, shares = found.stored, found.shares
-    stack = stored.stack
-    if found.unchanged:
+    stack, light, lights, shares = found.stack, found.light, found.light.lights, found.shares
+    if light.unchanged:
         shares = [replace(own, share=np.zeros_like(own.share)) for own in shares]
     pictures, marks = np.empty_like(stack), np.empty(stack.shape, np.uint8)
     each = np.empty(stack.shape, np.float32)
     for colour, own in enumerate(shares):
-        for k, of_frame in enumerate(found.lights):
-            one = _restored(stored, k, colour, own, of_frame[colour], task)
+        for k, of_frame in enumerate(lights):
+            one = _restored(found, k, colour, own, of_frame[colour], camera, task)
             pictures[k, ..., colour], marks[k, ..., colour], each[k, ..., colour] = one
-    if found.unchanged and task.keep == "picture":
+    if light.unchanged and task.keep == "picture":
         pictures = stack.copy()
-    return Done(pictures, marks, each, found.lights, stored.toe, found.verdicts, found.unchanged)
+    return Done(pictures, marks, each, lights, found.scene.toe, light.verdicts, light.unchanged)
 
 
 def _restored(
-    stored: StoredFrames, frame: int, colour: int, shares: BlockShares, row_light: RowLight, task: Task
+    found: Estimate,
+    frame: int,
+    colour: int,
+    shares: BlockShares,
+    row_light: ModelledLight,
+    camera: Camera,
+    task: Task,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
     """Restore one colour of one frame; returns stored values, marks, and the share of each pixel."""
     level = row_light.full if task.level == "full" else 1.0
     rows = np.minimum(row_light.light, row_light.full)  # brighter rows are fully lit rows with noise
-    if stored.by_table and task.keep == "picture" and not task.options.fill:
-        return stored.restored(frame, colour, shares, rows, level, task.options.max_gain)
-    light, saturated = stored.linear(frame, colour)
+    scene, max_gain = found.scene, task.options.max_gain
+    if scene.by_table and task.keep == "picture" and not task.options.fill:
+        return scene.restored(frame, colour, shares.share, shares.rows, shares.columns, rows, level, max_gain)
+    stored = found.stack[frame, ..., colour]
+    saturated = np.asarray(stored >= saturation_level(camera, stored.dtype))
+    light = _core.lifted_light(linear_light(stored, camera), scene.toe, scene.white)
     share = shares.enlarged(light.shape)
     gain = (1 + share * (level - 1)) / np.maximum(1 + share * (rows[:, None] - 1), 1e-9)
-    dark = (gain > task.options.max_gain) & ~saturated
+    dark = (gain > max_gain) & ~saturated
     marks = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED)).astype(np.uint8)
-    gain = np.minimum(gain, task.options.max_gain)
+    gain = np.minimum(gain, max_gain)
+
+    def stored_of(values: FloatArray) -> npt.NDArray[Any]:
+        return stored_values(lowered(values, scene.toe, scene.white), camera, stored.dtype)
+
     if task.keep == "bands":
         bands = light * gain / (1 + share * (level - 1)) * share * rows[:, None]
-        return stored.stored(bands), marks, share.astype(np.float32)
+        return stored_of(bands), marks, share.astype(np.float32)
     values = _filled(light * gain, dark) if task.options.fill else light * gain
-    picture = np.where(saturated, stored.stack[frame, ..., colour], stored.stored(values))
-    return picture, marks, share.astype(np.float32)
+    return np.where(saturated, stored, stored_of(values)), marks, share.astype(np.float32)
 
 
 def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:

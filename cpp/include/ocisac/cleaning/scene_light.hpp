@@ -1,0 +1,41 @@
+// The light of the rows in frames of one scene, its shares, and whether cleaning with them would better the picture.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/cleaning/judge_cleaning.hpp"
+#include "ocisac/cleaning/row_model.hpp"
+#include "ocisac/cleaning/slow_light.hpp"
+#include "ocisac/cleaning/stored_scene.hpp"
+
+namespace ocisac {
+
+struct SceneLight {
+  std::vector<ColourLights> lights;       // of each frame
+  std::vector<KeptShares> shares;         // of each colour
+  std::vector<CleaningVerdict> verdicts;  // on each frame
+  std::string unchanged;                  // why the frames are better left as they are; else empty
+  std::vector<SlowLight> slow;            // of each frame; empty where another light is removed or given
+};
+
+// Estimates the light. `scene`: its toe is set to the one found, unless `toe_is_known`. `given`: the light of each
+// frame, which is not searched then; empty: none. `earlier`: courses of the frames before the first one.
+SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
+                            std::span<const ColourLights> given = {}, std::span<const CommonCourse> earlier = {});
+
+// A slow light, of which all pixels have the same share.
+SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow);
+
+// The share of each colour's row light in blocks of pixels; `lights`: of each frame.
+std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights);
+
+// The mean verdict on the colours of one frame, by at most some `max_columns` columns.
+CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const ColourLights& lights,
+                           std::span<const KeptShares> shares, std::size_t max_columns);
+
+}  // namespace ocisac

@@ -1,0 +1,76 @@
+// Stored frames of one scene as linear light, and back as stored values under steady light.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/camera/tone_curve.hpp"
+#include "ocisac/cleaning/light_share.hpp"
+#include "ocisac/cleaning/restore_picture.hpp"
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+// A toe t of the tone curve stores light x as x²/(x + t·W), W: white light. Light of a stored value, and its slope.
+double lifted_light(double stored, double toe, double white);
+double slope_of_lifted(double stored, double toe, double white);
+
+// Shares (rows × columns of blocks) that are kept.
+struct KeptShares {
+  std::vector<double> share;
+  std::size_t block_rows = 1, block_columns = 1;  // pixels of a block
+
+  [[nodiscard]] BlockShares view() const { return {share, block_rows, block_columns}; }
+};
+
+class StoredScene {
+ public:
+  // `colours`: one view each, of one shape; their memory must outlive the scene. `noise`: standard deviation of a
+  // pixel, DN; estimated where it is absent.
+  StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise, double toe);
+
+  void set_toe(double toe);  // converts with another toe of the tone curve
+
+  // Linear light of one colour of one frame, or of all frames; neighbouring columns of large frames are averaged.
+  [[nodiscard]] BandedPicture picture(std::size_t frame, std::size_t colour) const;
+  [[nodiscard]] BandedPicture pictures(std::size_t colour) const;
+
+  [[nodiscard]] std::size_t frames() const { return frames_; }
+  [[nodiscard]] std::size_t rows() const { return rows_; }
+  [[nodiscard]] std::size_t columns() const { return columns_; }  // of the camera
+  [[nodiscard]] std::size_t colours() const { return colours_.size(); }
+  [[nodiscard]] std::size_t merged() const { return merged_; }  // columns of the camera in each of a picture
+  [[nodiscard]] double noise() const { return noise_; }
+  [[nodiscard]] double toe() const { return toe_; }
+  [[nodiscard]] double white() const { return white_; }  // light of a white pixel
+
+  // Whether values are integers, which `restored` takes.
+  [[nodiscard]] bool by_table() const { return !table_.light.empty(); }
+
+  // Stored values under steady light, marks and shares of one colour of one frame (restore_picture).
+  template <class Sample>
+  [[nodiscard]] RestoredPicture<Sample> restored(std::size_t frame, std::size_t colour, const KeptShares& shares,
+                                                 const Restoration& to) const;
+
+ private:
+  // Of all stored values.
+  struct Table {
+    std::vector<double> light, variance, bounds;
+  };
+
+  void make_table();
+  void convert(std::size_t frame, std::size_t colour);
+
+  std::vector<AnyFramesView> colours_;
+  ToneCurve curve_;
+  std::size_t frames_, rows_, columns_, merged_, pixels_ = 0;  // pixels of a picture with merged columns
+  double noise_, white_, toe_ = 0;
+  Table table_;
+  std::vector<std::vector<double>> light_, variance_;  // of each colour: (frames × rows × merged columns)
+};
+
+}  // namespace ocisac

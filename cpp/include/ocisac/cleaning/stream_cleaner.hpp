@@ -1,0 +1,65 @@
+// Removal of bands from the frames of a video: light and shares are carried from frame to frame.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/cleaning/scene_light.hpp"
+#include "ocisac/cleaning/stored_scene.hpp"
+
+namespace ocisac {
+
+struct StreamOptions {
+  RowModel model = RowModel::automatic;
+  std::optional<double> noise;  // standard deviation of a pixel, DN; absent: estimated
+  std::optional<double> toe;    // of the tone curve, 0 to 1; absent: estimated
+};
+
+// The first frame is cleaned as a picture. In the following ones a tone keeps its frequency, which becomes more precise
+// from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move with the
+// picture, and become the mean of several estimates. A slow tone is compared with up to 7 frames before, in which the
+// picture stays and the phase advances. A frame for which that fails, such as the first of another scene, is cleaned as
+// a picture again.
+class StreamCleaner {
+ public:
+  struct Frame {
+    StoredScene stored;
+    SceneLight light;
+  };
+
+  explicit StreamCleaner(const Camera& camera, const StreamOptions& options = {});
+
+  // Estimates the light of the next frame. `colours`: one view each, of one frame; their memory must outlive the
+  // result.
+  Frame push(std::vector<AnyFramesView> colours);
+
+  void forget();  // cleans the next frame as a picture
+
+ private:
+  // The frame before: lights and shares of the colours, its picture, and what the estimates consist of.
+  struct Before {
+    ColourLights lights;
+    std::vector<KeptShares> shares;
+    std::vector<double> guide;  // logarithm of the cleaned picture, in large blocks
+    std::size_t columns;        // of the camera
+    double toe, noise, slow_bands;
+    std::size_t frames;             // since the first
+    std::vector<double> estimates;  // number of them in each block's share
+  };
+
+  std::optional<Frame> followed(const std::vector<AnyFramesView>& colours);
+  std::optional<Frame> slowly(const std::vector<AnyFramesView>& colours);
+  Frame alone(const std::vector<AnyFramesView>& colours);
+  void keep_slow(const SceneLight& light);
+  ColourLights followed_lights(const StoredScene& stored) const;
+
+  Camera camera_;
+  StreamOptions options_;
+  std::optional<Before> before_;
+  std::vector<CommonCourse> courses_;  // of the last frames, while no other light is found
+  std::optional<SlowTone> slow_;
+};
+
+}  // namespace ocisac

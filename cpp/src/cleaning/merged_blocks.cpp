@@ -1,0 +1,43 @@
+#include "cleaning/merged_blocks.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "cleaning/block_shares.hpp"
+
+namespace ocisac {
+
+namespace {
+
+Blocks merged(const Blocks& from, std::size_t height, std::size_t width) {
+  if (height == 1 && width == 1) return from;
+  Blocks to{blocks_of(from.rows, height), blocks_of(from.columns, width), {}, {}};
+  to.light.resize(to.rows * to.columns);
+  to.variance.resize(to.light.size());
+  std::vector<double> known(to.light.size());
+  for (std::size_t n = 0; n < from.rows; ++n)
+    for (std::size_t block = 0; block < to.columns; ++block) {
+      const std::size_t at = n / height * to.columns + block, first = n * from.columns + block * width;
+      const std::size_t end = std::min(first + width, (n + 1) * from.columns);
+      for (std::size_t i = first; i < end; ++i) {
+        const bool is_known = std::isfinite(from.variance[i]);
+        known[at] += is_known ? 1 : 0;
+        to.light[at] += is_known ? from.light[i] : 0;
+        to.variance[at] += is_known ? from.variance[i] : 0;
+      }
+    }
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    to.light[i] /= std::max(known[i], 1.0);
+    to.variance[i] = known[i] > 0 ? to.variance[i] / (known[i] * known[i]) : std::numeric_limits<double>::infinity();
+  }
+  return to;
+}
+
+}  // namespace
+
+Blocks merged_down(const Blocks& from, std::size_t count) { return merged(from, count, 1); }
+
+Blocks merged_along(const Blocks& from, std::size_t count) { return merged(from, 1, count); }
+
+}  // namespace ocisac

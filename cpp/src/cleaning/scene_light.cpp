@@ -1,0 +1,268 @@
+#include "ocisac/cleaning/scene_light.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "cleaning/block_shares.hpp"
+#include "cleaning/means_of_rows.hpp"
+#include "cleaning/merged_blocks.hpp"
+#include "ocisac/cleaning/chip_light.hpp"
+#include "ocisac/cleaning/colour_shares.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Values = std::vector<double>;
+
+constexpr std::size_t most_judged_columns = 256;  // of a picture
+constexpr double much_left = 0.5;                 // of the bands' swing: another light is searched
+constexpr double min_left = 0.125;                // lower bound of a light that is a divisor
+constexpr std::size_t whole_pixels = 1U << 19U;   // of a picture up to which every pixel has a share of its own
+constexpr double blocks_of_shares =
+    1U << 17U;                             // in larger ones: they vary slowly, and blocks average noise and texture
+constexpr std::size_t longest_block = 16;  // rows
+constexpr std::size_t flattest_block = 4;  // columns over rows: wide ones blur oblique edges of the light
+constexpr std::array<double, 2> toes{1.0 / 32, 1.0 / 8};  // in order; values in between give nearly the same picture
+constexpr double less_left =
+    0.6;  // max. ratio of the unexplained shares with and without toe; noise alone may give 0.64
+
+bool all_tones(std::span<const ColourLights> lights) {
+  return std::ranges::all_of(lights, [](const ColourLights& frame) {
+    return std::ranges::all_of(frame.of_colour, [&](std::size_t k) { return frame.lights[k].model == RowModel::tone; });
+  });
+}
+
+// Light of each frame's rows, of one colour: (frames × rows).
+Values rows_of(std::span<const ColourLights> lights, std::size_t colour) {
+  Values rows;
+  for (const ColourLights& frame : lights) {
+    const Values& own = frame.lights[frame.of_colour[colour]].light;
+    rows.insert(rows.end(), own.begin(), own.end());
+  }
+  return rows;
+}
+
+// Lag of compared rows, of the mean light of the colours.
+std::size_t lag_of(const StoredScene& scene, std::span<const ColourLights> lights) {
+  Values mean(scene.frames() * scene.rows());
+  for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
+    const Values rows = rows_of(lights, colour);
+    for (std::size_t n = 0; n < mean.size(); ++n) mean[n] += rows[n] / static_cast<double>(scene.colours());
+  }
+  return comparison_lag(mean, scene.rows());
+}
+
+// Rows, `most` if possible, and columns of the blocks of a picture.
+KeptShares blocks_in(const StoredScene& scene, std::size_t most) {
+  const std::size_t pixels = scene.rows() * scene.columns();
+  if (pixels <= whole_pixels) return {{}, 1, 1};
+  const double each = static_cast<double>(pixels) / blocks_of_shares;
+  const auto square = static_cast<std::size_t>(std::nearbyint(std::sqrt(each)));
+  const std::size_t rows = std::max<std::size_t>(1, std::min({most, longest_block, square}));
+  const auto wide = static_cast<std::size_t>(std::nearbyint(each / static_cast<double>(rows)));
+  return {{}, rows, scene.merged() * blocks_of(std::min(wide, flattest_block * rows), scene.merged())};
+}
+
+// The light of chips in the first frame with a toe: the share of the rows' swing that they leave.
+double left_with_toe(const Values& light, const Values& variance, const BandedPicture& shape, std::size_t colours,
+                     double toe, double white) {
+  const std::size_t pixels = light.size() / colours;
+  Values sum(pixels), noise(pixels);
+  for (std::size_t i = 0; i < light.size(); ++i) {
+    const double slope = slope_of_lifted(light[i], toe, white);
+    sum[i % pixels] += lifted_light(light[i], toe, white);
+    noise[i % pixels] += variance[i] * slope * slope;
+  }
+  return unexplained_by_chips(ColumnBundles({sum, noise, 1, shape.rows, shape.columns}).free());
+}
+
+// The toe of the first frame under chips, which are additive in light only: the candidate with the best fit, or 0.
+double find_toe(const StoredScene& scene) {
+  std::vector<BandedPicture> colours;
+  for (std::size_t k = 0; k < scene.colours(); ++k) colours.push_back(scene.picture(0, k));
+  const std::vector<std::size_t> alike = alike_colours(colours).front();
+  Values light, variance;
+  for (const std::size_t k : alike) {
+    light.insert(light.end(), colours[k].light.begin(), colours[k].light.end());
+    variance.insert(variance.end(), colours[k].variance.begin(), colours[k].variance.end());
+  }
+  const auto left = [&](double toe) {
+    return left_with_toe(light, variance, colours.front(), alike.size(), toe, scene.white());
+  };
+  const double without = left(0);
+  double least = without, best = 0;
+  for (const double toe : toes) {
+    const double now = left(toe);
+    if (now >= least) break;
+    best = toe;
+    least = now;
+  }
+  return least < less_left * without ? best : 0;
+}
+
+std::vector<ColourLights> lights_of(const StoredScene& scene, RowModel model) {
+  std::vector<ColourLights> lights;
+  for (std::size_t frame = 0; frame < scene.frames(); ++frame) {
+    std::vector<BandedPicture> colours;
+    for (std::size_t k = 0; k < scene.colours(); ++k) colours.push_back(scene.picture(frame, k));
+    lights.push_back(find_colour_lights(colours, model));
+  }
+  return lights;
+}
+
+std::vector<std::vector<BandedPicture>> pictures_of(const StoredScene& scene) {
+  std::vector<std::vector<BandedPicture>> frames(scene.frames());
+  for (std::size_t frame = 0; frame < frames.size(); ++frame)
+    for (std::size_t k = 0; k < scene.colours(); ++k) frames[frame].push_back(scene.picture(frame, k));
+  return frames;
+}
+
+// Slow light that is left after division by another light.
+std::vector<SlowLight> slow_light_left(const StoredScene& scene, const Camera& camera, const SceneLight& light) {
+  std::vector<std::vector<BandedPicture>> frames = pictures_of(scene);
+  std::vector<Values> cleaned;
+  cleaned.reserve(scene.frames() * scene.colours());
+  for (std::size_t frame = 0; frame < frames.size(); ++frame)
+    for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
+      BandedPicture& picture = frames[frame][colour];
+      const KeptShares& shares = light.shares[colour];
+      const Values& rows = light.lights[frame].lights[light.lights[frame].of_colour[colour]].light;
+      const std::size_t across = blocks_of(scene.columns(), shares.block_columns);
+      Values& values = cleaned.emplace_back(picture.light.begin(), picture.light.end());
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        const std::size_t row = i / picture.columns, column = i % picture.columns * scene.merged();
+        const double share = shares.share[row / shares.block_rows * across + column / shares.block_columns];
+        values[i] /= std::max(1 + share * (rows[row] - 1), min_left);
+      }
+      picture.light = values;
+    }
+  return find_slow_lights(frames, camera);
+}
+
+void tell_slow_bands(std::span<const SlowLight> slow, SceneLight& light) {
+  for (std::size_t frame = 0; frame < slow.size(); ++frame) light.verdicts[frame].slow_bands = slow[frame].amplitude;
+}
+
+SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> lights) {
+  SceneLight result{std::move(lights), {}, {}, {}, {}};
+  result.shares = shares_of(scene, result.lights);
+  for (std::size_t frame = 0; frame < scene.frames(); ++frame)
+    result.verdicts.push_back(verdict_on(scene, frame, result.lights[frame], result.shares, most_judged_columns));
+  return result;
+}
+
+}  // namespace
+
+std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights) {
+  const std::size_t lag = lag_of(scene, lights);
+  // Means of rows as far apart as those compared change as the rows of a tone do.
+  const KeptShares block = blocks_in(scene, all_tones(lights) ? lag : lag / 4);
+  std::vector<Blocks> pictures;
+  std::vector<Values> rows;
+  for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
+    Blocks all{0, 0, {}, {}};
+    for (std::size_t frame = 0; frame < scene.frames(); ++frame) {
+      const BandedPicture picture = scene.picture(frame, colour);
+      const Blocks one = merged_down(merged_along({picture.rows,
+                                                   picture.columns,
+                                                   {picture.light.begin(), picture.light.end()},
+                                                   {picture.variance.begin(), picture.variance.end()}},
+                                                  block.block_columns / std::min(scene.merged(), block.block_columns)),
+                                     block.block_rows);
+      all.rows = one.rows;
+      all.columns = one.columns;
+      all.light.insert(all.light.end(), one.light.begin(), one.light.end());
+      all.variance.insert(all.variance.end(), one.variance.begin(), one.variance.end());
+    }
+    pictures.push_back(std::move(all));
+    rows.push_back(means_of_rows(rows_of(lights, colour), scene.rows(), block.block_rows));
+  }
+  std::vector<BandedColour> colours;
+  for (std::size_t k = 0; k < pictures.size(); ++k)
+    colours.push_back(
+        {{pictures[k].light, pictures[k].variance, scene.frames(), pictures[k].rows, pictures[k].columns}, rows[k]});
+  std::vector<KeptShares> result;
+  for (Values& share : colour_shares(colours))
+    result.push_back({std::move(share), block.block_rows, block.block_columns});
+  return result;
+}
+
+CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const ColourLights& lights,
+                           std::span<const KeptShares> shares, std::size_t max_columns) {
+  std::vector<CleaningVerdict> verdicts;
+  for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
+    const KeptShares& own = shares[colour];
+    const BlockShares merged{own.share, own.block_rows, blocks_of(own.block_columns, scene.merged())};
+    verdicts.push_back(judge_cleaning(scene.picture(frame, colour), lights.lights[lights.of_colour[colour]].light,
+                                      merged, max_columns));
+  }
+  return mean_verdict(verdicts);
+}
+
+SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) {
+  const std::size_t rows = scene.rows(), colours = scene.colours();
+  Values depths(colours);
+  for (const SlowLight& frame : slow)
+    for (std::size_t k = 0; k < colours; ++k) depths[k] = std::max(depths[k], frame.tones[k].depth(rows));
+  SceneLight result;
+  for (const double depth : depths) result.shares.push_back({{depth}, rows, scene.columns()});
+  for (std::size_t frame = 0; frame < slow.size(); ++frame) {
+    ColourLights lights;
+    for (std::size_t k = 0; k < colours; ++k) {
+      const SlowTone& tone = slow[frame].tones[k];
+      ModelledLight own{
+          tone.light(rows), 1, RowModel::tone, slow[frame].tones.front().cycles / static_cast<double>(rows), {}};
+      for (double& value : own.light) value = std::max(1 + (value - 1) / std::max(depths[k], 1e-9), 0.0);
+      own.full = *std::max_element(own.light.begin(), own.light.end());
+      lights.of_colour.push_back(k);
+      lights.lights.push_back(std::move(own));
+    }
+    CleaningVerdict verdict = verdict_on(scene, frame, lights, result.shares, most_judged_columns);
+    verdict.light_left = slow[frame].verdict.left;
+    verdict.worse = slow[frame].verdict.worse;
+    verdict.level = slow[frame].verdict.level;
+    result.verdicts.push_back(verdict);
+    result.lights.push_back(std::move(lights));
+  }
+  result.slow = std::move(slow);
+  return result;
+}
+
+SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
+                            std::span<const ColourLights> given, std::span<const CommonCourse> earlier) {
+  std::vector<ColourLights> lights =
+      given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
+  const bool is_curved = camera.tone_curve.kind != ToneCurve::Kind::linear;
+  if (!toe_is_known && is_curved && lights.front().lights[lights.front().of_colour[0]].model == RowModel::chips) {
+    const double toe = find_toe(scene);
+    if (toe > 0) {
+      scene.set_toe(toe);
+      lights = lights_of(scene, RowModel::chips);
+    }
+  }
+  SceneLight found = with_shares(scene, std::move(lights));
+  const CleaningVerdict mean = mean_verdict(found.verdicts);
+  if (given.empty()) found.unchanged = objection_to(mean);
+  const RowModel main = found.lights.front().lights[found.lights.front().of_colour[0]].model;
+  const bool is_doubtful = !found.unchanged.empty() || main == RowModel::rows || mean.light_left > much_left;
+  if (given.empty() && (model == RowModel::automatic || model == RowModel::tone) && is_doubtful) {
+    std::vector<SlowLight> slow = find_slow_lights(pictures_of(scene), camera, earlier);
+    if (std::ranges::none_of(slow, [](const SlowLight& own) { return !own.objection.empty(); }))
+      return light_of_slow(scene, std::move(slow));
+    if (!found.unchanged.empty()) {
+      const auto seen = std::find_if(slow.begin(), slow.end(), [](const SlowLight& own) { return own.amplitude > 0; });
+      if (seen != slow.end()) found.unchanged = seen->objection;
+      tell_slow_bands(slow, found);
+      found.slow = std::move(slow);
+      return found;
+    }
+  }
+  tell_slow_bands(slow_light_left(scene, camera, found), found);
+  return found;
+}
+
+}  // namespace ocisac

@@ -1,0 +1,207 @@
+#include "ocisac/cleaning/stored_scene.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+#include <variant>
+
+#include "cleaning/block_shares.hpp"
+#include "cleaning/merged_blocks.hpp"
+#include "cleaning/quantile.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t whole_pixels = 1U << 19U;  // means of neighbouring columns in larger ones
+constexpr std::size_t most_merged = 8;           // columns in each
+constexpr std::size_t noise_pixels = 1U << 18U;  // whose differences estimate the noise
+constexpr double half_step = 0.5, relative_noise = 1e-4;
+constexpr double deviation_of_bend = 0.6745;  // median of a normal deviate's magnitude
+constexpr double black = 2e-4;                // of white, below which a toe has no slope
+constexpr double inf = std::numeric_limits<double>::infinity();
+
+template <class Sample>
+constexpr bool is_integer = std::is_integral_v<std::remove_const_t<Sample>>;
+
+// One frame, dense.
+template <class Sample>
+std::vector<std::remove_const_t<Sample>> plane_of(const FramesView<Sample>& view, std::size_t frame) {
+  std::vector<std::remove_const_t<Sample>> plane(view.rows * view.columns);
+  for (std::size_t n = 0, i = 0; n < view.rows; ++n)
+    for (std::size_t k = 0; k < view.columns; ++k, ++i) plane[i] = view(frame, n, k);
+  return plane;
+}
+
+double largest_sample(const AnyFramesView& frames) {
+  return std::visit(
+      [](const auto& view) {
+        return sample_maximum<std::remove_const_t<std::remove_reference_t<decltype(*view.data)>>>();
+      },
+      frames);
+}
+
+// Second differences along every so many rows, where bands cancel.
+void add_bends(const AnyFramesView& colour, std::size_t every, std::vector<double>& bends) {
+  std::visit(
+      [&](const auto& view) {
+        const auto value = [&](std::size_t frame, std::size_t n, std::size_t k) {
+          return static_cast<double>(view(frame, n, k));
+        };
+        for (std::size_t frame = 0; frame < view.frames; ++frame)
+          for (std::size_t n = 0; n < view.rows; n += every)
+            for (std::size_t k = 0; k + 2 < view.columns; ++k)
+              bends.push_back(std::abs(value(frame, n, k + 2) - 2 * value(frame, n, k + 1) + value(frame, n, k)));
+      },
+      colour);
+}
+
+double largest_magnitude(const AnyFramesView& colour) {
+  double most = 0;
+  std::visit(
+      [&](const auto& view) {
+        for (std::size_t frame = 0; frame < view.frames; ++frame)
+          for (std::size_t n = 0; n < view.rows; ++n)
+            for (std::size_t k = 0; k < view.columns; ++k)
+              most = std::max(most, std::abs(static_cast<double>(view(frame, n, k))));
+      },
+      colour);
+  return most;
+}
+
+// Noise, DN; at least half a step of integers.
+double noise_of(std::span<const AnyFramesView> colours, const Shape& shape) {
+  double least = half_step;
+  if (!holds_integers(colours.front())) {
+    double most = 1e-100;
+    for (const AnyFramesView& colour : colours) most = std::max(most, largest_magnitude(colour));
+    least = relative_noise * most;
+  }
+  if (shape.columns < 3) return least;
+  const std::size_t samples = shape.frames * shape.rows * shape.columns * colours.size();
+  std::vector<double> bends;
+  for (const AnyFramesView& colour : colours)
+    add_bends(colour, std::max<std::size_t>(2, samples / noise_pixels), bends);
+  return std::max(least, quantile(bends, 0.5) / (deviation_of_bend * std::sqrt(6.0)));
+}
+
+}  // namespace
+
+double lifted_light(double stored, double toe, double white) {
+  if (toe == 0) return stored;
+  const double size = std::abs(stored);
+  return std::copysign(0.5 * (size + std::sqrt(size * (size + 4 * toe * white))), stored);
+}
+
+double slope_of_lifted(double stored, double toe, double white) {
+  if (toe == 0) return 1;
+  const double size = std::max(std::abs(stored), black * white);
+  return 0.5 + 0.5 * (size + 2 * toe * white) / std::sqrt(size * (size + 4 * toe * white));
+}
+
+StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise,
+                         double toe)
+    : colours_(std::move(colours)), curve_(curve) {
+  require(!colours_.empty(), "colours", 0, "at least one");
+  const Shape shape = shape_of(colours_.front());
+  for (const AnyFramesView& colour : colours_) {
+    check(colour);
+    const Shape own = shape_of(colour);
+    require(colour.index() == colours_.front().index() && own.frames == shape.frames && own.rows == shape.rows &&
+                own.columns == shape.columns,
+            "colours", colours_.size(), "views of one shape and type");
+  }
+  require(shape.rows >= 8, "frames", shape.rows, "at least 8 rows");
+  if (noise) require_positive("noise", *noise);
+  require(toe >= 0 && toe <= 1, "toe", toe, "0 to 1");
+  frames_ = shape.frames;
+  rows_ = shape.rows;
+  columns_ = shape.columns;
+  merged_ = std::min(blocks_of(rows_ * columns_, whole_pixels), most_merged);
+  pixels_ = rows_ * blocks_of(columns_, merged_);
+  white_ = white_level(curve_, largest_sample(colours_.front())) - curve_.dark_level;
+  noise_ = noise ? *noise : noise_of(colours_, shape);
+  set_toe(toe);
+}
+
+void StoredScene::set_toe(double toe) {
+  toe_ = toe;
+  if (holds_integers(colours_.front())) make_table();
+  light_.assign(colours_.size(), std::vector<double>(frames_ * pixels_));
+  variance_ = light_;
+  for (std::size_t colour = 0; colour < colours_.size(); ++colour)
+    for (std::size_t frame = 0; frame < frames_; ++frame) convert(frame, colour);
+}
+
+void StoredScene::make_table() {
+  const double top = largest_sample(colours_.front()), saturated = saturation_level(colours_.front(), curve_);
+  const auto count = static_cast<std::size_t>(top) + 1;
+  table_ = {std::vector<double>(count), std::vector<double>(count), std::vector<double>(count - 1)};
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto value = static_cast<double>(k);
+    const double light = linear_light(curve_, value, top);
+    const double deviation = noise_ * light_per_step(curve_, value, top) * slope_of_lifted(light, toe_, white_);
+    const double lit = lifted_light(light, toe_, white_);
+    table_.light[k] = k == 0 ? lit : std::max(lit, table_.light[k - 1]);
+    table_.variance[k] = value >= saturated ? inf : deviation * deviation;
+    if (k + 1 == count) continue;
+    const double bound = lifted_light(linear_light(curve_, value + 0.5, top), toe_, white_);
+    table_.bounds[k] = k == 0 ? bound : std::max(bound, table_.bounds[k - 1]);
+  }
+}
+
+void StoredScene::convert(std::size_t frame, std::size_t colour) {
+  const double saturated = saturation_level(colours_[colour], curve_);
+  std::visit(
+      [&]<class Sample>(const FramesView<const Sample>& view) {
+        const std::vector<Sample> plane = plane_of(view, frame);
+        const auto at = static_cast<std::ptrdiff_t>(frame * pixels_);
+        if constexpr (is_integer<Sample>) {
+          const MergedPicture merged = merge_columns<Sample>(plane, columns_, merged_, {table_.light, table_.variance});
+          std::copy(merged.light.begin(), merged.light.end(), light_[colour].begin() + at);
+          std::copy(merged.variance.begin(), merged.variance.end(), variance_[colour].begin() + at);
+        } else {
+          Blocks blocks{rows_, columns_, {}, {}};
+          for (const Sample stored : plane) {
+            const double value = static_cast<double>(stored), light = linear_light(curve_, value, 1);
+            const double deviation = noise_ * light_per_step(curve_, value, 1) * slope_of_lifted(light, toe_, white_);
+            blocks.light.push_back(lifted_light(light, toe_, white_));
+            blocks.variance.push_back(value >= saturated ? inf : deviation * deviation);
+          }
+          const Blocks merged = merged_along(blocks, merged_);
+          std::copy(merged.light.begin(), merged.light.end(), light_[colour].begin() + at);
+          std::copy(merged.variance.begin(), merged.variance.end(), variance_[colour].begin() + at);
+        }
+      },
+      colours_[colour]);
+}
+
+BandedPicture StoredScene::picture(std::size_t frame, std::size_t colour) const {
+  const auto part = [&](const std::vector<double>& values) {
+    return std::span(values).subspan(frame * pixels_, pixels_);
+  };
+  return {part(light_[colour]), part(variance_[colour]), 1, rows_, pixels_ / rows_};
+}
+
+BandedPicture StoredScene::pictures(std::size_t colour) const {
+  return {light_[colour], variance_[colour], frames_, rows_, pixels_ / rows_};
+}
+
+template <class Sample>
+RestoredPicture<Sample> StoredScene::restored(std::size_t frame, std::size_t colour, const KeptShares& shares,
+                                              const Restoration& to) const {
+  const auto* const view = std::get_if<FramesView<const Sample>>(&colours_.at(colour));
+  require(view != nullptr && by_table() && frame < frames_, "frame", frame, "a frame of samples of this type");
+  const std::vector<Sample> plane = plane_of(*view, frame);
+  return restore_picture<Sample>(plane, columns_, shares.view(), to, {table_.light, table_.variance}, table_.bounds);
+}
+
+template RestoredPicture<std::uint8_t> StoredScene::restored(std::size_t, std::size_t, const KeptShares&,
+                                                             const Restoration&) const;
+template RestoredPicture<std::uint16_t> StoredScene::restored(std::size_t, std::size_t, const KeptShares&,
+                                                              const Restoration&) const;
+
+}  // namespace ocisac

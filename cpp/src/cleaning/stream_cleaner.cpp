@@ -1,0 +1,302 @@
+#include "ocisac/cleaning/stream_cleaner.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "cleaning/block_shares.hpp"
+#include "cleaning/means_of_rows.hpp"
+#include "cleaning/merged_blocks.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/cleaning/picture_motion.hpp"
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Values = std::vector<double>;
+
+constexpr std::size_t frames_of_shares = 8, frames_of_one_share = 64;  // between estimates: of pixels, of the picture
+constexpr double most_estimates = 6;                                   // whose mean the shares are
+constexpr double new_part = 1.0 / 16;       // of the picture, from which on shares are estimated at once
+constexpr double guide_blocks = 1U << 15U;  // of the picture whose displacement is measured
+constexpr double cut = 0.5;                 // of the picture unlike the frame before: another scene
+constexpr std::size_t judged_columns = 64;
+constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
+constexpr double floor_of_light = 0.02;       // of the mean light, below which logarithms show noise
+constexpr double min_left = 0.1;              // lower bound of a light that is a divisor
+
+Blocks copy_of(const BandedPicture& picture) {
+  return {picture.rows,
+          picture.columns,
+          {picture.light.begin(), picture.light.end()},
+          {picture.variance.begin(), picture.variance.end()}};
+}
+
+// Means of one colour over the blocks of its shares.
+Blocks in_blocks(const StoredScene& stored, std::size_t colour, const KeptShares& shares) {
+  const std::size_t width = std::max<std::size_t>(1, shares.block_columns / stored.merged());
+  return merged_down(merged_along(copy_of(stored.picture(0, colour)), width), shares.block_rows);
+}
+
+std::vector<Blocks> all_in_blocks(const StoredScene& stored, const KeptShares& shares) {
+  std::vector<Blocks> blocks;
+  for (std::size_t colour = 0; colour < stored.colours(); ++colour) blocks.push_back(in_blocks(stored, colour, shares));
+  return blocks;
+}
+
+// Blocks of the shares, along each axis, in one of the guide.
+std::size_t guide_size(std::size_t blocks) {
+  return std::max<std::size_t>(
+      1, static_cast<std::size_t>(std::nearbyint(std::sqrt(static_cast<double>(blocks) / guide_blocks))));
+}
+
+const Values& light_of(const ColourLights& lights, std::size_t colour) {
+  return lights.lights[lights.of_colour[colour]].light;
+}
+
+// Logarithm of the cleaned light of blocks, all colours added, in some 32,000 larger blocks.
+Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, std::span<const KeptShares> shares) {
+  Blocks picture = colours.front();
+  std::fill(picture.light.begin(), picture.light.end(), 0.0);
+  std::fill(picture.variance.begin(), picture.variance.end(), 1.0);
+  for (std::size_t colour = 0; colour < colours.size(); ++colour) {
+    const Values& light = light_of(lights, colour);
+    const Values rows = means_of_rows(light, light.size(), shares[colour].block_rows);
+    for (std::size_t i = 0; i < picture.light.size(); ++i) {
+      const double change = rows[i / picture.columns] - 1;
+      picture.light[i] += colours[colour].light[i] / std::max(1 + shares[colour].share[i] * change, min_left);
+    }
+  }
+  const std::size_t count = guide_size(picture.light.size());
+  Values guide = merged_along(merged_down(picture, count), count).light;
+  const double mean = std::accumulate(guide.begin(), guide.end(), 0.0) / static_cast<double>(guide.size());
+  for (double& value : guide) value = std::log(std::max(value, 0.0) + floor_of_light * std::max(mean, 1e-300));
+  return guide;
+}
+
+// Values of blocks (rows × columns, `size` along each axis) at every place (down × across), interpolated.
+Values enlarged(const Values& values, std::size_t size, std::size_t down, std::size_t across) {
+  const std::size_t rows = blocks_of(down, size), columns = blocks_of(across, size);
+  Values result;
+  result.reserve(down * across);
+  for (std::size_t n = 0; n < down; ++n) {
+    const Place row = place_in_blocks(n, size, rows);
+    for (std::size_t k = 0; k < across; ++k) {
+      const Place column = place_in_blocks(k, size, columns);
+      const auto along = [&](std::size_t at) {
+        const double one = values[row.before * columns + at], two = values[row.after * columns + at];
+        return one + row.weight * (two - one);
+      };
+      const double left = along(column.before);
+      result.push_back(left + column.weight * (along(column.after) - left));
+    }
+  }
+  return result;
+}
+
+// How blocks of the shares moved since the frame before, and which of them are new.
+struct BlockMotion {
+  PictureMotion motion;
+  std::vector<std::uint8_t> is_new;
+};
+
+BlockMotion motion_of_blocks(const PictureChange& change, std::size_t rows, std::size_t columns) {
+  const std::size_t size = guide_size(rows * columns), across = blocks_of(columns, size);
+  BlockMotion result{
+      {enlarged(change.motion.down, size, rows, columns), enlarged(change.motion.right, size, rows, columns)}, {}};
+  for (Values* ways : {&result.motion.down, &result.motion.right})
+    for (double& way : *ways) way *= static_cast<double>(size);
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t k = 0; k < columns; ++k) result.is_new.push_back(change.is_new[n / size * across + k / size]);
+  return result;
+}
+
+bool is_one_share(const KeptShares& shares) {
+  const auto [least, most] = std::minmax_element(shares.share.begin(), shares.share.end());
+  return *least == *most;
+}
+
+// Shares of the frame before, and how many estimates each consists of.
+struct Carried {
+  std::vector<KeptShares> shares;
+  Values estimates;
+};
+
+// Moved with the picture; what is new has no estimate.
+void move(const BlockMotion& motion, std::size_t columns, Carried& carried) {
+  for (KeptShares& shares : carried.shares) shares.share = moved_picture(shares.share, columns, motion.motion);
+  carried.estimates = moved_picture(carried.estimates, columns, motion.motion);
+  for (std::size_t i = 0; i < carried.estimates.size(); ++i)
+    if (motion.is_new[i] != 0) carried.estimates[i] = 0;
+}
+
+// Joined by the shares of this frame.
+void estimate(const std::vector<Blocks>& blocks, const ColourLights& lights, Carried& carried) {
+  for (std::size_t colour = 0; colour < blocks.size(); ++colour) {
+    const Blocks& picture = blocks[colour];
+    const Values& light = light_of(lights, colour);
+    const Values rows = means_of_rows(light, light.size(), carried.shares[colour].block_rows);
+    const Values own = light_share({picture.light, picture.variance, 1, picture.rows, picture.columns}, rows);
+    Values& share = carried.shares[colour].share;
+    for (std::size_t i = 0; i < share.size(); ++i)
+      share[i] += (own[i] - share[i]) / (std::min(carried.estimates[i], most_estimates - 1) + 1);
+  }
+  for (double& count : carried.estimates) count += 1;
+}
+
+// Whether the shares are estimated in a frame that others have been before.
+bool is_due(const Values& estimates, std::size_t frames) {
+  const auto missing = std::ranges::count_if(estimates, [](double count) { return count < 0.5; });
+  return frames % frames_of_shares == 0 || frames == 1 ||
+         static_cast<double>(missing) > new_part * static_cast<double>(estimates.size());
+}
+
+}  // namespace
+
+StreamCleaner::StreamCleaner(const Camera& camera, const StreamOptions& options) : camera_(camera), options_(options) {
+  check(camera);
+  if (options.noise) require_positive("noise", *options.noise);
+  if (options.toe) require(*options.toe >= 0 && *options.toe <= 1, "toe", *options.toe, "0 to 1");
+  require(options.model != RowModel::given, "model", name_of(options.model), "auto, tone, chips or rows");
+}
+
+StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours) {
+  require(!colours.empty(), "colours", 0, "at least one");
+  const std::size_t frames = shape_of(colours.front()).frames;
+  require(frames == 1, "frame", frames, "one frame");
+  if (auto found = followed(colours)) return *std::move(found);
+  if (auto found = slowly(colours)) return *std::move(found);
+  return alone(colours);
+}
+
+void StreamCleaner::forget() {
+  before_.reset();
+  courses_.clear();
+  slow_.reset();
+}
+
+StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colours) {
+  StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
+  if (!courses_.empty() && courses_.front().modes.size() != mode_count(stored.rows())) courses_.clear();
+  SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, courses_);
+  before_.reset();
+  slow_.reset();
+  if (!light.slow.empty()) {
+    keep_slow(light);
+  } else {
+    courses_.clear();
+    const std::vector<Blocks> blocks = all_in_blocks(stored, light.shares.front());
+    before_ = Before{light.lights.front(),
+                     light.shares,
+                     guide_of(blocks, light.lights.front(), light.shares),
+                     stored.columns(),
+                     stored.toe(),
+                     stored.noise(),
+                     light.verdicts.front().slow_bands,
+                     0,
+                     Values(light.shares.front().share.size(), 1.0)};
+  }
+  return {std::move(stored), std::move(light)};
+}
+
+void StreamCleaner::keep_slow(const SceneLight& light) {
+  courses_.push_back(light.slow.back().course);
+  if (courses_.size() >= most_slow_frames) courses_.erase(courses_.begin());
+  slow_.reset();
+  if (light.unchanged.empty()) slow_ = light.slow.back().tones.front();
+}
+
+std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyFramesView>& colours) {
+  if (!slow_ || courses_.front().modes.size() != mode_count(shape_of(colours.front()).rows)) return {};
+  StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
+  std::vector<std::vector<BandedPicture>> frame(1);
+  for (std::size_t colour = 0; colour < colours.size(); ++colour) frame.front().push_back(stored.picture(0, colour));
+  std::vector<SlowLight> slow = find_slow_lights(frame, camera_, courses_, slow_);
+  if (!slow.back().objection.empty()) return {};
+  SceneLight light = light_of_slow(stored, std::move(slow));
+  keep_slow(light);
+  return Frame{std::move(stored), std::move(light)};
+}
+
+std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<AnyFramesView>& colours) {
+  const Shape shape = shape_of(colours.front());
+  if (!before_ || before_->lights.of_colour.size() != colours.size() || before_->columns != shape.columns ||
+      light_of(before_->lights, 0).size() != shape.rows)
+    return {};
+  StoredScene stored(colours, camera_.tone_curve, before_->noise, before_->toe);
+  Before now = *before_;
+  ++now.frames;
+  now.lights = followed_lights(stored);
+  const std::vector<Blocks> blocks = all_in_blocks(stored, now.shares.front());
+  const std::size_t rows = blocks.front().rows, columns = blocks.front().columns;
+  now.guide = guide_of(blocks, now.lights, now.shares);
+  const std::size_t size = guide_size(rows * columns), down = blocks_of(rows, size), across = blocks_of(columns, size);
+  const PictureChange change = picture_change({before_->guide, down, across}, {now.guide, down, across});
+  const auto unlike = std::accumulate(change.is_new.begin(), change.is_new.end(), std::size_t{0});
+  if (static_cast<double>(unlike) > cut * static_cast<double>(change.is_new.size())) return {};
+  if (std::ranges::all_of(now.shares, is_one_share)) {
+    if (now.frames % frames_of_one_share == 0) {
+      now.shares = shares_of(stored, {&now.lights, 1});
+      now.estimates.assign(now.shares.front().share.size(), 1.0);
+    }
+  } else {
+    Carried carried{std::move(now.shares), std::move(now.estimates)};
+    move(motion_of_blocks(change, rows, columns), columns, carried);
+    if (is_due(carried.estimates, now.frames)) estimate(blocks, now.lights, carried);
+    now.shares = std::move(carried.shares);
+    now.estimates = std::move(carried.estimates);
+  }
+  CleaningVerdict verdict = verdict_on(stored, 0, now.lights, now.shares, judged_columns);
+  verdict.slow_bands = now.slow_bands;
+  if (!objection_to(verdict).empty()) return {};
+  Frame frame{std::move(stored), {{now.lights}, now.shares, {verdict}, {}, {}}};
+  before_ = std::move(now);
+  return frame;
+}
+
+// The row light of each colour; colours that had one light have one again.
+ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
+  const ColourLights& before = before_->lights;
+  ColourLights found{{}, before.of_colour};
+  for (std::size_t light = 0; light < before.lights.size(); ++light) {
+    Values sum, variance;
+    std::size_t first = before.of_colour.size();
+    for (std::size_t colour = 0; colour < before.of_colour.size(); ++colour) {
+      if (before.of_colour[colour] != light) continue;
+      const BandedPicture picture = stored.picture(0, colour);
+      first = std::min(first, colour);
+      sum.resize(picture.light.size());
+      variance.resize(picture.light.size());
+      for (std::size_t i = 0; i < sum.size(); ++i) {
+        sum[i] += picture.light[i];
+        variance[i] += picture.variance[i];
+      }
+    }
+    const ModelledLight& own = before.lights[light];
+    if (first == before.of_colour.size()) {  // of no colour any more: each of its group has one of its own
+      found.lights.push_back(own);
+      continue;
+    }
+    const BandedPicture picture{sum, variance, 1, stored.rows(), sum.size() / stored.rows()};
+    if (!own.tone) {
+      found.lights.push_back(find_row_light(ColumnBundles(picture), own.model));
+      continue;
+    }
+    const KeptShares& shares = before_->shares[first];
+    const std::size_t across = blocks_of(stored.columns(), shares.block_columns), down = shares.share.size() / across;
+    Values of_columns(picture.columns);
+    for (std::size_t k = 0; k < of_columns.size(); ++k)
+      for (std::size_t n = 0; n < down; ++n)
+        of_columns[k] +=
+            shares.share[n * across + k * stored.merged() / shares.block_columns] / static_cast<double>(down);
+    ToneLight tone = followed_tone_light(ColumnBundles(picture, of_columns), *own.tone);
+    const double weight = 1 / static_cast<double>(std::min(before_->frames, most_frequencies) + 2);
+    tone.frequency = own.tone->frequency + weight * (tone.frequency - own.tone->frequency);
+    found.lights.push_back(ocisac::light_of(std::move(tone)));
+  }
+  return found;
+}
+
+}  // namespace ocisac
