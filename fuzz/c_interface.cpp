@@ -203,6 +203,45 @@ void encode(const ocisac_options& options, FuzzedDataProvider& bytes) {
   fuzz::claim((code == OCISAC_OK) == (count > 0));
 }
 
+// A cleaner of one or two frames in memory of their own.
+void clean(FuzzedDataProvider& bytes) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  ocisac_cleaner_options options;
+  ocisac_cleaner_options_init(&options);
+  options.row_time = number(bytes, {20e-6, 20e-6, 10e-6, 1});
+  options.frame_time = number(bytes, {nan, nan, 1.0 / 30, 0});
+  options.noise = number(bytes, {nan, nan, 1, 0});
+  options.toe = number(bytes, {nan, 0, 0.1, 2});
+  options.max_gain = number(bytes, {8, 8, 2, 1});
+  options.dark_level = number(bytes, {0, 0, 16, 255});
+  options.white_level = number(bytes, {0, 255, 235, 16});
+  options.gamma = number(bytes, {2.2, 2.2, 1, 0});
+  options.tone_curve = bytes.ConsumeIntegralInRange<std::int32_t>(0, 3);
+  options.scan_axis = bytes.ConsumeIntegralInRange<std::int32_t>(-1, 3);
+  options.model = bytes.ConsumeIntegralInRange<std::int32_t>(0, 4);
+  options.mean_level = bytes.ConsumeBool();
+  ocisac_cleaner* made = nullptr;
+  const int code = ocisac_cleaner_create(&options, &made);
+  check_code(code);
+  fuzz::claim((made != nullptr) == (code == OCISAC_OK));
+  const std::unique_ptr<ocisac_cleaner, void (*)(ocisac_cleaner*)> cleaner(made, ocisac_cleaner_destroy);
+  for (int frame = 0; frame < 2; ++frame) {
+    Picture picture = picture_of(bytes);
+    const auto pixel = static_cast<std::ptrdiff_t>(picture.frame.format == OCISAC_GRAY8 ? 1 : 2);
+    const ocisac_plane plane{const_cast<void*>(picture.frame.pixels),
+                             picture.frame.format,
+                             picture.frame.width,
+                             picture.frame.height,
+                             picture.frame.stride,
+                             pixel};
+    ocisac_cleaned cleaned;
+    ocisac_cleaned_init(&cleaned);
+    const int pushed = ocisac_cleaner_push(cleaner.get(), &plane, 1, &cleaned);
+    check_code(pushed);
+    if (pushed == OCISAC_OK) fuzz::claim(cleaned.unchanged != nullptr && cleaned.light_left >= 0);
+  }
+}
+
 }  // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -224,6 +263,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     if (bytes.ConsumeIntegral<std::uint8_t>() < 8) fit(options_of(bytes), picture.frame, bytes);
     if (bytes.ConsumeIntegral<std::uint8_t>() < 8) advise(bytes);
     if (bytes.ConsumeIntegral<std::uint8_t>() < 8) encode(options_of(bytes), bytes);
+    if (bytes.ConsumeIntegral<std::uint8_t>() < 8) clean(bytes);
     picture.frame.number = bytes.ConsumeBool() ? calls : bytes.ConsumeIntegral<std::int64_t>();
     check_code(push(receiver.get(), picture.frame, bytes));
     picture = {};  // freed before the result is read

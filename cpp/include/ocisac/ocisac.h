@@ -41,7 +41,10 @@ enum { OCISAC_TONE = 0, OCISAC_SQUARE = 1 };                                    
 enum { OCISAC_LINEAR = 0, OCISAC_SRGB = 1, OCISAC_GAMMA = 2 };                      /* tone curves */
 enum { OCISAC_NONE = 0, OCISAC_MANCHESTER = 1, OCISAC_4B6B = 2, OCISAC_8B10B = 3 }; /* line codes */
 
+enum { OCISAC_MODEL_AUTO = 0, OCISAC_MODEL_TONE = 1, OCISAC_MODEL_CHIPS = 2, OCISAC_MODEL_ROWS = 3 }; /* of a light */
+
 typedef struct ocisac_receiver ocisac_receiver;
+typedef struct ocisac_cleaner ocisac_cleaner;
 
 typedef struct ocisac_region { /* stored pixels; width 0: none */
   uint32_t x, y, width, height;
@@ -177,6 +180,41 @@ typedef struct ocisac_exposure_advice {
   int32_t holds;     /* 0: no exposure satisfies the bound and the gain, this one comes closest */
 } ocisac_exposure_advice;
 
+/* The removal of bands from the frames of a stream. */
+typedef struct ocisac_cleaner_options {
+  size_t size;
+  double row_time;   /* must be set */
+  double frame_time; /* NaN: unknown */
+  double noise;      /* standard deviation of a pixel, DN; NaN, the default: estimated */
+  double toe; /* of the tone curve, 0 to 1: light x is stored as x^2/(x + toe*white); NaN, the default: estimated */
+  double max_gain;    /* rows that need a larger one are too dark, and amplified by this one; default 8 */
+  double dark_level;  /* DN without light; default 0 */
+  double white_level; /* DN of full light; default 0: the maximum of the pixel type */
+  double gamma;       /* exponent of OCISAC_GAMMA; default 2.2 */
+  int32_t tone_curve; /* of the pixels; default OCISAC_LINEAR */
+  int32_t scan_axis;  /* default OCISAC_DOWN */
+  int32_t model;      /* of the light; default OCISAC_MODEL_AUTO */
+  int32_t mean_level; /* 1: the picture is as bright as its rows are in the mean; default 0: as the brightest are */
+} ocisac_cleaner_options;
+
+typedef struct ocisac_plane { /* one colour of a picture, or its luma */
+  void* pixels;               /* of the first row; overwritten with the cleaned ones */
+  int32_t format;             /* OCISAC_GRAY8 or OCISAC_GRAY16 */
+  uint32_t width, height;
+  ptrdiff_t stride;       /* bytes from row to row; may be negative */
+  ptrdiff_t pixel_stride; /* bytes from pixel to pixel; may be negative */
+} ocisac_plane;
+
+typedef struct ocisac_cleaned {
+  size_t size;
+  int32_t model;         /* found, of the first plane */
+  double frequency;      /* of the tone, or the chip rate; NaN for other rows */
+  double light_left;     /* swing of the row light in the columns after cleaning, over that before */
+  double texture_change; /* energy of texture after cleaning over that before, dB */
+  double slow_bands;     /* amplitude, relative to the light, of bands above 128 rows per cycle that are left */
+  const char* unchanged; /* why the frame is left as it was; "" for a cleaned one. Valid until the next call */
+} ocisac_cleaned;
+
 void ocisac_options_init(ocisac_options* options);
 void ocisac_result_init(ocisac_result* result);
 void ocisac_stamp_init(ocisac_stamp* stamp);
@@ -186,6 +224,8 @@ void ocisac_tone_init(ocisac_tone* tone);
 void ocisac_flicker_init(ocisac_flicker* light);
 void ocisac_exposure_request_init(ocisac_exposure_request* request);
 void ocisac_exposure_advice_init(ocisac_exposure_advice* advice);
+void ocisac_cleaner_options_init(ocisac_cleaner_options* options);
+void ocisac_cleaned_init(ocisac_cleaned* cleaned);
 
 /* Stores a new receiver in *receiver, NULL on failure. */
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver);
@@ -223,6 +263,21 @@ int ocisac_advise_exposure(const ocisac_exposure_request* request, const ocisac_
  * lengthened of the options. */
 int ocisac_packet_chips(const ocisac_options* options, const uint8_t* payload, size_t payload_bytes, uint32_t number,
                         char* chips, size_t capacity, size_t* count);
+
+/* Stores a new cleaner of streams in *cleaner, NULL on failure. It is used as a receiver is: by one thread at a time.
+ */
+int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner** cleaner);
+
+/* Removes the bands from the next frame, in place: `count` planes of one size and format, 1 to 4. A frame that cleaning
+ * would make worse stays, and cleaned->unchanged gives the reason; `cleaned`: NULL if not wanted. After an error the
+ * pixels are as before. */
+int ocisac_cleaner_push(ocisac_cleaner* cleaner, const ocisac_plane* planes, size_t count, ocisac_cleaned* cleaned);
+
+/* Cleans the next frame without what is known of those before, as after a seek. */
+int ocisac_cleaner_forget(ocisac_cleaner* cleaner);
+
+/* NULL is allowed. */
+void ocisac_cleaner_destroy(ocisac_cleaner* cleaner);
 
 /* Name of one bit of gain_flags, data_flags or flags; NULL for a bit without meaning. */
 const char* ocisac_flag_name(uint32_t bit);

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "device/c_common.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/scan_axis.hpp"
@@ -35,64 +36,19 @@ struct ocisac_receiver {
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
 thread_local std::array<char, 256> last_error{};
 
-void remember(const char* message) {
+}  // namespace
+
+void ocisac::c::remember(const char* message) {
   const std::size_t length = std::min(std::strlen(message), last_error.size() - 1);
   std::copy_n(message, length, last_error.begin());
   last_error[length] = '\0';
 }
 
-// Runs the body and converts exceptions to error codes.
-template <class Body>
-int guarded(Body body) noexcept {
-  try {
-    return body();
-  } catch (const std::invalid_argument& problem) {
-    remember(problem.what());
-    return OCISAC_BAD_ARGUMENT;
-  } catch (const std::bad_alloc&) {
-    remember("out of memory");
-    return OCISAC_NO_MEMORY;
-  } catch (const std::exception& problem) {
-    remember(problem.what());
-    return OCISAC_FAILED;
-  }
-}
+namespace {
 
-// The fields known to the calling program; defaults for the others.
-template <class Struct>
-Struct completed(const Struct* given, Struct defaults, const char* name) {
-  ocisac::require(given != nullptr, name, "NULL", "a struct");
-  ocisac::require(given->size >= sizeof(std::size_t) && given->size <= 4096, name, given->size,
-                  "the size that its _init function fills in");
-  std::memcpy(&defaults, given, std::min(given->size, sizeof(Struct)));
-  return defaults;
-}
-
-std::optional<double> known(double value) { return std::isnan(value) ? std::nullopt : std::optional(value); }
-
-// The value that a constant of the header stands for.
-template <class Value, std::size_t count>
-Value chosen(const char* name, std::int32_t number, const std::array<Value, count>& values) {
-  ocisac::require(number >= 0 && number < static_cast<std::int32_t>(count), name, number,
-                  "0 to " + std::to_string(count - 1));
-  return values[static_cast<std::size_t>(number)];
-}
-
-ocisac::ToneCurve tone_curve_of(const ocisac_options& options) {
-  using Kind = ocisac::ToneCurve::Kind;
-  constexpr std::array kinds{Kind::linear, Kind::srgb, Kind::gamma};
-  return {chosen("tone_curve", options.tone_curve, kinds), options.gamma, options.dark_level, options.white_level};
-}
-
-ocisac::ScanAxis scan_axis_of(const ocisac_options& options) {
-  using ocisac::ScanAxis;
-  constexpr std::array axes{ScanAxis::down, ScanAxis::up, ScanAxis::right, ScanAxis::left};
-  return chosen("scan_axis", options.scan_axis, axes);
-}
+using namespace ocisac::c;
 
 ocisac::Camera camera_of(const ocisac_options& options) {
   return {options.row_time, known(options.exposure), known(options.frame_time), tone_curve_of(options)};
@@ -355,15 +311,6 @@ ocisac_exposure_advice advice_without_bands(const ocisac_exposure_request& reque
           found.gain,
           found.modulation,
           found.holds ? 1 : 0};
-}
-
-// Fills in the fields that the calling program knows.
-template <class Struct>
-void answer(Struct* place, Struct full, const char* name) {
-  ocisac::require(place->size >= sizeof(std::size_t) && place->size <= 4096, name, place->size,
-                  "the size that its _init function fills in");
-  full.size = place->size;
-  std::memcpy(place, &full, std::min(full.size, sizeof(Struct)));
 }
 
 }  // namespace

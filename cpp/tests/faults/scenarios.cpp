@@ -210,6 +210,29 @@ std::string c_interface() {
   return result.bits;
 }
 
+struct DestroyCleaner {
+  void operator()(ocisac_cleaner* cleaner) const { ocisac_cleaner_destroy(cleaner); }
+};
+
+// A cleaner that failed leaves the pixels, and takes the next frame.
+std::string c_cleaner() {
+  ocisac_cleaner_options options;
+  ocisac_cleaner_options_init(&options);
+  options.row_time = kRowTime;
+  options.model = OCISAC_MODEL_ROWS;  // others take more allocations
+  ocisac_cleaner* made = nullptr;
+  const int code = ocisac_cleaner_create(&options, &made);
+  const std::unique_ptr<ocisac_cleaner, DestroyCleaner> cleaner(made);
+  if ((made == nullptr) != (code != OCISAC_OK)) throw std::logic_error("a code and a cleaner, or neither");
+  check_code(code);
+  std::vector<std::uint8_t> pixels = tone_picture();
+  const ocisac_plane plane{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 1};
+  const int pushed = ocisac_cleaner_push(cleaner.get(), &plane, 1, nullptr);
+  if (pushed != OCISAC_OK && pixels != tone_picture()) throw std::logic_error("pixels changed by a failure");
+  check_code(pushed);
+  return bytes_of(pixels);
+}
+
 // The calls without a receiver.
 std::string c_answers() {
   ocisac_options options;
@@ -265,6 +288,7 @@ const std::vector<Scenario>& scenarios() {
       {"Receiver", stream},
       {"ocisac.h", c_interface},
       {"ocisac.h, one picture", c_answers},
+      {"ocisac.h, cleaner", c_cleaner},
   };
   return all;
 }

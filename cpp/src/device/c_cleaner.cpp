@@ -1,0 +1,178 @@
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "device/c_common.hpp"
+#include "ocisac/cleaning/stream_cleaner.hpp"
+
+struct ocisac_cleaner {
+  ocisac::StreamCleaner stream;
+  ocisac::ScanAxis axis;
+  double row_time;  // s
+  double max_gain;
+  bool mean_level;
+  std::string unchanged{};  // of the last frame
+};
+
+namespace {
+
+using namespace ocisac::c;
+
+constexpr std::size_t most_planes = 4;
+
+ocisac_cleaner_options default_cleaner_options() {
+  ocisac_cleaner_options options{};
+  options.size = sizeof options;
+  options.frame_time = options.noise = options.toe = kNaN;
+  options.max_gain = 8;
+  options.gamma = ocisac::ToneCurve{}.gamma;
+  return options;
+}
+
+ocisac_cleaned empty_cleaned() { return {sizeof(ocisac_cleaned), OCISAC_MODEL_ROWS, kNaN, kNaN, kNaN, kNaN, ""}; }
+
+ocisac::RowModel model_of(const ocisac_cleaner_options& options) {
+  using ocisac::RowModel;
+  constexpr std::array models{RowModel::automatic, RowModel::tone, RowModel::chips, RowModel::rows};
+  return chosen("model", options.model, models);
+}
+
+std::int32_t number_of(ocisac::RowModel model) {
+  switch (model) {
+    case ocisac::RowModel::tone: return OCISAC_MODEL_TONE;
+    case ocisac::RowModel::chips: return OCISAC_MODEL_CHIPS;
+    default: return OCISAC_MODEL_ROWS;
+  }
+}
+
+template <class Sample>
+ocisac::FramesView<const Sample> view_of(const ocisac_plane& plane) {
+  constexpr auto bytes = static_cast<std::ptrdiff_t>(sizeof(Sample));
+  ocisac::require(plane.stride % bytes == 0, "stride", plane.stride, "whole pixels");
+  ocisac::require(plane.pixel_stride % bytes == 0 && plane.pixel_stride != 0, "pixel_stride", plane.pixel_stride,
+                  "whole pixels, not 0");
+  const std::ptrdiff_t row = std::abs(plane.pixel_stride) * static_cast<std::ptrdiff_t>(plane.width - 1) + bytes;
+  ocisac::require(std::abs(plane.stride) >= row, "stride", plane.stride, "at least a row of pixels");
+  return {static_cast<const Sample*>(plane.pixels),
+          1,
+          plane.height,
+          plane.width,
+          0,
+          plane.stride / bytes,
+          plane.pixel_stride / bytes};
+}
+
+// The planes in order of time.
+std::vector<ocisac::AnyFramesView> views_of(const ocisac_plane* planes, std::size_t count, ocisac::ScanAxis axis) {
+  ocisac::require(count > 0 && count <= most_planes, "count", count, "1 to 4");
+  std::vector<ocisac::AnyFramesView> views;
+  for (std::size_t k = 0; k < count; ++k) {
+    const ocisac_plane& plane = planes[k];
+    ocisac::require(plane.pixels != nullptr && plane.width > 0 && plane.height > 0, "planes", "no pixels",
+                    "at least one pixel");
+    ocisac::require(plane.format == OCISAC_GRAY8 || plane.format == OCISAC_GRAY16, "format", plane.format,
+                    "OCISAC_GRAY8 or OCISAC_GRAY16");
+    const auto stored = plane.format == OCISAC_GRAY8 ? ocisac::AnyFramesView(view_of<std::uint8_t>(plane))
+                                                     : ocisac::AnyFramesView(view_of<std::uint16_t>(plane));
+    views.push_back(ocisac::in_time_order(stored, axis));
+  }
+  return views;
+}
+
+template <class Sample>
+std::vector<std::vector<Sample>> restored_planes(const ocisac_cleaner& cleaner,
+                                                 const ocisac::StreamCleaner::Frame& frame) {
+  std::vector<std::vector<Sample>> planes;
+  const ocisac::ColourLights& lights = frame.light.lights.front();
+  for (std::size_t colour = 0; colour < lights.of_colour.size(); ++colour) {
+    const ocisac::ModelledLight& light = lights.lights[lights.of_colour[colour]];
+    std::vector<double> rows = light.light;
+    for (double& row : rows) row = std::min(row, light.full);  // brighter rows are fully lit rows with noise
+    const double level = cleaner.mean_level ? 1 : light.full;
+    planes.push_back(
+        frame.stored.restored<Sample>(0, colour, frame.light.shares[colour], {rows, level, cleaner.max_gain}).picture);
+  }
+  return planes;
+}
+
+// The views are of memory that the caller lets us write.
+template <class Sample>
+void write(const std::vector<std::vector<Sample>>& planes, const std::vector<ocisac::AnyFramesView>& views) {
+  for (std::size_t colour = 0; colour < planes.size(); ++colour) {
+    const auto& view = std::get<ocisac::FramesView<const Sample>>(views[colour]);
+    for (std::size_t n = 0, i = 0; n < view.rows; ++n)
+      for (std::size_t k = 0; k < view.columns; ++k, ++i) *const_cast<Sample*>(view.at(0, n, k)) = planes[colour][i];
+  }
+}
+
+template <class Sample>
+void clean_as(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame& frame,
+              const std::vector<ocisac::AnyFramesView>& views) {
+  write(restored_planes<Sample>(cleaner, frame), views);
+}
+
+ocisac_cleaned cleaned_of(const ocisac_cleaner& cleaner, const ocisac::SceneLight& found) {
+  const ocisac::ColourLights& lights = found.lights.front();
+  const ocisac::ModelledLight& light = lights.lights[lights.of_colour.front()];
+  const ocisac::CleaningVerdict& verdict = found.verdicts.front();
+  return {sizeof(ocisac_cleaned), number_of(light.model), light.frequency / cleaner.row_time, verdict.light_left,
+          verdict.texture_change, verdict.slow_bands,     cleaner.unchanged.c_str()};
+}
+
+}  // namespace
+
+extern "C" {
+
+void ocisac_cleaner_options_init(ocisac_cleaner_options* options) {
+  if (options != nullptr) *options = default_cleaner_options();
+}
+
+void ocisac_cleaned_init(ocisac_cleaned* cleaned) {
+  if (cleaned != nullptr) *cleaned = empty_cleaned();
+}
+
+int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner** cleaner) {
+  return guarded([&] {
+    ocisac::require(cleaner != nullptr, "cleaner", "NULL", "a place for it");
+    *cleaner = nullptr;
+    const ocisac_cleaner_options all = completed(options, default_cleaner_options(), "options");
+    ocisac::require(std::isfinite(all.max_gain) && all.max_gain > 1, "max_gain", all.max_gain,
+                    "a finite number above 1");
+    const ocisac::Camera camera{all.row_time, {}, known(all.frame_time), tone_curve_of(all)};
+    ocisac::StreamCleaner stream(camera, {model_of(all), known(all.noise), known(all.toe)});
+    *cleaner =
+        new ocisac_cleaner{std::move(stream), scan_axis_of(all), all.row_time, all.max_gain, all.mean_level != 0};
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_cleaner_push(ocisac_cleaner* cleaner, const ocisac_plane* planes, size_t count, ocisac_cleaned* cleaned) {
+  return guarded([&] {
+    ocisac::require(cleaner != nullptr && planes != nullptr, "cleaner or planes", "NULL", "both");
+    if (cleaned != nullptr) completed(cleaned, empty_cleaned(), "cleaned");  // refuses a wrong size before any change
+    const std::vector<ocisac::AnyFramesView> views = views_of(planes, count, cleaner->axis);
+    const ocisac::StreamCleaner::Frame frame = cleaner->stream.push(views);
+    cleaner->unchanged = frame.light.unchanged;
+    if (frame.light.unchanged.empty()) {
+      if (planes->format == OCISAC_GRAY8)
+        clean_as<std::uint8_t>(*cleaner, frame, views);
+      else
+        clean_as<std::uint16_t>(*cleaner, frame, views);
+    }
+    if (cleaned != nullptr) answer(cleaned, cleaned_of(*cleaner, frame.light), "cleaned");
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+int ocisac_cleaner_forget(ocisac_cleaner* cleaner) {
+  return guarded([&] {
+    ocisac::require(cleaner != nullptr, "cleaner", "NULL", "one");
+    cleaner->stream.forget();
+    return static_cast<int>(OCISAC_OK);
+  });
+}
+
+void ocisac_cleaner_destroy(ocisac_cleaner* cleaner) { delete cleaner; }
+
+}  // extern "C"
