@@ -1,4 +1,4 @@
-#include "ocisac/cleaning/chip_light.hpp"
+#include "cleaning/chip_light.hpp"
 
 #include <Eigen/Core>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "ocisac/cleaning/colour_shares.hpp"
+#include "cleaning/colour_shares.hpp"
 
 #include <algorithm>
 #include <cmath>

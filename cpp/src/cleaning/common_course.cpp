@@ -9,6 +9,7 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/slow_modes.hpp"
+#include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/slow_light.hpp"
 
@@ -156,6 +157,7 @@ CommonCourse common_course(const BandedPicture& picture) {
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
   Values weights;
   for (int step = 0; step < steps; ++step) {
+    check_interrupt();
     weights = weights_of(all, modes, texture * std::max(1, wide_steps - step));
     modes = solved(all.design, evidence_of(all, weights, 0, all.columns));
   }

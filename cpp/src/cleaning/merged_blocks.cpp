@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "cleaning/block_shares.hpp"
+#include "core/check_interrupt.hpp"
 
 namespace ocisac {
 
@@ -16,7 +17,8 @@ Blocks merged(const Blocks& from, std::size_t height, std::size_t width) {
   to.light.resize(to.rows * to.columns);
   to.variance.resize(to.light.size());
   std::vector<double> known(to.light.size());
-  for (std::size_t n = 0; n < from.rows; ++n)
+  for (std::size_t n = 0; n < from.rows; ++n) {
+    check_interrupt();
     for (std::size_t block = 0; block < to.columns; ++block) {
       const std::size_t at = n / height * to.columns + block, first = n * from.columns + block * width;
       const std::size_t end = std::min(first + width, (n + 1) * from.columns);
@@ -27,6 +29,7 @@ Blocks merged(const Blocks& from, std::size_t height, std::size_t width) {
         to.variance[at] += is_known ? from.variance[i] : 0;
       }
     }
+  }
   for (std::size_t i = 0; i < known.size(); ++i) {
     to.light[i] /= std::max(known[i], 1.0);
     to.variance[i] = known[i] > 0 ? to.variance[i] / (known[i] * known[i]) : std::numeric_limits<double>::infinity();

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
+#include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 #include "ocisac/core/require.hpp"
@@ -154,6 +155,7 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
   RowLight result{{row_light.begin(), row_light.end()}, std::vector<double>(rows)};
   Cleaned cleaned(picture.light.size());
   for (int step = 0; step < steps; ++step) {
+    check_interrupt();
     RowEquations equations = row_equations(picture, share, result.light, step, cleaned);
     double most = 0;
     for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix[n * band]);

@@ -6,6 +6,7 @@
 
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/pair_misfit.hpp"
+#include "core/check_interrupt.hpp"
 
 namespace ocisac {
 
@@ -19,6 +20,7 @@ constexpr double far_apart = 1e60;  // a misfit above which its logarithm is tak
 
 void add_misfit(std::span<const double> light, std::span<const double> variance, std::size_t lag,
                 std::span<PairMisfit> of_columns) {
+  check_interrupt();
   const std::size_t columns = of_columns.size();
   std::vector<LogSum> sums(columns);
   for (std::size_t i = 0, j = lag * columns; j < light.size(); i += columns, j += columns)

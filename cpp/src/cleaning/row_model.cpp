@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "cleaning/chip_light.hpp"
 #include "cleaning/quantile.hpp"
-#include "ocisac/cleaning/chip_light.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {

@@ -6,10 +6,10 @@
 #include <numeric>
 
 #include "cleaning/block_shares.hpp"
+#include "cleaning/chip_light.hpp"
+#include "cleaning/colour_shares.hpp"
 #include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "ocisac/cleaning/chip_light.hpp"
-#include "ocisac/cleaning/colour_shares.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {

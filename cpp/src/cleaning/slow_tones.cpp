@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "cleaning/slow_modes.hpp"
+#include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
 
 namespace ocisac {
@@ -251,6 +252,7 @@ Evidence evidence_of(std::span<const CommonCourse> courses) {
   const MatrixXd trend = gram(modes_of_trends(static_cast<std::size_t>(count)));
   for (const double spread : ladder(least_spread, most_spread, spreads))
     for (const double floor : floors) {
+      check_interrupt();
       MatrixXd covariance = trend;
       covariance.diagonal().array() += spread * spread * fall.array() + floor * floor + variance.array() / number;
       evidence.inverse.push_back(inverse(covariance));
@@ -414,6 +416,7 @@ SlowTone likeliest(std::span<const CommonCourse> courses, const Hypotheses& trie
   std::vector<Compared> all;
   std::vector<double> weighed, nothing;
   for (const Tried& tone : tried.tones) {
+    check_interrupt();
     const OfTone found = compared(tone.step, of_cycles[tone.modes], evidence, sizes);
     all.push_back({&tone, log_sum(found.evidence), posterior_of(found)});
     weighed.push_back(all.back().likelihood + std::log(tone.prior));

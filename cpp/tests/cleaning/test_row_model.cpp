@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ocisac/cleaning/chip_light.hpp"
+#include "cleaning/chip_light.hpp"
 #include "ocisac/cleaning/row_model.hpp"
 
 namespace ocisac {

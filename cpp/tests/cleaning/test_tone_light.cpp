@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ocisac/cleaning/colour_shares.hpp"
+#include "cleaning/colour_shares.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/cleaning/tone_light.hpp"
 
