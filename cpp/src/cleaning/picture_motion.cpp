@@ -83,8 +83,9 @@ template <class Line>
 double refined_peak(Line line, std::size_t place, std::size_t length) {
   const double left = line((place + length - 1) % length), middle = line(place), right = line((place + 1) % length);
   const double bend = left - 2 * middle + right;
-  const auto half = static_cast<double>(length / 2);
-  return static_cast<double>((place + length / 2) % length) - half + (bend < 0 ? 0.5 * (left - right) / bend : 0);
+  const std::size_t half = length / 2;
+  return static_cast<double>((place + half) % length) - static_cast<double>(half) +
+         (bend < 0 ? 0.5 * (left - right) / bend : 0);
 }
 
 std::array<double, 2> mean_displacement(const LogPicture& before, const LogPicture& after) {
