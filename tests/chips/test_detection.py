@@ -60,8 +60,8 @@ def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, met
     got, want = (of.detect_chips(columns, CAMERA, channel, method=method) for of in (ocisac, reference))
     assert got.llr.shape == want.llr.shape
     assert (got.first, got.method) == (want.first, method)
-    # Rounding: the normal equations' condition times that of a row's place. Of one or two rows, and more chips, it is that
-    # of their ridge.
+    # Rounding: the normal equations' condition times that of a row's place. Of one or two rows, and more chips, it is
+    # that of their ridge.
     scale = max(np.abs(want.llr).max(), 1e-6)
     np.testing.assert_allclose(got.llr, want.llr, rtol=0, atol=(1e-8 if rows > 2 else 1e-6) * scale)
 

@@ -331,8 +331,8 @@ class TestAgreesWithNumPy:
         array = strided(array.astype(dtype), layout)
         result = of.equalize(array, camera(exposure_rows), **how, max_boost=6.0)
         expected = reference.equalize(array, camera(exposure_rows), **how, max_boost=6.0)
-        # Waves of smooth light below 1e-8 of the largest are left out: by pivots here, by singular values in NumPy. One at
-        # the limit is a thousandth of the light where the noise is estimated, too.
+        # Waves of smooth light below 1e-8 of the largest are left out: by pivots here, by singular values in NumPy. One
+        # at the limit is a thousandth of the light where the noise is estimated, too.
         tolerance = 1e-10 if how["method"] == "inverse" else 1e-8 if "noise" in how else 1e-3
         assert result.shape == array.shape
         assert np.abs(result - expected).max() <= tolerance * np.abs(expected).max()
