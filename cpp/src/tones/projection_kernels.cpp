@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
+#include <limits>
 #include <numeric>
 #include <span>
 #include <type_traits>
@@ -94,6 +96,31 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
       to.moments.totals[c] += near + far;
       to.moments.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
     }
+}
+
+void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  const auto add = [&](double* out, std::size_t c, double value) { out[c] = value + (to.first ? 0 : out[c]); };
+  for (std::size_t c = 0; c < block.columns; ++c) {
+    const std::uint8_t* pixels = block.pixels + static_cast<std::ptrdiff_t>(c) * block.row_stride;
+    for (std::size_t p = 0; p < weights.parts.size(); ++p) {
+      std::int64_t sum = 0;
+      for (std::size_t r = 0; r < block.groups; ++r) {
+        const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + r / 2]);
+        sum += static_cast<std::int16_t>(r % 2 == 0 ? pair & 0xffffU : pair >> 16) * pixels[r];
+      }
+      add(to.sums + weights.parts[p] * to.stride, c, static_cast<double>(sum));
+    }
+    std::int64_t total = 0, squares = 0;
+    int top = 0;
+    for (std::size_t r = 0; r < block.groups; ++r) {
+      total += pixels[r];
+      squares += pixels[r] * pixels[r];
+      top = std::max<int>(top, pixels[r]);
+    }
+    add(to.moments.totals, c, static_cast<double>(total));
+    add(to.moments.squares, c, static_cast<double>(squares));
+    to.moments.maximum[c] = std::max<double>(top, to.first ? 0 : to.moments.maximum[c]);
+  }
 }
 
 #else
@@ -818,6 +845,86 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
   }
 }
 
+// Sum of 16-bit lanes that hold sums of bytes.
+HWY_INLINE std::int32_t sum_of_shorts(Pair16 v) {
+  const Sum32 both = hn::BitCast(d32, v);
+  const Sum32 low = hn::And(both, hn::Set(d32, 0xffff));
+  const Sum32 high = hn::And(hn::ShiftRight<16>(both), hn::Set(d32, 0xffff));
+  return hn::GetLane(hn::SumOfLanes(d32, hn::Add(low, high)));
+}
+
+// Rows of one column, in memory order: weighted sums of kParts parts and, if kMoments, moments. Lanes are added up in
+// the end, so that their order does not matter.
+template <std::size_t kParts, bool kMoments>
+struct ColumnSums {
+  static constexpr std::size_t kSums = kParts + kMoments;  // the last ones: squares
+  static constexpr hn::Rebind<std::uint8_t, decltype(d16s)> d_row{};
+
+  Sum32 sums[std::max<std::size_t>(kSums, 1)], others[std::max<std::size_t>(kSums, 1)];
+  Pair16 total = hn::Zero(d16s), top = hn::Zero(d16s);  // at most kRowsPerChunk rows: below 2^16 in each lane
+
+  HWY_INLINE ColumnSums() {
+    for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA { sums[i] = others[i] = hn::Zero(d32); });
+  }
+
+  // A vector of rows; weights of the parts are `stride` apart.
+  HWY_INLINE void add(Pair16 row, const std::int16_t* HWY_RESTRICT weights, std::size_t stride) {
+    for_each_constant<kParts>([&](auto i) OCISAC_INLINE_LAMBDA {
+      sums[i] = hn::ReorderWidenMulAccumulate(d32, row, hn::LoadU(d16s, weights + i * stride), sums[i], others[i]);
+    });
+    if constexpr (!kMoments) return;
+    sums[kParts] = hn::ReorderWidenMulAccumulate(d32, row, row, sums[kParts], others[kParts]);
+    total = hn::Add(total, row);
+    top = hn::Max(top, row);
+  }
+
+  // Fewer rows than a vector has lanes begin at `from`; the vector that ends with them begins `back` rows before.
+  HWY_INLINE void add_last(const std::uint8_t* pixels, const std::int16_t* weights, std::size_t stride,
+                           std::size_t from, std::size_t back) {
+    const Pair16 row = hn::PromoteTo(d16s, hn::LoadU(d_row, pixels + from - back));
+    add(hn::IfThenZeroElse(hn::FirstN(d16s, back), row), weights + from - back, stride);
+  }
+
+  [[nodiscard]] HWY_INLINE double sum(std::size_t i) const {
+    return hn::GetLane(hn::SumOfLanes(d32, hn::Add(sums[i], others[i])));
+  }
+};
+
+template <std::size_t kParts, bool kMoments>
+HWY_INLINE void add_column(const std::uint8_t* HWY_RESTRICT pixels, std::size_t rows, const ByteWeights& weights,
+                           std::size_t part, std::size_t column, const ProjectionSums& to) {
+  const std::size_t lanes = hn::Lanes(d16s), stride = 2 * weights.stride;
+  static_assert(std::endian::native == std::endian::little);  // a pair's words are in order
+  const auto* of_rows = reinterpret_cast<const std::int16_t*>(weights.pairs + part * weights.stride);
+  ColumnSums<kParts, kMoments> of;
+  std::size_t r = 0;
+  for (; r + lanes <= rows; r += lanes)
+    of.add(hn::PromoteTo(d16s, hn::LoadU(of.d_row, pixels + r)), of_rows + r, stride);
+  if (r < rows) of.add_last(pixels, of_rows, stride, r, r + lanes - rows);
+  const auto put = [&](double* out, double value)
+                       OCISAC_INLINE_LAMBDA { out[column] = value + (to.first ? 0 : out[column]); };
+  for_each_constant<kParts>(
+      [&](auto i) OCISAC_INLINE_LAMBDA { put(to.sums + weights.parts[part + i] * to.stride, of.sum(i)); });
+  if constexpr (!kMoments) return;
+  put(to.moments.squares, of.sum(kParts));
+  put(to.moments.totals, sum_of_shorts(of.total));
+  to.moments.maximum[column] =
+      std::max<double>(hn::GetLane(hn::MaxOfLanes(d16s, of.top)), to.first ? 0 : to.moments.maximum[column]);
+}
+
+void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  const std::size_t parts = weights.parts.size(), first = parts % 4;
+  for (std::size_t c = 0; c < block.columns; ++c) {
+    const std::uint8_t* pixels = block.pixels + static_cast<std::ptrdiff_t>(c) * block.row_stride;
+    if (first == 0) add_column<0, true>(pixels, block.groups, weights, 0, c, to);
+    if (first == 1) add_column<1, true>(pixels, block.groups, weights, 0, c, to);
+    if (first == 2) add_column<2, true>(pixels, block.groups, weights, 0, c, to);
+    if (first == 3) add_column<3, true>(pixels, block.groups, weights, 0, c, to);
+    for (std::size_t part = first; part < parts; part += 4)
+      add_column<4, false>(pixels, block.groups, weights, part, c, to);
+  }
+}
+
 // Totals and maxima of whole vectors of columns, which are read in memory order; returns how many columns.
 class ColumnAdder {
  public:
@@ -935,24 +1042,33 @@ HWY_INLINE Sum64 light_of(const std::uint8_t* p, const double* light) {
 #endif
 }
 
-HWY_INLINE Sum64 load_samples(const std::uint8_t* p) {
-  const hn::Rebind<std::int32_t, decltype(d64)> d_int;
-  return hn::PromoteTo(d64, hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint8_t, decltype(d64)>(), p)));
+// Samples as they are loaded, whose maximum is taken, and as their rows are added up: integers without rounding.
+const hn::Rebind<std::int32_t, decltype(d64)> d_int;
+const hn::Rebind<float, decltype(d64)> d_float;
+
+HWY_INLINE auto load_samples(const std::uint8_t* p, const double* light) { return light_of(p, light); }
+HWY_INLINE auto load_samples(const double* p, const double* /*light*/) { return hn::LoadU(d64, p); }
+HWY_INLINE auto load_samples(const float* p, const double* /*light*/) { return hn::LoadU(d_float, p); }
+HWY_INLINE auto load_samples(const std::uint16_t* p, const double* /*light*/) {
+  return hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint16_t, decltype(d64)>(), p));
 }
-HWY_INLINE Sum64 load_samples(const double* p) { return hn::LoadU(d64, p); }
-HWY_INLINE Sum64 load_samples(const float* p) {
-  return hn::PromoteTo(d64, hn::LoadU(hn::Rebind<float, decltype(d64)>(), p));
+
+HWY_INLINE Sum64 to_double(Sum64 v) { return v; }
+template <class V>
+HWY_INLINE Sum64 to_double(V v) {
+  return hn::PromoteTo(d64, v);
 }
-HWY_INLINE Sum64 load_samples(const std::uint16_t* p) {
-  const hn::Rebind<std::int32_t, decltype(d64)> d_int;
-  const hn::Rebind<std::uint16_t, decltype(d64)> d_short;
-  return hn::PromoteTo(d64, hn::PromoteTo(d_int, hn::LoadU(d_short, p)));
+
+HWY_INLINE auto to_sum(hn::Vec<decltype(d_int)> v) { return v; }
+template <class V>
+HWY_INLINE auto to_sum(V v) {
+  return to_double(v);
 }
 
 template <class T>
-HWY_INLINE Sum64 light_of(const T* p, const double* /*light*/) {
-  return load_samples(p);
-}
+using Loaded = decltype(load_samples(static_cast<const T*>(nullptr), nullptr));
+template <class T>
+using RowSum = decltype(to_sum(std::declval<Loaded<T> >()));
 
 // A strip of columns of other samples: sums of four vectors and all of a tone stay in registers.
 constexpr std::size_t kSampleVectors = kWide ? 4 : 2, kOutputsAtOnce = 6;
@@ -965,9 +1081,11 @@ constexpr std::array<std::size_t, 1> kSampleStripsAhead<std::uint8_t>{kLine / (k
 template <class T, bool kAsk>
 using SamplesAhead = std::array<std::ptrdiff_t, kAsk ? kSampleStripsAhead<T>.size() : 0>;
 
-template <std::size_t kVectors, class T, std::size_t kCount>
+constexpr std::array<std::ptrdiff_t, 0> kNothingAhead{};
+
+template <class T, std::size_t kCount>
 HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t, kCount>& ahead) {
-  constexpr std::size_t kBytes = kVectors * hn::MaxLanes(d64) * sizeof(T);
+  constexpr std::size_t kBytes = kSampleVectors * hn::MaxLanes(d64) * sizeof(T);
   for (const std::ptrdiff_t offset : ahead)
     ask_for<(kBytes + kLine - 1) / kLine>(reinterpret_cast<const std::uint8_t*>(pixels + offset));
 }
@@ -975,75 +1093,96 @@ HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t
 // Accumulators of one strip, the sums `stride` apart.
 using StripSums = ProjectionSums;
 
-// Sum of a group of rows of a strip; raises the maximum.
-template <std::size_t kVectors, class T, class Ahead>
-HWY_INLINE void add_group(const T* HWY_RESTRICT pixels, const double* light, std::ptrdiff_t stride, int row_group,
-                          const Ahead& ahead, Sum64 (&sum)[kVectors], Sum64 (&top)[kVectors]) {
-  const std::size_t lanes = hn::Lanes(d64);
-  for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-    sum[v] = light_of(pixels + v * lanes, light);
-    top[v] = hn::Max(top[v], sum[v]);
-  });
-  ask_for_samples<kVectors>(pixels, ahead);
-  pixels += stride;
-  for (int i = 1; i < row_group; ++i, pixels += stride) {
-    ask_for_samples<kVectors>(pixels, ahead);
-    for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-      const Sum64 next = light_of(pixels + v * lanes, light);
-      top[v] = hn::Max(top[v], next);
-      sum[v] = hn::Add(sum[v], next);
-    });
+// Sum of a group of rows of a vector's columns; raises the maximum. The rows ask for the lines `ahead`.
+template <bool kSingle, class T, class Ahead>
+HWY_INLINE RowSum<T> sum_of_samples(const T* HWY_RESTRICT pixels, const double* light, std::ptrdiff_t stride,
+                                    int row_group, const Ahead& ahead, Loaded<T>& top) {
+  const auto load = [&]() OCISAC_INLINE_LAMBDA {
+    ask_for_samples(pixels, ahead);
+    const Loaded<T> row = load_samples(pixels, light);
+    top = hn::Max(top, row);
+    return to_sum(row);
+  };
+  RowSum<T> sum = load();
+  for (int i = 1; !kSingle && i < row_group; ++i) {
+    pixels += stride;
+    sum = hn::Add(sum, load());
   }
+  return sum;
 }
 
 // Memory for the sums of groups of a strip; folded, those with the mirror images and, from the middle on, differences.
 template <std::size_t kVectors>
 constexpr std::size_t kKeptSums = kSampleRows* kVectors* hn::MaxLanes(d64);
 
-// Groups of rows of one strip: moments and the first kOutputs outputs, or with kKeep the sums of groups, for all.
-template <std::size_t kOutputs, std::size_t kVectors, bool kKeep, bool kFold, class T, class Ahead>
+// Lines that a strip's rows and, folded, their mirror images ask for.
+template <class T, bool kAsk>
+struct StripAhead {
+  SamplesAhead<T, kAsk> near{}, far{};
+};
+
+// Groups of rows of one strip: moments and the first kOutputs outputs, folded one of each kind, or with kKeep the sums
+// of groups, for all. Folded, an output takes one multiply-add for two rows, and so do the squares of both: those of
+// sum and difference are twice as large.
+template <std::size_t kOutputs, std::size_t kVectors, bool kKeep, bool kFold, bool kSingle, class T, class Ahead>
 HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
                            const StripSums& to, double* HWY_RESTRICT kept) {
+  static_assert(!kFold || kOutputs == 0 || kOutputs == 2);
+  constexpr std::size_t kRoom = std::max<std::size_t>(kOutputs, 1);
   const std::size_t lanes = hn::Lanes(d64);
-  Sum64 out[std::max<std::size_t>(kOutputs, 1)][kVectors], total[kVectors], square[kVectors], top[kVectors];
+  Sum64 out[kRoom][kVectors], total[kVectors], square[kVectors];
+  Loaded<T> top[kVectors];
+  const double* row[kRoom];
+  double* sums[kRoom];
+  for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA {
+    row[o] = weights.values + weights.order[o] * weights.stride;
+    sums[o] = to.sums + weights.order[o] * to.stride;
+  });
   for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-    for_each_constant<kOutputs>(
-        [&](auto o) OCISAC_INLINE_LAMBDA { out[o][v] = hn::LoadU(d64, to.sums + o * to.stride + v * lanes); });
+    for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA { out[o][v] = hn::LoadU(d64, sums[o] + v * lanes); });
     total[v] = hn::LoadU(d64, to.moments.totals + v * lanes);
-    square[v] = hn::LoadU(d64, to.moments.squares + v * lanes);
-    top[v] = hn::LoadU(d64, to.moments.maximum + v * lanes);
+    square[v] = hn::Zero(d64);
+    const hn::DFromV<Loaded<T> > d;
+    top[v] = hn::Set(d, -std::numeric_limits<hn::TFromD<decltype(d)> >::infinity());  // integers: 0
   });
   const std::ptrdiff_t step = weights.row_group * strip.row_stride;
   const T *near = strip.pixels, *far = strip.mirrored;
   for (std::size_t g = 0; g < strip.groups; ++g, near += step) {
-    Sum64 sum[kVectors];
-    add_group(near, strip.light, strip.row_stride, weights.row_group, ahead, sum, top);
-    for_each_constant<kVectors>([&](auto v)
-                                    OCISAC_INLINE_LAMBDA { square[v] = hn::MulAdd(sum[v], sum[v], square[v]); });
-    if constexpr (kFold) {
-      Sum64 other[kVectors];
-      add_group(far, strip.light, strip.row_stride, weights.row_group, SamplesAhead<T, false>(), other, top);
-      far -= step;
-      for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-        square[v] = hn::MulAdd(other[v], other[v], square[v]);
-        hn::StoreU(hn::Sub(sum[v], other[v]), d64, kept + kKeptSums<kVectors> / 2 + (g * kVectors + v) * lanes);
-        sum[v] = hn::Add(sum[v], other[v]);
-      });
-    }
     for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
+      const auto rows = [&](const T* at, const auto& lines) OCISAC_INLINE_LAMBDA {
+        if constexpr (v == 0)
+          return sum_of_samples<kSingle>(at, strip.light, strip.row_stride, weights.row_group, lines, top[v]);
+        else
+          return sum_of_samples<kSingle>(at + v * lanes, strip.light, strip.row_stride, weights.row_group,
+                                         kNothingAhead, top[v]);
+      };
+      const RowSum<T> here = rows(near, ahead.near);
+      Sum64 sum, difference;
+      if constexpr (kFold) {
+        const RowSum<T> there = rows(far, ahead.far);
+        sum = to_double(hn::Add(here, there));
+        difference = to_double(hn::Sub(here, there));
+        square[v] = hn::MulAdd(difference, difference, square[v]);
+      } else {
+        sum = difference = to_double(here);
+      }
+      square[v] = hn::MulAdd(sum, sum, square[v]);
+      total[v] = hn::Add(total[v], sum);
       for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA {
-        out[o][v] = hn::MulAdd(sum[v], hn::Set(d64, weights.values[o * weights.stride + g]), out[o][v]);
+        out[o][v] = hn::MulAdd(o == 0 ? sum : difference, hn::Set(d64, row[o][g]), out[o][v]);
       });
-      total[v] = hn::Add(total[v], sum[v]);
-      if (kKeep) hn::StoreU(sum[v], d64, kept + (g * kVectors + v) * lanes);
+      if (kKeep) hn::StoreU(sum, d64, kept + (g * kVectors + v) * lanes);
+      if (kKeep && kFold) hn::StoreU(difference, d64, kept + kKeptSums<kVectors> / 2 + (g * kVectors + v) * lanes);
     });
+    if (kFold) far -= step;
   }
   for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
-    for_each_constant<kOutputs>(
-        [&](auto o) OCISAC_INLINE_LAMBDA { hn::StoreU(out[o][v], d64, to.sums + o * to.stride + v * lanes); });
+    for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA { hn::StoreU(out[o][v], d64, sums[o] + v * lanes); });
     hn::StoreU(total[v], d64, to.moments.totals + v * lanes);
-    hn::StoreU(square[v], d64, to.moments.squares + v * lanes);
-    hn::StoreU(top[v], d64, to.moments.maximum + v * lanes);
+    double* const squares = to.moments.squares + v * lanes;
+    hn::StoreU(hn::MulAdd(square[v], hn::Set(d64, kFold ? 0.5 : 1.0), hn::LoadU(d64, squares)), d64, squares);
+    double* const maximum = to.moments.maximum + v * lanes;
+    hn::StoreU(hn::Max(hn::LoadU(d64, maximum), to_double(top[v])), d64, maximum);
   });
 }
 
@@ -1089,22 +1228,40 @@ HWY_INLINE void add_kept_outputs(const double* kept, std::size_t groups, const S
 }
 
 // All outputs of one strip.
-template <std::size_t kVectors, class T, class Ahead>
+template <std::size_t kVectors, bool kSingle, class T, class Ahead>
 void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
                       const StripSums& to) {
+  const auto add = [&]<std::size_t kOutputs, bool kKeep, bool kFold>(double* kept) {
+    add_groups<kOutputs, kVectors, kKeep, kFold, kSingle>(strip, ahead, weights, to, kept);
+  };
   const std::size_t outputs = weights.order.size();
-  if (outputs == 0) return add_groups<0, kVectors, false, false>(strip, ahead, weights, to, nullptr);
-  if (outputs == 1) return add_groups<1, kVectors, false, false>(strip, ahead, weights, to, nullptr);
-  if (outputs == 2) return add_groups<2, kVectors, false, false>(strip, ahead, weights, to, nullptr);
+  if (outputs == 0) return add.template operator()<0, false, false>(nullptr);
+  if (outputs == 1) return add.template operator()<1, false, false>(nullptr);
+  if (outputs == 2 && strip.mirrored) return add.template operator()<2, false, true>(nullptr);
+  if (outputs == 2) return add.template operator()<2, false, false>(nullptr);
   alignas(64) double kept[kKeptSums<kVectors>];
   if (!strip.mirrored) {
-    add_groups<0, kVectors, true, false>(strip, ahead, weights, to, kept);
+    add.template operator()<0, true, false>(kept);
     return add_kept_outputs<kVectors>(kept, strip.groups, weights, weights.order, to);
   }
-  add_groups<0, kVectors, true, true>(strip, ahead, weights, to, kept);
+  add.template operator()<0, true, true>(kept);
   add_kept_outputs<kVectors>(kept, strip.groups, weights, weights.order.first(weights.even), to);
   add_kept_outputs<kVectors>(kept + kKeptSums<kVectors> / 2, strip.groups, weights, weights.order.subspan(weights.even),
                              to);
+}
+
+template <std::size_t kVectors, class T, class Ahead>
+void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
+                      const StripSums& to) {
+  const auto add =
+      weights.row_group == 1 ? add_sample_strip<kVectors, true, T, Ahead> : add_sample_strip<kVectors, false, T, Ahead>;
+  add(strip, ahead, weights, to);
+}
+
+// The first row of the mirror images of a block.
+template <class T>
+const T* first_mirrored(const SampleBlock<T>& block, const SampleWeights& weights) {
+  return block.mirrored - static_cast<std::ptrdiff_t>(block.groups - 1) * weights.row_group * block.row_stride;
 }
 
 // The last columns, fewer than a vector, in padded copies.
@@ -1119,7 +1276,7 @@ void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights,
       std::copy_n(from + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns, copies.data() + r * kLanes);
   };
   copy(block.pixels, near);
-  if (block.mirrored) copy(block.mirrored - back * block.row_stride, far);
+  if (block.mirrored) copy(first_mirrored(block, weights), far);
   std::vector<double> sums((outputs + 3) * kLanes);
   double* moments = sums.data() + outputs * kLanes;
   const auto row_of = [&](std::size_t o) {
@@ -1129,21 +1286,21 @@ void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights,
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(row_of(o), block.columns, sums.data() + o * kLanes);
   const T* mirrored = block.mirrored ? far.data() + static_cast<std::size_t>(back) * kLanes : nullptr;
   add_sample_strip<1>(SampleBlock<T>{near.data(), mirrored, kLanes, block.groups, block.columns, 0, block.light},
-                      SamplesAhead<T, false>(), weights,
+                      StripAhead<T, false>(), weights,
                       {sums.data(), kLanes, {moments, moments + kLanes, moments + 2 * kLanes}});
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
 }
 
-// Asks for the lines of as many rows as a block has, those that will be read next, in memory order, some with each
-// strip. Less than four bytes of a sample come in time: arithmetic takes longer.
+// Asks for the lines of `rows` rows from `first` on, in memory order, some with each of `strips`. Less than four bytes
+// of a sample come in time: arithmetic takes longer.
 template <class T>
 class RunsAhead {
  public:
-  RunsAhead(const SampleBlock<T>& block, std::size_t rows, std::size_t strips)
-      : row_(reinterpret_cast<const std::uint8_t*>(block.pixels + block.to_next)),
+  RunsAhead(const T* first, const SampleBlock<T>& block, std::size_t rows, std::size_t strips)
+      : row_(reinterpret_cast<const std::uint8_t*>(first)),
         row_stride_(block.row_stride * static_cast<std::ptrdiff_t>(sizeof(T))),
         lines_(block.columns * sizeof(T) / kLine + 1),
-        rows_(kWide && sizeof(T) >= sizeof(float) && strips_come_late() ? rows : 0),
+        rows_(kWide && strips_come_late() ? rows : 0),
         with_strip_(strips > 0 ? (rows_ * lines_ + strips - 1) / strips : 0) {}
 
   HWY_INLINE void ask() {
@@ -1174,22 +1331,25 @@ void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, c
         to.sums + c, to.stride, {to.moments.totals + c, to.moments.squares + c, to.moments.maximum + c}};
   };
   const std::size_t strip = kSampleVectors * hn::Lanes(d64), lanes = hn::Lanes(d64);
-  const std::size_t rows = block.groups * static_cast<std::size_t>(weights.row_group);
-  RunsAhead<T> runs(block, kAsk ? rows : 0, block.columns / strip);
+  const std::size_t rows = kAsk ? block.groups * static_cast<std::size_t>(weights.row_group) : 0;
+  RunsAhead<T> near(block.pixels + block.to_next, block, rows, block.columns / strip);
+  RunsAhead<T> far(block.mirrored ? first_mirrored(block, weights) - block.to_next : nullptr, block,
+                   block.mirrored ? rows : 0, block.columns / strip);
   std::size_t c = 0;
   for (; c + strip <= block.columns; c += strip) {
-    runs.ask();
-    SamplesAhead<T, kAsk> ahead;
-    for (std::size_t n = 0; n < ahead.size(); ++n) {
-      const std::size_t offset = kSampleStripsAhead<T>[n] * strip;
-      const bool past = c + offset >= block.columns;
-      ahead[n] =
-          static_cast<std::ptrdiff_t>(offset) + (past ? block.to_next - static_cast<std::ptrdiff_t>(block.columns) : 0);
+    near.ask();
+    far.ask();
+    StripAhead<T, kAsk> ahead;
+    for (std::size_t n = 0; n < ahead.near.size(); ++n) {
+      const auto offset = static_cast<std::ptrdiff_t>(kSampleStripsAhead<T>[n] * strip);
+      const auto columns = static_cast<std::ptrdiff_t>(block.columns);
+      const bool past = static_cast<std::ptrdiff_t>(c) + offset >= columns;
+      ahead.near[n] = offset + (past ? block.to_next - columns : 0);
+      ahead.far[n] = offset + (past ? -block.to_next - columns : 0);
     }
     add_sample_strip<kSampleVectors>(from(c), ahead, weights, sums(c));
   }
-  for (; c + lanes <= block.columns; c += lanes)
-    add_sample_strip<1>(from(c), SamplesAhead<T, false>(), weights, sums(c));
+  for (; c + lanes <= block.columns; c += lanes) add_sample_strip<1>(from(c), StripAhead<T, false>(), weights, sums(c));
   if (c < block.columns) add_last_columns(from(c), weights, sums(c));
 }
 
@@ -1221,7 +1381,8 @@ double weighted_sum_of(const T* HWY_RESTRICT row, const double* HWY_RESTRICT wei
   std::size_t c = 0;
   for (; c + kSums * lanes <= count; c += kSums * lanes)
     for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA {
-      sums[i] = hn::MulAdd(load_samples(row + c + i * lanes), hn::LoadU(d64, weights + c + i * lanes), sums[i]);
+      sums[i] = hn::MulAdd(to_double(load_samples(row + c + i * lanes, nullptr)),
+                           hn::LoadU(d64, weights + c + i * lanes), sums[i]);
     });
   double sum = hn::GetLane(hn::SumOfLanes(d64, hn::Add(hn::Add(sums[0], sums[1]), hn::Add(sums[2], sums[3]))));
   for (; c < count; ++c) sum += weights[c] * static_cast<double>(row[c]);
@@ -1301,6 +1462,7 @@ HWY_AFTER_NAMESPACE();
 namespace ocisac::kernels {
 
 HWY_EXPORT(ProjectBytes);
+HWY_EXPORT(ProjectAcross);
 HWY_EXPORT(ProjectLight);
 HWY_EXPORT(ProjectShorts);
 HWY_EXPORT(ProjectFloats);
@@ -1316,6 +1478,10 @@ HWY_EXPORT(TargetName);
 
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, to);
+}
+
+void project_across(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectAcross)(block, weights, to);
 }
 
 template <>

@@ -48,7 +48,12 @@ struct ProjectionSums {
 
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
 
-// As ByteBlock; folded for more than two outputs only.
+// The same where rows are contiguous and columns `row_stride` apart: not folded, each row a group of its own. A block
+// of fewer rows than kFewestAcross has as many before it.
+inline constexpr std::size_t kFewestAcross = 64;
+void project_across(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
+
+// As ByteBlock; folded for two outputs if one applies to sums and one to differences, and for more.
 template <class T>
 struct SampleBlock {
   const T* pixels;

@@ -240,6 +240,22 @@ std::vector<KernelCase> projection_cases() {
             cases.push_back(combination_case<float>("float32", plain));
             cases.push_back(combination_case<double>("float64", plain));
           }
+  for (const std::size_t columns : {1u, 9u, 70u, 131u})
+    for (const std::size_t rows : {64u, 70u, 98u})
+      for (const int row_group : {1, 2}) {  // a tone: folded samples; bytes across, and with all that lies between them
+        FrameCase tone{rows, columns, 2, row_group, 1, 1 + rows % 5, columns % 2 == 0, true};
+        cases.push_back(projection_case<std::uint8_t>("uint8", tone));
+        cases.push_back(projection_case<std::uint16_t>("uint16", tone));
+        cases.push_back(projection_case<float>("float32", tone));
+        cases.push_back(projection_case<double>("float64", tone));
+        tone.curved = true;
+        cases.push_back(projection_case<std::uint8_t>("uint8", tone));
+        tone.across = true;
+        tone.curved = tone.upside_down = tone.symmetric = false;
+        for (tone.outputs = 0; tone.outputs < 10; ++tone.outputs)
+          cases.push_back(projection_case<std::uint8_t>("uint8", tone));
+      }
+  cases.push_back(projection_case<std::uint8_t>("uint8", {4099, 20, 2, 1, 3, 1, false, false, true}));
   cases.push_back(projection_case<std::uint8_t>("uint8", {5003, 40, 4, 1, 3, 2}));
   cases.push_back(projection_case<std::uint8_t>("uint8", {5003, 40, 4, 4, 1, 1, true}));
   cases.push_back(projection_case<std::uint8_t>("uint8", {5004, 40, 4, 1, 2, 1, false, true}));
@@ -259,6 +275,13 @@ std::vector<KernelCase> projection_cases() {
   cases.push_back(projection_case<std::uint16_t>("uint16", timed, true));
   cases.push_back(projection_case<float>("float32", timed, true));
   cases.push_back(projection_case<double>("float64", timed, true));
+  const FrameCase tone{360, 640, 2, 1, 1, 1, false, true};
+  FrameCase tone_across = tone, tone_of_two = tone, curved_tone = tone;
+  tone_across.across = curved_tone.curved = true;
+  tone_of_two.column_step = 2;
+  for (const FrameCase& of : {tone, tone_across, tone_of_two, curved_tone})
+    cases.push_back(projection_case<std::uint8_t>("uint8", of, true));
+  cases.push_back(projection_case<std::uint16_t>("uint16", tone, true));
   return cases;
 }
 
