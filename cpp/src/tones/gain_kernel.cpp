@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <numbers>
-#include <vector>
+
+#include "core/aligned_memory.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tones/gain_kernel.cpp"
@@ -63,31 +64,44 @@ HWY_INLINE void solve_columns(const FitSums& fit, std::size_t column, std::size_
   }
 }
 
+// The same by way of dense copies, padded to whole vectors, for `columns` of them. Rows of a frame of many estimates
+// would displace each other in the first-level cache.
+template <std::size_t kEstimates, std::size_t kVectors>
+void solve_copies(const FitSums& fit, std::size_t column, std::size_t columns, double* HWY_RESTRICT parameters,
+                  double* HWY_RESTRICT noise) {
+  thread_local AlignedMemory<double> memory;
+  const std::size_t width = kVectors * hn::Lanes(d64);
+  double* const sums = memory.at_least(2 * (fit.estimates + 1) * width);  // totals first
+  double* const squares = sums + fit.estimates * width;
+  double* const result = squares + width;
+  double* const noise_of_copies = result + fit.estimates * width;
+  const auto copy = [&](const double* from, double* to) {
+    std::copy_n(from + column, columns, to);
+    std::fill(to + columns, to + width, 0.0);
+  };
+  copy(fit.totals, sums);
+  for (std::size_t i = 1; i < fit.estimates; ++i) copy(fit.sums + (i - 1) * fit.stride, sums + i * width);
+  copy(fit.squares, squares);
+  const FitSums copies{fit.estimates, width, width, sums, sums + width, squares, fit.transform, fit.gram, fit.freedom};
+  solve_columns<kEstimates, kVectors>(copies, 0, width, result, noise_of_copies);
+  for (std::size_t i = 0; i < fit.estimates; ++i)
+    std::copy_n(result + i * width, columns, parameters + i * fit.count + column);
+  std::copy_n(noise_of_copies, columns, noise + column);
+}
+
 template <std::size_t kEstimates>
 void parameters_of_estimates(const FitSums& fit, double* parameters, double* noise_variance) {
   constexpr std::size_t kAtOnce = 4;
-  const std::size_t lanes = hn::Lanes(d64);
+  const std::size_t lanes = hn::Lanes(d64), width = kAtOnce * lanes;
   std::size_t c = 0;
-  for (; c + kAtOnce * lanes <= fit.count; c += kAtOnce * lanes)
-    solve_columns<kEstimates, kAtOnce>(fit, c, fit.count, parameters + c, noise_variance + c);
+  for (; c + width <= fit.count; c += width)
+    if constexpr (kEstimates == 0)
+      solve_copies<0, kAtOnce>(fit, c, width, parameters, noise_variance);
+    else
+      solve_columns<kEstimates, kAtOnce>(fit, c, fit.count, parameters + c, noise_variance + c);
   for (; c + lanes <= fit.count; c += lanes)
     solve_columns<kEstimates, 1>(fit, c, fit.count, parameters + c, noise_variance + c);
-  if (c == fit.count) return;
-  // Remaining columns, in padded copies.
-  const std::size_t rest = fit.count - c;
-  std::vector<double> padded(2 * (fit.estimates + 1) * lanes);
-  double* sums = padded.data();  // totals first
-  double* squares = sums + fit.estimates * lanes;
-  double* result = squares + lanes;
-  double* noise = result + fit.estimates * lanes;
-  std::copy_n(fit.totals + c, rest, sums);
-  for (std::size_t i = 1; i < fit.estimates; ++i)
-    std::copy_n(fit.sums + (i - 1) * fit.stride + c, rest, sums + i * lanes);
-  std::copy_n(fit.squares + c, rest, squares);
-  const FitSums few{fit.estimates, lanes, lanes, sums, sums + lanes, squares, fit.transform, fit.gram, fit.freedom};
-  solve_columns<kEstimates, 1>(few, 0, lanes, result, noise);
-  for (std::size_t i = 0; i < fit.estimates; ++i) std::copy_n(result + i * lanes, rest, parameters + i * fit.count + c);
-  std::copy_n(noise, rest, noise_variance + c);
+  if (c < fit.count) solve_copies<kEstimates, 1>(fit, c, fit.count - c, parameters, noise_variance);
 }
 
 void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_variance) {
