@@ -166,7 +166,8 @@ struct BlockSize {
 };
 constexpr BlockSize kCopied{128, 2048}, kTransposed{kernels::kRowsPerChunk, 192};
 constexpr std::size_t kConvertedColumns = 320;
-constexpr std::size_t kSampleRows = 32;  // and as many as the kernels take for more than one tone
+// Rows of a block for one tone: in place, those of the next block come meanwhile. For more, as many as kernels take.
+constexpr std::size_t kSampleRows = 32, kFoldedInPlace = 16;
 
 struct Columns {
   std::size_t first, count;
@@ -413,9 +414,12 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
   if constexpr (std::is_same_v<Sample, std::uint8_t>) light_of_bytes.assign(light.begin(), light.end());
   DenseRows<Stored, Sample> near(view, frame, columns.count, light), far(view, frame, columns.count, light);
   const bool more = weights.outputs() > 2, tone = weights.outputs() == 2 && weights.even_outputs() == 1;
-  const bool folded = weights.folds() && (more || (tone && sizeof(Stored) < sizeof(float)));
+  // A tone in place with less than wide vectors is read in one stream: two cost more than multiplications saved.
+  const bool folded = weights.folds() && (more || (tone && (!near.in_place() || kernels::has_wide_vectors())));
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
-  const std::size_t most = (folded ? kernels::kSampleRows / 2 : more ? kernels::kSampleRows : kSampleRows) / group;
+  const std::size_t for_more = folded ? kernels::kSampleRows / 2 : kernels::kSampleRows;
+  const std::size_t for_tone = folded && near.in_place() ? kFoldedInPlace : kSampleRows;
+  const std::size_t most = (more ? for_more : for_tone) / group;
   for (std::size_t g = 0; g < groups; g += most) {
     const std::size_t here = std::min(most, groups - g), read = here * group;
     const auto next_rows = static_cast<std::ptrdiff_t>(read) * view.row_stride;

@@ -1042,27 +1042,38 @@ HWY_INLINE Sum64 light_of(const std::uint8_t* p, const double* light) {
 #endif
 }
 
-// Samples as they are loaded, whose maximum is taken, and as their rows are added up: integers without rounding.
-const hn::Rebind<std::int32_t, decltype(d64)> d_int;
-const hn::Rebind<float, decltype(d64)> d_float;
-
-HWY_INLINE auto load_samples(const std::uint8_t* p, const double* light) { return light_of(p, light); }
-HWY_INLINE auto load_samples(const double* p, const double* /*light*/) { return hn::LoadU(d64, p); }
-HWY_INLINE auto load_samples(const float* p, const double* /*light*/) { return hn::LoadU(d_float, p); }
-HWY_INLINE auto load_samples(const std::uint16_t* p, const double* /*light*/) {
-  return hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint16_t, decltype(d64)>(), p));
-}
-
 HWY_INLINE Sum64 to_double(Sum64 v) { return v; }
 template <class V>
 HWY_INLINE Sum64 to_double(V v) {
   return hn::PromoteTo(d64, v);
 }
 
-HWY_INLINE auto to_sum(hn::Vec<decltype(d_int)> v) { return v; }
+// Samples as they are loaded, whose maximum is taken, and as their rows are added up. In double vectors twice as wide
+// are two operations with AVX-512 on some processors; integers are added up without rounding in narrower ones.
+HWY_INLINE auto load_samples(const std::uint8_t* p, const double* light) { return light_of(p, light); }
+HWY_INLINE auto load_samples(const double* p, const double* /*light*/) { return hn::LoadU(d64, p); }
+HWY_INLINE auto load_samples(const float* p, const double* /*light*/) {
+  const auto samples = hn::LoadU(hn::Rebind<float, decltype(d64)>(), p);
+  if constexpr (kWide)
+    return samples;
+  else
+    return to_double(samples);
+}
+HWY_INLINE auto load_samples(const std::uint16_t* p, const double* /*light*/) {
+  const hn::Rebind<std::int32_t, decltype(d64)> d_int;
+  const auto samples = hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint16_t, decltype(d64)>(), p));
+  if constexpr (kWide)
+    return samples;
+  else
+    return to_double(samples);
+}
+
 template <class V>
 HWY_INLINE auto to_sum(V v) {
-  return to_double(v);
+  if constexpr (std::is_integral_v<hn::TFromV<V> >)
+    return v;
+  else
+    return to_double(v);
 }
 
 template <class T>
@@ -1097,16 +1108,16 @@ using StripSums = ProjectionSums;
 template <bool kSingle, class T, class Ahead>
 HWY_INLINE RowSum<T> sum_of_samples(const T* HWY_RESTRICT pixels, const double* light, std::ptrdiff_t stride,
                                     int row_group, const Ahead& ahead, Loaded<T>& top) {
-  const auto load = [&]() OCISAC_INLINE_LAMBDA {
-    ask_for_samples(pixels, ahead);
-    const Loaded<T> row = load_samples(pixels, light);
-    top = hn::Max(top, row);
-    return to_sum(row);
-  };
-  RowSum<T> sum = load();
+  ask_for_samples(pixels, ahead);
+  const Loaded<T> first = load_samples(pixels, light);
+  top = hn::Max(top, first);
+  RowSum<T> sum = to_sum(first);
   for (int i = 1; !kSingle && i < row_group; ++i) {
     pixels += stride;
-    sum = hn::Add(sum, load());
+    ask_for_samples(pixels, ahead);
+    const Loaded<T> next = load_samples(pixels, light);
+    top = hn::Max(top, next);
+    sum = hn::Add(sum, to_sum(next));
   }
   return sum;
 }
@@ -1141,7 +1152,7 @@ HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, cons
   for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
     for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA { out[o][v] = hn::LoadU(d64, sums[o] + v * lanes); });
     total[v] = hn::LoadU(d64, to.moments.totals + v * lanes);
-    square[v] = hn::Zero(d64);
+    square[v] = kFold ? hn::Zero(d64) : hn::LoadU(d64, to.moments.squares + v * lanes);
     const hn::DFromV<Loaded<T> > d;
     top[v] = hn::Set(d, -std::numeric_limits<hn::TFromD<decltype(d)> >::infinity());  // integers: 0
   });
@@ -1180,7 +1191,8 @@ HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, cons
     for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA { hn::StoreU(out[o][v], d64, sums[o] + v * lanes); });
     hn::StoreU(total[v], d64, to.moments.totals + v * lanes);
     double* const squares = to.moments.squares + v * lanes;
-    hn::StoreU(hn::MulAdd(square[v], hn::Set(d64, kFold ? 0.5 : 1.0), hn::LoadU(d64, squares)), d64, squares);
+    if (kFold) square[v] = hn::MulAdd(square[v], hn::Set(d64, 0.5), hn::LoadU(d64, squares));
+    hn::StoreU(square[v], d64, squares);
     double* const maximum = to.moments.maximum + v * lanes;
     hn::StoreU(hn::Max(hn::LoadU(d64, maximum), to_double(top[v])), d64, maximum);
   });
