@@ -189,8 +189,10 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 //
 // * In runs of lines, in memory order, one block ahead. The hardware prefetchers of Zen 3 do not follow strip by strip.
 // * Wide vectors: every row prefetches its own lines of strips ahead, each line four times, because Zen 5 drops
-//   prefetches while too many lines are pending. Zen 4 needs runs as well, into the second-level cache.
-constexpr std::size_t kStripsAhead[] = {5, 3, 2, 1};
+//   prefetches while too many lines are pending. Zen 4 needs runs as well, into the second-level cache; from there,
+//   each line is prefetched twice.
+constexpr std::size_t kStripsAhead[] = {2, 1, 5, 3};
+constexpr std::size_t kLinesOfStrips = kWide ? std::size(kStripsAhead) : 0, kLinesAfterRuns = kWide ? 2 : 0;
 
 bool asks_for_runs(const ByteBlock& block) { return !block.cached && (!kWide || strips_come_late()); }
 
@@ -231,7 +233,8 @@ HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
 }
 
 // Offsets from a row of a strip to the lines it prefetches.
-using LinesAhead = std::array<std::ptrdiff_t, kWide ? std::size(kStripsAhead) : 0>;
+template <std::size_t kLines>
+using LinesAhead = std::array<std::ptrdiff_t, kLines>;
 
 // A strip is processed in slices; a slice is as large as registers allow for all sums of one tone.
 constexpr std::size_t kSlices = kWide ? 1 : 2, kPerSlice = kVectors / kSlices;
@@ -247,11 +250,12 @@ struct Pairs {
 
 // Positions of a strip's rows: from the block's first on and, mirrored, from its last group on backwards (unused if not
 // folded).
+template <std::size_t kLines = 0>
 struct Rows {
   const std::uint8_t* near;
   const std::uint8_t* far;
   std::ptrdiff_t stride;
-  LinesAhead near_ahead{}, far_ahead{};
+  LinesAhead<kLines> near_ahead{}, far_ahead{};
 
   template <bool kFold>
   HWY_INLINE void advance(std::ptrdiff_t count) {
@@ -298,10 +302,10 @@ HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* difference
 }
 
 // Two single rows and, folded, their mirror images. The maximum is updated with the first slice only.
-template <bool kFold, bool kLone, std::size_t kSlice>
-HWY_INLINE void load_rows(const Rows& rows, Bytes& top, Pairs& to) {
+template <bool kFold, bool kLone, std::size_t kSlice, std::size_t kLines>
+HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to) {
   const Bytes none = hn::Zero(d8);
-  const auto load = [&top](const std::uint8_t* pixels, const LinesAhead& ahead) {
+  const auto load = [&top](const std::uint8_t* pixels, const LinesAhead<kLines>& ahead) {
     return kSlice == 0 ? load_row(pixels, ahead, top) : hn::LoadU(d8, pixels);
   };
   const FourRows four{load(rows.near, rows.near_ahead), kLone ? none : load(rows.near + rows.stride, rows.near_ahead),
@@ -336,8 +340,8 @@ HWY_INLINE void interleave_groups(const GroupSum& a, const GroupSum& b, Pair16* 
 }
 
 // Two groups of rows and, folded, their mirror images, for a whole strip, whose last slice may be its first.
-template <int kGroup, bool kFold, bool kLone>
-HWY_INLINE void load_groups(const Rows& rows, Bytes& top, Pairs& first, Pairs& last) {
+template <int kGroup, bool kFold, bool kLone, std::size_t kLines>
+HWY_INLINE void load_groups(const Rows<kLines>& rows, Bytes& top, Pairs& first, Pairs& last) {
   const std::ptrdiff_t second = kGroup * rows.stride;
   const GroupSum none{hn::Zero(d16s), hn::Zero(d16s)};
   const auto near = [&](const std::uint8_t* at) { return sum_of_group<kGroup>(at, rows.stride, rows.near_ahead, top); };
@@ -577,8 +581,8 @@ HWY_INLINE void for_each_slice(Add add) {
 }
 
 // The pairs of one strip, straight from the pixels.
-template <int kGroup, bool kFold, bool kMore, bool kLone>
-HWY_INLINE void add_strip(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
+template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
+HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
   for_each_slice([&]<std::size_t kSlice>() {
     add_slice_of_strip<kFold, kMore, kMore, kSlice>(
@@ -588,23 +592,23 @@ HWY_INLINE void add_strip(const Rows& rows, const BlockPlan& plan, const RowsAhe
             load_rows<kFold, kLone, kSlice>(at, top, pairs);
           else
             load_groups<kGroup, kFold, kLone>(at, top, pairs, pairs);
-          at.advance<kFold>(2 * kGroup);
+          at.template advance<kFold>(2 * kGroup);
         });
   });
 }
 
 // Groups of rows with intermediate storage, so that the rows are read once for all slices.
-template <int kGroup, bool kFold, bool kMore, bool kLone>
-HWY_INLINE void add_strip_by_memory(const Rows& rows, const BlockPlan& plan, const RowsAhead& ahead,
+template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
+HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
   Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
   Bytes top = hn::LoadU(d8, strip.maximum);
-  Rows at = rows;
+  Rows<kLines> at = rows;
 #pragma GCC unroll 1
   for (std::size_t p = 0; p < plan.count; ++p) {
     ask_for_run<kGroup, true, kFold>(ahead, p);
     load_groups<kGroup, kFold, kLone>(at, top, slices[0][p], slices[kSlices - 1][p]);
-    at.advance<kFold>(2 * kGroup);
+    at.template advance<kFold>(2 * kGroup);
   }
   hn::StoreU(top, d8, strip.maximum);
   for_each_slice([&]<std::size_t kSlice>() {
@@ -633,7 +637,7 @@ class PaddedRows {
   PaddedRows(const PaddedRows&) = delete;
   PaddedRows& operator=(const PaddedRows&) = delete;
 
-  [[nodiscard]] const Rows& rows() const { return rows_; }
+  [[nodiscard]] const Rows<>& rows() const { return rows_; }
 
  private:
   static constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
@@ -646,17 +650,17 @@ class PaddedRows {
 
   std::array<std::uint8_t, kBytes> near_{};
   std::array<std::uint8_t, kFold ? kBytes : 1> far_{};
-  Rows rows_{};
+  Rows<> rows_{};
 };
 
 // All strips of a block.
-template <int kGroup, bool kFold, bool kMore, bool kLone>
-void add_strips(const Rows& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
+template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
+void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
   const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>((kLone ? 1 : 2) * kGroup * plan.count) * rows.stride;
   for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run ? plan.count : 0) {
     const std::ptrdiff_t first = strips.grid.first(i);
-    Rows here{rows.near + first, rows.far + first, rows.stride};
-    for (std::size_t n = 0; n < here.near_ahead.size(); ++n) {
+    Rows<kLines> here{rows.near + first, rows.far + first, rows.stride};
+    for (std::size_t n = 0; n < kLines; ++n) {
       here.near_ahead[n] = strips.grid.step(i, kStripsAhead[n], next_rows);
       here.far_ahead[n] = strips.grid.step(i, kStripsAhead[n], -next_rows);
     }
@@ -667,14 +671,14 @@ void add_strips(const Rows& rows, const BlockPlan& plan, RowsAhead ahead, Strips
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, bool kLone>
+template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
 void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& ahead, Strips& strips) {
-  const Rows rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
+  const Rows<> rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
   if (block.columns < hn::Lanes(d8))
-    add_strips<kGroup, kFold, kMore, kLone>(PaddedRows<kGroup, kFold, kMore, kLone>(block, plan.count).rows(), plan,
-                                            ahead, strips);
+    add_strips<kGroup, kFold, kMore, kLone, kLines>(PaddedRows<kGroup, kFold, kMore, kLone>(block, plan.count).rows(),
+                                                    plan, ahead, strips);
   else
-    add_strips<kGroup, kFold, kMore, kLone>(rows, plan, ahead, strips);
+    add_strips<kGroup, kFold, kMore, kLone, kLines>(rows, plan, ahead, strips);
 }
 
 // Moves the totals from 16 to 32 bits.
@@ -693,7 +697,7 @@ void widen_totals(Strips& strips) {
   }
 }
 
-template <int kGroup, bool kFold, bool kMore>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 class BlockProjector {
  public:
   BlockProjector(const ByteBlock& block, const ByteWeights& weights, Strips& strips)
@@ -718,8 +722,11 @@ class BlockProjector {
 
  private:
   static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
-  static constexpr std::size_t kPairs = kPairsPerBlock<kGroup, kFold, kMore>;
-  static constexpr std::size_t kRows = kRowsAhead<kGroup, kFold, kMore>;
+  // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
+  static constexpr std::size_t kMostPairs = kPairsPerBlock<kGroup, kFold, kMore>;
+  static constexpr std::size_t kPairs =
+      kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kMostPairs * 3 / 4, 1) : kMostPairs;
+  static constexpr std::size_t kRows = kPairs * 2 * kGroup;
   static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
 
   [[nodiscard]] std::ptrdiff_t offset(std::ptrdiff_t rows) const { return rows * rest_.row_stride; }
@@ -743,8 +750,8 @@ class BlockProjector {
       rows_in_totals_ = 0;
     }
     rows_in_totals_ += count * kRowsPerPair;
-    add_block<kGroup, kFold, kMore, kLone>(rest_, {weights_, count, kFold, strips_.spare()},
-                                           rows_after(2 * kGroup * count), strips_);
+    add_block<kGroup, kFold, kMore, kLone, kLines>(rest_, {weights_, count, kFold, strips_.spare()},
+                                                   rows_after(2 * kGroup * count), strips_);
     const std::size_t groups = kLone ? 1 : 2 * count;
     rest_.groups -= groups;
     if (rest_.groups == 0) return;
@@ -762,20 +769,25 @@ class BlockProjector {
   std::size_t rows_in_totals_ = 0;
 };
 
+template <int kGroup, bool kFold, bool kMore>
+void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  if (asks_for_runs(block))
+    BlockProjector<kGroup, kFold, kMore, kLinesAfterRuns>(block, weights, strips).run();
+  else
+    BlockProjector<kGroup, kFold, kMore, kLinesOfStrips>(block, weights, strips).run();
+}
+
 template <int kGroup, bool kFold>
 void project_folded(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  if (has_more(weights, kFold))
-    BlockProjector<kGroup, kFold, true>(block, weights, strips).run();
-  else
-    BlockProjector<kGroup, kFold, false>(block, weights, strips).run();
+  const auto project =
+      has_more(weights, kFold) ? project_blocks<kGroup, kFold, true> : project_blocks<kGroup, kFold, false>;
+  project(block, weights, strips);
 }
 
 template <int kGroup>
 void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  if (block.mirrored)
-    project_folded<kGroup, true>(block, weights, strips);
-  else
-    project_folded<kGroup, false>(block, weights, strips);
+  const auto project = block.mirrored ? project_folded<kGroup, true> : project_folded<kGroup, false>;
+  project(block, weights, strips);
 }
 
 // Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers, or overwrites
