@@ -165,9 +165,11 @@ struct BlockSize {
   std::size_t rows, columns;
 };
 constexpr BlockSize kCopied{128, 2048}, kTransposed{kernels::kRowsPerChunk, 192};
-constexpr std::size_t kConvertedColumns = 320;
-// Rows of a block for one tone: in place, those of the next block come meanwhile. For more, as many as kernels take.
-constexpr std::size_t kSampleRows = 32, kFoldedInPlace = 16;
+// Copies of few rows are made of whole ones, which come in memory order; of many rows, of parts that stay in the cache.
+constexpr std::size_t kConvertedOfFew = 2048, kConvertedOfMany = 320;
+// Rows of a block for one tone, folded: of either half, so that those of the next block come meanwhile. For more, as
+// many as kernels take.
+constexpr std::size_t kSampleRows = 32, kFoldedRows = 16;
 
 struct Columns {
   std::size_t first, count;
@@ -418,12 +420,14 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
   const bool folded = weights.folds() && (more || (tone && (!near.in_place() || kernels::has_wide_vectors())));
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
   const std::size_t for_more = folded ? kernels::kSampleRows / 2 : kernels::kSampleRows;
-  const std::size_t for_tone = folded && near.in_place() ? kFoldedInPlace : kSampleRows;
+  const std::size_t for_tone = folded ? kFoldedRows : kSampleRows;
   const std::size_t most = (more ? for_more : for_tone) / group;
+  const std::size_t converted = more ? kConvertedOfMany : kConvertedOfFew;
+  const std::size_t most_columns = near.in_place() ? columns.count : converted;
   for (std::size_t g = 0; g < groups; g += most) {
     const std::size_t here = std::min(most, groups - g), read = here * group;
     const auto next_rows = static_cast<std::ptrdiff_t>(read) * view.row_stride;
-    for_each_part(columns, near.in_place() ? columns.count : kConvertedColumns, [&](Columns part) {
+    for_each_part(columns, most_columns, [&](Columns part) {
       const bool last = part.first + part.count == columns.first + columns.count;
       const auto to_next = [&](std::ptrdiff_t next) {
         return last ? next - static_cast<std::ptrdiff_t>(part.first - columns.first) * view.column_stride
