@@ -416,8 +416,9 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
   if constexpr (std::is_same_v<Sample, std::uint8_t>) light_of_bytes.assign(light.begin(), light.end());
   DenseRows<Stored, Sample> near(view, frame, columns.count, light), far(view, frame, columns.count, light);
   const bool more = weights.outputs() > 2, tone = weights.outputs() == 2 && weights.even_outputs() == 1;
-  // A tone in place with less than wide vectors is read in one stream: two cost more than multiplications saved.
-  const bool folded = weights.folds() && (more || (tone && (!near.in_place() || kernels::has_wide_vectors())));
+  // In place, samples of eight bytes and narrow vectors are read in one stream: two cost more than they save.
+  const bool in_two_streams = !near.in_place() || (kernels::has_wide_vectors() && sizeof(Stored) < sizeof(double));
+  const bool folded = weights.folds() && (more || (tone && in_two_streams));
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
   const std::size_t for_more = folded ? kernels::kSampleRows / 2 : kernels::kSampleRows;
   const std::size_t for_tone = folded ? kFoldedRows : kSampleRows;
