@@ -63,6 +63,12 @@ struct TimeLine {
   DoubleDouble at(double x) const { return origin + exact_product(x, step); }
 };
 
+#ifdef FP_FAST_FMA
+constexpr bool kHasFusedProduct = true;
+#else
+constexpr bool kHasFusedProduct = false;
+#endif
+
 // A count of cycles: whole + fraction + rest, fraction in [-1/2, 1/2], |rest| <= half its last place.
 struct Position {
   double whole = 0;
@@ -75,15 +81,20 @@ class CycleCounter {
  public:
   CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset = {});
 
-  Position at(double x) const { return at(x, 0); }
-  Position at(DoubleDouble x) const { return at(x.high, x.low * step_.high); }
+  // kFused: where the caller is compiled for processors with a fused multiply-add; the values are the same.
+  template <bool kFused = kHasFusedProduct>
+  Position at(double x) const {
+    return at<kFused>(x, 0);
+  }
+  Position at(DoubleDouble x) const { return at<kHasFusedProduct>(x.high, x.low * step_.high); }
 
   // Throws std::invalid_argument that names `argument` where a count between the two x is too large to keep a fraction.
   void require_countable(double x_first, double x_last, const char* argument) const;
 
  private:
+  template <bool kFused>
   Position at(double x, double more_cycles) const {
-    const DoubleDouble product = times_step(x);
+    const DoubleDouble product = kFused ? exact_product(x, step_.high) : times_step(x);
     const double whole = nearest_whole(product.high);
     DoubleDouble part = exact_sum(product.high - whole, base_.high);
     part.low += product.low + x * step_.low + base_.low + more_cycles;
@@ -94,16 +105,12 @@ class CycleCounter {
 
   // exact_product(x, step_.high), by Dekker's halves where a fused multiply-add is a call of a function.
   DoubleDouble times_step(double x) const {
-#ifdef FP_FAST_FMA
-    return exact_product(x, step_.high);
-#else
     const double product = x * step_.high;
     const double upper = upper_half(x);
     const double lower = x - upper;
     const double error =
         ((upper * step_upper_ - product) + upper * step_lower_ + lower * step_upper_) + lower * step_lower_;
     return {product, error};
-#endif
   }
 
   static double upper_half(double value) {
