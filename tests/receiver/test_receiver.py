@@ -100,6 +100,9 @@ def test_recordings_of_real_cameras(recordings, kind):
     gradient=st.floats(1, 4),
     exposure_known=st.booleans(),
 )
+@example(  # edges at a fifth of their height fit half the chip better than the chip at half the height
+    seed=0, rows_per_chip=20.5, exposure=0.75, kind="random", noise=0.015625, gradient=2.0, exposure_known=False
+)
 def test_simulated_frames_without_an_error(seed, rows_per_chip, exposure, kind, noise, gradient, exposure_known):
     if kind == "runs":
         rows_per_chip /= 2  # fewer edges a chip

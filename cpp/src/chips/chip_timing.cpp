@@ -18,7 +18,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};  // fractions of an edge's height; 0.5 is right for linear light
+// Fractions of an edge's height, in the order of how often they are right: 0.5 is for linear light.
+constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};
 constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the moving mean, rows
 constexpr std::size_t kMinEdges = 4;
 constexpr std::size_t kCandidates = 16;
@@ -226,6 +227,13 @@ bool locked(const ChipTiming& timing) {
   return timing.residual <= kMaxResidual * timing.lattice.clock.rows_per_chip && timing.certainty > kMinCertainty;
 }
 
+// True if a lattice of a whole number of these chips fits the edges of a better threshold. A wrong one delays falling
+// edges, for some exposures by half a chip, and edges at random places of a fast lattice fit no slower one.
+bool divides(const ChipTiming& timing, const ChipTiming& better) {
+  const double ratio = better.lattice.clock.rows_per_chip / timing.lattice.clock.rows_per_chip;
+  return locked(better) && std::nearbyint(ratio) > 1 && std::abs(ratio - std::nearbyint(ratio)) < 0.01;
+}
+
 }  // namespace
 
 std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
@@ -279,7 +287,7 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
     for (double share : kThresholds) {
       const Edges edges = edges_between(smooth, points, share);
       auto timing = find_lattice(reliable_edges(edges, smooth, points), signal.size(), {range.lowest, highest});
-      if (!timing || (best && best->cost <= timing->cost)) continue;
+      if (!timing || (best && (best->cost <= timing->cost || divides(*timing, *best)))) continue;
       best = std::move(timing);
       best->edges = edges;
     }
