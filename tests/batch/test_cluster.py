@@ -30,10 +30,20 @@ GAIN = ["gain", "--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1
 OPTIONS = ["--max-frames", str(MAX_FRAMES)]
 
 
+def slowed(folder):
+    """Environment in which a recording takes 0.1 s more: 45 last 2 s, so the run is not over when a signal comes."""
+    (folder / "sitecustomize.py").write_text(
+        "import time\nfrom ocisac_fast.batch import jobs\nfast = jobs.Work._measured\n"
+        "jobs.Work._measured = lambda *arguments: (time.sleep(0.1), fast(*arguments))[1]\n"
+    )
+    return {**os.environ, "PYTHONPATH": str(folder)}
+
+
 class Processes:
     """A scheduler and its workers, each a process of its own."""
 
     def __init__(self, folder):
+        self.environment = slowed(folder)
         self.file = folder / "scheduler.json"
         self.started = []
         self.scheduler = self.start("dask_scheduler", "--port", "0", "--no-show", "--no-dashboard")
@@ -49,7 +59,9 @@ class Processes:
             "--scheduler-file",
             str(self.file),
         ]
-        process = subprocess.Popen([*command, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            [*command, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=self.environment
+        )
         self.started.append(process)
         return process
 
@@ -152,16 +164,12 @@ def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, tas
     """As a terminal sends it: to the process and its workers."""
     results = tmp_path / "results"
     words = ["batch", str(campaign.folder), "-o", str(results), "--workers", "2", *OPTIONS, *GAIN]
-    (tmp_path / "sitecustomize.py").write_text(  # 45 recordings last 2 s: the run is not over when the signal comes
-        "import time\nfrom ocisac_fast.batch import jobs\nfast = jobs.Work._measured\n"
-        "jobs.Work._measured = lambda *arguments: (time.sleep(0.1), fast(*arguments))[1]\n"
-    )
     run = subprocess.Popen(
         [sys.executable, "-m", "ocisac_fast.cli", *words],
         start_new_session=True,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        env=slowed(tmp_path),
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
     )
     deadline = time.monotonic() + 60
