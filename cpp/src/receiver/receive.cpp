@@ -212,11 +212,13 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
 }
 
 // Chip timing of the lit rows, relative to row `begin`.
-TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::size_t begin, FrequencyRange range) {
+TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::size_t begin, FrequencyRange range,
+                             std::optional<double> exposure_of_edges) {
   const std::size_t first = lit.begin > 0 ? lit.begin + 1 : 0;
   const std::size_t last = lit.end < column.signal.size() ? lit.end - 1 : lit.end;
   if (last < first + 2) return {};
-  auto search = find_chip_timing(std::span(column.signal).subspan(first, last - first), column.noise, range);
+  auto search =
+      find_chip_timing(std::span(column.signal).subspan(first, last - first), column.noise, range, exposure_of_edges);
   if (!search.timing) return search;
   const double moved = static_cast<double>(first) - static_cast<double>(begin);
   search.timing->lattice.clock.phase += moved;
@@ -270,14 +272,17 @@ bool ends_sharply(const SlicedChips& seen) {
   return std::min(first, last) > kSharp * most;
 }
 
-// Chips of the lit rows. `edges`: those of the light that were found.
+// Chips of the lit rows. `edges`: those of the light that were found. `outlined`: the rows end with the lamp, so all
+// edges within are those of an exposure.
 std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& lit, const Search& what,
-                                   std::size_t& edges) {
+                                   std::size_t& edges, bool outlined = false) {
   // Chips that end dark show it a chip beyond the last row that stands out.
-  const std::size_t begin = lit.rows.begin - std::min(lit.shortest, lit.rows.begin);
-  const std::size_t end = std::min(lit.rows.end + lit.shortest, column.signal.size());
+  const std::size_t beyond = outlined ? 0 : lit.shortest;
+  const std::size_t begin = lit.rows.begin - std::min(beyond, lit.rows.begin);
+  const std::size_t end = std::min(lit.rows.end + beyond, column.signal.size());
   const auto signal = std::span(column.signal).subspan(begin, end - begin);
-  const auto search = find_lit_timing(column, lit.rows, begin, what.range);
+  const auto search =
+      find_lit_timing(column, lit.rows, begin, what.range, outlined ? what.exposure_rows : std::nullopt);
   edges = search.edges;
   if (!search.timing) return std::nullopt;
   auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
@@ -296,7 +301,10 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   const RowRange all{0, column.signal.size()};
   const auto lit = lit_rows(column.signal, column.noise, all, dark);
   auto decoded = decode_rows(column, lit, what, edges);
-  if (decoded) {
+  if (!decoded && what.exposure_rows) {
+    const auto within = rows_within_outline(column.signal, column.noise, *what.exposure_rows);
+    if (within) decoded = decode_rows(column, *within, what, edges, true);
+  } else if (decoded) {
     // Rows beyond the lamp that are no more uneven than its light is.
     const auto fewer = lit_rows(column.signal, column.noise, all,
                                 {.texture = texture_of(decoded->detection), .most_noise = kMostNoise});
