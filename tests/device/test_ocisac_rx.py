@@ -19,6 +19,7 @@ import pytest
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, Flag, SquareWave, _core
+from ocisac_fast.cleaning import VideoCleaner
 
 ROOT = Path(__file__).resolve().parents[2]
 ROW_TIME, EXPOSURE, ROWS, COLUMNS = 22.2e-6, 100e-6, 720, 40
@@ -406,15 +407,36 @@ def test_a_fifo_is_waited_for(receiver, packets, tmp_path):
         assert process.communicate(timeout=60)[0][: len(PAYLOAD)] == PAYLOAD
 
 
-def test_the_example_in_c_receives_the_payload(receiver, packets):
-    example = Path(receiver).parents[1] / "tests" / "ocisac_receive_example"
+def example_in_c(receiver, name):
+    example = Path(receiver).parents[1] / "tests" / f"ocisac_{name}_example"
     if not example.exists():
-        pytest.skip("the example in C is not built beside ocisac-rx")
-    command = [example, str(COLUMNS), str(ROWS), "22.2e-6", "11700", "30"]
+        pytest.skip("the examples in C are not built beside ocisac-rx")
+    return example
+
+
+def test_the_example_in_c_receives_the_payload(receiver, packets):
+    command = [example_in_c(receiver, "receive"), str(COLUMNS), str(ROWS), "22.2e-6", "11700", "30"]
     done = subprocess.run(command, input=packets.tobytes(), capture_output=True, timeout=60, check=True)
     assert done.stdout[: len(PAYLOAD)] == PAYLOAD
     assert len(done.stderr.splitlines()) == len(packets)
     refused = subprocess.run([*command[:3], "0", *command[4:]], input=b"", capture_output=True, timeout=60)
+    assert (refused.returncode, refused.stdout) == (2, b"")
+    assert b"row_time: got 0" in refused.stderr
+
+
+def test_the_example_in_c_cleans_frames(receiver):
+    """As VideoCleaner does, to the pixel; another ending for bad arguments."""
+    boxes = 60 + 25 * (np.add.outer(np.arange(240) // 41, np.arange(160) // 23) % 4)
+    tone = [1 + 0.7 * np.cos(2 * np.pi * (np.arange(240) / 37.3 + 0.37 * k)) for k in range(3)]
+    noise = np.random.default_rng(3).standard_normal((3, 240, 160))
+    frames = np.rint(boxes * np.array(tone)[:, :, None] / 1.7 + noise).clip(0, 255).astype(np.uint8)
+    command = [example_in_c(receiver, "clean"), "160", "240", "1e-5", "30"]
+    done = subprocess.run(command, input=frames.tobytes(), capture_output=True, timeout=60, check=True)
+    cleaner = VideoCleaner(Camera(1e-5, frame_time=1 / 30))
+    expected = np.concatenate([cleaner.push(frame).frames for frame in frames])
+    assert np.array_equal(np.frombuffer(done.stdout, np.uint8), expected.ravel())
+    assert done.stderr.decode().count("cleaned") == len(frames)
+    refused = subprocess.run([*command[:3], "0", "30"], input=b"", capture_output=True, timeout=60)
     assert (refused.returncode, refused.stdout) == (2, b"")
     assert b"row_time: got 0" in refused.stderr
 
