@@ -28,13 +28,13 @@ constexpr double min_rows = 24;         // of a box
 constexpr std::size_t min_columns = 8;  // beside a light
 constexpr double min_periodic = 0.4;    // fraction of the swing common to the columns
 constexpr double max_uneven = 0.25;
-constexpr double clear_probability = 0.75, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
-constexpr double default_false_alarms = 0.02;                     // at a probability of 1/2
-constexpr double false_alarm_power = 1;
-constexpr double edge_evidence = 0.5;     // nats
-constexpr double data_texture = 0.3;      // relative to the bound for a tone
-constexpr double data_periodic = 0.7;     // upper bound; a tone or a square wave has more
-constexpr double largest_spread = 0.05;   // max relative standard error of a usable frequency
+constexpr double clear_probability = 0.843, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
+constexpr double default_false_alarms = 0.02;
+constexpr double tone_odds = 1.614, data_odds = 9;  // required at that rate; few photographs show what resembles data
+constexpr double edge_evidence = 0.5;               // nats
+constexpr double data_texture = 0.3;                // relative to the bound for a tone
+constexpr double data_periodic = 0.7;               // upper bound; a tone or a square wave has more
+constexpr double largest_spread = 0.05;             // max relative standard error of a usable frequency
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more belong to a light that sends data
 constexpr double settled_cycles = 5, settled_periodic = 0.95;
 constexpr double faint_level = 0.1;
@@ -77,8 +77,8 @@ double with_odds(double probability, double factor) {
 }
 
 // Probability required of a light, so that pictures without lights have `false_alarms` on average.
-double probability_for(double false_alarms) {
-  return 1 / (1 + std::pow(false_alarms / default_false_alarms, false_alarm_power));
+double probability_for(double odds, double false_alarms) {
+  return with_odds(0.5, odds * default_false_alarms / false_alarms);
 }
 
 // One stored step: smaller swings are often compression artefacts.
@@ -281,14 +281,13 @@ using Columns = std::pair<std::size_t, std::size_t>;  // [first, second)
 // Detection of lights in one frame.
 class Look {
  public:
-  Look(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const DetectOptions& options,
-       double least_probability)
+  Look(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const DetectOptions& options)
       : frames_(frames),
         frame_(frame),
         camera_(camera),
         options_(options),
         limits_{min_rows, options.min_cycles, min_amplitude(frames)},
-        least_probability_(least_probability) {
+        least_probability_(probability_for(tone_odds, options.false_alarms)) {
     // A memoryless curve preserves every period, and stored values resolve darkness best.
     stored_.dark_level = camera.tone_curve.dark_level;
     stored_.white_level = camera.tone_curve.white_level;
@@ -543,8 +542,7 @@ class Look {
       const double probability = with_odds(probability_of(features),
                                            waveform_odds(frames_, frame_, stored_.dark_level, floor_, part_of(light)));
       data_candidates_.push_back(candidate(light, probability, features));
-      // Odds nine times as high as for a tone: few photographs show what resembles data.
-      if (probability < 9 * least_probability_ / (1 + 8 * least_probability_)) continue;
+      if (probability < probability_for(data_odds, options_.false_alarms)) continue;
       if (made_of_tones(light)) {
         tones.push_back(light);
         continue;
@@ -633,7 +631,7 @@ std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camer
   std::vector<LightSource> sources;
   const Shape shape = shape_of(frames);
   for (std::size_t frame = 0; frame < shape.frames; ++frame) {
-    Look look(frames, frame, camera, options, probability_for(options.false_alarms));
+    Look look(frames, frame, camera, options);
     look.search({0, 0, shape.columns, shape.rows});
     for (const Found& found : look.lights()) sources.push_back(source_of(frames, frame, camera, found));
   }
@@ -644,7 +642,7 @@ std::vector<LightCandidate> light_candidates(const AnyFramesView& frame, const C
   check(frame);
   check(camera);
   const DetectOptions options{.min_cycles = 2};
-  return Look(frame, 0, camera, options, probability_for(options.false_alarms)).candidates(data);
+  return Look(frame, 0, camera, options).candidates(data);
 }
 
 std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera& camera,
@@ -655,7 +653,7 @@ std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera
   const Shape shape = shape_of(frame);
   require(shape.frames == 1, "frame", shape.frames, "one frame");
   for (const ExpectedLight& light : expected) check(light, shape, camera);
-  Look look(frame, 0, camera, options, probability_for(options.false_alarms));
+  Look look(frame, 0, camera, options);
   std::vector<Search> searches;
   for (const ExpectedLight& light : expected) {
     const double cycles_per_row = light.frequency * camera.row_time;

@@ -10,9 +10,9 @@ namespace {
 constexpr double rounding = 0.01;       // of shares near 0
 constexpr double clear_texture = 0.25;  // below it noise, which log light shows in dark rows, makes texture uneven
 
-constexpr double intercept = -16.408;
-constexpr ToneFeatures linear{-0.809, 6.336, 3.105, -1.556, -5.161, -2.867, -0.772, 3.194, 0.735};
-constexpr ToneFeatures square{0, -0.958, -0.52, -0.249, 6.319, -0.506, -0.008, -1.177, 1.044};
+constexpr double intercept = -17.504;
+constexpr ToneFeatures linear{-0.887, 6.944, 3.403, -1.705, -5.656, -3.142, -0.846, 3.501, 0.806};
+constexpr ToneFeatures square{0, -1.05, -0.57, -0.273, 6.926, -0.555, -0.009, -1.29, 1.144};
 constexpr double data_intercept = -6.959;
 constexpr DataFeatures data_linear{-1, 0.662, 0.131, 1.561, -1.526, 0.215, -9.803};
 constexpr DataFeatures data_square{0, 0.092, 0.288, 0.15, 0.148, 0.019, -6.611};
