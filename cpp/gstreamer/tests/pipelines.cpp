@@ -95,6 +95,11 @@ void Stream::probe(const char* name, const char* pad_name, GstPadProbeCallback c
   gst_object_unref(pad);
 }
 
+GstPadProbeReturn remove_stamp(GstPad*, GstPadProbeInfo* probe, gpointer) {
+  GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(probe)) = GST_CLOCK_TIME_NONE;
+  return GST_PAD_PROBE_OK;
+}
+
 Outcome Stream::finish() {
   gst_app_src_end_of_stream(GST_APP_SRC(source.get()));
   return wait(pipeline.get());

@@ -55,6 +55,9 @@ struct Stream {
   Outcome finish();
 };
 
+// A probe of buffers that takes their time stamps away.
+GstPadProbeReturn remove_stamp(GstPad*, GstPadProbeInfo* probe, gpointer);
+
 // Pictures for an appsrc.
 struct Form {
   const char* format;
