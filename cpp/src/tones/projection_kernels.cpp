@@ -1062,22 +1062,21 @@ HWY_INLINE Sum64 to_double(V v) {
 
 // Samples as they are loaded, whose maximum is taken, and as their rows are added up. In double vectors twice as wide
 // are two operations with AVX-512 on some processors; integers are added up without rounding in narrower ones.
-HWY_INLINE auto load_samples(const std::uint8_t* p, const double* light) { return light_of(p, light); }
-HWY_INLINE auto load_samples(const double* p, const double* /*light*/) { return hn::LoadU(d64, p); }
-HWY_INLINE auto load_samples(const float* p, const double* /*light*/) {
-  const auto samples = hn::LoadU(hn::Rebind<float, decltype(d64)>(), p);
+template <class V>
+HWY_INLINE auto as_loaded(V samples) {
   if constexpr (kWide)
     return samples;
   else
     return to_double(samples);
 }
+HWY_INLINE auto load_samples(const std::uint8_t* p, const double* light) { return light_of(p, light); }
+HWY_INLINE auto load_samples(const double* p, const double* /*light*/) { return hn::LoadU(d64, p); }
+HWY_INLINE auto load_samples(const float* p, const double* /*light*/) {
+  return as_loaded(hn::LoadU(hn::Rebind<float, decltype(d64)>(), p));
+}
 HWY_INLINE auto load_samples(const std::uint16_t* p, const double* /*light*/) {
   const hn::Rebind<std::int32_t, decltype(d64)> d_int;
-  const auto samples = hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint16_t, decltype(d64)>(), p));
-  if constexpr (kWide)
-    return samples;
-  else
-    return to_double(samples);
+  return as_loaded(hn::PromoteTo(d_int, hn::LoadU(hn::Rebind<std::uint16_t, decltype(d64)>(), p)));
 }
 
 template <class V>
