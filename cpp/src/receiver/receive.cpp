@@ -303,7 +303,9 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   auto decoded = decode_rows(column, lit, what, edges);
   if (!decoded && what.exposure_rows) {
     const auto within = rows_within_outline(column.signal, column.noise, *what.exposure_rows);
-    if (within) decoded = decode_rows(column, *within, what, edges, true);
+    std::size_t of_lamp = 0;
+    if (within) decoded = decode_rows(column, *within, what, of_lamp, true);
+    if (decoded) edges = of_lamp;
   } else if (decoded) {
     // Rows beyond the lamp that are no more uneven than its light is.
     const auto fewer = lit_rows(column.signal, column.noise, all,
