@@ -192,7 +192,7 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 //   prefetches while too many lines are pending. Zen 4 needs runs as well, into the second-level cache; from there,
 //   each line is prefetched twice.
 constexpr std::size_t kStripsAhead[] = {2, 1, 5, 3};
-constexpr std::size_t kLinesOfStrips = kWide ? std::size(kStripsAhead) : 0, kLinesAfterRuns = kWide ? 2 : 0;
+constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead), kLinesAfterRuns = kWide ? 2 : 0;
 
 bool asks_for_runs(const ByteBlock& block) { return !block.cached && (!kWide || strips_come_late()); }
 
@@ -771,10 +771,10 @@ class BlockProjector {
 
 template <int kGroup, bool kFold, bool kMore>
 void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  if (asks_for_runs(block))
-    BlockProjector<kGroup, kFold, kMore, kLinesAfterRuns>(block, weights, strips).run();
-  else
-    BlockProjector<kGroup, kFold, kMore, kLinesOfStrips>(block, weights, strips).run();
+  if constexpr (kWide)
+    if (!asks_for_runs(block))
+      return BlockProjector<kGroup, kFold, kMore, kLinesOfStrips>(block, weights, strips).run();
+  BlockProjector<kGroup, kFold, kMore, kLinesAfterRuns>(block, weights, strips).run();
 }
 
 template <int kGroup, bool kFold>
