@@ -1,5 +1,7 @@
 #include "ocisac/light/integrate_exposure.hpp"
 
+#include <hwy/cache_control.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -40,6 +42,12 @@ class Light {
   double steady_ = 0;
   std::vector<std::pair<double, std::unique_ptr<MeanLight>>> parts_;
 };
+
+// Memory that will be written soon.
+void ask_for(std::span<const double> values) {
+  constexpr std::size_t kInLine = 64 / sizeof(double);
+  for (std::size_t i = 0; i < values.size(); i += kInLine) hwy::Prefetch(&values[i]);
+}
 
 void require_one_each(std::size_t asked, std::size_t given) {
   require(asked == given, "out", given, "as many values as are asked for");
@@ -107,6 +115,7 @@ void integrate_exposure(const Waveform& waveform, const Camera& camera, std::spa
   std::vector<double> buffer(out.column_stride == 1 ? 0 : rows.size());
   for (std::size_t j = 0; j < frames.size(); ++j) {
     const std::span<double> means = buffer.empty() ? std::span(out.at(0, j, 0), rows.size()) : std::span(buffer);
+    if (buffer.empty() && j + 1 < frames.size()) ask_for({out.at(0, j + 1, 0), rows.size()});
     numbers.integrate(waveform, camera, start, frames[j], means);
     for (std::size_t i = 0; i < buffer.size(); ++i) out(0, j, i) = buffer[i];
   }

@@ -172,26 +172,28 @@ struct Decay {
 };
 
 struct Cells {
-  std::vector<double> values, slopes;                 // at the beginning of each cell; per cell
-  std::vector<double> before_high{0}, before_low{0};  // (cells + 1) light of all cells before each, in cells
-  std::vector<Decay> decays;                          // one a cell, or none
-  double left = 0;  // before the first cell and after the last, where they do not repeat
+  // (2·cells + 1) light of all cells before each, in cells, and its value at its beginning, in turns.
+  std::vector<double> chain{0};
+  std::vector<double> slopes;         // per cell
+  std::vector<double> before_low{0};  // (cells + 1) what the doubles of `chain` leave over
+  std::vector<Decay> decays;          // one a cell, or none
+  double left = 0;                    // before the first cell and after the last, where they do not repeat
   double right = 0;
   bool repeat = false;
   bool has_slopes = false, has_lows = false;
 
-  std::int64_t count() const { return static_cast<std::int64_t>(values.size()); }
+  std::int64_t count() const { return static_cast<std::int64_t>(slopes.size()); }
 
   void reserve(std::size_t count) {
-    for (auto* each : {&values, &slopes, &before_high, &before_low}) each->reserve(count + 1);
+    chain.reserve(2 * count + 1);
+    for (auto* each : {&slopes, &before_low}) each->reserve(count + 1);
   }
 
   void append(double value, double slope) {
     const DoubleDouble after = total() + exact_sum(value, slope / 2);
-    values.push_back(value);
     slopes.push_back(slope);
     has_slopes = has_slopes || slope != 0;
-    before_high.push_back(after.high);
+    chain.insert(chain.end(), {value, after.high});
     before_low.push_back(after.low);
     has_lows = has_lows || after.low != 0;
   }
@@ -200,15 +202,15 @@ struct Cells {
     append(value, 0);
     decays.push_back(decay);
     const DoubleDouble after = total() + DoubleDouble{decay.integral(0, 1), 0};
-    before_high.back() = after.high;
+    chain.back() = after.high;
     before_low.back() = after.low;
   }
 
   DoubleDouble before(std::int64_t k) const {
     const auto at = static_cast<std::size_t>(std::min(k, count()));
-    return {before_high[at], before_low[at]};
+    return {chain[2 * at], before_low[at]};
   }
-  DoubleDouble total() const { return {before_high.back(), before_low.back()}; }
+  DoubleDouble total() const { return {chain.back(), before_low.back()}; }
 
   // The cell of the first period that equals repeating cell k.
   std::int64_t inside_round(std::int64_t k) const {
@@ -224,7 +226,8 @@ struct Cells {
     if (repeat && k < 0) k += count();
     if (k < 0) return {left, 0};
     if (k >= count()) return {right, 0};
-    return {values[static_cast<std::size_t>(k)], slopes[static_cast<std::size_t>(k)]};
+    const auto at = static_cast<std::size_t>(k);
+    return {chain[2 * at + 1], slopes[at]};
   }
 
   Decay decay_of(std::int64_t k) const {
@@ -267,8 +270,8 @@ class CellsLight final : public MeanLight {
 
   void add(std::span<const double> x, double scale, std::span<double> out) const override {
     if (has_tables_) {
-      const kernels::CellTables tables{cells_.values.data(), cells_.has_slopes ? cells_.slopes.data() : nullptr,
-                                       cells_.before_high.data(), cells_.has_lows ? cells_.before_low.data() : nullptr,
+      const kernels::CellTables tables{cells_.chain.data(), cells_.has_slopes ? cells_.slopes.data() : nullptr,
+                                       cells_.has_lows ? cells_.before_low.data() : nullptr,
                                        static_cast<double>(cells_.count())};
       return kernels::add_means(kernels::CellMeans{counter_, tables, scale * amplitude_, length_, part_, whole_light_},
                                 x.data(), x.size(), out.data());
@@ -279,7 +282,7 @@ class CellsLight final : public MeanLight {
  private:
   // True if an exposure of some length needs no more than the tables.
   bool fits_tables(const Exposures& exposures) const {
-    if (point_ || !cells_.decays.empty() || cells_.count() > std::numeric_limits<std::int32_t>::max()) return false;
+    if (point_ || !cells_.decays.empty() || cells_.count() > std::numeric_limits<std::int32_t>::max() / 2) return false;
     return cells_.repeat || (counter_.at(exposures.x_first).whole - length_ > 2 &&
                              counter_.at(exposures.x_last).whole + 1 < static_cast<double>(cells_.count()));
   }

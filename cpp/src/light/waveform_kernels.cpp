@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <numbers>
 
 #undef HWY_TARGET_INCLUDE
@@ -67,7 +68,8 @@ HWY_INLINE std::int32_t index_of(double whole) { return static_cast<std::int32_t
 
 constexpr std::size_t kAtOnce = 64;
 using Some = double[kAtOnce];
-using SomeIndices = std::int32_t[kAtOnce];
+using SomePairs = double[2 * kAtOnce];
+using SomeIndices = std::uint32_t[kAtOnce];
 
 // A loop of its own collects the values of the tables between two of arithmetic: few processors gather well, and
 // compilers leave the whole loop in scalars then. So they do where arithmetic has a condition: factors of 0 and 1 stand
@@ -75,11 +77,11 @@ using SomeIndices = std::int32_t[kAtOnce];
 template <bool kSlopes, bool kLows>
 HWY_INLINE void add_some_cells(const CellMeans& own, const double* x, std::size_t count, double* HWY_RESTRICT out) {
   const CellTables& of = own.cells;
-  const double rounds = 1 / of.count;
+  const double rounds = 1 / of.count, scale = own.level / own.length;
   const std::int32_t cells = index_of(of.count);
-  const double total_high = of.before_high[cells], total_low = kLows ? of.before_low[cells] : 0.0;
+  const double total_high = of.chain[2 * cells], total_low = kLows ? of.before_low[cells] : 0.0;
   Some offset, left_over, cut, wraps;
-  SomeIndices at, at_first, at_next;
+  SomeIndices at, at_first;
   for (std::size_t i = 0; i < count; ++i) {
     const Position end = own.counter.at<kFused>(x[i]);
     const double since_whole = (end.fraction + end.rest) + 0.0;  // not −0
@@ -93,40 +95,43 @@ HWY_INLINE void add_some_cells(const CellMeans& own, const double* x, std::size_
     left_over[i] = own.part - offset[i];
     const std::int32_t between = std::max(index_of(left_over[i]), 0);  // whole cells
     cut[i] = left_over[i] - between;                                   // of the cell in which the exposure begins
-    const std::int32_t first = last - 1 - between, next = last - between;
-    wraps[i] = next < 0 ? 1 : 0;
-    at[i] = last;
-    at_first[i] = first + (first < 0 ? cells : 0);
-    at_next[i] = next + (next < 0 ? cells : 0);
+    const std::int32_t first = last - 1 - between;
+    wraps[i] = first < 0 ? 1 : 0;
+    at[i] = 2 * last;
+    at_first[i] = 2 * (first + (first < 0 ? cells : 0));
   }
   const bool rounds_more = own.part < own.length;
-  Some value, first_value, high, high_of_next, slope, first_slope, low, low_of_next;
+  SomePairs at_end, at_begin;  // light before the cell and its value; the value and the light before the next cell
+  Some slope, first_slope, low, low_of_next;
   for (std::size_t i = 0; i < count; ++i) {
-    value[i] = of.values[at[i]];
-    first_value[i] = of.values[at_first[i]];
-    high[i] = of.before_high[at[i]];
-    high_of_next[i] = of.before_high[at_next[i]];
+    std::size_t last = at[i], first = at_first[i];
+#if HWY_ARCH_X86 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
+    asm("" : "+r"(last), "+r"(first));  // keeps the loop scalar: vectors of addresses are taken apart again
+#endif
+    std::memcpy(at_end + 2 * i, of.chain + last, 2 * sizeof(double));
+    std::memcpy(at_begin + 2 * i, of.chain + first + 1, 2 * sizeof(double));
     if constexpr (kSlopes) {
-      slope[i] = of.slopes[at[i]];
-      first_slope[i] = of.slopes[at_first[i]];
+      slope[i] = of.slopes[last / 2];
+      first_slope[i] = of.slopes[first / 2];
     }
     if constexpr (kLows) {
-      low[i] = of.before_low[at[i]];
-      low_of_next[i] = of.before_low[at_next[i]];
+      low[i] = of.before_low[last / 2];
+      low_of_next[i] = of.before_low[first / 2 + 1];
     }
   }
   for (std::size_t i = 0; i < count; ++i) {
-    double whole_cells = (high[i] - high_of_next[i]) + wraps[i] * total_high;
+    const double high = at_end[2 * i], value = at_end[2 * i + 1];
+    const double first_value = at_begin[2 * i], high_of_next = at_begin[2 * i + 1];
+    double whole_cells = (high - high_of_next) + wraps[i] * total_high;
     if constexpr (kLows) whole_cells += (low[i] - low_of_next[i]) + wraps[i] * total_low;
-    const double last_part = kSlopes ? offset[i] * (value[i] + slope[i] * offset[i] / 2) : offset[i] * value[i];
+    const double last_part = kSlopes ? offset[i] * (value + slope[i] * offset[i] / 2) : offset[i] * value;
     const double first_part =
-        kSlopes ? cut[i] * (first_value[i] + first_slope[i] * (1 - cut[i] / 2)) : cut[i] * first_value[i];
+        kSlopes ? cut[i] * (first_value + first_slope[i] * (1 - cut[i] / 2)) : cut[i] * first_value;
     // of an exposure within one cell
-    const double level = kSlopes ? value[i] + slope[i] * (offset[i] - own.part / 2) : value[i];
+    const double level = kSlopes ? value + slope[i] * (offset[i] - own.part / 2) : value;
     const double beyond = left_over[i] > 0 ? 1 : 0, averaged = rounds_more ? 1 : beyond;
     const double light_of_part = beyond * ((last_part + first_part) + whole_cells) + (1 - beyond) * (own.part * level);
-    const double mean = (own.whole_light + light_of_part) / own.length;
-    out[i] += own.level * (averaged * mean + (1 - averaged) * level);
+    out[i] += averaged * (own.whole_light + light_of_part) * scale + (1 - averaged) * (own.level * level);
   }
 }
 

@@ -23,9 +23,11 @@ struct SquareMeans {
 // Cells, in each of which the light is value + slope·(cells since its beginning). Those of one round, if they repeat;
 // else no exposure begins before the first or ends after the last.
 struct CellTables {
-  const double *values, *slopes;  // (count,); slopes: null if there are none
-  // (count + 1,) light of all cells before it, in cells; low: null if all are 0.
-  const double *before_high, *before_low;
+  // (2·count + 1,) light of all cells before each, in cells, and its value, in turns: what the end of an exposure needs
+  // lies side by side, and so does what its beginning needs, the value and the light before the next cell.
+  const double* chain;
+  const double* slopes;      // (count,); null if all are 0
+  const double* before_low;  // (count + 1,) what the doubles of `chain` leave over; null if all are 0
   double count;
 };
 

@@ -34,17 +34,18 @@ void add_plain(const SquareMeans& light, const double* x, std::size_t count, dou
   }
 }
 
-// Cells that repeat, with the light of all before each, as one number and as two.
+// Cells that repeat, with the light of all before each, as one number and, with the values in turns, as one or two.
 struct Cells {
-  std::vector<double> values, slopes, before{0}, high{0}, low{0};
+  std::vector<double> values, slopes, before{0}, chain{0}, low{0};
 
-  Cells(std::size_t count, bool sloped) : slopes(count) {
+  Cells(std::size_t count, bool sloped, bool in_two) : slopes(count) {
     for (std::size_t k = 0; k < count; ++k) {
       values.push_back(static_cast<double>(k * 7 % 5) / 3);
       if (sloped) slopes[k] = static_cast<double>(k * 3 % 7) / 8 - 0.3;
       before.push_back(before.back() + values[k] + slopes[k] / 2);
-      high.push_back(static_cast<double>(static_cast<float>(before.back())));
-      low.push_back(before.back() - high.back());
+      const double high = in_two ? static_cast<double>(static_cast<float>(before.back())) : before.back();
+      chain.insert(chain.end(), {values[k], high});
+      low.push_back(before.back() - high);
     }
   }
   // From cell 0 on.
@@ -58,15 +59,14 @@ struct Cells {
 };
 
 KernelCase cells_case(std::size_t count, double part, bool sloped, bool in_two) {
-  const auto cells = std::make_shared<Cells>(11, sloped);
+  const auto cells = std::make_shared<Cells>(11, sloped, in_two);
   auto x = std::make_shared<Misaligned<double>>(random_rows<double>(1, count, count, 0, 1000));
   const double rounds = 2, round_light = cells->before.back();
   const double length = part + rounds * 11, level = 0.7;
   const auto run = [=](bool plain, double* out) {
     std::fill_n(out, count, 0.5);
     if (!plain) {
-      const ocisac::kernels::CellTables tables{cells->values.data(), sloped ? cells->slopes.data() : nullptr,
-                                               (in_two ? cells->high : cells->before).data(),
+      const ocisac::kernels::CellTables tables{cells->chain.data(), sloped ? cells->slopes.data() : nullptr,
                                                in_two ? cells->low.data() : nullptr, 11};
       const ocisac::kernels::CellMeans light{counter(), tables, level, length, part, rounds * round_light};
       return ocisac::kernels::add_means(light, x->data(), count, out);
