@@ -196,6 +196,9 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ARCH_X86_64 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
 #include <immintrin.h>
 #define OCISAC_HAS_VBMI 1
+#define OCISAC_PROCESSOR_HAS(feature) static_cast<bool>(__builtin_cpu_supports(feature))
+#else
+#define OCISAC_PROCESSOR_HAS(feature) false
 #endif
 
 namespace ocisac::kernels {
@@ -215,6 +218,14 @@ bool strips_come_late() {
   return false;
 #endif
 }
+
+namespace {
+bool dot_products_allowed = true;
+}
+
+bool processor_has_dot_products() { return OCISAC_PROCESSOR_HAS("avx512vnni"); }
+bool has_dot_products() { return dot_products_allowed && processor_has_dot_products(); }
+void allow_dot_products(bool allowed) { dot_products_allowed = allowed; }
 
 void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to) {
   HWY_DYNAMIC_DISPATCH(TakeEvery)(from, step, count, to);
@@ -248,7 +259,7 @@ void look_up_singly(const StoredRows<T>& from, std::size_t first, const float* H
     const T* HWY_RESTRICT row = from.samples + static_cast<std::ptrdiff_t>(r) * from.stride;
     std::size_t c = first;
     for (; c + kInLine <= from.columns; c += kInLine) {
-      hwy::Prefetch(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
+      ask_early_for(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
       for (std::size_t i = 0; i < kInLine; ++i) to[c + i] = light[row[c + i]];
     }
     for (; c < from.columns; ++c) to[c] = light[row[c]];
@@ -270,7 +281,7 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vecto
   for (std::size_t r = 0; r < from.rows; ++r, to += from.columns) {
     const std::uint8_t* row = from.samples + static_cast<std::ptrdiff_t>(r) * from.stride;
     for (std::size_t c = 0; c < whole; c += kLanes) {
-      hwy::Prefetch(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
+      ask_early_for(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
       const __m512i values = _mm512_permutexvar_epi32(order, _mm512_loadu_si512(row + c));
       const __mmask64 upper = _mm512_movepi8_mask(values);
       __m512i plane[kPlanes];
@@ -289,7 +300,7 @@ __attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vecto
 }
 
 bool has_vbmi() {
-  static const bool processor_has = __builtin_cpu_supports("avx512vbmi") && __builtin_cpu_supports("avx512bw");
+  static const bool processor_has = OCISAC_PROCESSOR_HAS("avx512vbmi") && OCISAC_PROCESSOR_HAS("avx512bw");
   return processor_has && has_wide_vectors();
 }
 

@@ -1,6 +1,8 @@
 // Dense rows of samples from what is stored otherwise, compiled once for each SIMD target.
 #pragma once
 
+#include <hwy/cache_control.h>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -46,11 +48,24 @@ struct StoredRows {
 void look_up(const StoredRows<std::uint8_t>& from, const ByteTable& table, float* to);
 void look_up(const StoredRows<std::uint16_t>& from, const float* table, float* to);
 
+// Prefetches a line of what is read much later, when the first-level cache holds other lines, into the second-level
+// one.
+#if HWY_COMPILER_GCC || HWY_COMPILER_CLANG
+HWY_INLINE void ask_early_for(const void* line) { __builtin_prefetch(line, 0, 2); }
+#else
+HWY_INLINE void ask_early_for(const void* line) { hwy::Prefetch(static_cast<const std::uint8_t*>(line)); }
+#endif
+
 // True if the vectors of the target whose code runs are as wide as a cache line.
 bool has_wide_vectors();
 
 // True on Zen 3 and 4, of which Zen 4 has wide vectors: lines of rows far apart arrive later than lines in a row,
 // however early they are asked for (bench/README.md).
 bool strips_come_late();
+
+// True if the processor has AVX-512 VNNI, and if its use is allowed (for tests and comparisons; true at first) as well.
+bool processor_has_dot_products();
+bool has_dot_products();
+void allow_dot_products(bool allowed);
 
 }  // namespace ocisac::kernels

@@ -198,6 +198,10 @@ class DenseRows {
   }
 
   [[nodiscard]] bool in_place() const { return dense_ && !kConverted; }
+  // Bytes to the frame after this one, which the same thread reads next; 0: none, or copies.
+  [[nodiscard]] std::ptrdiff_t to_next_frame() const {
+    return in_place() && frame_ + 1 < view_.frames ? view_.frame_stride : 0;
+  }
   // Read-out along the stored rows, of bytes.
   [[nodiscard]] bool is_transposed() const {
     return std::is_same_v<Stored, std::uint8_t> && !dense_ && std::abs(view_.row_stride) == 1;
@@ -277,11 +281,12 @@ void add_folded(ByteRows& near, ByteRows& far, Columns columns, std::size_t most
     const std::size_t here = std::min(most, half - g), rows = here * group;
     const auto first = near.read(g * group, rows, columns);
     const auto last = far.read((weights.groups() - g - here) * group, rows, columns);
-    kernels::project_bytes({first.samples, last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride,
-                            first.stride, here, columns.count, !near.in_place()},
-                           {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
-                            weights.folded_order(), weights.even_parts()},
-                           sums);
+    kernels::project_bytes(
+        {first.samples, last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride, first.stride, here,
+         columns.count, !near.in_place(), here == half ? near.to_next_frame() : 0},
+        {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
+         weights.folded_order(), weights.even_parts()},
+        sums);
   }
 }
 
@@ -293,7 +298,8 @@ void add_plainly(ByteRows& source, Columns columns, std::size_t most_rows, const
     sums.first = g == 0;
     const std::size_t here = std::min(most, weights.groups() - g);
     const auto rows = source.read(g * group, here * group, columns);
-    kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count, !source.in_place()},
+    const std::ptrdiff_t to_next = here == weights.groups() ? source.to_next_frame() : 0;
+    kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count, !source.in_place(), to_next},
                            {weights.row_group(), from(weights.pairs(), g / 2), weights.pair_count(), weights.order(),
                             weights.order().size()},
                            sums);
@@ -586,27 +592,53 @@ ColumnTotals column_totals(const AnyFramesView& frames, std::size_t frame, std::
   return result;
 }
 
+namespace {
+
+// A target of Highway, and whether AVX-512 VNNI is used beside it.
+struct SimdTarget {
+  std::int64_t highway;
+  bool dot_products;
+
+  [[nodiscard]] std::string name() const {
+    return std::string(hwy::TargetName(highway)) + (dot_products ? "_VNNI" : "");
+  }
+};
+
+std::vector<SimdTarget> supported_targets() {
+  std::vector<SimdTarget> all;
+  for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets) {
+    if (target == HWY_AVX3 && kernels::processor_has_dot_products()) all.push_back({target, true});
+    all.push_back({target, false});
+  }
+  return all;
+}
+
+}  // namespace
+
 std::vector<std::string> simd_targets() {
   std::vector<std::string> names;
-  for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets)
-    names.emplace_back(hwy::TargetName(target));
+  for (const SimdTarget& target : supported_targets()) names.push_back(target.name());
   return names;
 }
 
-std::string simd_target() { return kernels::target_name(); }
+std::string simd_target() {
+  const std::int64_t highway = kernels::target();
+  return SimdTarget{highway, highway == HWY_AVX3 && kernels::has_dot_products()}.name();
+}
 
 void force_simd_target(const std::string& name) {
   hwy::SetSupportedTargetsForTest(0);
+  SimdTarget chosen{0, true};  // the best
   if (!name.empty()) {
-    std::int64_t chosen = 0;
     std::string known;
-    for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets) {
-      if (name == hwy::TargetName(target)) chosen = target;
-      known += (known.empty() ? "" : ", ") + std::string(hwy::TargetName(target));
+    for (const SimdTarget& target : supported_targets()) {
+      if (name == target.name()) chosen = target;
+      known += (known.empty() ? "" : ", ") + target.name();
     }
-    require(chosen != 0, "target", name, known);
-    hwy::SetSupportedTargetsForTest(chosen);
+    require(chosen.highway != 0, "target", name, known);
   }
+  hwy::SetSupportedTargetsForTest(chosen.highway);
+  kernels::allow_dot_products(chosen.dot_products);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 

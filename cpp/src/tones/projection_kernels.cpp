@@ -40,19 +40,9 @@ constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64
 
 constexpr std::size_t kLine = 64;  // bytes of a cache line
 
-template <std::size_t kLines>
+template <std::size_t kLines, bool kEarly = false>
 HWY_INLINE void ask_for(const std::uint8_t* run) {
-  for (std::size_t i = 0; i < kLines; ++i) hwy::Prefetch(run + i * kLine);
-}
-
-// Into the second-level cache: for what is read much later.
-template <std::size_t kLines>
-HWY_INLINE void ask_early_for(const std::uint8_t* run) {
-#if HWY_COMPILER_GCC || HWY_COMPILER_CLANG
-  for (std::size_t i = 0; i < kLines; ++i) __builtin_prefetch(run + i * kLine, 0, 2);
-#else
-  ask_for<kLines>(run);
-#endif
+  for (std::size_t i = 0; i < kLines; ++i) kEarly ? ask_early_for(run + i * kLine) : hwy::Prefetch(run + i * kLine);
 }
 
 // Calls body(i) for every i below kCount, i a constant: arrays that are indexed by nothing else stay in registers,
@@ -146,6 +136,23 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 #endif
 }
 
+// The same in one instruction if kDot: AVX-512 VNNI, for which Highway 1.0.3 has no sound target.
+#if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
+constexpr bool kMayHaveDotProducts = true;
+template <bool kDot>
+HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
+  if constexpr (!kDot) return multiply_pairs(sum, a, b);
+  asm("vpdpwssd %2, %1, %0" : "+v"(sum.raw) : "v"(a.raw), "v"(b.raw));
+  return sum;
+}
+#else
+constexpr bool kMayHaveDotProducts = false;
+template <bool kDot>
+HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
+  return multiply_pairs(sum, a, b);
+}
+#endif
+
 // A strip of columns is as wide as a vector of bytes.
 constexpr std::size_t kVectors = 4;  // 32-bit sums per strip
 const hn::ScalableTag<std::uint8_t> d8;
@@ -194,6 +201,13 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 constexpr std::size_t kStripsAhead[] = {2, 1, 5, 3};
 constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead), kLinesAfterRuns = kWide ? 2 : 0;
 
+// How rows are taken: the lines that each of them prefetches, and products by AVX-512 VNNI.
+template <std::size_t kLineCount, bool kDotProducts>
+struct RowMode {
+  static constexpr std::size_t kLines = kLineCount;
+  static constexpr bool kDot = kDotProducts;
+};
+
 bool asks_for_runs(const ByteBlock& block) { return !block.cached && (!kWide || strips_come_late()); }
 
 // Lines of a run prefetched with every pair of groups, on either side.
@@ -227,9 +241,8 @@ struct RowsAhead {
 template <int kGroup, bool kNear, bool kFar>
 HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
   if (!ahead.run) return;
-  const auto ask = kWide ? ask_early_for<kLinesPerPair<kGroup> > : ask_for<kLinesPerPair<kGroup> >;
-  if (kNear) ask(ahead.near + ahead.run[pair]);
-  if (kFar) ask(ahead.far + ahead.run[pair]);
+  if (kNear) ask_for<kLinesPerPair<kGroup>, kWide>(ahead.near + ahead.run[pair]);
+  if (kFar) ask_for<kLinesPerPair<kGroup>, kWide>(ahead.far + ahead.run[pair]);
 }
 
 // Offsets from a row of a strip to the lines it prefetches.
@@ -450,7 +463,7 @@ struct SliceOutputs {
 };
 
 // load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
-template <bool kFold, bool kTone, bool kKeep, class Load>
+template <bool kFold, bool kTone, bool kKeep, bool kDot, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
   Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
   Sum16 total[kPerSlice];
@@ -470,10 +483,10 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
       total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
-      if (kTone) a[v] = multiply_pairs(a[v], sum, weight_a);
-      if (kTone) b[v] = multiply_pairs(b[v], other, weight_b);
-      square[v] = multiply_pairs(square[v], sum, sum);
-      if (kFold) square[v] = multiply_pairs(square[v], other, other);
+      if (kTone) a[v] = multiply_pairs<kDot>(a[v], sum, weight_a);
+      if (kTone) b[v] = multiply_pairs<kDot>(b[v], other, weight_b);
+      square[v] = multiply_pairs<kDot>(square[v], sum, sum);
+      if (kFold) square[v] = multiply_pairs<kDot>(square[v], other, other);
       if (kKeep) to.keep[p].sums[v] = sum;
       if (kKeep && kFold) to.keep[p].differences[v] = other;
     });
@@ -488,7 +501,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
 }
 
 // kOutputs outputs of one kind, for a slice.
-template <std::size_t kOutputs, bool kDifferences>
+template <std::size_t kOutputs, bool kDifferences, bool kDot>
 HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
                             std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
   const std::size_t count = pairs.size();
@@ -500,19 +513,19 @@ HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HW
     for (std::size_t o = 0; o < kOutputs; ++o) {
       const Pair16 weight = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
       for (std::size_t v = 0; v < kPerSlice; ++v)
-        out[o][v] = multiply_pairs(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
+        out[o][v] = multiply_pairs<kDot>(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
     }
   for (std::size_t o = 0; o < kOutputs; ++o)
     for (std::size_t v = 0; v < kPerSlice; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
 }
 
 // All outputs of one kind, from part `first` up to `end`.
-template <bool kDifferences>
+template <bool kDifferences, bool kDot>
 HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
                                     std::size_t end, std::int32_t* sums) {
   const auto add = [&]<std::size_t kOutputs>() {
-    add_outputs<kOutputs, kDifferences>(pairs, weights.pairs + first * weights.stride, weights.stride,
-                                        sums + first * kPerSum);
+    add_outputs<kOutputs, kDifferences, kDot>(pairs, weights.pairs + first * weights.stride, weights.stride,
+                                              sums + first * kPerSum);
   };
   for (; first + 4 <= end; first += 4) add.template operator()<4>();
   if (first + 3 == end) add.template operator()<3>();
@@ -557,11 +570,11 @@ bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size
 
 // A slice of a strip. `load` computes its pairs as for add_slice() and stores them in `kept` if kKeep; otherwise they
 // are already there. Folded, squares count twice.
-template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, class Load>
+template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, bool kDot, class Load>
 HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
   const std::size_t parts = plan.weights.parts.size();
   std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
-  add_slice<kFold, !kMore, kKeep>(
+  add_slice<kFold, !kMore, kKeep, kDot>(
       plan.count,
       {plan.weights_of(0, plan.has_first()), plan.weights_of(plan.second, plan.has_second()),
        plan.sums_of(sums, 0, plan.has_first()), plan.sums_of(sums, plan.second, plan.has_second()),
@@ -569,8 +582,8 @@ HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pa
       load);
   if constexpr (!kMore) return;
   const std::span<const Pairs> pairs(kept, plan.count);
-  add_outputs_of_kind<false>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
-  if (kFold) add_outputs_of_kind<true>(pairs, plan.weights, plan.second, parts, sums);
+  add_outputs_of_kind<false, kDot>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
+  if (kFold) add_outputs_of_kind<true, kDot>(pairs, plan.weights, plan.second, parts, sums);
 }
 
 // Calls add<slice>() for every slice.
@@ -581,11 +594,12 @@ HWY_INLINE void for_each_slice(Add add) {
 }
 
 // The pairs of one strip, straight from the pixels.
-template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
-HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
+template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
+HWY_INLINE void add_strip(const Rows<Mode::kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
+                          const Strip& strip) {
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
   for_each_slice([&]<std::size_t kSlice>() {
-    add_slice_of_strip<kFold, kMore, kMore, kSlice>(
+    add_slice_of_strip<kFold, kMore, kMore, kSlice, Mode::kDot>(
         plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
           ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
           if constexpr (kGroup == 1)
@@ -598,12 +612,12 @@ HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const
 }
 
 // Groups of rows with intermediate storage, so that the rows are read once for all slices.
-template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
-HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
+template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
+HWY_INLINE void add_strip_by_memory(const Rows<Mode::kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
   Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
   Bytes top = hn::LoadU(d8, strip.maximum);
-  Rows<kLines> at = rows;
+  Rows<Mode::kLines> at = rows;
 #pragma GCC unroll 1
   for (std::size_t p = 0; p < plan.count; ++p) {
     ask_for_run<kGroup, true, kFold>(ahead, p);
@@ -613,13 +627,14 @@ HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& p
   hn::StoreU(top, d8, strip.maximum);
   for_each_slice([&]<std::size_t kSlice>() {
     const Pairs* made = slices[kSlice];
-    add_slice_of_strip<kFold, kMore, false, kSlice>(plan, strip, slices[kSlice],
-                                                    [made](std::size_t p, Bytes&, Pairs& pairs) {
-                                                      for (std::size_t v = 0; v < kPerSlice; ++v) {
-                                                        pairs.sums[v] = made[p].sums[v];
-                                                        if (kFold) pairs.differences[v] = made[p].differences[v];
-                                                      }
-                                                    });
+    add_slice_of_strip<kFold, kMore, false, kSlice, Mode::kDot>(plan, strip, slices[kSlice],
+                                                                [made](std::size_t p, Bytes&, Pairs& pairs) {
+                                                                  for (std::size_t v = 0; v < kPerSlice; ++v) {
+                                                                    pairs.sums[v] = made[p].sums[v];
+                                                                    if (kFold)
+                                                                      pairs.differences[v] = made[p].differences[v];
+                                                                  }
+                                                                });
   });
 }
 
@@ -654,31 +669,31 @@ class PaddedRows {
 };
 
 // All strips of a block.
-template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
+template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
 void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
   const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>((kLone ? 1 : 2) * kGroup * plan.count) * rows.stride;
   for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run ? plan.count : 0) {
     const std::ptrdiff_t first = strips.grid.first(i);
-    Rows<kLines> here{rows.near + first, rows.far + first, rows.stride};
-    for (std::size_t n = 0; n < kLines; ++n) {
+    Rows<Mode::kLines> here{rows.near + first, rows.far + first, rows.stride};
+    for (std::size_t n = 0; n < Mode::kLines; ++n) {
       here.near_ahead[n] = strips.grid.step(i, kStripsAhead[n], next_rows);
       here.far_ahead[n] = strips.grid.step(i, kStripsAhead[n], -next_rows);
     }
     if constexpr (kGroup == 1 || kSlices == 1)
-      add_strip<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+      add_strip<kGroup, kFold, kMore, kLone, Mode>(here, plan, ahead, strips.at(i));
     else
-      add_strip_by_memory<kGroup, kFold, kMore, kLone>(here, plan, ahead, strips.at(i));
+      add_strip_by_memory<kGroup, kFold, kMore, kLone, Mode>(here, plan, ahead, strips.at(i));
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, bool kLone, std::size_t kLines>
+template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
 void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& ahead, Strips& strips) {
   const Rows<> rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
   if (block.columns < hn::Lanes(d8))
-    add_strips<kGroup, kFold, kMore, kLone, kLines>(PaddedRows<kGroup, kFold, kMore, kLone>(block, plan.count).rows(),
-                                                    plan, ahead, strips);
+    add_strips<kGroup, kFold, kMore, kLone, Mode>(PaddedRows<kGroup, kFold, kMore, kLone>(block, plan.count).rows(),
+                                                  plan, ahead, strips);
   else
-    add_strips<kGroup, kFold, kMore, kLone, kLines>(rows, plan, ahead, strips);
+    add_strips<kGroup, kFold, kMore, kLone, Mode>(rows, plan, ahead, strips);
 }
 
 // Moves the totals from 16 to 32 bits.
@@ -697,11 +712,12 @@ void widen_totals(Strips& strips) {
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
+template <int kGroup, bool kFold, bool kMore, class Mode>
 class BlockProjector {
  public:
   BlockProjector(const ByteBlock& block, const ByteWeights& weights, Strips& strips)
-      : rest_(block),
+      : whole_(block),
+        rest_(block),
         weights_(weights),
         strips_(strips),
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
@@ -710,10 +726,12 @@ class BlockProjector {
                   : std::vector<std::ptrdiff_t>()) {}
 
   void run() {
-    const RowsAhead first = rows_after(0);
-    for (const std::ptrdiff_t run : runs_) {
-      ask_for<kRun / kLine>(first.near + run);
-      if (kFold) ask_for<kRun / kLine>(first.far + run);
+    for (int block = 0; block < kBlocksAhead; ++block) {
+      const RowsAhead ahead = next_rows();
+      for (std::size_t i = 0; ahead.run && i < runs_.size(); ++i) {
+        ask_for<kRun / kLine, kWide>(ahead.near + runs_[i]);
+        if (kFold) ask_for<kRun / kLine, kWide>(ahead.far + runs_[i]);
+      }
     }
     while (rest_.groups >= 2) add<false>(std::min(rest_.groups / 2, kPairs));
     if (rest_.groups > 0) add<true>(1);
@@ -724,23 +742,29 @@ class BlockProjector {
   static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
   static constexpr std::size_t kMostPairs = kPairsPerBlock<kGroup, kFold, kMore>;
-  static constexpr std::size_t kPairs =
-      kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kMostPairs * 3 / 4, 1) : kMostPairs;
+  static constexpr std::size_t kPairs = kWide && Mode::kLines == kLinesAfterRuns
+                                            ? std::max<std::size_t>(kMostPairs * (kMore ? 3 : 2) / 4, 1)
+                                            : kMostPairs;
   static constexpr std::size_t kRows = kPairs * 2 * kGroup;
   static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
+  static constexpr int kBlocksAhead = kWide && !kMore ? 2 : 1;
 
   [[nodiscard]] std::ptrdiff_t offset(std::ptrdiff_t rows) const { return rows * rest_.row_stride; }
 
-  // The rows after the next `done`; at the end, the last ones. Mirror images are in reverse order.
-  [[nodiscard]] RowsAhead rows_after(std::size_t done) const {
+  // The rows of the next block to prefetch, as many in the last one; then those of the next frame. Mirror images are in
+  // reverse order.
+  [[nodiscard]] RowsAhead next_rows() {
     const auto rows = static_cast<std::ptrdiff_t>(rows_ahead_);
-    const auto left = static_cast<std::ptrdiff_t>(rest_.groups * kGroup);
-    const std::ptrdiff_t first = std::min(static_cast<std::ptrdiff_t>(done), left - rows);
-    const std::ptrdiff_t to_lowest = std::min<std::ptrdiff_t>(offset(rows - 1), 0);
-    const std::uint8_t* near = rest_.pixels + offset(first) + to_lowest;
-    const std::ptrdiff_t* const runs = runs_.empty() ? nullptr : runs_.data();
-    if (!kFold) return {near, near, runs};
-    return {near, rest_.mirrored + offset(kGroup - first - rows) + to_lowest, runs};
+    const auto total = static_cast<std::ptrdiff_t>(whole_.groups * kGroup);
+    const bool is_next_frame = row_ahead_ >= total;
+    if (runs_.empty() || (is_next_frame && whole_.to_next == 0)) return {whole_.pixels, whole_.pixels, nullptr};
+    const std::ptrdiff_t first = std::min(is_next_frame ? row_ahead_ % total / rows * rows : row_ahead_, total - rows);
+    row_ahead_ += rows;
+    const std::ptrdiff_t to_lowest =
+        (is_next_frame ? whole_.to_next : 0) + std::min<std::ptrdiff_t>(offset(rows - 1), 0);
+    const std::uint8_t* near = whole_.pixels + offset(first) + to_lowest;
+    const std::uint8_t* far = kFold ? whole_.mirrored + offset(kGroup - first - rows) + to_lowest : near;
+    return {near, far, runs_.data()};
   }
 
   template <bool kLone>
@@ -750,8 +774,8 @@ class BlockProjector {
       rows_in_totals_ = 0;
     }
     rows_in_totals_ += count * kRowsPerPair;
-    add_block<kGroup, kFold, kMore, kLone, kLines>(rest_, {weights_, count, kFold, strips_.spare()},
-                                                   rows_after(2 * kGroup * count), strips_);
+    add_block<kGroup, kFold, kMore, kLone, Mode>(rest_, {weights_, count, kFold, strips_.spare()}, next_rows(),
+                                                 strips_);
     const std::size_t groups = kLone ? 1 : 2 * count;
     rest_.groups -= groups;
     if (rest_.groups == 0) return;
@@ -761,33 +785,43 @@ class BlockProjector {
     weights_.pairs += count;
   }
 
+  const ByteBlock whole_;
   ByteBlock rest_;
   ByteWeights weights_;
   Strips& strips_;
   std::size_t rows_ahead_;
+  std::ptrdiff_t row_ahead_ = 0;  // the first one of the next block to prefetch
   std::vector<std::ptrdiff_t> runs_;
   std::size_t rows_in_totals_ = 0;
 };
 
-template <int kGroup, bool kFold, bool kMore>
+template <int kGroup, bool kFold, bool kMore, bool kDot>
 void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   if constexpr (kWide)
     if (!asks_for_runs(block))
-      return BlockProjector<kGroup, kFold, kMore, kLinesOfStrips>(block, weights, strips).run();
-  BlockProjector<kGroup, kFold, kMore, kLinesAfterRuns>(block, weights, strips).run();
+      return BlockProjector<kGroup, kFold, kMore, RowMode<kLinesOfStrips, kDot> >(block, weights, strips).run();
+  BlockProjector<kGroup, kFold, kMore, RowMode<kLinesAfterRuns, kDot> >(block, weights, strips).run();
 }
 
-template <int kGroup, bool kFold>
+template <int kGroup, bool kFold, bool kDot>
 void project_folded(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   const auto project =
-      has_more(weights, kFold) ? project_blocks<kGroup, kFold, true> : project_blocks<kGroup, kFold, false>;
+      has_more(weights, kFold) ? project_blocks<kGroup, kFold, true, kDot> : project_blocks<kGroup, kFold, false, kDot>;
   project(block, weights, strips);
 }
 
-template <int kGroup>
+template <int kGroup, bool kDot>
 void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  const auto project = block.mirrored ? project_folded<kGroup, true> : project_folded<kGroup, false>;
+  const auto project = block.mirrored ? project_folded<kGroup, true, kDot> : project_folded<kGroup, false, kDot>;
   project(block, weights, strips);
+}
+
+template <bool kDot>
+void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  if (weights.row_group == 1) project_any<1, kDot>(block, weights, strips);
+  if (weights.row_group == 2) project_any<2, kDot>(block, weights, strips);
+  if (weights.row_group == 4) project_any<4, kDot>(block, weights, strips);
+  if (weights.row_group == 8) project_any<8, kDot>(block, weights, strips);
 }
 
 // Adds unit·sums of one output of a strip, whose lanes are in the order of Pairs, to `columns` numbers, or overwrites
@@ -845,10 +879,8 @@ void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const By
 
 void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   Strips strips(block, weights);
-  if (weights.row_group == 1) project_any<1>(block, weights, strips);
-  if (weights.row_group == 2) project_any<2>(block, weights, strips);
-  if (weights.row_group == 4) project_any<4>(block, weights, strips);
-  if (weights.row_group == 8) project_any<8>(block, weights, strips);
+  const bool dot = kMayHaveDotProducts && has_dot_products();
+  (dot ? project_groups<kMayHaveDotProducts> : project_groups<false>)(block, weights, strips);
   for (std::size_t i = 0; i < strips.grid.count(); ++i) {
     const auto first = static_cast<std::size_t>(strips.grid.first(i));
     const std::size_t count = strips.grid.own_columns(i);
@@ -974,7 +1006,7 @@ class ColumnAdder {
       return {hn::BitCast(d16s, hn::InterleaveLower(d8, only, none)),
               hn::BitCast(d16s, hn::InterleaveUpper(d8, only, none))};
     } else {
-      for (int r = 0; r < kRows; ++r) ask_early_for<1>(pixels + (kRows + r) * block_.row_stride);
+      for (int r = 0; r < kRows; ++r) ask_early_for(pixels + (kRows + r) * block_.row_stride);
       return sum_of_group<kRows>(pixels, block_.row_stride, kNoLines, top);
     }
   }
@@ -1328,7 +1360,7 @@ class RunsAhead {
 
   HWY_INLINE void ask() {
     for (std::size_t i = 0; i < with_strip_ && rows_ > 0; ++i) {
-      ask_early_for<1>(row_ + line_ * kLine);
+      ask_early_for(row_ + line_ * kLine);
       if (++line_ < lines_) continue;
       line_ = 0;
       row_ += row_stride_;
@@ -1475,7 +1507,7 @@ std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
 
 bool TakesLightOfBytes() { return HWY_TARGET == HWY_AVX2; }
 
-const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
+std::int64_t Target() { return HWY_TARGET; }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
@@ -1497,7 +1529,7 @@ HWY_EXPORT(WeightedDoubles);
 HWY_EXPORT(AddColumns);
 HWY_EXPORT(ReadBytes);
 HWY_EXPORT(TakesLightOfBytes);
-HWY_EXPORT(TargetName);
+HWY_EXPORT(Target);
 
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectBytes)(block, weights, to);
@@ -1548,7 +1580,7 @@ std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size) {
 
 bool takes_light_of_bytes() { return HWY_DYNAMIC_DISPATCH(TakesLightOfBytes)(); }
 
-const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
+std::int64_t target() { return HWY_DYNAMIC_DISPATCH(Target)(); }
 
 }  // namespace ocisac::kernels
 #endif

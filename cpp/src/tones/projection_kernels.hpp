@@ -13,9 +13,10 @@ struct ByteBlock {
   const std::uint8_t* pixels;
   const std::uint8_t* mirrored;  // null: not folded
   std::ptrdiff_t row_stride;
-  std::size_t groups;   // at most kRowsPerChunk rows, the mirrored ones included
-  std::size_t columns;  // any number
-  bool cached = false;  // copies, of which no line needs to be asked for
+  std::size_t groups;          // at most kRowsPerChunk rows, the mirrored ones included
+  std::size_t columns;         // any number
+  bool cached = false;         // copies, of which no line needs to be asked for
+  std::ptrdiff_t to_next = 0;  // bytes to the same block of the frame that will be read next; 0: none
 };
 
 // Integer weights of the groups of a block, two groups per word: those of part parts[p] begin at pairs + p·stride.
@@ -95,7 +96,7 @@ double weighted_sum(const std::uint8_t* row, const std::int16_t* weights, std::s
 // Sums a block of bytes: reference for the time of reading a frame.
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);
 
-// The target whose code runs.
-const char* target_name();
+// The target of Highway whose code runs.
+std::int64_t target();
 
 }  // namespace ocisac::kernels
