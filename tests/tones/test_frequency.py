@@ -292,6 +292,7 @@ def test_strength_of_a_column_is_the_share_of_its_swing_that_the_tone_explains(*
     seed=st.integers(0, 2**32 - 1),
 )
 @example(rows=23, place=0.125, noise=10.0, seed=550)
+@example(rows=251, place=0.5, noise=10.0, seed=247)
 def test_the_frequency_of_one_column_is_that_of_least_squares(rows, place, noise, seed):
     view, _ = random_view(rows, 1, 0, place, noise, "float64", 1, seed)
     found = oc.find_frequency(view, PER_ROW, waveform="tone")
@@ -305,11 +306,12 @@ def test_the_frequency_of_one_column_is_that_of_least_squares(rows, place, noise
     _, bend, slope, _ = np.polyfit(np.linspace(-2, 2, 9), left, 3)  # in few rows the two sides differ
     assert left.argmin() == 4
     assert abs(slope / (2 * bend)) < 0.1  # the minimum, in standard errors
-    # One standard error off costs the variance of a row, once: the curvature is the information. The standard error
-    # also counts how the residuals of neighbouring rows correlate, by chance more in few rows.
+    # One standard error off costs the variance of a row, once: the curvature is the information. The standard error also
+    # counts how the residuals of neighbouring rows correlate by chance: the logarithm of the ratio scatters by 3/√rows
+    # (4000 random examples: −5 to 4 times that).
     parameters = sum(part.shape[1] for part in model_of(found.frequency, rows, 1)) + 1
     if rows > 200:
-        assert bend == pytest.approx(left[4] / (rows - parameters), rel=0.7)
+        assert abs(np.log(bend * (rows - parameters) / left[4])) < 7 * 3 / np.sqrt(rows)
 
 
 # --- what cannot be answered -----------------------------------------------------------------------------------------
