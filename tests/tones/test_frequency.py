@@ -306,9 +306,9 @@ def test_the_frequency_of_one_column_is_that_of_least_squares(rows, place, noise
     _, bend, slope, _ = np.polyfit(np.linspace(-2, 2, 9), left, 3)  # in few rows the two sides differ
     assert left.argmin() == 4
     assert abs(slope / (2 * bend)) < 0.1  # the minimum, in standard errors
-    # One standard error off costs the variance of a row, once: the curvature is the information. The standard error also
-    # counts how the residuals of neighbouring rows correlate by chance: the logarithm of the ratio scatters by 3/√rows
-    # (4000 random examples: −5 to 4 times that).
+    # One standard error off costs the variance of a row, once: the curvature is the information. The standard error
+    # also counts how the residuals of neighbouring rows correlate by chance: the logarithm of the ratio scatters by
+    # 3/√rows (4000 random examples: −5 to 4 times that).
     parameters = sum(part.shape[1] for part in model_of(found.frequency, rows, 1)) + 1
     if rows > 200:
         assert abs(np.log(bend * (rows - parameters) / left[4])) < 7 * 3 / np.sqrt(rows)
