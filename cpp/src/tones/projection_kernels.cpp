@@ -315,15 +315,15 @@ HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* difference
 }
 
 // Two single rows and, folded, their mirror images. The maximum is updated with the first slice only.
-template <bool kFold, bool kLone, std::size_t kSlice, std::size_t kLines>
+template <bool kFold, std::size_t kSlice, std::size_t kLines>
 HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to) {
   const Bytes none = hn::Zero(d8);
   const auto load = [&top](const std::uint8_t* pixels, const LinesAhead<kLines>& ahead) {
     return kSlice == 0 ? load_row(pixels, ahead, top) : hn::LoadU(d8, pixels);
   };
-  const FourRows four{load(rows.near, rows.near_ahead), kLone ? none : load(rows.near + rows.stride, rows.near_ahead),
+  const FourRows four{load(rows.near, rows.near_ahead), load(rows.near + rows.stride, rows.near_ahead),
                       kFold ? load(rows.far, rows.far_ahead) : none,
-                      kFold && !kLone ? load(rows.far - rows.stride, rows.far_ahead) : none};
+                      kFold ? load(rows.far - rows.stride, rows.far_ahead) : none};
   if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences);
   if (kSlice + 1 == kSlices) pair_rows<kFold, true>(four, to.sums + kPerSlice - 2, to.differences + kPerSlice - 2);
 }
@@ -353,7 +353,7 @@ HWY_INLINE void interleave_groups(const GroupSum& a, const GroupSum& b, Pair16* 
 }
 
 // Two groups of rows and, folded, their mirror images, for a whole strip, whose last slice may be its first.
-template <int kGroup, bool kFold, bool kLone, std::size_t kLines>
+template <int kGroup, bool kFold, std::size_t kLines>
 HWY_INLINE void load_groups(const Rows<kLines>& rows, Bytes& top, Pairs& first, Pairs& last) {
   const std::ptrdiff_t second = kGroup * rows.stride;
   const GroupSum none{hn::Zero(d16s), hn::Zero(d16s)};
@@ -361,8 +361,8 @@ HWY_INLINE void load_groups(const Rows<kLines>& rows, Bytes& top, Pairs& first, 
   const auto far = [&](const std::uint8_t* at) { return sum_of_group<kGroup>(at, rows.stride, rows.far_ahead, top); };
   const GroupSum a = near(rows.near);
   const GroupSum c = kFold ? far(rows.far) : none;
-  const GroupSum b = kLone ? none : near(rows.near + second);
-  const GroupSum d = kFold && !kLone ? far(rows.far - second) : none;
+  const GroupSum b = near(rows.near + second);
+  const GroupSum d = kFold ? far(rows.far - second) : none;
   constexpr std::size_t kUpper = kPerSlice - 2;
   interleave_groups({hn::Add(a.lower, c.lower), hn::Add(a.upper, c.upper)},
                     {hn::Add(b.lower, d.lower), hn::Add(b.upper, d.upper)}, first.sums, last.sums + kUpper);
@@ -594,7 +594,7 @@ HWY_INLINE void for_each_slice(Add add) {
 }
 
 // The pairs of one strip, straight from the pixels.
-template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
+template <int kGroup, bool kFold, bool kMore, class Mode>
 HWY_INLINE void add_strip(const Rows<Mode::kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                           const Strip& strip) {
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
@@ -603,16 +603,16 @@ HWY_INLINE void add_strip(const Rows<Mode::kLines>& rows, const BlockPlan& plan,
         plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
           ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
           if constexpr (kGroup == 1)
-            load_rows<kFold, kLone, kSlice>(at, top, pairs);
+            load_rows<kFold, kSlice>(at, top, pairs);
           else
-            load_groups<kGroup, kFold, kLone>(at, top, pairs, pairs);
+            load_groups<kGroup, kFold>(at, top, pairs, pairs);
           at.template advance<kFold>(2 * kGroup);
         });
   });
 }
 
 // Groups of rows with intermediate storage, so that the rows are read once for all slices.
-template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
+template <int kGroup, bool kFold, bool kMore, class Mode>
 HWY_INLINE void add_strip_by_memory(const Rows<Mode::kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
   Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
@@ -621,7 +621,7 @@ HWY_INLINE void add_strip_by_memory(const Rows<Mode::kLines>& rows, const BlockP
 #pragma GCC unroll 1
   for (std::size_t p = 0; p < plan.count; ++p) {
     ask_for_run<kGroup, true, kFold>(ahead, p);
-    load_groups<kGroup, kFold, kLone>(at, top, slices[0][p], slices[kSlices - 1][p]);
+    load_groups<kGroup, kFold>(at, top, slices[0][p], slices[kSlices - 1][p]);
     at.template advance<kFold>(2 * kGroup);
   }
   hn::StoreU(top, d8, strip.maximum);
@@ -639,11 +639,11 @@ HWY_INLINE void add_strip_by_memory(const Rows<Mode::kLines>& rows, const BlockP
 }
 
 // Rows of a block narrower than a strip; the rest of a vector is 0.
-template <int kGroup, bool kFold, bool kMore, bool kLone>
+template <int kGroup, bool kFold, bool kMore>
 class PaddedRows {
  public:
   PaddedRows(const ByteBlock& block, std::size_t count) {
-    const std::size_t rows = (kLone ? 1 : 2) * kGroup * count;
+    const std::size_t rows = 2 * kGroup * count;
     const auto back = static_cast<std::ptrdiff_t>(rows - kGroup);  // from the last group to the first
     copy(block.pixels, block, rows, near_.data());
     if (kFold) copy(block.mirrored - back * block.row_stride, block, rows, far_.data());
@@ -668,10 +668,38 @@ class PaddedRows {
   Rows<> rows_{};
 };
 
+// The last of an odd number of groups with a group of zeros after it, as a pair.
+template <int kGroup>
+class LoneGroup {
+ public:
+  explicit LoneGroup(const ByteBlock& block)
+      : columns_(block.columns), near_(kRows * columns_), far_(kRows * columns_) {
+    copy(block.pixels, block.row_stride, near_.data());
+    if (block.mirrored) copy(block.mirrored, block.row_stride, first_mirrored());
+  }
+  LoneGroup(const LoneGroup&) = delete;
+  LoneGroup& operator=(const LoneGroup&) = delete;
+
+  [[nodiscard]] ByteBlock block() {
+    return {near_.data(), first_mirrored(), static_cast<std::ptrdiff_t>(columns_), 2, columns_, true};
+  }
+
+ private:
+  static constexpr std::size_t kRows = 2 * kGroup;
+
+  [[nodiscard]] std::uint8_t* first_mirrored() { return far_.data() + kGroup * columns_; }
+  void copy(const std::uint8_t* from, std::ptrdiff_t stride, std::uint8_t* to) const {
+    for (int r = 0; r < kGroup; ++r, from += stride, to += columns_) std::copy_n(from, columns_, to);
+  }
+
+  std::size_t columns_;
+  std::vector<std::uint8_t> near_, far_;
+};
+
 // All strips of a block.
-template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
+template <int kGroup, bool kFold, bool kMore, class Mode>
 void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
-  const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>((kLone ? 1 : 2) * kGroup * plan.count) * rows.stride;
+  const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>(2 * kGroup * plan.count) * rows.stride;
   for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run ? plan.count : 0) {
     const std::ptrdiff_t first = strips.grid.first(i);
     Rows<Mode::kLines> here{rows.near + first, rows.far + first, rows.stride};
@@ -680,20 +708,20 @@ void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Stri
       here.far_ahead[n] = strips.grid.step(i, kStripsAhead[n], -next_rows);
     }
     if constexpr (kGroup == 1 || kSlices == 1)
-      add_strip<kGroup, kFold, kMore, kLone, Mode>(here, plan, ahead, strips.at(i));
+      add_strip<kGroup, kFold, kMore, Mode>(here, plan, ahead, strips.at(i));
     else
-      add_strip_by_memory<kGroup, kFold, kMore, kLone, Mode>(here, plan, ahead, strips.at(i));
+      add_strip_by_memory<kGroup, kFold, kMore, Mode>(here, plan, ahead, strips.at(i));
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, bool kLone, class Mode>
+template <int kGroup, bool kFold, bool kMore, class Mode>
 void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& ahead, Strips& strips) {
   const Rows<> rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
   if (block.columns < hn::Lanes(d8))
-    add_strips<kGroup, kFold, kMore, kLone, Mode>(PaddedRows<kGroup, kFold, kMore, kLone>(block, plan.count).rows(),
-                                                  plan, ahead, strips);
+    add_strips<kGroup, kFold, kMore, Mode>(PaddedRows<kGroup, kFold, kMore>(block, plan.count).rows(), plan, ahead,
+                                           strips);
   else
-    add_strips<kGroup, kFold, kMore, kLone, Mode>(rows, plan, ahead, strips);
+    add_strips<kGroup, kFold, kMore, Mode>(rows, plan, ahead, strips);
 }
 
 // Moves the totals from 16 to 32 bits.
@@ -721,7 +749,7 @@ class BlockProjector {
         weights_(weights),
         strips_(strips),
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
-        runs_(asks_for_runs(block)
+        runs_(Mode::kLines == kLinesAfterRuns && asks_for_runs(block)
                   ? runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)
                   : std::vector<std::ptrdiff_t>()) {}
 
@@ -733,8 +761,12 @@ class BlockProjector {
         if (kFold) ask_for<kRun / kLine, kWide>(ahead.far + runs_[i]);
       }
     }
-    while (rest_.groups >= 2) add<false>(std::min(rest_.groups / 2, kPairs));
-    if (rest_.groups > 0) add<true>(1);
+    while (rest_.groups >= 2) {
+      const std::size_t pairs = std::min(rest_.groups / 2, kPairs);
+      add(rest_, pairs);
+      advance(pairs);
+    }
+    if (rest_.groups > 0) add(LoneGroup<kGroup>(rest_).block(), 1);
     widen_totals(strips_);
   }
 
@@ -767,22 +799,22 @@ class BlockProjector {
     return {near, far, runs_.data()};
   }
 
-  template <bool kLone>
-  void add(std::size_t count) {
-    if (rows_in_totals_ + count * kRowsPerPair > kRowsPerTotal) {
+  void add(const ByteBlock& block, std::size_t pairs) {
+    if (rows_in_totals_ + pairs * kRowsPerPair > kRowsPerTotal) {
       widen_totals(strips_);
       rows_in_totals_ = 0;
     }
-    rows_in_totals_ += count * kRowsPerPair;
-    add_block<kGroup, kFold, kMore, kLone, Mode>(rest_, {weights_, count, kFold, strips_.spare()}, next_rows(),
-                                                 strips_);
-    const std::size_t groups = kLone ? 1 : 2 * count;
-    rest_.groups -= groups;
+    rows_in_totals_ += pairs * kRowsPerPair;
+    add_block<kGroup, kFold, kMore, Mode>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(), strips_);
+  }
+
+  void advance(std::size_t pairs) {
+    rest_.groups -= 2 * pairs;
     if (rest_.groups == 0) return;
-    const std::ptrdiff_t done = offset(static_cast<std::ptrdiff_t>(groups * kGroup));
+    const std::ptrdiff_t done = offset(static_cast<std::ptrdiff_t>(2 * pairs * kGroup));
     rest_.pixels += done;
     if (kFold) rest_.mirrored -= done;
-    weights_.pairs += count;
+    weights_.pairs += pairs;
   }
 
   const ByteBlock whole_;
@@ -797,10 +829,11 @@ class BlockProjector {
 
 template <int kGroup, bool kFold, bool kMore, bool kDot>
 void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  if constexpr (!kWide || kDot)  // all processors with wide vectors whose strips come late have VNNI
+    if (!kWide || asks_for_runs(block))
+      return BlockProjector<kGroup, kFold, kMore, RowMode<kLinesAfterRuns, kDot> >(block, weights, strips).run();
   if constexpr (kWide)
-    if (!asks_for_runs(block))
-      return BlockProjector<kGroup, kFold, kMore, RowMode<kLinesOfStrips, kDot> >(block, weights, strips).run();
-  BlockProjector<kGroup, kFold, kMore, RowMode<kLinesAfterRuns, kDot> >(block, weights, strips).run();
+    BlockProjector<kGroup, kFold, kMore, RowMode<kLinesOfStrips, kDot> >(block, weights, strips).run();
 }
 
 template <int kGroup, bool kFold, bool kDot>
