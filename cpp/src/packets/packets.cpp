@@ -22,11 +22,10 @@ constexpr std::size_t kMinBlocks = 4, kMaxBlocks = 256;  // each digit of the le
 constexpr unsigned kHeaderMask = 0x5AA5;
 constexpr double kSureBit = 2;                           // nats: a byte with a smaller |llr| is an erasure
 constexpr double kMaxSoftBit = 60;                       // nats
-constexpr double kPreambleDoubt = 0.1;                   // share of the certainty that may speak against a preamble
 constexpr std::ptrdiff_t kMaxSlip = 2;                   // chips
 constexpr std::size_t kMaxDoubtful = 8;                  // stretches
 constexpr std::size_t kMaxWaiting = 131072;              // chips
-constexpr double kSureChip = 6;                          // nats; bounds what one chip says of a stretch's place
+constexpr double kSureChip = 6;                          // nats; bounds what one chip says of a place
 constexpr double kMinPlaceVariance = 0.01;               // chips²
 constexpr double kPlaceErrors = 4, kMaxPlaces = 24;      // standard errors, chips: places compared, on either side
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
@@ -42,7 +41,7 @@ constexpr std::array<std::uint8_t, 42> kLengthened = [] {
 }();
 
 // x⁴ + x + 1 over the upper 12 bits of a header.
-unsigned crc4(unsigned header) {
+constexpr unsigned crc4(unsigned header) {
   unsigned rest = header & 0xFFF0U;
   for (unsigned bit = 15; bit >= 4; --bit)
     if (rest >> bit & 1U) rest ^= 0b10011U << (bit - 4);
@@ -117,33 +116,105 @@ std::vector<std::uint8_t> chips_of_block(std::span<const std::uint8_t> bits, con
   return chips;
 }
 
-bool is_preamble(std::span<const double> llr, std::span<const std::uint8_t> preamble) {
-  double all = 0, against = 0;
-  std::size_t seen = 0;
-  for (std::size_t chip = 0; chip < preamble.size(); ++chip) {
-    all += std::abs(llr[chip]);
-    seen += llr[chip] != 0;
-    if ((llr[chip] > 0) != (preamble[chip] != 0)) against += std::abs(llr[chip]);
-  }
-  return 4 * seen >= 3 * preamble.size() && all >= kSureBit * static_cast<double>(preamble.size()) &&
-         against <= kPreambleDoubt * all;
-}
-
 double least(std::span<const double> llr) {
   double result = std::abs(llr.front());
   for (double value : llr) result = std::min(result, std::abs(value));
   return result;
 }
 
-std::optional<BlockSighting> read_block(std::size_t chip, std::span<const double> header, const LineCode& code) {
-  const LineDecoding decoded = code.decode(header);
-  if (std::ranges::find(decoded.violations, 1) != decoded.violations.end() || least(decoded.llr) < kSureBit)
-    return std::nullopt;
-  unsigned bits = 0;
-  for (double llr : decoded.llr) bits = bits << 1 | (llr > 0 ? 1U : 0U);
-  bits ^= kHeaderMask;
-  if (crc4(bits) != (bits & 0xFU)) return std::nullopt;
-  return BlockSighting{chip, bits >> 8U, bits >> 7U & 1U, bits >> 4U & 7U};
+// ln of the likelihood of what a stretch shows over that of chips at random, for chips and words at any place: places
+// that are compared share them. 0 for chips that are not seen.
+class ChipEvidence {
+ public:
+  ChipEvidence(std::span<const double> llr, const LineCode& code) : code_(code), words_(llr.size()) {
+    for (const double value : llr) {
+      llr_.push_back(std::clamp(value, -kSureChip, kSureChip));
+      bright_.push_back(std::numbers::ln2 - std::log1p(std::exp(-llr_.back())));
+    }
+  }
+
+  [[nodiscard]] std::span<const double> llr() const { return llr_; }
+  [[nodiscard]] double of_chip(std::ptrdiff_t chip, bool bright) const {
+    if (chip < 0 || chip >= std::ssize(llr_)) return 0;
+    const auto at = static_cast<std::size_t>(chip);
+    return bright ? bright_[at] : bright_[at] - llr_[at];
+  }
+  double of_word(std::ptrdiff_t first) {
+    const std::size_t length = code_.chips_per_word();
+    if (first < 0 || first + static_cast<std::ptrdiff_t>(length) > std::ssize(llr_)) return 0;
+    const auto at = static_cast<std::size_t>(first);
+    if (!words_[at]) words_[at] = code_.evidence(llr().subspan(at, length));
+    return *words_[at];
+  }
+
+ private:
+  const LineCode& code_;
+  std::vector<double> llr_, bright_;
+  std::vector<std::optional<double>> words_;  // (first chip)
+};
+
+constexpr unsigned kHeaders = 1U << 12U;  // with a right checksum
+
+constexpr std::array<std::uint16_t, kHeaders> kRightHeaders = [] {
+  std::array<std::uint16_t, kHeaders> headers{};
+  for (unsigned fields = 0; fields < kHeaders; ++fields)
+    headers[fields] = static_cast<std::uint16_t>((fields << 4U | crc4(fields << 4U)) ^ kHeaderMask);
+  return headers;
+}();
+
+// Probability of each value of a byte, from its bits. A bit says no more than a chip: 01 for 10 is one error.
+std::array<double, 256> byte_probabilities(std::span<const double> llr) {
+  std::array<double, 256> of_value{1.0};
+  for (std::size_t bit = 0; bit < 8; ++bit) {
+    const double zero = 1 / (1 + std::exp(std::clamp(llr[bit], -kSureChip, kSureChip)));
+    for (std::size_t value = std::size_t{1} << bit; value-- > 0;) {
+      const double before = of_value[value];
+      of_value[2 * value] = before * zero;
+      of_value[2 * value + 1] = before * (1 - zero);
+    }
+  }
+  return of_value;
+}
+
+struct HeaderDecision {
+  unsigned header;     // the most probable one
+  double probability;  // among those whose checksum is right
+  double evidence;     // ln of the probability of a right checksum over that by chance
+};
+
+// `llr`: (16) of the bits.
+HeaderDecision decide_header(std::span<const double> llr) {
+  const auto first = byte_probabilities(llr.first(8)), second = byte_probabilities(llr.last(8));
+  unsigned best = 0;
+  double highest = 0, all = 0;
+  for (const unsigned header : kRightHeaders) {
+    const double probability = first[header >> 8U] * second[header & 0xFFU];
+    all += probability;
+    if (probability <= highest) continue;
+    highest = probability;
+    best = header;
+  }
+  return {best ^ kHeaderMask, highest / all, std::log(all * (0x10000U / kHeaders))};
+}
+
+// The block whose preamble begins at a chip; `chance` (ln): of any chip to be the first of a block. Absent where
+// another header, bytes, or chips at random may be there.
+std::optional<BlockSighting> read_block(std::size_t chip, double chance, const ChipEvidence& chips,
+                                        const PacketFormat& format) {
+  const auto preamble = preamble_chips(format.preamble);
+  const std::size_t start = preamble.size() + header_chips(format);
+  double evidence = chance;
+  for (std::size_t k = 0; k < preamble.size(); ++k) {
+    evidence += chips.of_chip(static_cast<std::ptrdiff_t>(chip + k), preamble[k] != 0);
+    if (evidence + static_cast<double>(start - k - 1) * std::numbers::ln2 < 0) return std::nullopt;
+  }
+  const auto seen = chips.llr().subspan(chip, start), words = seen.subspan(preamble.size());
+  evidence += format.line_code.evidence(words);
+  if (evidence < 0) return std::nullopt;
+  const HeaderDecision decision = decide_header(format.line_code.decode(words).llr);
+  evidence += decision.evidence - std::max(format.line_code.evidence_anywhere(seen), 0.0);
+  if (decision.probability < kSurePlace * (1 + std::exp(-evidence))) return std::nullopt;
+  return BlockSighting{chip, decision.header >> 8U, decision.header >> 7U & 1U, decision.header >> 4U & 7U};
 }
 
 // The headers that lie whole blocks apart, as most of them do; the others are chips that look like a header by chance.
@@ -239,15 +310,12 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
 }
 
 std::vector<BlockSighting> find_blocks(std::span<const double> llr, const PacketFormat& format) {
-  check(format);
-  const auto preamble = preamble_chips(format.preamble);
-  const std::size_t header = header_chips(format);
+  const double chance = -std::log(static_cast<double>(block_chips(format)));
+  const std::size_t start = preamble_chips(format.preamble).size() + header_chips(format);
+  const ChipEvidence chips(llr, format.line_code);
   std::vector<BlockSighting> found;
-  for (std::size_t chip = 0; chip + preamble.size() + header <= llr.size(); ++chip) {
-    if (!is_preamble(llr.subspan(chip, preamble.size()), preamble)) continue;
-    const auto block = read_block(chip, llr.subspan(chip + preamble.size(), header), format.line_code);
-    if (block) found.push_back(*block);
-  }
+  for (std::size_t chip = 0; chip + start <= llr.size(); ++chip)
+    if (const auto block = read_block(chip, chance, chips, format)) found.push_back(*block);
   return found;
 }
 
@@ -272,6 +340,15 @@ void PacketAssembler::lose_clock() {
   origin_.reset();
   doubtful_.reset();
   end_.reset();
+}
+
+void PacketAssembler::restart() {
+  lose_clock();
+  waiting_.clear();
+  waiting_chips_ = 0;
+  tail_.clear();
+  scatter_ = slips_ = 0;
+  std::ranges::fill(soft_bits_, 0.0F);
 }
 
 // Drops the collected symbols: they belong to another packet.
@@ -384,45 +461,14 @@ std::vector<double> PacketAssembler::block_at(std::span<const double> llr, std::
   return chips;
 }
 
-namespace {
-
-// ln of the likelihood of what a stretch shows over that of chips at random, for chips and words at any place: places
-// that are compared share them. 0 for chips that are not seen.
-class ChipEvidence {
- public:
-  ChipEvidence(std::span<const double> llr, const LineCode& code) : llr_(llr), code_(code), words_(llr.size()) {}
-
-  [[nodiscard]] std::size_t size() const { return llr_.size(); }
-  double of_chip(std::ptrdiff_t chip, bool bright) {
-    if (chip < 0 || chip >= std::ssize(llr_)) return 0;
-    const double llr = llr_[static_cast<std::size_t>(chip)];
-    return llr == 0 ? 0.0 : std::numbers::ln2 - std::log1p(std::exp(bright ? -llr : llr));
-  }
-  double of_word(std::ptrdiff_t first) {
-    const std::size_t length = code_.chips_per_word();
-    if (first < 0 || first + static_cast<std::ptrdiff_t>(length) > std::ssize(llr_)) return 0;
-    const auto at = static_cast<std::size_t>(first);
-    if (!words_[at]) words_[at] = code_.evidence(llr_.subspan(at, length));
-    return *words_[at];
-  }
-
- private:
-  std::span<const double> llr_;
-  const LineCode& code_;
-  std::vector<std::optional<double>> words_;  // (first chip)
-};
-
-}  // namespace
-
-// The same of all chips at a place of the cycle: preambles, headers, line code.
+// Evidence of all chips at a place of the cycle: preambles, headers, line code.
 template <class Evidence>
 double PacketAssembler::evidence(Evidence& chips, std::ptrdiff_t place) const {
   const auto word = static_cast<std::ptrdiff_t>(format_.line_code.chips_per_word());
   double sum = 0;
   std::vector<std::uint8_t> bits;
-  for_blocks(chips.size(), place, [&](std::ptrdiff_t start, std::size_t block) {
-    const auto end =
-        std::min(start + static_cast<std::ptrdiff_t>(block_chips_), static_cast<std::ptrdiff_t>(chips.size()));
+  for_blocks(chips.llr().size(), place, [&](std::ptrdiff_t start, std::size_t block) {
+    const auto end = std::min(start + static_cast<std::ptrdiff_t>(block_chips_), std::ssize(chips.llr()));
     bits.clear();
     append_bits(bits, header_of(block, parity_.value, *layout_), 16);
     std::ptrdiff_t chip = start;
@@ -439,9 +485,7 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
   const double expected = static_cast<double>(stretch.first) + stretch.errors.offset - origin.chip;
   const double nearest = std::nearbyint(expected);
   const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), kMaxPlaces);
-  std::vector<double> llr = stretch.llr;
-  for (double& value : llr) value = std::clamp(value, -kSureChip, kSureChip);
-  ChipEvidence evidence_of(llr, format_.line_code);
+  ChipEvidence evidence_of(stretch.llr, format_.line_code);
   std::vector<std::pair<double, double>> places;  // ln of the probability, chip
   for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
     const double errors = (chip - expected) / deviation;
@@ -450,10 +494,7 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
     const auto place = modulo(static_cast<std::ptrdiff_t>(chip), cycle);
     places.emplace_back(std::log(std::max(prior, 1e-300)) + evidence(evidence_of, place), chip);
   }
-  double elsewhere = -std::numeric_limits<double>::infinity();
-  for (std::size_t skipped = 0; skipped < std::min(format_.line_code.chips_per_word(), llr.size()); ++skipped)
-    elsewhere = std::max(elsewhere, format_.line_code.evidence(std::span(llr).subspan(skipped)));
-  elsewhere += std::log(kElsewhere);
+  const double elsewhere = std::log(kElsewhere) + format_.line_code.evidence_anywhere(evidence_of.llr());
   const auto most = std::ranges::max_element(places);
   double all = std::exp(std::min(elsewhere - most->first, 700.0));
   for (const auto& [logarithm, chip] : places) all += std::exp(logarithm - most->first);

@@ -198,8 +198,10 @@ void ChipReceiver::read_again(const FrameReading& reading, RowRange lit, const C
   state.fits = true;
   state.relative_noise = reading.relative_noise;
   rows_.accept(reading, std::span(column.signal).subspan(lit.begin, lit.size()));
-  if (kept_.misfits() + 1 == kept_.size()) assembler_ = PacketAssembler(options_.format);  // all its chips are in doubt
-  assembler_.lose_clock();
+  if (kept_.misfits() + 1 == kept_.size())
+    assembler_.restart();  // all its chips are in doubt
+  else
+    assembler_.lose_clock();
   kept_.read_again(rows_, column, first_row, lit, use_of_earlier(result, payload));
   if (!result.stretch) state = before;
 }
@@ -224,8 +226,10 @@ std::optional<Payload> ChipReceiver::learn(const std::optional<FrameReading>& re
   const bool due = kept_.comes_due();
   if (due) now.time -= drop_given_again();
   if (due && kept_.learn_first(rows_, now.column, first_row)) {
-    if (in_doubt) assembler_ = PacketAssembler(options_.format);  // all its chips
-    assembler_.lose_clock();
+    if (in_doubt)
+      assembler_.restart();  // all its chips
+    else
+      assembler_.lose_clock();
     kept_.read_again(rows_, now.column, first_row, use_of_earlier(result, payload));
     rows_.state().first_row = first_row + lit.begin;
   } else if (reading && !is_misfit(*reading) && now.new_model && !kept_.profile()) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -319,19 +318,10 @@ std::optional<FrameReading> RowModelSearch::search_exposures(std::span<const dou
     if (!reading || (best && reading->relative_noise >= best->relative_noise)) continue;
     best = std::move(reading);
     if (options_.format.line_code.bits_per_word() < options_.format.line_code.chips_per_word() && !is_misfit(*best) &&
-        line_code_evidence(*best) > 0)
+        options_.format.line_code.evidence_anywhere(best->llr) > 0)
       break;
   }
   return best;
-}
-
-// That of the most likely places of the words.
-double RowModelSearch::line_code_evidence(const FrameReading& reading) const {
-  const LineCode& code = options_.format.line_code;
-  double evidence = -std::numeric_limits<double>::infinity();
-  for (std::size_t skipped = 0; skipped < std::min(code.chips_per_word(), reading.llr.size()); ++skipped)
-    evidence = std::max(evidence, code.evidence(std::span(reading.llr).subspan(skipped)));
-  return evidence;
 }
 
 // Alternates estimates of chips and nuisance until the chips converge.

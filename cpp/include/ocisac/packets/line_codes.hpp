@@ -40,6 +40,8 @@ class LineCode {
   // ln of the likelihood of the chips as words of the code over that as chips at random (max-log), nats. `llr` as in
   // decode; words with a chip that is not seen do not count.
   [[nodiscard]] double evidence(std::span<const double> llr) const;
+  // The same where the words begin at an unknown chip: that of the most likely one.
+  [[nodiscard]] double evidence_anywhere(std::span<const double> llr) const;
 
  private:
   LineCode(std::size_t bits_per_word, std::size_t chips_per_word, std::vector<std::uint32_t> at_minus,

@@ -116,6 +116,9 @@ class PacketAssembler {
   // The clock has jumped: the packet's symbols stay; the next header restores the place.
   void lose_clock();
 
+  // All stretches come again, read otherwise: forgets their chips and their clock, not what headers say of the packet.
+  void restart();
+
  private:
   struct Stretch {
     std::ptrdiff_t first;

@@ -117,7 +117,6 @@ class RowModelSearch {
   std::optional<FrameReading> search_slow(std::span<const double> signal, const SignalModel& model, FrameRows& frame);
   [[nodiscard]] std::optional<FrameReading> search_exposures(std::span<const double> signal,
                                                              const FrameSearch& wanted) const;
-  [[nodiscard]] double line_code_evidence(const FrameReading& reading) const;
 
   Camera camera_;  // its exposure: of the current frame
   RowSearchOptions options_;
