@@ -30,6 +30,7 @@ constexpr double kMinPlaceVariance = 0.01;               // chips²
 constexpr double kPlaceErrors = 4, kMaxPlaces = 24;      // standard errors, chips: places compared, on either side
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
 constexpr double kSurePlace = 0.99;                      // probability
+constexpr double kExpected = 0.5;                        // probability of the expected header: a sure one outweighs it
 constexpr double kScatterKept = 0.8;                     // of the variance about the origin, from header to header
 
 constexpr std::array<std::uint8_t, 14> kStandard = {0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 1};
@@ -176,45 +177,68 @@ std::array<double, 256> byte_probabilities(std::span<const double> llr) {
   return of_value;
 }
 
+constexpr unsigned kDigits = 8;
+
+// Probabilities of a block that begins at a chip: of any one, and more of the one with this number and parity, which
+// earlier headers expect there.
+struct BlockChance {
+  double any, expected = 0;
+  unsigned block = 0, parity = 0;
+};
+
 struct HeaderDecision {
   unsigned header;     // the most probable one
-  double probability;  // among those whose checksum is right
-  double evidence;     // ln of the probability of a right checksum over that by chance
+  double probability;  // of it among those whose checksum is right
+  double evidence;     // ln of the bits' likelihood, with the chance of a block, over that of bits at random
 };
 
 // `llr`: (16) of the bits.
-HeaderDecision decide_header(std::span<const double> llr) {
+HeaderDecision decide_header(std::span<const double> llr, const BlockChance& chance) {
   const auto first = byte_probabilities(llr.first(8)), second = byte_probabilities(llr.last(8));
+  const double of_any = chance.any / kHeaders, of_expected = chance.expected / kDigits;
   unsigned best = 0;
   double highest = 0, all = 0;
-  for (const unsigned header : kRightHeaders) {
-    const double probability = first[header >> 8U] * second[header & 0xFFU];
+  for (const unsigned sent : kRightHeaders) {
+    const unsigned header = sent ^ kHeaderMask;
+    const bool is_expected = header >> 8U == chance.block && (header >> 7U & 1U) == chance.parity;
+    const double probability = first[sent >> 8U] * second[sent & 0xFFU] * (is_expected ? of_any + of_expected : of_any);
     all += probability;
     if (probability <= highest) continue;
     highest = probability;
     best = header;
   }
-  return {best ^ kHeaderMask, highest / all, std::log(all * (0x10000U / kHeaders))};
+  return {best, highest / all, std::log(all * 0x10000U)};
 }
 
-// The block whose preamble begins at a chip; `chance` (ln): of any chip to be the first of a block. Absent where
-// another header, bytes, or chips at random may be there.
-std::optional<BlockSighting> read_block(std::size_t chip, double chance, const ChipEvidence& chips,
+// The block whose preamble begins at a chip. Absent where another header, bytes, or chips at random may be there.
+std::optional<BlockSighting> read_block(std::size_t chip, const BlockChance& chance, const ChipEvidence& chips,
                                         const PacketFormat& format) {
   const auto preamble = preamble_chips(format.preamble);
   const std::size_t start = preamble.size() + header_chips(format);
-  double evidence = chance;
+  const double most = std::log(chance.any * (0x10000U / kHeaders) + chance.expected * (0x10000U / kDigits));
+  double evidence = 0;
   for (std::size_t k = 0; k < preamble.size(); ++k) {
     evidence += chips.of_chip(static_cast<std::ptrdiff_t>(chip + k), preamble[k] != 0);
-    if (evidence + static_cast<double>(start - k - 1) * std::numbers::ln2 < 0) return std::nullopt;
+    if (evidence + most + static_cast<double>(start - k - 1) * std::numbers::ln2 < 0) return std::nullopt;
   }
   const auto seen = chips.llr().subspan(chip, start), words = seen.subspan(preamble.size());
   evidence += format.line_code.evidence(words);
-  if (evidence < 0) return std::nullopt;
-  const HeaderDecision decision = decide_header(format.line_code.decode(words).llr);
+  if (evidence + most < 0) return std::nullopt;
+  const HeaderDecision decision = decide_header(format.line_code.decode(words).llr, chance);
   evidence += decision.evidence - std::max(format.line_code.evidence_anywhere(seen), 0.0);
   if (decision.probability < kSurePlace * (1 + std::exp(-evidence))) return std::nullopt;
   return BlockSighting{chip, decision.header >> 8U, decision.header >> 7U & 1U, decision.header >> 4U & 7U};
+}
+
+// `chance_at`: of a block that begins at a chip.
+template <class ChanceAt>
+std::vector<BlockSighting> read_blocks(std::span<const double> llr, const PacketFormat& format, ChanceAt&& chance_at) {
+  const std::size_t start = preamble_chips(format.preamble).size() + header_chips(format);
+  const ChipEvidence chips(llr, format.line_code);
+  std::vector<BlockSighting> found;
+  for (std::size_t chip = 0; chip + start <= llr.size(); ++chip)
+    if (const auto block = read_block(chip, chance_at(chip), chips, format)) found.push_back(*block);
+  return found;
 }
 
 // The headers that lie whole blocks apart, as most of them do; the others are chips that look like a header by chance.
@@ -310,13 +334,8 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
 }
 
 std::vector<BlockSighting> find_blocks(std::span<const double> llr, const PacketFormat& format) {
-  const double chance = -std::log(static_cast<double>(block_chips(format)));
-  const std::size_t start = preamble_chips(format.preamble).size() + header_chips(format);
-  const ChipEvidence chips(llr, format.line_code);
-  std::vector<BlockSighting> found;
-  for (std::size_t chip = 0; chip + start <= llr.size(); ++chip)
-    if (const auto block = read_block(chip, chance, chips, format)) found.push_back(*block);
-  return found;
+  const double chance = 1 / static_cast<double>(block_chips(format));
+  return read_blocks(llr, format, [chance](std::size_t) { return BlockChance{chance}; });
 }
 
 bool PacketAssembler::Vote::change(unsigned seen) {
@@ -340,6 +359,7 @@ void PacketAssembler::lose_clock() {
   origin_.reset();
   doubtful_.reset();
   end_.reset();
+  last_.reset();
 }
 
 void PacketAssembler::restart() {
@@ -378,6 +398,28 @@ void PacketAssembler::find_layout() {
   soft_bits_.assign(8 * layout_->coded_bytes(), 0);
 }
 
+// The blocks in the last chips, the first of them at this place of the clock: those that the last header expects there
+// are more probable.
+std::vector<BlockSighting> PacketAssembler::seen_blocks(double first, const PlaceErrors& errors) {
+  const double any = 1 / static_cast<double>(block_chips_);
+  if (!last_) return read_blocks(tail_, format_, [any](std::size_t) { return BlockChance{any}; });
+  const double scatter = std::max(errors.scatter * errors.scatter, scatter_);
+  const double deviation = std::sqrt(std::max(slips_ - last_->slips + scatter, kMinPlaceVariance));
+  const std::size_t certain =
+      std::max((ReedSolomon::kLength + format_.block_bytes - 1) / format_.block_bytes, kMinBlocks);
+  return read_blocks(tail_, format_, [&](std::size_t chip) {
+    const double since = (first + static_cast<double>(chip) - last_->chip) * any, blocks = std::nearbyint(since);
+    const double off = (since - blocks) / (any * deviation);
+    const double density = std::exp(-0.5 * off * off) / (deviation * std::sqrt(2 * std::numbers::pi));
+    const double number = static_cast<double>(last_->block) + blocks;
+    if (!layout_ && number >= static_cast<double>(certain)) return BlockChance{any};  // the cycle may have ended
+    auto block = static_cast<std::size_t>(number);
+    if (layout_) block %= layout_->blocks;
+    const double expected = kExpected * std::min(density, 1.0);
+    return BlockChance{any + expected, expected, static_cast<unsigned>(block), last_->parity};
+  });
+}
+
 // The blocks whose headers end in a stretch.
 PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr,
                                                  const PlaceErrors& errors) {
@@ -386,7 +428,12 @@ PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span
   const std::ptrdiff_t blocks_first = first - static_cast<std::ptrdiff_t>(tail_.size());
   tail_.insert(tail_.end(), llr.begin(), llr.end());
   slips_ += errors.slip * errors.slip;
-  auto blocks = on_one_clock(find_blocks(tail_, format_), block_chips_);
+  const double place = static_cast<double>(blocks_first) + errors.offset;
+  auto blocks = on_one_clock(seen_blocks(place, errors), block_chips_);
+  if (!blocks.empty()) {
+    const BlockSighting& last = blocks.back();
+    last_ = {place + static_cast<double>(last.chip), last.block, last.parity, slips_};
+  }
   Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, blocks_first, std::move(blocks), errors, slips_, {}};
   const std::size_t kept = preamble_chips(format_.preamble).size() + header_chips(format_) - 1;
   if (tail_.size() > kept) tail_.erase(tail_.begin(), tail_.end() - static_cast<std::ptrdiff_t>(kept));

@@ -134,6 +134,12 @@ class PacketAssembler {
   struct Origin {
     double chip, variance, slips;  // slips: of the last stretch that changed it
   };
+  // The last block whose header was read: its place on the clock, and the variance of the clock's jumps up to there.
+  struct LastBlock {
+    double chip;
+    unsigned block, parity;
+    double slips;
+  };
   struct Vote {
     unsigned value = 0;
     int count = 0;
@@ -141,6 +147,7 @@ class PacketAssembler {
   };
 
   Stretch search(std::ptrdiff_t first, std::span<const double> llr, const PlaceErrors& errors);
+  [[nodiscard]] std::vector<BlockSighting> seen_blocks(double first, const PlaceErrors& errors);
   void keep(Stretch stretch);
   void read_header(const BlockSighting& sighting);
   void start_packet();
@@ -168,8 +175,9 @@ class PacketAssembler {
   std::optional<Origin> origin_;
   std::optional<std::ptrdiff_t> doubtful_;  // origin by a header that disagrees
   double scatter_ = 0, slips_ = 0;          // variances about the origin by headers; of jumps so far, chips²
-  std::optional<std::ptrdiff_t> end_;       // chip after the last stretch
-  std::vector<double> tail_;                // its last chips, in which a block may have begun
+  std::optional<LastBlock> last_;
+  std::optional<std::ptrdiff_t> end_;  // chip after the last stretch
+  std::vector<double> tail_;           // its last chips, in which a block may have begun
   std::deque<Stretch> waiting_;
   std::size_t waiting_chips_ = 0;
   std::vector<float> soft_bits_;  // (coded bytes, 8) sums of log-likelihood ratios
