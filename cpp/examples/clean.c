@@ -5,6 +5,7 @@
  *
  * arguments: width, height, row time (s), frames per second
  */
+#include <math.h>
 #include <ocisac/ocisac.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -39,8 +40,9 @@ int main(int count, char** arguments) {
     ocisac_cleaned_init(&cleaned);
     code = ocisac_cleaner_push(cleaner, &plane, 1, &cleaned);
     if (code != OCISAC_OK) break;
-    fprintf(stderr, "frame %ld: %s, %.3g Hz, %.2g of the light left\n", frame,
-            *cleaned.unchanged != '\0' ? cleaned.unchanged : "cleaned", cleaned.frequency, cleaned.light_left);
+    fprintf(stderr, "frame %ld: %s", frame, *cleaned.unchanged != '\0' ? cleaned.unchanged : "cleaned");
+    if (!isnan(cleaned.frequency)) fprintf(stderr, ", %.3g Hz", cleaned.frequency);
+    fprintf(stderr, ", %.2g of the light left\n", cleaned.light_left);
     fwrite(plane.pixels, 1, bytes, stdout);
   }
   if (code != OCISAC_OK) fail(ocisac_last_error());

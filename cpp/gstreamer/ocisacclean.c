@@ -78,13 +78,14 @@ static void post(OcisacClean* self, const ocisac_cleaned* cleaned, const GstBuff
   const gboolean wanted = self->post_messages;
   GST_OBJECT_UNLOCK(self);
   if (!wanted) return;
-  ocisac_post(
-      GST_ELEMENT(self),
-      gst_structure_new("ocisacclean", "frame", G_TYPE_INT64, self->next, "pts", GST_TYPE_CLOCK_TIME,
-                        GST_BUFFER_PTS(buffer), "model", G_TYPE_STRING, name_of_model(cleaned->model), "frequency_hz",
-                        G_TYPE_DOUBLE, cleaned->frequency, "light_left", G_TYPE_DOUBLE, cleaned->light_left,
-                        "texture_change_db", G_TYPE_DOUBLE, cleaned->texture_change, "slow_bands", G_TYPE_DOUBLE,
-                        cleaned->slow_bands, "unchanged", G_TYPE_STRING, cleaned->unchanged, NULL));
+  GstStructure* structure = gst_structure_new(
+      "ocisacclean", "frame", G_TYPE_INT64, self->next, "pts", GST_TYPE_CLOCK_TIME, GST_BUFFER_PTS(buffer), "model",
+      G_TYPE_STRING, name_of_model(cleaned->model), "light_left", G_TYPE_DOUBLE, cleaned->light_left,
+      "texture_change_db", G_TYPE_DOUBLE, cleaned->texture_change, "slow_bands", G_TYPE_DOUBLE, cleaned->slow_bands,
+      "unchanged", G_TYPE_STRING, cleaned->unchanged, NULL);
+  if (!isnan(cleaned->frequency))
+    gst_structure_set(structure, "frequency_hz", G_TYPE_DOUBLE, cleaned->frequency, NULL);
+  ocisac_post(GST_ELEMENT(self), structure);
 }
 
 /* Colours, or luma: chroma of YUV stays. */

@@ -415,8 +415,27 @@ def test_a_toe_is_found_where_there_is_one(toe: float) -> None:
 
 
 def test_a_picture_without_light_stays() -> None:
-    for picture in (np.full((64, 40), 90, np.uint8), np.zeros((8, 1), np.uint8)):
-        np.testing.assert_array_equal(remove_bands(picture, CAMERA).frames, picture)
+    """With a reason, for a picture and in a stream; a given light is believed."""
+    cleaner = VideoCleaner(CAMERA)
+    for picture in (np.full((64, 40), 90, np.uint8), np.zeros((64, 40), np.uint8), np.full((64, 40), 255, np.uint8)):
+        for done in (remove_bands(picture, CAMERA), cleaner.push(picture), cleaner.push(picture)):
+            np.testing.assert_array_equal(done.frames, picture)
+            assert done.unchanged == ("no bands: all rows have the same light",)
+            assert not done.share.any()
+    np.testing.assert_array_equal(remove_bands(np.zeros((8, 1), np.uint8), CAMERA).frames, 0)
+    given = remove_bands(np.full((64, 40), 90, np.uint8), CAMERA, light=1 + np.arange(64) % 2)
+    assert given.unchanged == ("",)
+
+
+def test_the_command_says_why_a_black_picture_stays(tmp_path: Path) -> None:
+    np.save(tmp_path / "black.npy", np.zeros((1, 64, 40), np.uint8))
+    line = ["clean", str(tmp_path / "black.npy"), str(tmp_path / "clean.npy"), "--row-time", "10us", "--force"]
+    facts = json.loads(CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False).output)
+    assert facts["unchanged"] == "no bands: all rows have the same light"
+    assert facts["frequency_hz"] is None
+    table = CliRunner().invoke(ocisac, line, catch_exceptions=False).output
+    assert "no bands" in table
+    assert "nan" not in table
 
 
 def under_a_tone(picture: Array, shift: npt.ArrayLike = 0.0, cycles: float = 12.0, depth: float = 0.8) -> npt.NDArray:

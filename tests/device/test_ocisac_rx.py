@@ -436,6 +436,9 @@ def test_the_example_in_c_cleans_frames(receiver):
     expected = np.concatenate([cleaner.push(frame).frames for frame in frames])
     assert np.array_equal(np.frombuffer(done.stdout, np.uint8), expected.ravel())
     assert done.stderr.decode().count("cleaned") == len(frames)
+    black = subprocess.run(command, input=bytes(160 * 240), capture_output=True, timeout=60, check=True)
+    assert black.stdout == bytes(160 * 240)
+    assert black.stderr == b"frame 0: no bands: all rows have the same light, 0 of the light left\n"
     refused = subprocess.run([*command[:3], "0", "30"], input=b"", capture_output=True, timeout=60)
     assert (refused.returncode, refused.stdout) == (2, b"")
     assert b"row_time: got 0" in refused.stderr

@@ -289,6 +289,13 @@ TEST_CASE("a frame that cleaning would make worse passes as it is, with the reas
   CHECK(std::string(gst_structure_get_string(outcome.messages[0].get(), "unchanged")) != "");
   REQUIRE(outputs.size() == 1);
   CHECK(outputs[0] == picture(unbanded, 1));
+  const Outcome black =
+      run("videotestsrc num-buffers=2 pattern=black ! video/x-raw,format=GRAY8,width=64,height=48 ! " + kClean + kSink);
+  REQUIRE(black.messages.size() == 2);
+  for (const auto& message : black.messages) {
+    CHECK(std::string(gst_structure_get_string(message.get(), "unchanged")) == "no bands: all rows have the same light");
+    CHECK_FALSE(gst_structure_has_field(message.get(), "frequency_hz"));
+  }
   // bars and ball of a source of test pictures, which have no bands either
   const Outcome test =
       run("videotestsrc num-buffers=3 pattern=ball ! video/x-raw,format=BGRx,width=64,height=48 ! " + kClean + kSink);

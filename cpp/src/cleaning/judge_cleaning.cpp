@@ -239,6 +239,7 @@ CleaningVerdict mean_verdict(std::span<const CleaningVerdict> verdicts) {
 }
 
 std::string objection_to(const CleaningVerdict& verdict) {
+  if (!(verdict.energy > 0)) return "no bands: all rows have the same light";
   if (verdict.light_left > 1) return "the bands would be stronger than before";
   if (verdict.gain < min_gain && (verdict.light_left > half_left || verdict.gain < 0))
     return "no light of the rows: they would differ as much as before";

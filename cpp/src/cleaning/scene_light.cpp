@@ -155,7 +155,28 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
   return result;
 }
 
+SceneLight without_bands(const StoredScene& scene) {
+  ModelledLight even;
+  even.light.assign(scene.rows(), 1);
+  const ColourLights lights{{even}, std::vector<std::size_t>(scene.colours())};
+  return {std::vector<ColourLights>(scene.frames(), lights),
+          std::vector<KeptShares>(scene.colours(), KeptShares{{0.0}, scene.rows(), scene.columns()}),
+          std::vector<CleaningVerdict>(scene.frames()),
+          objection_to(CleaningVerdict{}),
+          {}};
+}
+
 }  // namespace
+
+bool has_equal_rows(const StoredScene& scene) {
+  for (std::size_t frame = 0; frame < scene.frames(); ++frame)
+    for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
+      const BandedPicture picture = scene.picture(frame, colour);
+      const auto next = picture.light.subspan(picture.columns);
+      if (!std::equal(next.begin(), next.end(), picture.light.begin())) return false;
+    }
+  return true;
+}
 
 std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights) {
   const std::size_t lag = lag_of(scene, lights);
@@ -234,6 +255,7 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
 
 SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
                             std::span<const ColourLights> given, std::span<const CommonCourse> earlier) {
+  if (given.empty() && has_equal_rows(scene)) return without_bands(scene);
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
   const bool is_curved = camera.tone_curve.kind != ToneCurve::Kind::linear;

@@ -185,8 +185,10 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   slow_.reset();
   if (!light.slow.empty()) {
     keep_slow(light);
-  } else {
-    courses_.clear();
+    return {std::move(stored), std::move(light)};
+  }
+  courses_.clear();
+  if (light.verdicts.front().energy > 0) {
     const std::vector<Blocks> blocks = all_in_blocks(stored, light.shares.front());
     before_ = Before{light.lights.front(),
                      light.shares,
@@ -211,6 +213,7 @@ void StreamCleaner::keep_slow(const SceneLight& light) {
 std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyFramesView>& colours) {
   if (!slow_ || courses_.front().modes.size() != mode_count(shape_of(colours.front()).rows)) return {};
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
+  if (has_equal_rows(stored)) return {};
   std::vector<std::vector<BandedPicture>> frame(1);
   for (std::size_t colour = 0; colour < colours.size(); ++colour) frame.front().push_back(stored.picture(0, colour));
   std::vector<SlowLight> slow = find_slow_lights(frame, camera_, courses_, slow_);

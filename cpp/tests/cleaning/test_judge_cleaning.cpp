@@ -54,12 +54,13 @@ TEST_CASE("tilted bands are objected to") {
 }
 
 TEST_CASE("each objection has its bound") {
-  CHECK(objection_to({.light_left = 1.01, .gain = 1}) == "the bands would be stronger than before");
-  CHECK(objection_to({.light_left = 0.55, .gain = 0.02}) ==
+  CHECK(objection_to({}) == "no bands: all rows have the same light");
+  CHECK(objection_to({.light_left = 1.01, .gain = 1, .energy = 1}) == "the bands would be stronger than before");
+  CHECK(objection_to({.light_left = 0.55, .gain = 0.02, .energy = 1}) ==
         "no light of the rows: they would differ as much as before");
-  CHECK(objection_to({.light_left = 0.7, .gain = 1, .level = 0.2}) == "bands that tilt or curve");
-  CHECK(objection_to({.light_left = 0.7, .gain = 1, .worse = 0.3}) == "some columns would get worse");
-  CHECK(objection_to({.light_left = 0.4, .gain = 0.01}).empty());
+  CHECK(objection_to({.light_left = 0.7, .gain = 1, .level = 0.2, .energy = 1}) == "bands that tilt or curve");
+  CHECK(objection_to({.light_left = 0.7, .gain = 1, .worse = 0.3, .energy = 1}) == "some columns would get worse");
+  CHECK(objection_to({.light_left = 0.4, .gain = 0.01, .energy = 1}).empty());
 }
 
 TEST_CASE("the mean of verdicts is weighted by the swing, and plain without one") {

@@ -83,6 +83,19 @@ TEST_CASE("another scene, another size, and forgetting begin again, and answers 
   CHECK(one.light.verdicts.front().gain == two.light.verdicts.front().gain);
 }
 
+TEST_CASE("black frames among others stay, and the next ones are cleaned") {
+  StreamCleaner cleaner(camera());
+  const std::vector<std::uint8_t> black(rows * columns);
+  for (std::size_t k = 0; k < 6; ++k) {
+    const bool dark = k == 0 || k == 3 || k == 4;
+    const Frame frame(k);
+    const auto found = cleaner.push(dark ? std::vector<AnyFramesView>{dense_view(black.data(), 1, rows, columns)}
+                                         : frame.colours());
+    CHECK(found.light.unchanged == (dark ? "no bands: all rows have the same light" : ""));
+    if (!dark) CHECK(error_of(found, frame) < 0.05);
+  }
+}
+
 TEST_CASE("frames and options without meaning are refused") {
   CHECK_THROWS_AS(StreamCleaner(camera(), {.model = RowModel::given, .noise = {}, .toe = {}}), std::invalid_argument);
   CHECK_THROWS_AS(StreamCleaner(camera(), {.model = RowModel::tone, .noise = 0, .toe = {}}), std::invalid_argument);

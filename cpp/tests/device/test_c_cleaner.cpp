@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -121,6 +122,13 @@ TEST_CASE("C: a frame without bands stays, with a reason") {
   REQUIRE(ocisac_cleaner_push(cleaner.made, &plane, 1, &cleaned) == OCISAC_OK);
   CHECK(pixels == stored);
   CHECK_FALSE(std::string(cleaned.unchanged).empty());
+
+  std::fill(pixels.begin(), pixels.end(), std::uint8_t{0});
+  for (int frame = 0; frame < 2; ++frame) {
+    REQUIRE(ocisac_cleaner_push(cleaner.made, &plane, 1, &cleaned) == OCISAC_OK);
+    CHECK(std::ranges::all_of(pixels, [](std::uint8_t pixel) { return pixel == 0; }));
+    CHECK(std::string(cleaned.unchanged) == "no bands: all rows have the same light");
+  }
 }
 
 TEST_CASE("C: options of a cleaner are checked, with the name of the bad one") {

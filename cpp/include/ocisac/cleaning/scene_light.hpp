@@ -28,6 +28,9 @@ struct SceneLight {
 SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
                             std::span<const ColourLights> given = {}, std::span<const CommonCourse> earlier = {});
 
+// The rows of every picture are equal, as in a black one: there is nothing to remove.
+bool has_equal_rows(const StoredScene& scene);
+
 // A slow light, of which all pixels have the same share.
 SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow);
 
