@@ -235,7 +235,8 @@ async function useCamera(state) {
     let found = null;
     for (let k = 0; ; ++k) {
       const { mediaTime } = await new Promise((next) => video.requestVideoFrameCallback((_, data) => next(data)));
-      if (state.cancelled || !media.active) break;
+      stopIf(state);
+      if (!media.active) break;
       const picture = pixelsOf(video, video.videoWidth, video.videoHeight);
       if (k === 0) {
         const shown = copyOf(picture);
