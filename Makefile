@@ -87,7 +87,7 @@ gstreamer: build
 	@scripts/system-packages gstreamer
 	@echo '==> plugin of GStreamer'
 	@cmake -S . -B $(build) -DOCISAC_BUILD_TESTS=ON -DOCISAC_BUILD_GSTREAMER=ON >$(build)/configure.log || { cat $(build)/configure.log; exit 1; }
-	@scripts/with-progress $(build)/build.log cmake --build $(build) --target gstocisac ocisac_gstreamer_tests
+	@scripts/with-progress $(build)/build.log cmake --build $(build) --target gstocisac ocisac_gstreamer_tests ocisac_gstreamer_sanitized_tests
 	@ctest --test-dir $(build) --output-on-failure -R '^gstreamer'
 
 # The C interface as WebAssembly, a page over it, and a folder for npm: web.

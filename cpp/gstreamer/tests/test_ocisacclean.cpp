@@ -18,14 +18,14 @@ namespace {
 
 using namespace pipelines;
 
-constexpr int kRows = 160, kColumns = 96;
-constexpr double kRowTime = 1e-5, kPeriod = 23.3, kStep = 0.37;  // rows per cycle; cycles from frame to frame
+constexpr int kRows = 96, kColumns = 32;
+constexpr double kRowTime = 1e-5, kPeriod = 11.3, kStep = 0.37;  // rows per cycle; cycles from frame to frame
 const std::string kClean = "ocisacclean name=clean row-time=1e-5 ";
 const std::string kSink = " ! fakesink name=sink sync=false";
 
 // Boxes, each colour darker than the one before: the picture without bands.
 double box(std::size_t row, std::size_t column, unsigned component) {
-  const double gray = 60 + 25 * static_cast<double>((row / 41 + column / 23 + (row / 17) * (column / 31)) % 4);
+  const double gray = 60 + 25 * static_cast<double>((row / 29 + column / 9 + (row / 17) * (column / 13)) % 4);
   return gray * (1 - 0.2 * component);
 }
 
