@@ -241,9 +241,9 @@ std::vector<SlowLight> run_find_slow_lights(const Doubles& light, const Doubles&
 
 void register_slow_light(py::module_& module) {
   using py::arg;
-  py::class_<CommonCourse>(module, "CommonCourse").def_property_readonly("modes", [](const CommonCourse& course) {
-    return array_of(course.modes);
-  });
+  py::class_<CommonCourse>(module, "CommonCourse")
+      .def_property_readonly("modes", [](const CommonCourse& course) { return array_of(course.modes); })
+      .def_property_readonly("variance", [](const CommonCourse& course) { return array_of(course.variance); });
   py::class_<SlowTone>(module, "SlowTone")
       .def_readonly("cycles", &SlowTone::cycles)
       .def(

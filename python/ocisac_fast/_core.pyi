@@ -428,6 +428,8 @@ def slope_of_lifted(stored: npt.NDArray[np.float64], toe: float, white: float) -
 class CommonCourse:
     @property
     def modes(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def variance(self) -> npt.NDArray[np.float64]: ...
 
 class SlowTone:
     @property

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
-from ocisac_fast import Camera, _core, remove_bands
+from ocisac_fast import Camera, _core, reference, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
 
 Array = npt.NDArray[np.float64]
@@ -134,3 +134,15 @@ def test_the_common_course_is_that_of_the_rows(seed: int) -> None:
     np.testing.assert_allclose(brighter.modes, lit.modes, atol=1e-9)
     modes = np.cos(np.pi * np.outer(place, np.arange(1, len(lit.modes) + 1)))
     np.testing.assert_allclose(lit.modes, 2 / ROWS * modes.T @ np.log(rows), atol=0.003)
+
+
+@given(st.integers(8, 400), st.integers(1, 150), st.integers(0, 2**32 - 1))
+def test_the_common_course_agrees_with_the_reference(rows: int, columns: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    light = random.uniform(0.1, 50.0, columns) * np.exp(0.1 * random.standard_normal((rows, columns)).cumsum(axis=0))
+    variance = random.uniform(1e-4, 1e-2, light.shape) * light**2
+    variance[random.random(light.shape) < 0.1] = np.inf
+    got = _core.common_course(light, variance)
+    modes, of_modes = reference.common_course(light, variance)
+    np.testing.assert_allclose(got.modes, modes, atol=1e-8)
+    np.testing.assert_allclose(got.variance, of_modes, rtol=1e-6, atol=1e-9)

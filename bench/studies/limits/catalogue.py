@@ -31,7 +31,7 @@ class Point:
         library: error of the library; NaN if it gives no estimate.
         stated: standard error that the library reports, RMS over the columns; 0 if it reports none.
         flags: those of at least half of the columns.
-        lost: the equaliser's report lists the light's frequency as not restored.
+        lost: the report says that it is not restored: the light's frequency (equaliser), or the picture (remarks).
     """
 
     x: float

@@ -1,10 +1,11 @@
-"""Limits of equalisation: nulls of the response, exposures longer than the frame."""
+"""Limits of equalisation, nulls of the response and exposures longer than the frame, and of the removal of bands."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cleaning import remove_bands
 from ocisac_fast.light.waveforms import Tone, Waveform, integrate_exposure, sample_waveform
 from ocisac_fast.tones.equalization import equalize
 from studies.chart.scenes import Float64s
@@ -77,3 +78,50 @@ def _long_exposure() -> list[Point]:
     frequency = 1.6 / (240 * _ROW_TIME)
     shares = (0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 4.0)
     return [_restored(Tone(frequency), frequency, share, 240, share * 240) for share in shares]
+
+
+def _picture_with_a_horizon(random: np.random.Generator, rows: int = 360, columns: int = 96) -> Float64s:
+    """Boxes of other brightness, DN; the lower two thirds are darker."""
+    picture = np.full((rows, columns), 60.0)
+    for _ in range(40):
+        top, left = random.integers(0, rows - 10), random.integers(0, columns - 10)
+        height, width = random.integers(8, 90, 2)
+        picture[top : top + height, left : left + width] = random.uniform(36.0, 120.0)
+    picture[rows // 3 :] *= 0.7
+    return picture
+
+
+def _cleaned(cycles: float, seeds: tuple[int, ...] = (1, 2, 3)) -> Point:
+    """RMS errors / mean after one gain, of pictures under a lamp that gives half of the light, noise 1 DN."""
+    plain, library, said = [], [], 0
+    for seed in seeds:
+        random = np.random.default_rng(seed)
+        clean = _picture_with_a_horizon(random)
+        camera = Camera(_ROW_TIME, 100e-6)
+        lamp = integrate_exposure(Tone(cycles / (len(clean) * _ROW_TIME)), camera, len(clean))
+        banded = clean * (0.5 + lamp)[:, None] + random.standard_normal(clean.shape)
+        stored = np.clip(np.rint(banded), 0, 255).astype(np.uint8)
+        done = remove_bands(stored, camera)
+        said += done.remarks[0] != ""
+        for values, errors in ((stored / stored.mean(axis=1, keepdims=True), plain), (done.frames * 1.0, library)):
+            gain = (values * clean).sum() / (values * values).sum()
+            errors.append(rms((gain * values - clean) / clean.mean()))
+    return Point(cycles, rms(plain), rms(library), 0.0, lost=2 * said > len(seeds))
+
+
+@limit(
+    "bands",
+    "Bands over a picture",
+    sweep="cycles in the picture",
+    error="RMS error / mean after one gain",
+    plain="rows divided by their mean",
+    why="The mean of a row is the picture's as well: its texture and its horizon are divided away with the bands.",
+    then="Divides by the light that pixels of the same column have in common, each with its own share. Bands of less "
+    "than three cycles may be the picture's own shades and stay; `remarks` names some of those only.",
+    spot=12,
+    fails_by=0.15,
+    good=0.07,
+    silent=(0.5, 1.0, 2.0),
+)
+def _bands() -> list[Point]:
+    return [_cleaned(cycles) for cycles in (0.5, 1.0, 1.5, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0)]

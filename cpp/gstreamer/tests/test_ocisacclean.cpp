@@ -293,7 +293,8 @@ TEST_CASE("a frame that cleaning would make worse passes as it is, with the reas
       run("videotestsrc num-buffers=2 pattern=black ! video/x-raw,format=GRAY8,width=64,height=48 ! " + kClean + kSink);
   REQUIRE(black.messages.size() == 2);
   for (const auto& message : black.messages) {
-    CHECK(std::string(gst_structure_get_string(message.get(), "unchanged")) == "no bands: all rows have the same light");
+    CHECK(std::string(gst_structure_get_string(message.get(), "unchanged")) ==
+          "no bands: all rows have the same light");
     CHECK_FALSE(gst_structure_has_field(message.get(), "frequency_hz"));
   }
   // bars and ball of a source of test pictures, which have no bands either

@@ -89,8 +89,8 @@ TEST_CASE("black frames among others stay, and the next ones are cleaned") {
   for (std::size_t k = 0; k < 6; ++k) {
     const bool dark = k == 0 || k == 3 || k == 4;
     const Frame frame(k);
-    const auto found = cleaner.push(dark ? std::vector<AnyFramesView>{dense_view(black.data(), 1, rows, columns)}
-                                         : frame.colours());
+    const auto found =
+        cleaner.push(dark ? std::vector<AnyFramesView>{dense_view(black.data(), 1, rows, columns)} : frame.colours());
     CHECK(found.light.unchanged == (dark ? "no bands: all rows have the same light" : ""));
     if (!dark) CHECK(error_of(found, frame) < 0.05);
   }

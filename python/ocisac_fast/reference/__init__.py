@@ -17,6 +17,7 @@ from ocisac_fast.reference.chips import (
     pool_estimates as pool_estimates,
 )
 from ocisac_fast.reference.cleaning import (
+    common_course as common_course,
     judge_cleaning as judge_cleaning,
     light_share as light_share,
     merge_columns as merge_columns,

@@ -404,7 +404,7 @@ def _without_first(values: FloatArray, axis: int) -> FloatArray:
     return np.take(values, range(1, values.shape[axis]), axis=axis)
 
 
-SLOWEST_ROWS, GROUPS, TEXTURE, FLOOR = 128, 24, 0.05, 0.01
+SLOWEST_ROWS, MOST_CYCLES, GROUPS, TEXTURE, FLOOR = 128, 16, 24, 0.05, 0.01
 
 
 def row_misfit(light: FloatArray, variance: FloatArray, row_light: FloatArray, share: FloatArray, lag: int) -> float:
@@ -489,3 +489,49 @@ def _texture(light: FloatArray, kept: npt.NDArray[np.bool_]) -> float:
 
 def _decibels(after: float, before: float) -> float:
     return float(10 * np.log10(after / before)) if after > 0 and before > 0 else 0.0
+
+
+def common_course(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cosine modes 1 to K of the log light that the (rows, columns) have in common, and their jackknife variance.
+
+    Differences of blocks of pixels some apart in one column are fitted with weights 1/(texture^2 + noise + rest^2),
+    since edges are few; the texture decreases from step to step, so that bands are not taken for edges.
+    """
+    count = max(min(24, len(light) // 4), int(np.ceil(4 * min(1.1 * len(light) / SLOWEST_ROWS, MOST_CYCLES))))
+    down, along = max(1, len(light) // (4 * count)), -(-light.shape[1] // 64)
+    blocks, noise = _neighbour_means(*_neighbour_means(light, variance, down), along, axis=1)
+    usable = np.maximum(blocks, 1e-3 * max(float(blocks.mean()), 1e-100))
+    modes = np.cos(np.pi * np.outer((np.arange(len(blocks)) + 0.5) / len(blocks), np.arange(1, count + 1)))
+
+    def pairs(values: FloatArray, sign: int) -> FloatArray:
+        return np.concatenate([values[lag:] + sign * values[:-lag] for lag in (1, 2, 4, 8) if lag < len(values)])
+
+    change, design, spread = pairs(np.log(usable), -1), pairs(modes, -1), pairs(noise / usable**2, 1)
+
+    def solved(weight: FloatArray, kept: npt.NDArray[np.intp]) -> FloatArray:
+        normal = design.T @ (weight[:, kept].sum(axis=1)[:, None] * design)
+        normal += np.eye(count) * 1e-6 * max(np.trace(normal) / count, 1e-300)
+        return np.linalg.solve(normal, design.T @ (weight * change)[:, kept].sum(axis=1))
+
+    every, course = np.arange(change.shape[1]), np.zeros(count)
+    for step in range(12):
+        weight = 1 / ((0.03 * max(1, 6 - step)) ** 2 + spread + (change - (design @ course)[:, None]) ** 2)
+        course = solved(weight, every)
+    groups = np.array_split(every, min(12, len(every)))
+    if len(groups) == 1:
+        return course, np.full(count, 1e-8)
+    others = np.array([solved(weight, np.setdiff1d(every, group)) for group in groups])
+    return course, (len(groups) - 1) * others.var(axis=0) + 1e-8
+
+
+def _neighbour_means(
+    light: FloatArray, variance: FloatArray, count: int, axis: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Means of ``count`` neighbours of finite variance, and their variance."""
+    starts = np.arange(0, light.shape[axis], count)
+    known = np.isfinite(variance)
+    sums, noise, number = (
+        np.add.reduceat(np.where(known, values, 0.0), starts, axis=axis)
+        for values in (light, variance, np.ones(light.shape))
+    )
+    return sums / np.maximum(number, 1), np.where(number > 0, noise / np.maximum(number, 1) ** 2, np.inf)
