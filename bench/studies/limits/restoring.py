@@ -93,7 +93,9 @@ def _picture_with_a_horizon(random: np.random.Generator, rows: int = 360, column
 
 def _cleaned(cycles: float, seeds: tuple[int, ...] = (1, 2, 3)) -> Point:
     """RMS errors / mean after one gain, of pictures under a lamp that gives half of the light, noise 1 DN."""
-    plain, library, said = [], [], 0
+    plain: list[float] = []
+    library: list[float] = []
+    said = 0
     for seed in seeds:
         random = np.random.default_rng(seed)
         clean = _picture_with_a_horizon(random)
