@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Fit of the probability that a detected tone is a light, and its calibration on scenes that were not fitted.
 
-Scenes of light_scenes.py, half of them without a light, with lamps of 2.5 cycles and more; and crops of
-photographs in both directions, half of them with lamps put onto them. The
-printed coefficients, with scikit-image's sample photographs, are those of cpp/src/lights/light_probability.cpp;
+Grounds of light_scenes.py, half of them without a light, with lamps of 2.5 cycles and more; crops of photographs in
+both directions, half of them with lamps put onto them; and, one in eleven, whole scenes of light_scenes.py. The
+printed coefficients, with scikit-image's sample photographs, are those of cpp/src/lights/light_probability.cpp, of
+tones in their whole boxes and of their own pixels;
 calibration is judged fold by fold, with fits to the other folds, which have other photographs.
 
 usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--only tones|data] [--json]
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import light_scenes
@@ -24,10 +25,13 @@ from ocisac_fast import Chips, SquareWave, Tone, Waveform, _core, integrate_expo
 from ocisac_fast.packets import encode_line_code
 
 NAMES = (
-    "suspects", "cycles", "width", "texture", "uneven", "aperiodic", "uncommon", "depth", "contour"
+    "suspects", "cycles", "width", "texture", "uneven", "aperiodic", "uncommon", "depth", "contour", "company", "across"
 )  # fmt: skip
+COMPANY = NAMES.index("company")
 DATA_NAMES = ("suspects", "edges", "clock", "width", "texture", "uncommon", "aperiodic")
 NARROW = 200  # columns of a frame that a light fills
+BENCH_SCENES = 11  # every one of these is a scene of light_scenes.py
+SAME_FREQUENCY = 0.03  # relative, as of light_scenes.judge
 FOLDS = 6  # of scenes by their seeds; each has photographs of its own
 SPOT = 0.75  # reach of a lamp's light around its centre, relative to its size
 RIDGE = 1.0  # prior precision of a coefficient, of features in standard deviations
@@ -40,8 +44,12 @@ class Candidates:
     features: np.ndarray
     light: np.ndarray
     seed: np.ndarray
-    cycles: np.ndarray
     told: np.ndarray  # probability by the code
+    inside: np.ndarray  # features of its own pixels
+    listed: np.ndarray  # what the code considers at a place: the most probable one
+
+    def part(self, used: np.ndarray) -> Candidates:
+        return Candidates(*(getattr(self, field.name)[used] for field in fields(self)))
 
 
 def wave_of(random: np.random.Generator, frequency: float, data: bool) -> Waveform:
@@ -128,39 +136,51 @@ def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.n
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8), truth
 
 
+def any_scene(seed: int, photos: list[np.ndarray], data: bool) -> tuple[np.ndarray, list[dict[str, float]]]:
+    """As scene(); of tones, one in eleven with up to 20 lights."""
+    if data or seed % BENCH_SCENES:
+        return scene(seed, photos, data)
+    random = np.random.default_rng(90_000 + seed)
+    kind = light_scenes.GROUNDS[int(random.integers(len(light_scenes.GROUNDS)))]
+    frame, truth, _ = light_scenes.scene(random, int(random.integers(0, 21)), kind)
+    return frame, truth
+
+
 def is_light(
     box: tuple[int, int, int, int], frequency: float, truth: list[dict[str, float]], data: bool = False
 ) -> bool:
     """True if a box holds a light of ``truth``.
 
-    Its middle lies within the lamp, and its frequency agrees within 5 % or a quarter of a cycle over the lamp (any
-    frequency for data); or it touches the lamp's light, and its frequency agrees within 2 %.
+    Its middle lies within the lamp, and its frequency agrees within 3 % (any frequency for data); or it touches the
+    lamp's light, and its frequency agrees within 2 %.
     """
     x, y, width, height = box
     for one in truth:
         away = abs(y + height / 2 - one["row"]), abs(x + width / 2 - one["column"])
         beside = max(away[0] - height / 2, 0.0), max(away[1] - width / 2, 0.0)
         off = 0.0 if data else abs(frequency / one["frequency"] - 1)
-        if max(away) < one["size"] / 2 and off < max(0.05, 0.25 / one["cycles"]):
+        if max(away) < one["size"] / 2 and off < SAME_FREQUENCY:
             return True
         if np.hypot(*beside) < SPOT * one["size"] and off < 0.02:
             return True
     return False
 
 
-def candidates(count: int, photos: list[np.ndarray], data: bool = False) -> Candidates:
+def candidates(count: int, photos: list[np.ndarray], data: bool = False, first: int = 0) -> Candidates:
     rows: list[list[float]] = []
-    light, seeds, told, cycles = [], [], [], []
-    for seed in range(count):
-        frame, truth = scene(seed, photos, data)
+    light, seeds, told, inside, listed = [], [], [], [], []
+    for seed in range(first, first + count):
+        frame, truth = any_scene(seed, photos, data)
         found = _core.light_candidates(frame[None], light_scenes.CAMERA._handle, data)
-        for box, frequency, probability, features in found:
+        for box, frequency, probability, features, own, best in found:
             rows.append(features)
             light.append(is_light(box, frequency, truth, data))
             seeds.append(seed)
             told.append(probability)
-            cycles.append(box[3] * frequency * light_scenes.ROW_TIME)
-    return Candidates(np.array(rows), np.array(light, float), np.array(seeds), np.array(cycles), np.array(told))
+            inside.append(own)
+            listed.append(best)
+    columns = (rows, np.array(light, float), seeds, told, inside, listed)
+    return Candidates(*(np.array(column) for column in columns))
 
 
 def terms(features: np.ndarray) -> np.ndarray:
@@ -208,24 +228,28 @@ def logits(values: np.ndarray, features: np.ndarray) -> np.ndarray:
 
 
 def shrunk(found: Candidates, used: np.ndarray) -> np.ndarray:
-    """A fit to the candidates `used`, moved and scaled to what fits without a fold tell of that fold.
+    """A fit to the candidates `used`, moved, scaled and its weight of company changed to what fits without a fold tell of
+    that fold.
 
-    A fit is too sure of photographs that it has not seen: their textures are few.
+    A fit is too sure of photographs that it has not seen: their textures are few. Of two fits of a suspect the more
+    probable one is listed, which is right less often than a fit by itself.
     """
     fold = found.seed % FOLDS
     fresh = np.full(len(found.light), np.nan)
     for one in np.unique(fold[used]):
         others = used & (fold != one)
         fresh[fold == one] = logits(fitted(found.features[others], found.light[others]), found.features[fold == one])
-    design = np.stack([np.ones(int(used.sum())), fresh[used]], axis=1)
-    change = np.array([0.0, 1.0])
+    company = found.features[used][:, COMPANY : COMPANY + 1]  # none of data
+    design = np.concatenate([np.ones((int(used.sum()), 1)), fresh[used][:, None], company], axis=1)
+    change = np.eye(design.shape[1])[1]
     for _ in range(40):
         told = 1 / (1 + np.exp(-design @ change))
-        bend = (design * (told * (1 - told))[:, None]).T @ design + 1e-6 * np.eye(2)
+        bend = (design * (told * (1 - told))[:, None]).T @ design + 1e-6 * np.eye(len(change))
         step = np.linalg.solve(bend, design.T @ (found.light[used] - told))
         change = change + 0.2 * step / max(0.2, float(np.abs(step).max()))
     values = change[1] * fitted(found.features[used], found.light[used])
     values[0] += change[0]
+    values[1 + COMPANY : 1 + COMPANY + company.shape[1]] += change[2:]
     return np.asarray(values)
 
 
@@ -258,7 +282,10 @@ def main() -> None:
     report: dict[str, Any] = {"photographs": len(pictures)}
     for kind, names in (("tones", NAMES), ("data", DATA_NAMES)):
         if options.only in (None, kind):
-            report[kind] = fit(candidates(options.scenes, pictures, kind == "data"), names)
+            found = candidates(options.scenes, pictures, kind == "data")
+            report[kind] = fit(found.part(found.listed & ~found.inside), names)
+            if kind == "tones":
+                report["own pixels"] = fit(found.part(found.listed & found.inside), names)
     if options.json:
         print(json.dumps(report))
         return

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, detect_sources, integrate_exposure, reference
 from ocisac_fast.packets import encode_line_code
@@ -80,6 +80,10 @@ def test_lights_are_found_with_box_frequency_and_gain(dtype):
         assert source.reflection_of is None
 
 
+# Lamps of four cycles whose outline once biased the frequency; a round one whose sides were missing in the box.
+@example(seed=11814, dtype=np.uint8, transposed=False, reverse=False, rows=250)
+@example(seed=273, dtype=np.uint8, transposed=False, reverse=False, rows=250)
+@example(seed=320, dtype=np.uint8, transposed=False, reverse=False, rows=250)
 @settings(max_examples=4 * settings.default.max_examples // 25)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -131,6 +135,27 @@ def test_numbers_are_those_of_the_lamps_in_any_array(seed, dtype, transposed, re
         assert source.snr > 1
         assert not source.carries_data
         assert source.reflection_of is None or alike
+
+
+def test_short_lamps_have_the_frequency_that_their_error_says():
+    """Round lamps of 2.6 to 8 cycles on a slope, added to it or instead of it."""
+    errors = []
+    for seed in range(24):
+        picture, random = scene(250, 330, seed)
+        frequency, radius = random.uniform(5e3, 12e3), random.uniform(26, 32)
+        row, column = random.uniform(60, 190), random.uniform(80, 250)
+        wave = SquareWave(frequency, phase=random.uniform(-3, 3)) if seed % 2 else Tone(frequency)
+        if seed % 3 == 0:
+            y, x = np.ogrid[:250, :330]
+            inside = (y - row) ** 2 + (x - column) ** 2 < radius**2
+            picture[inside] = 15.0 + 2.0 * random.standard_normal(int(inside.sum()))
+        add_lamp(picture, row, column, radius, wave)
+        sources = detect_sources(stored(picture), CAMERA)
+        assert len(sources) == 1
+        off = abs(sources[0].frequency - frequency)
+        assert off < max(4 * sources[0].frequency_std, 0.005 * frequency)
+        errors.append(off / frequency)
+    assert np.median(errors) < 0.001
 
 
 def data_light(seed, rows_per_chip=8.0, radius=160):
@@ -336,6 +361,17 @@ def test_bars_that_stay_where_they_are_are_less_probable():
     (alone,) = detect_sources(frames[0], CAMERA)
     assert alone.probability > 0.9
     assert all(odds_of(s) < 0.2 * odds_of(alone) for s in detect_sources(frames, CAMERA))
+
+
+def test_a_light_beside_others_is_more_probable():
+    told = []
+    for others in (0, 1, 3):
+        picture, _ = scene()
+        add_lamp(picture, 240, 300, 40, SquareWave(8000.0), swing=9.0)
+        for k in range(others):
+            add_lamp(picture, 90, 100 + 200 * k, 40, SquareWave(9000.0 + 900.0 * k), swing=150.0)
+        told.append(nearest(detect_sources(stored(picture), CAMERA), 240, 300).probability)
+    assert told[0] < told[1] < told[2]
 
 
 def test_lights_are_sorted_by_their_probability():

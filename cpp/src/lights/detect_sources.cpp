@@ -28,18 +28,19 @@ constexpr double min_rows = 24;         // of a box
 constexpr std::size_t min_columns = 8;  // beside a light
 constexpr double min_periodic = 0.4;    // fraction of the swing common to the columns
 constexpr double max_uneven = 0.25;
-constexpr double clear_probability = 0.843, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
+constexpr double clear_probability = 0.87, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
 constexpr double default_false_alarms = 0.02;
 constexpr double tone_odds = 1.614, data_odds = 9;  // required at that rate; few photographs show what resembles data
 constexpr double edge_evidence = 0.5;               // nats
 constexpr double data_texture = 0.3;                // relative to the bound for a tone
 constexpr double data_periodic = 0.7;               // upper bound; a tone or a square wave has more
-constexpr double largest_spread = 0.05;             // max relative standard error of a usable frequency
+constexpr double largest_spread = 0.03, largest_own_spread = 0.015;  // max relative standard error of a frequency
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more belong to a light that sends data
 constexpr double settled_cycles = 5, settled_periodic = 0.95;
 constexpr double faint_level = 0.1;
 constexpr double much_clearer = 1.5;  // ratio of signal-to-noise ratios
-constexpr double edges_beyond = 1;    // cycles that both edges of a sharp lamp may be apart in its whole and inner box
+constexpr double edges_beyond = 1.5;  // cycles that both edges of a whole box may lie beyond those of the own pixels
+constexpr double shortest_inner = 2;  // cycles of an inner box; its outline may be longer
 constexpr double reflection_level = 0.5;  // min strength relative to another light for a separate light
 
 void check(const DetectOptions& options) {
@@ -59,8 +60,9 @@ struct Found {
   bool known = false;   // from the last frame
   std::optional<std::size_t> reflection_of = {};
   bool by_phase = false;
-  double odds = 1;  // by the phase in other frames
-  double probability = 0;
+  double odds = 1;         // by the phase in other frames
+  double alone = 0;        // probability without regard to other lights
+  double probability = 0;  // with regard to them
 };
 
 bool one_frequency(double f, double g) { return std::abs(f - g) <= frequency_apart * std::max(f, g); }
@@ -105,11 +107,14 @@ bool measurable(const DataLight& data, const LightLimits& limits, double min_evi
 // True for texture that varies periodically with the rows, unlike a picture under a light.
 bool like_text(const RefinedLight& light) { return light.texture > 0.25 && light.uneven > max_uneven; }
 
+// The pixels of an outline agree with a tone, or it is none.
 bool measurable(const RefinedLight& light, const LightLimits& limits) {
   const auto height = static_cast<double>(light.box.height);
-  return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
-         light.texture <= max_texture(light) && !like_text(light) && light.periodic >= min_periodic &&
-         light.frequency_std <= largest_spread * light.frequency;
+  const double spread = (light.inside ? largest_own_spread : largest_spread) * light.frequency;
+  if (height < limits.rows || height * light.frequency < limits.cycles || light.amplitude < limits.amplitude ||
+      !(light.frequency_std <= spread))
+    return false;
+  return light.inside || (light.texture <= max_texture(light) && !like_text(light) && light.periodic >= min_periodic);
 }
 
 // −ln of the probability that texture looks as periodic; its variation in a box counts as one independent cell per
@@ -325,13 +330,19 @@ class Look {
     const Shape shape = shape_of(frames_);
     search({0, 0, shape.columns, shape.rows});
     if (data) return data_candidates_;
-    auto tones = without_doubles(std::move(found_));
+    std::vector<LightCandidate> all;
+    const auto add = [&](const Found& one, bool listed) {
+      if (!one.data) all.push_back(candidate(one.light, one.probability, features_now(one), listed));
+    };
+    for (Found& one : tried_) {
+      update(one);
+      add(one, false);
+    }
+    auto tones = without_doubles(found_);
     std::ranges::stable_sort(refused_, std::greater{}, &Found::probability);
     for (const Found& one : refused_)
       if (std::ranges::none_of(tones, [&](const Found& other) { return doubles(one, other); })) tones.push_back(one);
-    std::vector<LightCandidate> all;
-    for (const Found& one : tones)
-      if (!one.data) all.push_back(candidate(one.light, one.probability, features_of(one.light, suspects_)));
+    for (const Found& one : tones) add(one, true);
     return all;
   }
 
@@ -342,7 +353,7 @@ class Look {
         return same(frames_, frame_, stored_.dark_level, floor_, a, b);
       };
     };
-    for (Found& one : found) sharpen(one);
+    std::erase_if(found, [&](Found& one) { return !sharpen(one); });
     join_parts(found, of(one_light_across), of(one_light_down));
     find_reflections(found);
     found.resize(std::min(found.size(), options_.max_sources));
@@ -416,7 +427,9 @@ class Look {
     const auto [first, end] = within;
     const auto columns = part_of(frames_, {first, 0, end - first, shape_of(frames_).rows});
     suspect.box.x -= first, suspect.best.x -= first;
-    auto light = refine_source(columns, frame_, stored_.dark_level, suspect, floor_, limits_, edge);
+    const LightLimits inner{limits_.rows, shortest_inner, limits_.amplitude};
+    auto light =
+        refine_source(columns, frame_, stored_.dark_level, suspect, floor_, edge == inner_box ? inner : limits_, edge);
     if (light) light->box.x += first;
     return light;
   }
@@ -447,9 +460,11 @@ class Look {
   }
 
   template <class Features>
-  [[nodiscard]] LightCandidate candidate(const RefinedLight& light, double probability,
-                                         const Features& features) const {
-    return {light.box, light.frequency / camera_.row_time, probability, {features.begin(), features.end()}};
+  [[nodiscard]] LightCandidate candidate(const RefinedLight& light, double probability, const Features& features,
+                                         bool listed) const {
+    return {light.box,    light.frequency / camera_.row_time,
+            probability,  {features.begin(), features.end()},
+            light.inside, listed};
   }
 
   // A measurable tone with its probability.
@@ -457,12 +472,12 @@ class Look {
     if (!measurable(light, limits_)) return {};
     Found one{.light = light, .part = part_of(light)};
     one.odds = phase_odds(frames_, frame_, camera_, light.box, light.frequency / camera_.row_time);
-    one.probability = probability_now(one);
+    update(one);
     return one;
   }
 
   // The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince.
-  [[nodiscard]] std::optional<Found> most_probable(const Suspect& suspect, const Columns& within) const {
+  [[nodiscard]] std::optional<Found> most_probable(const Suspect& suspect, const Columns& within) {
     const auto tone = [&](const Suspect& of, double edge) {
       const auto light = refine(of, within, edge);
       return light ? judged(*light) : std::nullopt;
@@ -470,26 +485,51 @@ class Look {
     const auto whole = tone(suspect, whole_box);
     if (whole && convincing(*whole)) return whole;
     const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
-    return !whole || (inner && inner->probability > whole->probability) ? inner : whole;
+    const bool better = inner && (!whole || inner->probability > whole->probability);
+    if (const auto& other = better ? whole : inner) tried_.push_back(*other);
+    return better ? inner : whole;
   }
 
-  // Box and frequency of a short light from its inner box where that is much clearer and shorter: texture that swings
-  // in phase with the light made its box too large. A sharp edge is 0.4 cycles further out at 0.15 of the amplitude
-  // than at 0.5.
-  void sharpen(Found& one) const {
-    const RefinedLight& whole = one.light;
-    if (one.data || static_cast<double>(whole.box.height) * whole.frequency > longest_inner) return;
-    const Suspect suspect{whole.box, whole.frequency, 1, 0, whole.box};
-    const auto inner = refine(suspect, {0, shape_of(frames_).columns}, inner_box);
-    if (!inner || !measurable(*inner, limits_) || !may_show(*inner, whole.frequency)) return;
-    const double beyond = static_cast<double>(whole.box.height) - static_cast<double>(inner->box.height);
-    if (beyond * whole.frequency < edges_beyond || inner->snr < much_clearer * whole.snr) return;
-    one.light = *inner;
-    one.part = part_of(*inner);
+  // Frequency of a short light from its own pixels, without bias by its outline. Box and measures too where they are
+  // much clearer and the box is shorter: texture that swings in phase with the light made its box too large. A sharp
+  // edge is 0.4 cycles further out at 0.15 of the amplitude than it is. False if the light is too short then.
+  [[nodiscard]] bool sharpen(Found& one) const {
+    RefinedLight& light = one.light;
+    if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > longest_inner)
+      return true;
+    const auto own = refine({light.box, light.frequency, 1, 0, light.box}, {0, shape_of(frames_).columns}, inner_box);
+    if (!own || !may_show(*own, light.frequency)) return true;
+    const bool fits = measurable(*own, limits_);
+    const auto shorter = static_cast<double>(light.box.height) - static_cast<double>(own->box.height);
+    const bool smaller = shorter * light.frequency >= edges_beyond || much_narrower(own->box, light.box);
+    if (!one.known && smaller && own->snr >= much_clearer * light.snr) {
+      light = *own;
+      one.part = part_of(light);
+      return fits;
+    }
+    if (fits) light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
+    return true;
   }
 
-  [[nodiscard]] double probability_now(const Found& one) const {
-    return with_odds(probability_of(features_of(one.light, suspects_)), one.odds);
+  // Expected number of other lights among those found: pictures that show some show more.
+  [[nodiscard]] double company_of(const Found& one) const {
+    double sum = 0;
+    for (const Found& other : found_)
+      if (!other.data && !doubles(one, other)) sum += other.alone;
+    return sum;
+  }
+
+  [[nodiscard]] ToneFeatures features_now(const Found& one) const {
+    return features_of(one.light, suspects_, company_of(one));
+  }
+
+  // Probabilities of a tone beside the suspects and lights of now.
+  void update(Found& one) const {
+    const auto told = [&](const ToneFeatures& features) {
+      return with_odds(probability_of(features, one.light.inside), one.odds);
+    };
+    one.alone = told(features_of(one.light, suspects_, 0));
+    one.probability = told(features_now(one));
   }
 
   [[nodiscard]] bool convincing(const Found& one) const {
@@ -513,8 +553,8 @@ class Look {
     for (;;) {
       suspects_ = 1;
       for (const Suspect& suspect : suspects) suspects_ += is_explained(suspect) ? 0 : 1;
-      for (std::size_t i = earlier; i < found_.size(); ++i) found_[i].probability = probability_now(found_[i]);
-      for (Found& one : refused_) one.probability = probability_now(one);
+      for (std::size_t i = earlier; i < found_.size(); ++i) update(found_[i]);
+      for (Found& one : refused_) update(one);
       const auto next = std::ranges::find_if(refused_, acceptable);
       if (next == refused_.end()) return;
       const Found one = *next;
@@ -541,7 +581,7 @@ class Look {
       const DataFeatures features = features_of(*data, suspects.size());
       const double probability = with_odds(probability_of(features),
                                            waveform_odds(frames_, frame_, stored_.dark_level, floor_, part_of(light)));
-      data_candidates_.push_back(candidate(light, probability, features));
+      data_candidates_.push_back(candidate(light, probability, features, true));
       if (probability < probability_for(data_odds, options_.false_alarms)) continue;
       if (made_of_tones(light)) {
         tones.push_back(light);
@@ -575,6 +615,7 @@ class Look {
   double floor_ = 0, least_probability_;
   std::size_t suspects_ = 1;  // that no light explains, in the last search
   std::vector<Found> found_, refused_;
+  std::vector<Found> tried_;  // fits of suspects that have a more probable one
   std::vector<LightCandidate> data_candidates_;
 };
 

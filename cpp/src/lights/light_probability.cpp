@@ -10,9 +10,12 @@ namespace {
 constexpr double rounding = 0.01;       // of shares near 0
 constexpr double clear_texture = 0.25;  // below it noise, which log light shows in dark rows, makes texture uneven
 
-constexpr double intercept = -17.504;
-constexpr ToneFeatures linear{-0.887, 6.944, 3.403, -1.705, -5.656, -3.142, -0.846, 3.501, 0.806};
-constexpr ToneFeatures square{0, -1.05, -0.57, -0.273, 6.926, -0.555, -0.009, -1.29, 1.144};
+constexpr double intercept = -18.673;
+constexpr ToneFeatures linear{-1.029, 4.853, 1.9, -0.546, -1.407, -3.92, -0.248, 4.782, 0.17, 1.646, 0.148};
+constexpr ToneFeatures square{0, -0.198, -0.271, -0.06, 6.883, -0.553, -0.114, -3.047, 2.032, -0.208, 0.364};
+constexpr double inner_intercept = -7.623;
+constexpr ToneFeatures inner_linear{-0.954, 3.034, 2.592, -0.989, 0.976, 1.666, -0.587, 6.602, 1.124, 1.34, -0.771};
+constexpr ToneFeatures inner_square{0, -0.629, -0.292, 0.078, -4.245, 0.236, -0.004, -7.434, -0.725, 0.024, 0.083};
 constexpr double data_intercept = -6.959;
 constexpr DataFeatures data_linear{-1, 0.662, 0.131, 1.561, -1.526, 0.215, -9.803};
 constexpr DataFeatures data_square{0, 0.092, 0.288, 0.15, 0.148, 0.019, -6.611};
@@ -28,7 +31,7 @@ double logistic(double sum, const Features& linear_terms, const Features& square
 
 }  // namespace
 
-ToneFeatures features_of(const RefinedLight& light, std::size_t suspects) {
+ToneFeatures features_of(const RefinedLight& light, std::size_t suspects, double company) {
   const double cycles = light.frequency * static_cast<double>(light.box.height);
   return {std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))),
           std::log(cycles),
@@ -38,7 +41,9 @@ ToneFeatures features_of(const RefinedLight& light, std::size_t suspects) {
           log_share(1 - light.periodic),
           log_share(1 - light.common),
           std::min(light.depth, 1.0),
-          light.contour};
+          light.contour,
+          std::log1p(company),
+          log_share(light.across)};
 }
 
 DataFeatures features_of(const DataLight& data, std::size_t suspects) {
@@ -52,7 +57,10 @@ DataFeatures features_of(const DataLight& data, std::size_t suspects) {
           log_share(1 - data.periodic)};
 }
 
-double probability_of(const ToneFeatures& features) { return logistic(intercept, linear, square, features); }
+double probability_of(const ToneFeatures& features, bool inside) {
+  return inside ? logistic(inner_intercept, inner_linear, inner_square, features)
+                : logistic(intercept, linear, square, features);
+}
 
 double probability_of(const DataFeatures& features) {
   return logistic(data_intercept, data_linear, data_square, features);

@@ -9,15 +9,17 @@
 
 namespace ocisac {
 
-using ToneFeatures = std::array<double, 9>;
+using ToneFeatures = std::array<double, 11>;
 using DataFeatures = std::array<double, 7>;
 
-// Features of the logistic models; `suspects`: number of suspects in the picture.
-ToneFeatures features_of(const RefinedLight& light, std::size_t suspects);
+// Features of the logistic models; `suspects`: number of suspects in the picture that no light explains; `company`:
+// expected number of other lights among those found.
+ToneFeatures features_of(const RefinedLight& light, std::size_t suspects, double company);
 DataFeatures features_of(const DataLight& data, std::size_t suspects);
 
 // 1/(1 + e^{−(c + Σ a·x + Σ b·x²)}) of the features x; coefficients by bench/light_probability.py.
-double probability_of(const ToneFeatures& features);
+// `inside`: of a light's own pixels.
+double probability_of(const ToneFeatures& features, bool inside);
 double probability_of(const DataFeatures& features);
 
 }  // namespace ocisac

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <numeric>
 #include <span>
 #include <utility>
@@ -16,9 +17,17 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr std::size_t max_orders = 3;
-constexpr std::size_t max_groups = 16;   // of a jackknife
-constexpr double dependent = 1e-9;       // relative energy of a column that others explain
-constexpr double frequency_step = 1e-7;  // cycles per row, of the search's end
+constexpr std::size_t max_groups = 16;  // of a jackknife
+constexpr double dependent = 1e-9;      // relative energy of a column that others explain
+constexpr int ascents = 3;              // Newton steps of a frequency
+constexpr int outline_rounds = 6;
+constexpr double outline_reach = 0.12;  // of the frequency in a round, relative
+constexpr double outlier = 9;           // squared, in standard deviations
+constexpr double smallest_spread = 1e-3, median_of_normal = 0.6745;
+constexpr double excluded = -1e3;
+constexpr std::size_t min_beyond = 4;  // rows
+
+double squared(double x) { return x * x; }
 
 double product(std::span<const double> a, std::span<const double> b) {
   return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
@@ -28,16 +37,19 @@ void subtract(std::vector<double>& from, double factor, std::span<const double> 
   for (std::size_t n = 0; n < from.size(); ++n) from[n] -= factor * other[n];
 }
 
-// Weighted least squares of the profile on mean, slope and harmonics by modified Gram-Schmidt.
+// Weighted least squares of the profile on mean, slope, curvature (of a bright core) and harmonics, whose amplitude
+// may change along the rows as a slope beneath the lamp makes it, by modified Gram-Schmidt. Rows without weight have
+// the continued fit.
 class ToneFit {
  public:
-  ToneFit(const OwnPixels& pixels, double frequency) : profile_(pixels.profile) {
+  ToneFit(const OwnPixels& pixels, double frequency) : all_(pixels.profile.size()) {
     for (const double weight : pixels.weight) root_.push_back(std::sqrt(weight));
-    for (std::size_t n = 0; n < root_.size(); ++n) rest_.push_back(root_[n] * profile_[n]);
+    for (std::size_t n = 0; n < root_.size(); ++n) rest_.push_back(root_[n] * pixels.profile[n]);
     const double middle = 0.5 * static_cast<double>(root_.size());
     add([](std::size_t) { return 1.0; });
     add([&](std::size_t n) { return static_cast<double>(n) - middle; });
-    slow_ = fitted();
+    add([&](std::size_t n) { return squared(static_cast<double>(n) - middle); });
+    slow_ = all_;
     const double before = product(rest_, rest_);
     const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, max_orders);
     const Turns turns = turns_of(frequency, root_.size());
@@ -48,113 +60,291 @@ class ToneFit {
       add([&](std::size_t n) { return harmonic[n].real(); });
       add([&](std::size_t n) { return harmonic[n].imag(); });
     }
+    std::vector<double> tone(all_);
+    subtract(tone, 1, slow_);
+    add([&](std::size_t n) { return (static_cast<double>(n) - middle) * tone[n]; });
     tone_ = before - product(rest_, rest_);
   }
 
   // Σ weight·x² of the tone.
   [[nodiscard]] double tone() const { return tone_; }
-  // (rows): mean and slope; all fitted terms.
+  // (rows): all but the tone; all fitted terms.
   [[nodiscard]] const std::vector<double>& slow() const { return slow_; }
-  [[nodiscard]] std::vector<double> fitted() const {
-    std::vector<double> out(root_.size());
-    for (std::size_t n = 0; n < out.size(); ++n) out[n] = root_[n] > 0 ? profile_[n] - rest_[n] / root_[n] : 0;
-    return out;
-  }
+  [[nodiscard]] const std::vector<double>& fitted() const { return all_; }
+  [[nodiscard]] double terms() const { return static_cast<double>(basis_.size()); }
 
  private:
   void add(const auto& function) {
-    std::vector<double> column(root_.size());
-    for (std::size_t n = 0; n < column.size(); ++n) column[n] = root_[n] * function(n);
+    std::vector<double> term(root_.size()), column(root_.size());
+    for (std::size_t n = 0; n < column.size(); ++n) term[n] = function(n), column[n] = root_[n] * term[n];
     const double before = product(column, column);
-    for (const auto& other : basis_) subtract(column, product(column, other), other);
+    for (std::size_t k = 0; k < basis_.size(); ++k) {
+      const double shared = product(column, basis_[k]);
+      subtract(column, shared, basis_[k]);
+      subtract(term, shared, terms_[k]);
+    }
     const double energy = product(column, column);
     if (!(energy > dependent * before)) return;
     for (double& value : column) value /= std::sqrt(energy);
-    subtract(rest_, product(column, rest_), column);
+    for (double& value : term) value /= std::sqrt(energy);
+    const double amount = product(rest_, column);
+    subtract(rest_, amount, column);
+    subtract(all_, -amount, term);
     basis_.push_back(std::move(column));
+    terms_.push_back(std::move(term));
   }
 
-  const std::vector<double>& profile_;
-  std::vector<double> root_, rest_, slow_;
-  std::vector<std::vector<double>> basis_;
+  std::vector<double> root_, rest_, slow_, all_;
+  std::vector<std::vector<double>> basis_, terms_;  // weighted, orthonormal; the same without weights
   double tone_ = 0;
 };
 
 double tone_energy(const OwnPixels& pixels, double frequency) { return ToneFit(pixels, frequency).tone(); }
 
-// Distance to the maximum of the energy near a frequency: a Newton step by differences.
-double to_maximum(const OwnPixels& pixels, double frequency) {
-  const double step = 0.02 / static_cast<double>(pixels.profile.size());
-  const double below = tone_energy(pixels, frequency - step), above = tone_energy(pixels, frequency + step);
-  const double bend = 2 * tone_energy(pixels, frequency) - below - above;
-  return bend > 0 ? 0.5 * step * (above - below) / bend : frequency;
+// Rows with own pixels, from the first to the last: [first, second).
+std::pair<std::size_t, std::size_t> own_rows(const OwnPixels& pixels) {
+  std::size_t first = 0, end = pixels.weight.size();
+  while (first < end && !(pixels.weight[first] > 0)) ++first;
+  while (end > first && !(pixels.weight[end - 1] > 0)) --end;
+  return {first, end};
 }
 
-// Jackknife over groups of cycles: texture over a light has no independent rows.
+// The energy around a frequency by differences, of a light of that many rows.
+struct Peak {
+  double to_maximum;  // distance by a Newton step; the frequency itself where there is no maximum
+  double curvature;   // −d²/df²
+};
+
+Peak peak_near(const OwnPixels& pixels, double frequency, double rows) {
+  const double step = 0.02 / rows;
+  const double below = tone_energy(pixels, frequency - step), above = tone_energy(pixels, frequency + step);
+  const double bend = 2 * tone_energy(pixels, frequency) - below - above;
+  return {bend > 0 ? 0.5 * step * (above - below) / bend : frequency, bend / (step * step)};
+}
+
+// Σ weight·x² of what no term explains, per row.
+double rest_of_row(const OwnPixels& pixels, double frequency) {
+  const ToneFit fit(pixels, frequency);
+  double sum = 0, rows = 0;
+  for (std::size_t n = 0; n < pixels.weight.size(); ++n) {
+    const double rest = pixels.profile[n] - fit.fitted()[n];
+    sum += pixels.weight[n] * rest * rest, rows += pixels.weight[n] > 0 ? 1 : 0;
+  }
+  return sum / std::max(rows - fit.terms(), 1.0);
+}
+
+// The larger one of a jackknife over groups of cycles, as texture over a light has no independent rows, and of least
+// squares with independent rows, σ² = 2·rest/curvature, since few groups may agree by chance.
 double standard_error(const OwnPixels& pixels, double frequency) {
-  const std::size_t rows = pixels.profile.size();
+  const auto [begin, last] = own_rows(pixels);
+  const std::size_t rows = last - begin;
   const auto groups =
       std::clamp<std::size_t>(static_cast<std::size_t>(static_cast<double>(rows) * frequency), 4, max_groups);
   OwnPixels rest{{}, {}, pixels.profile, pixels.weight};
   double sum = 0, square = 0;
   for (std::size_t k = 0; k < groups; ++k) {
-    const auto first = static_cast<std::ptrdiff_t>(k * rows / groups);
-    const auto end = static_cast<std::ptrdiff_t>((k + 1) * rows / groups);
+    const auto first = static_cast<std::ptrdiff_t>(begin + k * rows / groups);
+    const auto end = static_cast<std::ptrdiff_t>(begin + (k + 1) * rows / groups);
     std::fill(rest.weight.begin() + first, rest.weight.begin() + end, 0.0);
-    const double moved = to_maximum(rest, frequency);
+    const double moved = peak_near(rest, frequency, static_cast<double>(rows)).to_maximum;
     sum += moved, square += moved * moved;
     std::copy(pixels.weight.begin() + first, pixels.weight.begin() + end, rest.weight.begin() + first);
   }
   const auto count = static_cast<double>(groups);
-  return std::sqrt(std::max(square - sum * sum / count, 0.0) * (count - 1) / count);
+  const double spread = std::max(square - sum * sum / count, 0.0) * (count - 1) / count;
+  const double curvature = peak_near(pixels, frequency, static_cast<double>(rows)).curvature;
+  const double noise = curvature > 0 ? 2 * rest_of_row(pixels, frequency) / curvature : squared(frequency);
+  return std::sqrt(std::max(spread, noise));
 }
 
-double squared(double x) { return x * x; }
+// Moves each group by the mean over its own pixels less `wanted` (rows), and sums up its profile.
+void centre(OwnPixels& pixels, std::span<const double> wanted) {
+  const std::size_t rows = pixels.profile.size(), groups = pixels.light.size() / rows;
+  std::vector<double> moves(groups), counts(groups);
+  for (std::size_t n = 0; n < rows; ++n)
+    for (std::size_t g = 0; g < groups; ++g)
+      if (pixels.own[n * groups + g]) moves[g] += pixels.light[n * groups + g] - wanted[n], counts[g] += 1;
+  std::ranges::fill(pixels.profile, 0.0);
+  std::ranges::fill(pixels.weight, 0.0);
+  for (std::size_t n = 0; n < rows; ++n) {
+    for (std::size_t g = 0; g < groups; ++g) {
+      const std::size_t i = n * groups + g;
+      if (counts[g] > 0) pixels.light[i] -= moves[g] / counts[g];
+      if (pixels.own[i]) pixels.profile[n] += pixels.light[i], pixels.weight[n] += 1;
+    }
+    if (pixels.weight[n] > 0) pixels.profile[n] /= pixels.weight[n];
+  }
+}
+
+// The range [first, second) of the largest sum; empty if no value is positive.
+std::pair<std::size_t, std::size_t> largest_range(std::span<const double> values) {
+  std::pair<std::size_t, std::size_t> best{0, 0};
+  double largest = 0, sum = 0;
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    sum += values[i];
+    if (sum <= 0) sum = 0, first = i + 1;
+    if (sum > largest) largest = sum, best = {first, i + 1};
+  }
+  return best;
+}
+
+// A normal distribution; its ln is bounded at outliers.
+struct Normal {
+  double mean = 0, variance = 0;
+
+  [[nodiscard]] double log_density(double x) const {
+    return -0.5 * std::log(variance) - 0.5 * std::min(squared(x - mean) / variance, outlier);
+  }
+};
+
+// What lies in a group above or below its own rows; absent for few rows.
+std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::size_t first, std::size_t end) {
+  if (end < first + min_beyond) return {};
+  const std::size_t groups = pixels.light.size() / pixels.profile.size();
+  double sum = 0, squares = 0;
+  for (std::size_t n = first; n < end; ++n) {
+    const double x = pixels.light[n * groups + group];
+    sum += x, squares += x * x;
+  }
+  const auto count = static_cast<double>(end - first);
+  return Normal{sum / count, std::max(squares / count - squared(sum / count), squared(smallest_spread))};
+}
+
+// Variance by the median of absolute values, which it reorders.
+double robust_variance(std::vector<double>& sizes) {
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::ranges::nth_element(sizes, middle);
+  return squared(std::max(*middle / median_of_normal, smallest_spread));
+}
+
+// Logarithm of the likelihood of each pixel as the light's, N(slow + tone, s²), over that of the likelier of texture
+// that swings as much, N(slow, s² + tone²), and of what lies above or below it. Groups without own pixels are excluded.
+std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fit) {
+  const std::vector<double>&slow = fit.slow(), all = fit.fitted();
+  const std::size_t rows = pixels.profile.size(), groups = pixels.light.size() / rows;
+  std::vector<double> residuals;
+  double swing = 0, low = std::numeric_limits<double>::infinity(), high = -low;
+  for (std::size_t n = 0; n < rows; ++n) {
+    if (!(pixels.weight[n] > 0)) continue;
+    low = std::min(low, slow[n]), high = std::max(high, slow[n]);
+    swing += pixels.weight[n] * squared(all[n] - slow[n]);
+    for (std::size_t i = n * groups; i < (n + 1) * groups; ++i)
+      if (pixels.own[i]) residuals.push_back(std::abs(pixels.light[i] - all[n]));
+  }
+  std::vector<double> ratios(pixels.light.size());
+  if (residuals.empty()) return ratios;
+  swing /= static_cast<double>(residuals.size());
+  const double own = robust_variance(residuals);
+  for (std::size_t g = 0; g < groups; ++g) {
+    std::size_t first = 0, end = rows;
+    while (first < end && !pixels.own[first * groups + g]) ++first;
+    while (end > first && !pixels.own[(end - 1) * groups + g]) --end;
+    if (first == end) continue;
+    const auto above = beyond(pixels, g, 0, first), below = beyond(pixels, g, end, rows);
+    for (std::size_t n = 0; n < rows; ++n) {
+      const double x = pixels.light[n * groups + g], level = std::clamp(slow[n], low, high);
+      double other = Normal{level, own + swing}.log_density(x);
+      if (const auto& side = 2 * n < first + end ? above : below) other = std::max(other, side->log_density(x));
+      ratios[n * groups + g] = Normal{level + all[n] - slow[n], own}.log_density(x) - other;
+    }
+  }
+  return ratios;
+}
+
+// The light's own pixels by their likelihood ratios, each group with its neighbours: at least a cycle of a group, and
+// groups side by side.
+void select(OwnPixels& pixels, const ToneFit& fit, double frequency) {
+  const std::vector<double> ratios = likelihood_ratios(pixels, fit);
+  const std::size_t rows = pixels.profile.size(), groups = pixels.light.size() / rows;
+  std::vector<double> sums(rows), of_groups(groups, excluded);
+  std::ranges::fill(pixels.own, std::uint8_t{0});
+  for (std::size_t g = 0; g < groups; ++g) {
+    for (std::size_t n = 0; n < rows; ++n) {
+      const double* at = &ratios[n * groups + g];
+      sums[n] = at[0] + (g > 0 ? at[-1] : 0) + (g + 1 < groups ? at[1] : 0);
+    }
+    const auto [first, end] = largest_range(sums);
+    if (static_cast<double>(end - first) * frequency < 1) continue;
+    of_groups[g] = 0;
+    for (std::size_t n = first; n < end; ++n) pixels.own[n * groups + g] = 1, of_groups[g] += ratios[n * groups + g];
+  }
+  const auto [left, right] = largest_range(of_groups);
+  for (std::size_t i = 0; i < pixels.own.size(); ++i)
+    if (i % groups < left || i % groups >= right) pixels.own[i] = 0;
+  centre(pixels, fit.fitted());
+}
 
 }  // namespace
 
-OwnPixels own_pixels(const Patch& patch, const SwingMap& swing, const PatchRange& box, double least) {
+OwnPixels own_pixels(const Patch& patch, const SwingMap& swing, const PatchRange& box, std::size_t reach,
+                     double least) {
   Complex sum = 0;
   for (std::size_t n = box.first_row; n < box.end_row; ++n)
     for (std::size_t g = box.first_group; g < box.end_group; ++g) sum += swing[n * patch.stride + g];
   const Complex phase = sum == Complex(0) ? Complex(1) : sum / std::abs(sum);
-  const std::size_t rows = box.end_row - box.first_row, groups = box.end_group - box.first_group;
-  OwnPixels out{std::vector<double>(rows * groups), std::vector<std::uint8_t>(rows * groups), std::vector<double>(rows),
-                std::vector<double>(rows)};
-  std::vector<double> means(groups), counts(groups);
+  const std::size_t first = box.first_row - std::min(box.first_row, reach);
+  const std::size_t rows = std::min(box.end_row + reach, patch.rows) - first, groups = box.end_group - box.first_group;
+  OwnPixels out{
+      std::vector<double>(rows * groups),
+      std::vector<std::uint8_t>(rows * groups),
+      std::vector<double>(rows),
+      std::vector<double>(rows),
+      {patch.first_column + box.first_group * patch.group, patch.first_row + first, groups * patch.group, rows},
+      patch.group};
   for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t g = 0; g < groups; ++g) {
-      const std::size_t from = (box.first_row + n) * patch.stride + box.first_group + g, to = n * groups + g;
+      const std::size_t row = first + n, from = row * patch.stride + box.first_group + g, to = n * groups + g;
       out.light[to] = patch.logs[from];
-      out.own[to] = swing.real[from] * phase.real() + swing.imaginary[from] * phase.imag() > least;
-      if (out.own[to]) means[g] += out.light[to], counts[g] += 1;
+      out.own[to] = row >= box.first_row && row < box.end_row &&
+                    swing.real[from] * phase.real() + swing.imaginary[from] * phase.imag() > least;
     }
-  for (std::size_t n = 0; n < rows; ++n) {
-    for (std::size_t g = 0; g < groups; ++g) {
-      const std::size_t i = n * groups + g;
-      if (counts[g] > 0) out.light[i] -= means[g] / counts[g];
-      if (out.own[i]) out.profile[n] += out.light[i], out.weight[n] += 1;
-    }
-    if (out.weight[n] > 0) out.profile[n] /= out.weight[n];
-  }
+  centre(out, std::vector<double>(rows));
   return out;
 }
 
 double strongest_frequency(const OwnPixels& pixels, double lower, double upper) {
-  double step = 0.125 / static_cast<double>(pixels.profile.size()), best = lower, most = -1;
+  const auto [first, end] = own_rows(pixels);
+  if (first == end) return lower;
+  const auto rows = static_cast<double>(end - first);
+  const double step = 0.125 / rows;
   const auto count = static_cast<std::size_t>((upper - lower) / step) + 1;
-  const auto look_at = [&](double frequency) {
+  double best = lower, most = -1;
+  for (std::size_t i = 0; i <= count; ++i) {
+    const double frequency = std::min(lower + static_cast<double>(i) * step, upper);
     const double energy = tone_energy(pixels, frequency);
     if (energy > most) most = energy, best = frequency;
-  };
-  for (std::size_t i = 0; i <= count; ++i) look_at(std::min(lower + static_cast<double>(i) * step, upper));
-  if (best <= lower || best >= upper) return best;
-  for (; step > frequency_step; step *= 0.5) {
-    const double middle = best;
-    look_at(middle - 0.5 * step);
-    look_at(middle + 0.5 * step);
   }
+  if (best <= lower || best >= upper) return best;
+  for (int ascent = 0; ascent < ascents; ++ascent)
+    best += std::clamp(peak_near(pixels, best, rows).to_maximum, -0.5 * step, 0.5 * step);
   return best;
+}
+
+std::optional<double> fit_outline(OwnPixels& pixels, double frequency) {
+  centre(pixels, std::vector<double>(pixels.profile.size()));
+  for (int round = 0; round < outline_rounds; ++round) {
+    const double lower = frequency * (1 - outline_reach), upper = std::min(frequency * (1 + outline_reach), 0.499);
+    frequency = strongest_frequency(pixels, lower, upper);
+    if (frequency <= lower || frequency >= upper) return {};
+    const ToneFit fit(pixels, frequency);
+    centre(pixels, fit.fitted());
+    const std::vector<std::uint8_t> before = pixels.own;
+    select(pixels, fit, frequency);
+    const auto [first, end] = own_rows(pixels);
+    if (first == end) return {};
+    if (pixels.own == before) break;
+  }
+  return frequency;
+}
+
+Region own_box(const OwnPixels& pixels) {
+  const auto [first, end] = own_rows(pixels);
+  const std::size_t groups = pixels.light.size() / pixels.profile.size();
+  std::size_t left = groups, right = 0;
+  for (std::size_t i = 0; i < pixels.own.size(); ++i)
+    if (pixels.own[i]) left = std::min(left, i % groups), right = std::max(right, i % groups + 1);
+  return {pixels.box.x + left * pixels.group, pixels.box.y + first, (right - left) * pixels.group, end - first};
 }
 
 RefinedLight light_of(const OwnPixels& pixels, double frequency, double noise) {
@@ -181,7 +371,7 @@ RefinedLight light_of(const OwnPixels& pixels, double frequency, double noise) {
   }
   RefinedLight light{};
   light.frequency = frequency, light.frequency_std = standard_error(pixels, frequency);
-  light.phase = phase_at_start(tone, frequency, 0);
+  light.phase = phase_at_start(tone, frequency, pixels.box.y);
   if (!(total > 0)) return light;
   const double explained = std::clamp(1 - rest / total, 0.0, 1.0);
   light.snr = explained / std::max(1 - explained, 1e-12);

@@ -218,10 +218,23 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Reg
   return profile;
 }
 
-// Properties that distinguish a lamp from texture: its bars fill a bright contour.
+// Properties that distinguish a lamp from texture: its bars fill a bright contour, and all of them have one phase.
 struct Appearance {
-  double depth = 0, contour = 0;
+  double depth = 0, contour = 0, across = 0;
 };
+
+// Σ Im²(z·φ*) / Σ |z|² of the swing z in the box; φ: phase of Σ z.
+double across_phase(const Patch& patch, const SwingMap& swing, const PatchRange& core) {
+  Complex sum = 0, squares = 0;
+  double energy = 0;
+  for_each(patch, core, [&](std::size_t i, std::size_t) {
+    const Complex z = swing[i];
+    sum += z, squares += product(z, z), energy += std::norm(z);
+  });
+  if (!(energy > 0) || sum == Complex(0)) return 0;
+  const Complex phase = sum / std::abs(sum);
+  return std::max(0.5 - 0.5 * product(squares, std::conj(product(phase, phase))).real() / energy, 0.0);
+}
 
 Appearance appearance_of(const Patch& patch, const SwingMap& swing, const Region& box, double frequency) {
   const auto mean = local_means(patch.light, patch.rows, patch.stride, hann_length(frequency));
@@ -250,6 +263,7 @@ Appearance appearance_of(const Patch& patch, const SwingMap& swing, const Region
     weighted += s * s, light += s * std::max(mean[i], 0.0);
   });
   out.depth = light > 0 ? weighted / light : 0;
+  out.across = across_phase(patch, swing, core);
   return out;
 }
 
@@ -292,7 +306,8 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Appearanc
       std::max(profile.energy * (1 - explained) - profile.noise, 0.0) / std::max(profile.energy * explained, 1e-300),
       profile.uneven,
       appearance.depth,
-      appearance.contour};
+      appearance.contour,
+      appearance.across};
 }
 
 }  // namespace
@@ -316,7 +331,8 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     const bool inside = edge != whole_box;
     if (inside && static_cast<double>(box.height) * frequency > longest_inner) return {};
     const Profile profile = inside ? Profile{} : profile_of(patch, demodulator, box, frequency);
-    const OwnPixels own = inside ? own_pixels(patch, swing, patch.range(box), edge * lit->amplitude) : OwnPixels{};
+    const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
+    OwnPixels own = inside ? own_pixels(patch, swing, patch.range(box), 2 * cycle, edge * lit->amplitude) : OwnPixels{};
     const double reach = round == 1 ? first_reach : frequency_reach, last = frequency;
     const double lower = frequency * (1 - reach), upper = std::min(frequency * (1 + reach), 0.499);
     frequency = inside ? strongest_frequency(own, lower, upper) : strongest_frequency(profile.matched, lower, upper);
@@ -328,9 +344,15 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     box.width = std::min(box.width, shape_of(frames).columns - box.x);
     const Appearance appearance = appearance_of(patch, swing, box, frequency);
     if (inside) {
-      RefinedLight light = light_of(own, frequency, noise_variance(patch, patch.range(box)));
-      light.box = box, light.phase -= 2 * std::numbers::pi * std::fmod(frequency * static_cast<double>(box.y), 1.0);
+      const auto fitted = fit_outline(own, frequency);
+      if (!fitted) return {};
+      const Region mine = own_box(own);
+      if (much_narrower(mine, box)) box.x = mine.x, box.width = mine.width;
+      box.y = mine.y, box.height = mine.height;
+      RefinedLight light = light_of(own, *fitted, noise_variance(patch, patch.range(box)));
+      light.box = box;
       light.amplitude = 2 * lit->amplitude, light.depth = appearance.depth, light.contour = appearance.contour;
+      light.across = appearance.across, light.inside = true;
       return light;
     }
     const double error =

@@ -26,11 +26,17 @@ struct RefinedLight {
   double uneven;                    // modulation depth of the texture at the frequency; 0 where light multiplies it
   double depth = 0;                 // swing over mean light, where it is bright in the box
   double contour = 0;               // correlation of local swing and local light, in the box and around it
+  double across = 0;                // energy of the box's swing in quadrature to its sum, over all of it
+  bool inside = false;              // box and measures are those of the light's own pixels
 };
 
 // Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
 constexpr double whole_box = 0.15, inner_box = 0.5;
 constexpr double longest_inner = 12;  // cycles in an inner box
+
+// True for a box of the light's own pixels if the other one's columns hold something else too. The sides of a round
+// lamp, which it fills in part, may be missing in the former.
+inline bool much_narrower(const Region& own, const Region& other) { return 5 * own.width < 3 * other.width; }
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of
 // the light's swing. The box is the region where the swing has the phase of its sum. The frequency maximises the energy

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <random>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -177,6 +178,41 @@ TEST_CASE("a short tone on a slope is measured without bias from its own pixels"
       CHECK(light.texture < 1e-6);
       CHECK(light.frequency_std < 3e-4 * frequency);
     }
+}
+
+TEST_CASE("outline and frequency of a short lamp are found together, whatever lies around it") {
+  constexpr std::size_t count = 90, groups = 8, first = 28, end = 64;
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> noise(0, 0.05);
+  for (const double cycles : {2.9, 3.3, 4.4})
+    for (const double ground : {-0.7, 0.0, 0.8})
+      for (const double phase : {0.0, 1.1, 2.3, 4.0}) {
+        const double frequency = cycles / (end - first);
+        OwnPixels pixels{std::vector<double>(count * groups),
+                         std::vector<std::uint8_t>(count * groups),
+                         std::vector<double>(count),
+                         std::vector<double>(count),
+                         {5, 7, groups, count}};
+        for (std::size_t n = 0; n < count; ++n)
+          for (std::size_t g = 0; g < groups; ++g) {
+            const bool lit = n >= first && n < end && g >= 1 && g < 7;
+            const double angle = 2 * std::numbers::pi * frequency * static_cast<double>(n) + phase;
+            pixels.light[n * groups + g] = (lit ? std::cos(angle) : ground) + noise(random);
+            pixels.own[n * groups + g] = n >= first + 4 && n < end + 6 && g < 7;
+          }
+        const auto found = fit_outline(pixels, 1.05 * frequency);
+        CAPTURE(cycles);
+        CAPTURE(ground);
+        CAPTURE(phase);
+        REQUIRE(found);
+        CHECK(*found == doctest::Approx(frequency).epsilon(0.01));
+        const Region box = own_box(pixels);
+        CHECK(box.x >= 6);  // groups beside the ground may be lost
+        CHECK(box.right() <= 12);
+        CHECK(box.width >= 4);
+        CHECK(std::abs(static_cast<double>(box.y) - (7 + first)) <= 2);
+        CHECK(std::abs(static_cast<double>(box.bottom()) - (7 + end)) <= 2);
+      }
 }
 
 TEST_CASE("options without meaning are refused") {

@@ -51,6 +51,8 @@ struct LightCandidate {
   double frequency;  // Hz
   double probability;
   std::vector<double> features;
+  bool inside;  // features of a light's own pixels
+  bool listed;  // else another fit of the same suspect is more probable, or a light was found there
 };
 
 // All tones of one frame that may be lights, or waveforms that may be data, of any probability: what the models of the
