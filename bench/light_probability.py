@@ -228,11 +228,10 @@ def logits(values: np.ndarray, features: np.ndarray) -> np.ndarray:
 
 
 def shrunk(found: Candidates, used: np.ndarray) -> np.ndarray:
-    """A fit to the candidates `used`, moved, scaled and its weight of company changed to what fits without a fold tell of
-    that fold.
+    """A fit to the candidates `used`, corrected to what fits without a fold tell of that fold.
 
-    A fit is too sure of photographs that it has not seen: their textures are few. Of two fits of a suspect the more
-    probable one is listed, which is right less often than a fit by itself.
+    It is moved, scaled, and its weight of company changed. A fit is too sure of photographs that it has not seen: their
+    textures are few. Of two fits of a suspect the more probable one is listed, which is right less often.
     """
     fold = found.seed % FOLDS
     fresh = np.full(len(found.light), np.nan)

@@ -30,10 +30,10 @@ constexpr double min_periodic = 0.4;    // fraction of the swing common to the c
 constexpr double max_uneven = 0.25;
 constexpr double clear_probability = 0.87, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
 constexpr double default_false_alarms = 0.02;
-constexpr double tone_odds = 1.614, data_odds = 9;  // required at that rate; few photographs show what resembles data
-constexpr double edge_evidence = 0.5;               // nats
-constexpr double data_texture = 0.3;                // relative to the bound for a tone
-constexpr double data_periodic = 0.7;               // upper bound; a tone or a square wave has more
+constexpr double tone_odds = 3, data_odds = 9;  // required at that rate; few photographs show what resembles data
+constexpr double edge_evidence = 0.5;           // nats
+constexpr double data_texture = 0.3;            // relative to the bound for a tone
+constexpr double data_periodic = 0.7;           // upper bound; a tone or a square wave has more
 constexpr double largest_spread = 0.03, largest_own_spread = 0.015;  // max relative standard error of a frequency
 constexpr double frequency_apart = 0.04;  // relative: parts that differ by more belong to a light that sends data
 constexpr double settled_cycles = 5, settled_periodic = 0.95;
@@ -354,6 +354,7 @@ class Look {
       };
     };
     std::erase_if(found, [&](Found& one) { return !sharpen(one); });
+    found = without_doubles(std::move(found));  // boxes of a light and of texture that it is part of
     join_parts(found, of(one_light_across), of(one_light_down));
     find_reflections(found);
     found.resize(std::min(found.size(), options_.max_sources));
@@ -482,10 +483,16 @@ class Look {
       const auto light = refine(of, within, edge);
       return light ? judged(*light) : std::nullopt;
     };
+    // By this frame alone: the phase in others tells the same of both.
+    const auto alone = [&](Found one) {
+      one.odds = 1;
+      update(one);
+      return one;
+    };
     const auto whole = tone(suspect, whole_box);
-    if (whole && convincing(*whole)) return whole;
+    if (whole && convincing(alone(*whole))) return whole;
     const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
-    const bool better = inner && (!whole || inner->probability > whole->probability);
+    const bool better = inner && (!whole || alone(*inner).probability > alone(*whole).probability);
     if (const auto& other = better ? whole : inner) tried_.push_back(*other);
     return better ? inner : whole;
   }
