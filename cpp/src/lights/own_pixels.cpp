@@ -306,18 +306,22 @@ OwnPixels own_pixels(const Patch& patch, const SwingMap& swing, const PatchRange
 double strongest_frequency(const OwnPixels& pixels, double lower, double upper) {
   const auto [first, end] = own_rows(pixels);
   if (first == end) return lower;
+  const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(end);
+  const auto &profile = pixels.profile, &weight = pixels.weight;
+  const OwnPixels own{
+      {}, {}, {profile.begin() + from, profile.begin() + to}, {weight.begin() + from, weight.begin() + to}};
   const auto rows = static_cast<double>(end - first);
   const double step = 0.125 / rows;
   const auto count = static_cast<std::size_t>((upper - lower) / step) + 1;
   double best = lower, most = -1;
   for (std::size_t i = 0; i <= count; ++i) {
     const double frequency = std::min(lower + static_cast<double>(i) * step, upper);
-    const double energy = tone_energy(pixels, frequency);
+    const double energy = tone_energy(own, frequency);
     if (energy > most) most = energy, best = frequency;
   }
   if (best <= lower || best >= upper) return best;
   for (int ascent = 0; ascent < ascents; ++ascent)
-    best += std::clamp(peak_near(pixels, best, rows).to_maximum, -0.5 * step, 0.5 * step);
+    best += std::clamp(peak_near(own, best, rows).to_maximum, -0.5 * step, 0.5 * step);
   return best;
 }
 
