@@ -109,6 +109,14 @@ std::pair<std::size_t, std::size_t> own_rows(const OwnPixels& pixels) {
   return {first, end};
 }
 
+// Profile and weight from the first to the last row with own pixels.
+OwnPixels profile_of_own_rows(const OwnPixels& pixels) {
+  const auto [first, end] = own_rows(pixels);
+  const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(end);
+  const auto &profile = pixels.profile, &weight = pixels.weight;
+  return {{}, {}, {profile.begin() + from, profile.begin() + to}, {weight.begin() + from, weight.begin() + to}};
+}
+
 // The energy around a frequency by differences, of a light of that many rows.
 struct Peak {
   double to_maximum;  // distance by a Newton step; the frequency itself where there is no maximum
@@ -136,24 +144,24 @@ double rest_of_row(const OwnPixels& pixels, double frequency) {
 // The larger one of a jackknife over groups of cycles, as texture over a light has no independent rows, and of least
 // squares with independent rows, σ² = 2·rest/curvature, since few groups may agree by chance.
 double standard_error(const OwnPixels& pixels, double frequency) {
-  const auto [begin, last] = own_rows(pixels);
-  const std::size_t rows = last - begin;
+  const OwnPixels own = profile_of_own_rows(pixels);
+  const std::size_t rows = own.profile.size();
   const auto groups =
       std::clamp<std::size_t>(static_cast<std::size_t>(static_cast<double>(rows) * frequency), 4, max_groups);
-  OwnPixels rest{{}, {}, pixels.profile, pixels.weight};
+  OwnPixels rest = own;
   double sum = 0, square = 0;
   for (std::size_t k = 0; k < groups; ++k) {
-    const auto first = static_cast<std::ptrdiff_t>(begin + k * rows / groups);
-    const auto end = static_cast<std::ptrdiff_t>(begin + (k + 1) * rows / groups);
+    const auto first = static_cast<std::ptrdiff_t>(k * rows / groups);
+    const auto end = static_cast<std::ptrdiff_t>((k + 1) * rows / groups);
     std::fill(rest.weight.begin() + first, rest.weight.begin() + end, 0.0);
     const double moved = peak_near(rest, frequency, static_cast<double>(rows)).to_maximum;
     sum += moved, square += moved * moved;
-    std::copy(pixels.weight.begin() + first, pixels.weight.begin() + end, rest.weight.begin() + first);
+    std::copy(own.weight.begin() + first, own.weight.begin() + end, rest.weight.begin() + first);
   }
   const auto count = static_cast<double>(groups);
   const double spread = std::max(square - sum * sum / count, 0.0) * (count - 1) / count;
-  const double curvature = peak_near(pixels, frequency, static_cast<double>(rows)).curvature;
-  const double noise = curvature > 0 ? 2 * rest_of_row(pixels, frequency) / curvature : squared(frequency);
+  const double curvature = peak_near(own, frequency, static_cast<double>(rows)).curvature;
+  const double noise = curvature > 0 ? 2 * rest_of_row(own, frequency) / curvature : squared(frequency);
   return std::sqrt(std::max(spread, noise));
 }
 
@@ -306,10 +314,7 @@ OwnPixels own_pixels(const Patch& patch, const SwingMap& swing, const PatchRange
 double strongest_frequency(const OwnPixels& pixels, double lower, double upper) {
   const auto [first, end] = own_rows(pixels);
   if (first == end) return lower;
-  const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(end);
-  const auto &profile = pixels.profile, &weight = pixels.weight;
-  const OwnPixels own{
-      {}, {}, {profile.begin() + from, profile.begin() + to}, {weight.begin() + from, weight.begin() + to}};
+  const OwnPixels own = profile_of_own_rows(pixels);
   const auto rows = static_cast<double>(end - first);
   const double step = 0.125 / rows;
   const auto count = static_cast<std::size_t>((upper - lower) / step) + 1;
