@@ -229,7 +229,8 @@ double robust_variance(std::vector<double>& sizes) {
 // Logarithm of the likelihood of each pixel as the light's, N(slow + tone, s²), over that of the likelier of texture
 // that swings as much, N(slow, s² + tone²), and of what lies above or below it. Groups without own pixels are excluded.
 std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fit) {
-  const std::vector<double>&slow = fit.slow(), all = fit.fitted();
+  const std::vector<double>& slow = fit.slow();
+  const std::vector<double>& all = fit.fitted();
   const std::size_t rows = pixels.profile.size(), groups = pixels.light.size() / rows;
   std::vector<double> residuals;
   double swing = 0, low = std::numeric_limits<double>::infinity(), high = -low;
@@ -358,7 +359,8 @@ Region own_box(const OwnPixels& pixels) {
 
 RefinedLight light_of(const OwnPixels& pixels, double frequency, double noise) {
   const ToneFit fit(pixels, frequency);
-  const std::vector<double>&slow = fit.slow(), all = fit.fitted();
+  const std::vector<double>& slow = fit.slow();
+  const std::vector<double>& all = fit.fitted();
   const std::size_t rows = pixels.profile.size(), groups = rows > 0 ? pixels.light.size() / rows : 0;
   double total = 0, rest = 0, common = 0, spread = 0, count = 0;
   Complex uneven = 0;
