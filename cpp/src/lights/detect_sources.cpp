@@ -28,7 +28,7 @@ constexpr double min_rows = 24;         // of a box
 constexpr std::size_t min_columns = 8;  // beside a light
 constexpr double min_periodic = 0.4;    // fraction of the swing common to the columns
 constexpr double max_uneven = 0.25;
-constexpr double clear_probability = 0.87, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
+constexpr double clear_probability = 0.83, clear_periodic = 0.9;  // of a lamp: a few cycles suffice
 constexpr double default_false_alarms = 0.02;
 constexpr double tone_odds = 3, data_odds = 9;  // required at that rate; few photographs show what resembles data
 constexpr double edge_evidence = 0.5;           // nats
