@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
@@ -35,9 +34,15 @@ struct Differences {
   Values change, spread;   // (differences × columns); spread: noise variance
 };
 
+double mean_of_known(const Blocks& blocks) {
+  double sum = 0, known = 0;
+  for (std::size_t i = 0; i < blocks.light.size(); ++i)
+    if (std::isfinite(blocks.variance[i])) sum += blocks.light[i], known += 1;
+  return sum / std::max(known, 1.0);
+}
+
 Differences differences_of(const Blocks& blocks, std::size_t count) {
-  const double mean =
-      std::accumulate(blocks.light.begin(), blocks.light.end(), 0.0) / static_cast<double>(blocks.light.size());
+  const double mean = mean_of_known(blocks);
   Values level, noise;
   for (std::size_t i = 0; i < blocks.light.size(); ++i) {
     const double usable = std::max(blocks.light[i], darkest * std::max(mean, 1e-100));

@@ -500,7 +500,8 @@ def common_course(light: FloatArray, variance: FloatArray) -> tuple[FloatArray, 
     count = max(min(24, len(light) // 4), int(np.ceil(4 * min(1.1 * len(light) / SLOWEST_ROWS, MOST_CYCLES))))
     down, along = max(1, len(light) // (4 * count)), -(-light.shape[1] // 64)
     blocks, noise = _neighbour_means(*_neighbour_means(light, variance, down), along, axis=1)
-    usable = np.maximum(blocks, 1e-3 * max(float(blocks.mean()), 1e-100))
+    known = blocks[np.isfinite(noise)]
+    usable = np.maximum(blocks, 1e-3 * max(float(known.mean()) if known.size else 0.0, 1e-100))
     modes = np.cos(np.pi * np.outer((np.arange(len(blocks)) + 0.5) / len(blocks), np.arange(1, count + 1)))
 
     def pairs(values: FloatArray, sign: int) -> FloatArray:
