@@ -483,16 +483,16 @@ class Look {
       const auto light = refine(of, within, edge);
       return light ? judged(*light) : std::nullopt;
     };
-    // By this frame alone: the phase in others tells the same of both.
-    const auto alone = [&](Found one) {
+    // The phase in other frames tells the same of both.
+    const auto by_this_frame = [&](Found one) {
       one.odds = 1;
       update(one);
       return one;
     };
     const auto whole = tone(suspect, whole_box);
-    if (whole && convincing(alone(*whole))) return whole;
+    if (whole && convincing(by_this_frame(*whole))) return whole;
     const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
-    const bool better = inner && (!whole || alone(*inner).probability > alone(*whole).probability);
+    const bool better = inner && (!whole || by_this_frame(*inner).probability > by_this_frame(*whole).probability);
     if (const auto& other = better ? whole : inner) tried_.push_back(*other);
     return better ? inner : whole;
   }

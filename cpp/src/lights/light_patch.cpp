@@ -149,6 +149,13 @@ std::vector<double> fast_logs(const Patch& patch, double frequency) {
   return slow;
 }
 
+double variance_by_median(std::vector<double>& magnitudes) {
+  constexpr double median_of_normal = 0.6745;
+  const auto middle = magnitudes.begin() + static_cast<std::ptrdiff_t>(magnitudes.size() / 2);
+  std::ranges::nth_element(magnitudes, middle);
+  return *middle * *middle / (median_of_normal * median_of_normal);
+}
+
 double noise_variance(const Patch& patch, const PatchRange& core) {
   std::vector<double> differences;
   differences.reserve(core.size());
@@ -159,10 +166,7 @@ double noise_variance(const Patch& patch, const PatchRange& core) {
       differences.push_back(std::abs(at[0] - at[1] - at[patch.stride] + at[patch.stride + 1]));
     }
   if (differences.empty()) return 0;
-  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
-  std::ranges::nth_element(differences, middle);
-  constexpr double median_of_normal = 0.6745;
-  return *middle * *middle / (4 * median_of_normal * median_of_normal);
+  return variance_by_median(differences) / 4;  // of the sum of four pixels' noise
 }
 
 Complex turned(double cycles) {

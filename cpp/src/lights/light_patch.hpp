@@ -59,6 +59,9 @@ struct SwingMap {
 // which is robust against edges and strokes.
 double noise_variance(const Patch& patch, const PatchRange& core);
 
+// Variance of a normal distribution of mean 0 by the median of magnitudes, one or more, which it reorders.
+double variance_by_median(std::vector<double>& magnitudes);
+
 // Rows of a Hann window of two cycles of `frequency`, cycles per row: an odd number.
 std::size_t hann_length(double frequency);
 

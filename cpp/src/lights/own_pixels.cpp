@@ -23,7 +23,7 @@ constexpr int ascents = 3;              // Newton steps of a frequency
 constexpr int outline_rounds = 6;
 constexpr double outline_reach = 0.12;  // of the frequency in a round, relative
 constexpr double outlier = 9;           // squared, in standard deviations
-constexpr double smallest_spread = 1e-3, median_of_normal = 0.6745;
+constexpr double smallest_spread = 1e-3;
 constexpr double excluded = -1e3;
 constexpr std::size_t min_beyond = 4;  // rows
 
@@ -206,7 +206,7 @@ struct Normal {
   }
 };
 
-// What lies in a group above or below its own rows; absent for few rows.
+// Estimates the distribution of a group's rows [first, end), above or below its own; absent for few rows.
 std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::size_t first, std::size_t end) {
   if (end < first + min_beyond) return {};
   const std::size_t groups = pixels.light.size() / pixels.profile.size();
@@ -219,15 +219,9 @@ std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::si
   return Normal{sum / count, std::max(squares / count - squared(sum / count), squared(smallest_spread))};
 }
 
-// Variance by the median of absolute values, which it reorders.
-double robust_variance(std::vector<double>& sizes) {
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::ranges::nth_element(sizes, middle);
-  return squared(std::max(*middle / median_of_normal, smallest_spread));
-}
-
-// Logarithm of the likelihood of each pixel as the light's, N(slow + tone, s²), over that of the likelier of texture
-// that swings as much, N(slow, s² + tone²), and of what lies above or below it. Groups without own pixels are excluded.
+// Compares two hypotheses for each pixel x, of variance s²: ln p(x | light)/max(p(x | texture), p(x | surroundings)),
+// with light N(slow + tone, s²), texture that swings as much N(slow, s² + tone²), surroundings as beyond(). Ratios of
+// groups without own pixels are 0.
 std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fit) {
   const std::vector<double>& slow = fit.slow();
   const std::vector<double>& all = fit.fitted();
@@ -244,7 +238,7 @@ std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fi
   std::vector<double> ratios(pixels.light.size());
   if (residuals.empty()) return ratios;
   swing /= static_cast<double>(residuals.size());
-  const double own = robust_variance(residuals);
+  const double own = std::max(variance_by_median(residuals), squared(smallest_spread));
   for (std::size_t g = 0; g < groups; ++g) {
     std::size_t first = 0, end = rows;
     while (first < end && !pixels.own[first * groups + g]) ++first;
