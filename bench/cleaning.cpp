@@ -109,7 +109,7 @@ void find_slow_lights(benchmark::State& state) {
 }
 BENCHMARK(find_slow_lights)->Unit(benchmark::kMillisecond);
 
-// Of the size of the guide that frames are compared by.
+// Frames are as large as the guide by which they are compared.
 void picture_change(benchmark::State& state) {
   constexpr std::size_t rows = 135, columns = 240, moved = 3;
   std::vector<double> before, after;

@@ -6,8 +6,8 @@
 
 #ifdef __SANITIZE_ADDRESS__
 #include <sanitizer/lsan_interface.h>
-// What libraries allocate as they load, before main, is not looked for: GLib's first table of 2048 quarks (16 kB) is
-// given up without being freed when there are more, so that it can be read without a lock (quark_new in gquark.c).
+// The search for leaks begins in main: GLib allocates its first table of 2048 quarks (16 kB) as it loads, and gives it
+// up without freeing it when there are more, so that it can be read without a lock (quark_new in gquark.c).
 __attribute__((section(".preinit_array"), used)) static void (*const before_libraries)() = __lsan_disable;
 #endif
 

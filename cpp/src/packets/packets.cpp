@@ -215,7 +215,7 @@ std::optional<BlockSighting> read_block(std::size_t chip, const BlockChance& cha
                                         const PacketFormat& format) {
   const auto preamble = preamble_chips(format.preamble);
   const std::size_t start = preamble.size() + header_chips(format);
-  // What bits, and all words, can add at most.
+  // Upper bounds of the evidence that bits, and all words, can add.
   const double of_bits = std::log(0x10000U * (chance.any / kHeaders + chance.expected / kDigits));
   const double most = of_bits + static_cast<double>(header_chips(format) - 16) * std::numbers::ln2;
   double evidence = 0;
