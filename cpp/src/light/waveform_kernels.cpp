@@ -69,7 +69,7 @@ HWY_INLINE std::int32_t index_of(double whole) { return static_cast<std::int32_t
 constexpr std::size_t kAtOnce = 64;
 using Some = double[kAtOnce];
 using SomePairs = double[2 * kAtOnce];
-using SomeIndices = std::uint32_t[kAtOnce];
+using SomeIndices = std::int32_t[kAtOnce];
 
 // A loop of its own collects the values of the tables between two of arithmetic: few processors gather well, and
 // compilers leave the whole loop in scalars then. So they do where arithmetic has a condition: factors of 0 and 1 stand
@@ -104,7 +104,7 @@ HWY_INLINE void add_some_cells(const CellMeans& own, const double* x, std::size_
   SomePairs at_end, at_begin;  // light before the cell and its value; the value and the light before the next cell
   Some slope, first_slope, low, low_of_next;
   for (std::size_t i = 0; i < count; ++i) {
-    std::size_t last = at[i], first = at_first[i];
+    auto last = static_cast<std::size_t>(at[i]), first = static_cast<std::size_t>(at_first[i]);
 #if HWY_ARCH_X86 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
     asm("" : "+r"(last), "+r"(first));  // keeps the loop scalar: vectors of addresses are taken apart again
 #endif
