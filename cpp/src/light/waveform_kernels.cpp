@@ -43,23 +43,22 @@ void AddTone(const ToneMeans& light, const double* x, std::size_t count, double*
     out[i] += own.level * (1 + own.swing * cosine_of(own.counter.at<kFused>(x[i]).fraction));
 }
 
-HWY_INLINE double within(double cycles, double part) {
-  const double not_below = cycles > 0 ? cycles : 0;
-  return not_below < part ? not_below : part;
-}
-
-// Overlap of the last part of a cycle before `end` with the pulse centred on `centre`.
-HWY_INLINE double overlap(const SquareMeans& light, const Position& end, double centre) {
-  const double since_rise = (end.fraction - (centre - light.half_duty)) + end.rest;
-  const double since_fall = (end.fraction - (centre + light.half_duty)) + end.rest;
-  return within(since_rise, light.part) - within(since_fall, light.part);
+// Light of the last part of a cycle before `end`, in cycles: that of the pulse about whole cycles and of the one
+// before, whose edges lie before every end.
+HWY_INLINE double light_of_part(const SquareMeans& light, const Position& end) {
+  const double since_rise = (end.fraction + light.half_duty) + end.rest;
+  const double since_fall = (end.fraction - light.half_duty) + end.rest;
+  const double of_this =
+      std::min(std::max(since_rise, 0.0), light.part) - std::min(std::max(since_fall, 0.0), light.part);
+  return of_this + (std::min(since_rise + 1, light.part) - std::min(since_fall + 1, light.part));
 }
 
 void AddSquare(const SquareMeans& light, const double* x, std::size_t count, double* HWY_RESTRICT out) {
   const SquareMeans own = light;  // out may not change it
+  const double scale = own.level / own.length;
   for (std::size_t i = 0; i < count; ++i) {
     const Position end = own.counter.at<kFused>(x[i]);
-    out[i] += own.level * ((own.whole_light + overlap(own, end, 0) + overlap(own, end, -1)) / own.length);
+    out[i] += (own.whole_light + light_of_part(own, end)) * scale;
   }
 }
 
