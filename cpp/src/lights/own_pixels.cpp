@@ -1,6 +1,7 @@
 #include "lights/own_pixels.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <limits>
@@ -29,74 +30,108 @@ constexpr std::size_t min_beyond = 4;  // rows
 
 double squared(double x) { return x * x; }
 
-double product(std::span<const double> a, std::span<const double> b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-}
-
-void subtract(std::vector<double>& from, double factor, std::span<const double> other) {
-  for (std::size_t n = 0; n < from.size(); ++n) from[n] -= factor * other[n];
-}
-
 // Weighted least squares of the profile on mean, slope, curvature (of a bright core) and harmonics, whose amplitude
-// may change along the rows as a slope beneath the lamp makes it, by modified Gram-Schmidt. Rows without weight have
-// the continued fit.
+// may change along the rows as a slope beneath the lamp makes it. Terms enter one by one by rows of the Cholesky factor
+// of the normal equations; the amount of a term is its share of the profile beyond the terms before it.
 class ToneFit {
  public:
-  ToneFit(const OwnPixels& pixels, double frequency) : all_(pixels.profile.size()) {
-    for (const double weight : pixels.weight) root_.push_back(std::sqrt(weight));
-    for (std::size_t n = 0; n < root_.size(); ++n) rest_.push_back(root_[n] * pixels.profile[n]);
-    const double middle = 0.5 * static_cast<double>(root_.size());
-    add([](std::size_t) { return 1.0; });
-    add([&](std::size_t n) { return static_cast<double>(n) - middle; });
-    add([&](std::size_t n) { return squared(static_cast<double>(n) - middle); });
-    slow_ = all_;
-    const double before = product(rest_, rest_);
+  ToneFit(const OwnPixels& pixels, double frequency) : terms_(pixels.profile.size()) {
     const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, max_orders);
-    const Turns turns = turns_of(frequency, root_.size());
-    std::vector<Complex> harmonic(root_.size(), 1);
-    for (std::size_t h = 1; h <= orders; ++h) {
-      for (std::size_t n = 0; n < harmonic.size(); ++n)
-        harmonic[n] = ocisac::product(harmonic[n], Complex(turns.real[n], turns.imaginary[n]));
-      add([&](std::size_t n) { return harmonic[n].real(); });
-      add([&](std::size_t n) { return harmonic[n].imag(); });
+    const Turns turns = turns_of(frequency, terms_.size());
+    for (std::size_t n = 0; n < terms_.size(); ++n) {
+      const double x = along(n);
+      terms_[n] = {1, x, x * x};
+      Complex harmonic = 1;
+      for (std::size_t h = 0; h < orders; ++h) {
+        harmonic = product(harmonic, Complex(turns.real[n], turns.imaginary[n]));
+        terms_[n][slow_terms + 2 * h] = harmonic.real(), terms_[n][slow_terms + 2 * h + 1] = harmonic.imag();
+      }
     }
-    std::vector<double> tone(all_);
-    subtract(tone, 1, slow_);
-    add([&](std::size_t n) { return (static_cast<double>(n) - middle) * tone[n]; });
-    tone_ = before - product(rest_, rest_);
+    std::array<Terms, max_terms> products{};
+    Terms sums{};
+    for (std::size_t n = 0; n < terms_.size(); ++n) {
+      if (!(pixels.weight[n] > 0)) continue;
+      for (std::size_t k = 0; k + 1 < max_terms; ++k) add_products(products[k], pixels.weight[n] * terms_[n][k], n);
+      add_products(sums, pixels.weight[n] * pixels.profile[n], n);
+    }
+    for (std::size_t k = 0; k < slow_terms; ++k) add(k, products[k], sums[k]);
+    of_slow_ = coefficients();
+    for (std::size_t k = slow_terms; k + 1 < max_terms; ++k) add(k, products[k], sums[k]);
+    const Terms of_all = coefficients();
+    constexpr std::size_t changing = max_terms - 1;
+    double sum = 0;
+    for (std::size_t n = 0; n < terms_.size(); ++n) {
+      const double term = along(n) * (value(of_all, n) - value(of_slow_, n));
+      terms_[n][changing] = term;
+      if (!(pixels.weight[n] > 0)) continue;
+      add_products(products[changing], pixels.weight[n] * term, n);
+      sum += pixels.weight[n] * term * pixels.profile[n];
+    }
+    add(changing, products[changing], sum);
+    of_all_ = coefficients();
   }
 
   // Σ weight·x² of the tone.
-  [[nodiscard]] double tone() const { return tone_; }
-  // (rows): all but the tone; all fitted terms.
-  [[nodiscard]] const std::vector<double>& slow() const { return slow_; }
-  [[nodiscard]] const std::vector<double>& fitted() const { return all_; }
-  [[nodiscard]] double terms() const { return static_cast<double>(basis_.size()); }
+  [[nodiscard]] double tone() const {
+    return std::inner_product(amounts_.begin() + slow_terms, amounts_.end(), amounts_.begin() + slow_terms, 0.0);
+  }
+  // (rows): all but the tone; all fitted terms. Rows without weight have the continued fit.
+  [[nodiscard]] std::vector<double> slow() const { return values(of_slow_); }
+  [[nodiscard]] std::vector<double> fitted() const { return values(of_all_); }
+  [[nodiscard]] double terms() const { return static_cast<double>(std::ranges::count(used_, true)); }
 
  private:
-  void add(const auto& function) {
-    std::vector<double> term(root_.size()), column(root_.size());
-    for (std::size_t n = 0; n < column.size(); ++n) term[n] = function(n), column[n] = root_[n] * term[n];
-    const double before = product(column, column);
-    for (std::size_t k = 0; k < basis_.size(); ++k) {
-      const double shared = product(column, basis_[k]);
-      subtract(column, shared, basis_[k]);
-      subtract(term, shared, terms_[k]);
-    }
-    const double energy = product(column, column);
-    if (!(energy > dependent * before)) return;
-    for (double& value : column) value /= std::sqrt(energy);
-    for (double& value : term) value /= std::sqrt(energy);
-    const double amount = product(rest_, column);
-    subtract(rest_, amount, column);
-    subtract(all_, -amount, term);
-    basis_.push_back(std::move(column));
-    terms_.push_back(std::move(term));
+  static constexpr std::size_t slow_terms = 3, max_terms = slow_terms + 2 * max_orders + 1;
+  using Terms = std::array<double, max_terms>;
+
+  // Place of a row, −1 to 1.
+  [[nodiscard]] double along(std::size_t n) const {
+    return 2 * static_cast<double>(n) / static_cast<double>(terms_.size()) - 1;
   }
 
-  std::vector<double> root_, rest_, slow_, all_;
-  std::vector<std::vector<double>> basis_, terms_;  // weighted, orthonormal; the same without weights
-  double tone_ = 0;
+  void add_products(Terms& products, double factor, std::size_t n) const {
+    for (std::size_t k = 0; k < max_terms; ++k) products[k] += factor * terms_[n][k];
+  }
+
+  // The factor's row k: `products` with the terms before it and with itself, `sum` with the profile. A term that others
+  // explain is left out.
+  void add(std::size_t k, const Terms& products, double sum) {
+    Terms& row = factor_[k];
+    double energy = products[k];
+    for (std::size_t i = 0; i < k; ++i) {
+      if (!used_[i]) continue;
+      row[i] = (products[i] - std::inner_product(row.begin(), row.begin() + i, factor_[i].begin(), 0.0)) / factor_[i][i];
+      energy -= squared(row[i]), sum -= row[i] * amounts_[i];
+    }
+    if (!(energy > dependent * products[k])) return row.fill(0);
+    row[k] = std::sqrt(energy), amounts_[k] = sum / row[k], used_[k] = true;
+  }
+
+  [[nodiscard]] Terms coefficients() const {
+    Terms out{};
+    for (std::size_t k = max_terms; k-- > 0;) {
+      if (!used_[k]) continue;
+      double rest = amounts_[k];
+      for (std::size_t i = k + 1; i < max_terms; ++i) rest -= factor_[i][k] * out[i];
+      out[k] = rest / factor_[k][k];
+    }
+    return out;
+  }
+
+  [[nodiscard]] double value(const Terms& coefficients, std::size_t n) const {
+    return std::inner_product(coefficients.begin(), coefficients.end(), terms_[n].begin(), 0.0);
+  }
+
+  [[nodiscard]] std::vector<double> values(const Terms& coefficients) const {
+    std::vector<double> out(terms_.size());
+    for (std::size_t n = 0; n < out.size(); ++n) out[n] = value(coefficients, n);
+    return out;
+  }
+
+  std::vector<Terms> terms_;                 // of each row
+  std::array<Terms, max_terms> factor_ = {};  // lower triangle
+  Terms amounts_ = {}, of_slow_ = {}, of_all_ = {};
+  std::array<bool, max_terms> used_ = {};
 };
 
 double tone_energy(const OwnPixels& pixels, double frequency) { return ToneFit(pixels, frequency).tone(); }
@@ -133,9 +168,10 @@ Peak peak_near(const OwnPixels& pixels, double frequency, double rows) {
 // Σ weight·x² of what no term explains, per row.
 double rest_of_row(const OwnPixels& pixels, double frequency) {
   const ToneFit fit(pixels, frequency);
+  const std::vector<double> fitted = fit.fitted();
   double sum = 0, rows = 0;
   for (std::size_t n = 0; n < pixels.weight.size(); ++n) {
-    const double rest = pixels.profile[n] - fit.fitted()[n];
+    const double rest = pixels.profile[n] - fitted[n];
     sum += pixels.weight[n] * rest * rest, rows += pixels.weight[n] > 0 ? 1 : 0;
   }
   return sum / std::max(rows - fit.terms(), 1.0);
@@ -223,8 +259,8 @@ std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::si
 // with light N(slow + tone, s²), texture that swings as much N(slow, s² + tone²), surroundings as beyond(). Ratios of
 // groups without own pixels are 0.
 std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fit) {
-  const std::vector<double>& slow = fit.slow();
-  const std::vector<double>& all = fit.fitted();
+  const std::vector<double> slow = fit.slow();
+  const std::vector<double> all = fit.fitted();
   const std::size_t rows = pixels.profile.size(), groups = pixels.light.size() / rows;
   std::vector<double> residuals;
   double swing = 0, low = std::numeric_limits<double>::infinity(), high = -low;
@@ -353,8 +389,8 @@ Region own_box(const OwnPixels& pixels) {
 
 RefinedLight light_of(const OwnPixels& pixels, double frequency, double noise) {
   const ToneFit fit(pixels, frequency);
-  const std::vector<double>& slow = fit.slow();
-  const std::vector<double>& all = fit.fitted();
+  const std::vector<double> slow = fit.slow();
+  const std::vector<double> all = fit.fitted();
   const std::size_t rows = pixels.profile.size(), groups = rows > 0 ? pixels.light.size() / rows : 0;
   double total = 0, rest = 0, common = 0, spread = 0, count = 0;
   Complex uneven = 0;
