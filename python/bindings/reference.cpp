@@ -1,8 +1,9 @@
-// Kernels of the receiver that Python calls only to compare them with their twins in ocisac_fast.reference.
+// Kernels of receiver and detector that Python calls only to compare them with their twins in ocisac_fast.reference.
 #include "bindings.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
 #include "core/spectrum.hpp"
+#include "lights/own_pixels.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/chips/row_profile.hpp"
 
@@ -47,6 +48,22 @@ void there_and_back(const py::array_t<std::complex<T>, py::array::c_style>& sign
       transform_rows(Transform::inverse, spectra.data(), back.data(), batch, length, length);
     }
   });
+}
+
+// Frequency and own pixels by fit_outline() of log light (rows, groups); None if they do not settle.
+std::optional<py::tuple> outline_of(const Doubles& light, const py::array_t<bool, py::array::c_style>& own,
+                                    double frequency) {
+  const auto rows = static_cast<std::size_t>(light.shape(0)), groups = static_cast<std::size_t>(light.shape(1));
+  const auto all = span_of(light);
+  const auto mask = span_of(own);
+  OwnPixels pixels{{all.begin(), all.end()},
+                   {mask.begin(), mask.end()},
+                   std::vector<double>(rows),
+                   std::vector<double>(rows),
+                   {0, 0, groups, rows}};
+  const auto found = fit_outline(pixels, frequency);
+  if (!found) return {};
+  return py::make_tuple(*found, array_of(pixels.own, {light.shape(0), light.shape(1)}));
 }
 
 }  // namespace
@@ -103,6 +120,7 @@ void register_reference(py::module_& module) {
       "lamp_slope",
       [](const Doubles& swings, const Doubles& centres) { return lamp_slope(span_of(swings), span_of(centres)); },
       arg("swings"), arg("centres"));
+  module.def("fit_outline", &outline_of, arg("light"), arg("own"), arg("frequency"));
 }
 
 }  // namespace ocisac::bindings

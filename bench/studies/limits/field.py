@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
@@ -154,3 +155,48 @@ def _part_of_rows() -> list[Point]:
             errors.append(np.mean(found != inside))
         points.append(Point(share, 1 - share, rms(errors), 0.0))
     return points
+
+
+@limit(
+    "short-lamp",
+    "Outline of a short lamp",
+    sweep="cycles in the lamp",
+    error="RMS error of its height / height",
+    plain="where the swing exceeds 15 % of the largest",
+    why="The swing at a row is that of a window of two cycles, which looks beyond the lamp by one.",
+    then="`detect_sources` fits outline and tone of a lamp of at most 12 cycles alternately: its rows are those that the "
+    "tone explains better than texture and than what lies around.",
+    spot=3.0,
+    fails_by=0.25,
+    good=0.04,
+)
+def _short_lamp() -> list[Point]:
+    rows, groups, height = np.arange(200), np.arange(12), 60
+    points = []
+    for cycles in (2.5, 3.0, 3.5, 4.5, 6.0, 8.0, 12.0):
+        errors = []
+        for seed in range(12):
+            random = np.random.default_rng(seed)
+            first = int(random.integers(70, 79))
+            lit = ((rows >= first) & (rows < first + height))[:, None] & (groups >= 2) & (groups < 10)
+            tone = np.cos(2 * np.pi * cycles / height * rows + seed)[:, None]
+            light = np.where(lit, 0.5 + tone, np.cumsum(0.05 * random.standard_normal(lit.shape), axis=0))
+            light += 0.05 * random.standard_normal(lit.shape)
+            wide = _swinging_rows(light[:, 3:9].mean(axis=1), cycles / height)
+            found = _core.fit_outline(light, wide[:, None] & (groups >= 1) & (groups < 11), cycles / height)
+            assert found is not None
+            errors.append([own.sum() / height - 1 for own in (wide, found[1].any(axis=1))])
+        points.append(Point(cycles, *(rms(values) for values in np.transpose(errors)), 0.0))
+    return points
+
+
+def _swinging_rows(signal: Float64s, frequency: float) -> npt.NDArray[np.bool_]:
+    """Rows around the largest swing at a frequency, under a Hann window of two cycles, above 15 % of it."""
+    window = np.hanning(2 * round(1 / frequency) + 3)
+    window /= window.sum()
+    fast = signal - np.convolve(signal, window, "same")
+    swing = np.abs(np.convolve(fast * np.exp(-2j * np.pi * frequency * np.arange(len(signal))), window, "same"))
+    faint = np.flatnonzero(swing < 0.15 * swing.max())
+    largest = int(np.argmax(swing))
+    rows = np.arange(len(signal))
+    return np.asarray((rows > max(faint[faint < largest])) & (rows < min(faint[faint > largest])))

@@ -39,6 +39,7 @@ from ocisac_fast.reference.light import (
     integrate_exposure as integrate_exposure,
     sample_waveform as sample_waveform,
 )
+from ocisac_fast.reference.lights import fit_outline as fit_outline
 from ocisac_fast.reference.motion import (
     moved_picture as moved_picture,
     picture_change as picture_change,
