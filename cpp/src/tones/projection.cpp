@@ -14,7 +14,8 @@
 #include "columns/row_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
-#include "tones/projection_kernels.hpp"
+#include "tones/byte_kernels.hpp"
+#include "tones/sample_kernels.hpp"
 
 namespace ocisac {
 

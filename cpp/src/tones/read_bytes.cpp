@@ -4,7 +4,7 @@
 #include <atomic>
 
 #include "core/parallel.hpp"
-#include "tones/projection_kernels.hpp"
+#include "tones/byte_kernels.hpp"
 
 namespace ocisac {
 

@@ -1,9 +1,11 @@
-// Inner loops of project(), compiled once for each SIMD target.
+// Inner loops of project() over bytes, in integers, compiled once for each SIMD target.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
+
+#include "tones/projection_sums.hpp"
 
 namespace ocisac::kernels {
 
@@ -34,19 +36,6 @@ struct ByteWeights {
 inline constexpr std::size_t kRowsPerChunk = 2048;
 inline constexpr std::int32_t kMaxWeight = 4095, kMaxOfFewRows = 32767, kMaxSum = 2147483647;
 
-struct Moments {
-  double *totals, *squares, *maximum;
-};
-
-// Accumulators of the blocks (the maximum: running maximum): sums (parts or outputs × columns, `stride` apart), moments
-// (columns,). The first block of bytes of a pass overwrites them.
-struct ProjectionSums {
-  double* sums;
-  std::size_t stride;
-  Moments moments;
-  bool first = false;
-};
-
 void project_bytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
 
 // The same where rows are contiguous and columns `row_stride` apart: not folded, each row a group of its own. A block
@@ -54,43 +43,10 @@ void project_bytes(const ByteBlock& block, const ByteWeights& weights, const Pro
 inline constexpr std::size_t kFewestAcross = 64;
 void project_across(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
 
-// As ByteBlock; folded for two outputs if one applies to sums and one to differences, and for more.
-template <class T>
-struct SampleBlock {
-  const T* pixels;
-  const T* mirrored;
-  std::ptrdiff_t row_stride;
-  std::size_t groups;  // at most kSampleRows rows, the mirrored ones included
-  std::size_t columns;
-  std::ptrdiff_t to_next;         // from the block to the one that will be read next; 0: samples are in the cache
-  const double* light = nullptr;  // of bytes: that of each value
-};
-
-inline constexpr std::size_t kSampleRows = 64;
-
-// Weights of output o begin at values + o·stride. order: all outputs; folded, the first `even` apply to sums, the
-// others to differences.
-struct SampleWeights {
-  int row_group;
-  const double* values;
-  std::size_t stride;
-  std::span<const std::size_t> order;
-  std::size_t even;
-};
-
-// The same in float64 for other samples, and for the light of bytes.
-template <class T>
-void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to);
-
-// True if the target whose code runs is faster with the light of bytes than with a copy of it.
-bool takes_light_of_bytes();
-
 // Adds the rows of a block, not mirrored, to the totals of its columns, and raises their maxima.
 void add_columns(const ByteBlock& block, const Moments& to);
 
-// Σ weight·sample of a row. Weights of bytes: up to 2^14 in magnitude.
-template <class T>
-double weighted_sum(const T* row, const double* weights, std::size_t count);
+// Σ weight·byte of a row; weights up to 2^14 in magnitude.
 double weighted_sum(const std::uint8_t* row, const std::int16_t* weights, std::size_t count);
 
 // Sums a block of bytes: reference for the time of reading a frame.

@@ -1,0 +1,21 @@
+// What the inner loops of project() add to.
+#pragma once
+
+#include <cstddef>
+
+namespace ocisac::kernels {
+
+struct Moments {
+  double *totals, *squares, *maximum;
+};
+
+// Accumulators of the blocks (the maximum: running maximum): sums (parts or outputs × columns, `stride` apart), moments
+// (columns,). The first block of bytes of a pass overwrites them.
+struct ProjectionSums {
+  double* sums;
+  std::size_t stride;
+  Moments moments;
+  bool first = false;
+};
+
+}  // namespace ocisac::kernels
