@@ -398,6 +398,9 @@ class TestDemo:
         assert "“Hello from a lamp”" in page.inner_text("#data")
         assert page.locator("#lights tr").count() == 2
         assert "carries data" in page.inner_text("#lights")
+        tones = [line for line in page.inner_text("#data").splitlines() if " Hz, gain " in line]
+        assert len(tones) == 1  # not the strongest line of the other lamp's chips
+        assert tones[0].startswith("900 Hz")
 
     def test_offline_once_loaded(self, browser: Any, site: tuple[str, Path]) -> None:
         context = browser.new_context()

@@ -381,7 +381,9 @@ function showData(lights) {
     if (one.payloads.size === 0 && one.share > 0) rows.push([`${name}, packet`, `${digits(one.share * 100, 3)} % received`]);
     if (reliable(one.last)) rows.push([`${name}, bits of a frame`, one.last.bits, "bits"], rate(name, one.last));
     else doubtful ||= Boolean(one.last?.bits);
-    if (Number.isFinite(one.last?.gain) && !one.last.gainFlags.includes("weak")) {
+    // The strongest line of chips is no tone of the lamp, and another one in every frame.
+    const sends = one.payloads.size > 0 || reliable(one.last);
+    if (!sends && Number.isFinite(one.last?.gain) && !one.last.gainFlags.includes("weak")) {
       const { gain, gainStd, frequency } = one.last;
       rows.push([`${name}, tone`, `${digits(frequency)} ${present.unit}, gain ${withSpread(gain, gainStd, "")}`]);
     }
