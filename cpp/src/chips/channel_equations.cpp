@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 
+#include "chips/channel_kernels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -67,75 +69,120 @@ std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::V
                 scale.asDiagonal() * solved->leftCols(normal.rows()) * scale.asDiagonal()};
 }
 
-std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right) {
-  if (auto solved = solve_normal(normal, right)) return solved;
-  std::vector<Index> others;
-  for (Index k = 0; k < normal.rows(); ++k)
-    if (k != 2) others.push_back(k);
-  const auto solved = solve_normal(normal(others, others), right(others));
-  if (!solved) return std::nullopt;
-  Solved whole{Eigen::VectorXd::Zero(normal.rows()), Eigen::MatrixXd::Zero(normal.rows(), normal.rows())};
-  whole.values(others) = solved->values;
-  whole.inverse(others, others) = solved->inverse;
-  whole.inverse(2, 2) = std::numeric_limits<double>::infinity();
-  return whole;
-}
-
 ChannelEquations::ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model,
                                    std::size_t rows)
     : signal_(signal),
       chips_(chips),
       box_(chips, {}),
       origin_(chips.first + static_cast<std::ptrdiff_t>(chips.levels.size() / 2)),
+      frame_rows_(rows),
       clock_size_(model.exposure_known ? 2 : 3),
-      dark_size_(static_cast<Index>(model.dark_degree + 1)),
-      swing_size_(static_cast<Index>(model.swing_degree + 1)),
-      basis_(static_cast<Index>(rows), std::max(dark_size_, swing_size_)),
-      by_clock_(basis_.rows(), clock_size_),
-      parts_(basis_.rows(), unknowns()) {
-  // Degrees 0 and 1, the usual ones, without a call of legendre: 3 % of the instructions of a fit.
-  std::array<double, kHighestDegree + 1> basis{};
-  const auto degrees = static_cast<std::size_t>(basis_.cols());
-  basis_.col(0).setOnes();
-  for (std::size_t n = 0; n < rows && degrees > 1; ++n) {
-    const auto row = static_cast<Index>(n);
-    const double x = along_frame(static_cast<double>(n), rows);
-    basis_(row, 1) = x;
-    if (degrees == 2) continue;
-    legendre(x, {basis.data(), degrees});
-    for (std::size_t k = 2; k < degrees; ++k) basis_(row, static_cast<Index>(k)) = basis[k];
+      dark_size_(model.dark_degree + 1),
+      swing_size_(model.swing_degree + 1),
+      basis_size_(std::max(dark_size_, swing_size_)) {}
+
+// Legendre polynomials and the signal at the rows of a range.
+void ChannelEquations::use_rows(RowRange range) {
+  if (columns_ && range.begin == rows_.begin && range.end == rows_.end) return;
+  rows_ = range;
+  padded_ = (range.size() + kernels::kRowGroup - 1) / kernels::kRowGroup * kernels::kRowGroup;
+  columns_ = std::make_unique_for_overwrite<double[]>(padded_ * (basis_size_ + swing_size_ + 2 * kMaxClock + 3));
+  for (std::size_t k = 0; k < basis_size_; ++k) std::fill(basis(k) + range.size(), basis(k + 1), 0.0);
+  std::fill_n(basis(0), range.size(), 1.0);
+  std::array<double, kHighestDegree + 1> polynomials{};
+  for (std::size_t n = 0; n < range.size() && basis_size_ > 1; ++n) {
+    const double x = along_frame(static_cast<double>(range.begin + n), frame_rows_);
+    basis(1)[n] = x;  // degrees 0 and 1, the usual ones, without a call of legendre
+    if (basis_size_ == 2) continue;
+    legendre(x, {polynomials.data(), basis_size_});
+    for (std::size_t k = 2; k < basis_size_; ++k) basis(k)[n] = polynomials[k];
   }
+  std::fill_n(values(), padded_, 0.0);
+  if (!signal_.empty()) std::copy_n(signal_.data() + range.begin, range.size(), values());
 }
 
 void ChannelEquations::expose(const ChipClock& clock, RowRange range) {
+  use_rows(range);
   if (!box_.has_shape_of(clock)) box_ = ChipBox(chips_, clock);
-  first_ = static_cast<Index>(range.begin);
-  count_ = static_cast<Index>(range.size());
-  const auto origin = static_cast<double>(origin_);
-  double* const value = &parts_(0, clock_size_ + dark_size_);
-  for (Index n = 0; n < count_; ++n) {
-    const Exposed seen = box_.at(static_cast<double>(first_ + n), clock, origin);
-    by_clock_(n, 0) = seen.by_phase;
-    by_clock_(n, 1) = seen.by_period;
-    if (clock_size_ == 3) by_clock_(n, 2) = seen.by_exposure;
-    value[n] = seen.value;  // the first polynomial is 1
+  const auto first = static_cast<double>(range.begin), origin = static_cast<double>(origin_);
+  if (box_.is_at_once()) {
+    kernels::expose_rows({box_.targets().data(), box_.sums().data(), box_.targets().size()},
+                         {first, origin - box_.first(), clock.phase, clock.rows_per_chip, clock.exposure_rows}, padded_,
+                         {exposed(0), by_clock(0), by_clock(1), by_clock(2)});
+  } else {
+    for (std::size_t n = 0; n < range.size(); ++n) {
+      const Exposed seen = box_.at(first + static_cast<double>(n), clock, origin);
+      exposed(0)[n] = seen.value;
+      by_clock(0)[n] = seen.by_phase;
+      by_clock(1)[n] = seen.by_period;
+      by_clock(2)[n] = seen.by_exposure;
+    }
   }
-  const auto basis = basis_.middleRows(first_, count_);
-  parts_.block(0, clock_size_, count_, dark_size_) = basis.leftCols(dark_size_);
-  for (Index k = 1; k < swing_size_; ++k)
-    parts_.col(clock_size_ + dark_size_ + k).head(count_) =
-        parts_.col(clock_size_ + dark_size_).head(count_).cwiseProduct(basis.col(k));
+  std::fill(exposed(0) + range.size(), exposed(1), 0.0);
+  for (std::size_t k = 0; k < kMaxClock; ++k) std::fill(by_clock(k) + range.size(), by_clock(k + 1), 0.0);
+  for (std::size_t k = 1; k < swing_size_; ++k)
+    std::transform(exposed(0), exposed(1), basis(k), exposed(k), std::multiplies{});
 }
 
-Eigen::VectorXd ChannelEquations::swing_at(const Eigen::VectorXd& levels) const {
-  Eigen::VectorXd height = Eigen::VectorXd::Constant(count_, levels[dark_size_]);
-  for (Index k = 1; k < swing_size_; ++k) height += levels[dark_size_ + k] * basis_.col(k).segment(first_, count_);
-  return height;
+// What levels leave of the values, and their swing.
+void ChannelEquations::fill_left(const Levels& levels, std::size_t dark_size) {
+  const double* const of_dark = levels.data();
+  const double* const of_swing = of_dark + dark_size;
+  double *const height = swing(), *const rest = left();
+  std::fill_n(height, padded_, of_swing[0]);
+  for (std::size_t k = 1; k < static_cast<std::size_t>(levels.size()) - dark_size; ++k)
+    for (std::size_t n = 0; n < padded_; ++n) height[n] += of_swing[k] * basis(k)[n];
+  for (std::size_t n = 0; n < padded_; ++n)
+    rest[n] = values()[n] - of_dark[0] * basis(0)[n] - height[n] * exposed(0)[n];
+  for (std::size_t k = 1; k < dark_size; ++k)
+    for (std::size_t n = 0; n < padded_; ++n) rest[n] -= of_dark[k] * basis(k)[n];
 }
 
-void ChannelEquations::scale_clock(const Eigen::Ref<const Eigen::VectorXd>& swing) {
-  for (Index k = 0; k < clock_size_; ++k)
-    parts_.col(k).head(count_) = by_clock_.col(k).head(count_).cwiseProduct(swing);
+// With the clock: adds its products to those of all levels.
+NormalProducts& ChannelEquations::multiply(const double* explained, std::size_t dark_size, std::size_t swing_size,
+                                           bool with_clock) {
+  std::array<const double*, NormalProducts::kStride> columns{explained};
+  std::size_t count = 1;
+  for (std::size_t k = 0; k < dark_size; ++k) columns[count++] = basis(k);
+  for (std::size_t k = 0; k < swing_size; ++k) columns[count++] = exposed(k);
+  const std::size_t first = with_clock ? count : 0;
+  for (std::size_t k = 0; k < clock_size_ && with_clock; ++k) columns[count++] = scaled_clock(k);
+  kernels::inner_products({columns.data(), count}, first, padded_, products_.data(), NormalProducts::kStride);
+  return products_;
+}
+
+std::optional<Levels> ChannelEquations::fit_levels(std::size_t dark_size, std::size_t swing_size) {
+  const std::size_t size = dark_size + swing_size;
+  const NormalFactors factors(multiply(values(), dark_size, swing_size, false), size);
+  if (factors.solvable() < size) return std::nullopt;
+  Levels levels(static_cast<Index>(size));
+  factors.solve({levels.data(), size});
+  return levels;
+}
+
+double ChannelEquations::squares_left(const Levels& levels, std::size_t dark_size) {
+  fill_left(levels, dark_size);
+  double squares = 0;
+  for (std::size_t n = 0; n < rows_.size(); ++n) squares += left()[n] * left()[n];
+  return squares;
+}
+
+NormalProducts& ChannelEquations::level_products_about(const Levels& levels) {
+  fill_left(levels, dark_size_);
+  return multiply(left(), dark_size_, swing_size_, false);
+}
+
+NormalProducts& ChannelEquations::with_clock() {
+  for (std::size_t k = 0; k < clock_size_; ++k)
+    std::transform(by_clock(k), by_clock(k + 1), swing(), scaled_clock(k), std::multiplies{});
+  return multiply(left(), dark_size_, swing_size_, true);
+}
+
+NormalProducts& ChannelEquations::products_of(std::span<const double> swing_of_rows) {
+  std::fill(std::copy_n(swing_of_rows.data() + rows_.begin, rows_.size(), swing()), swing() + padded_, 0.0);
+  std::fill_n(left(), padded_, 0.0);
+  multiply(left(), dark_size_, swing_size_, false);
+  return with_clock();
 }
 
 Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>& parts) {
@@ -145,43 +192,51 @@ Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::Oute
   return products.selfadjointView<Eigen::Upper>();
 }
 
-std::optional<Eigen::VectorXd> fit_levels(const ChannelEquations& equations) {
-  const auto parts = equations.level_parts();
-  const auto solved = solve_normal(normal_of(parts), parts.transpose() * equations.values());
-  if (!solved) return std::nullopt;
-  return solved->values;
+std::optional<LastInverse> clock_inverse(const NormalFactors& factors, std::size_t level_size, std::size_t clock_size) {
+  if (factors.solvable() < level_size + std::min<std::size_t>(clock_size, 2)) return std::nullopt;
+  LastInverse inverse = factors.inverse_from(level_size);
+  if (factors.solvable() < level_size + clock_size) inverse[2][2] = std::numeric_limits<double>::infinity();
+  return inverse;
 }
 
-std::optional<double> squares_left(const ChannelEquations& equations) {
-  const auto levels = fit_levels(equations);
-  if (!levels) return std::nullopt;
-  return (equations.values() - equations.level_parts() * *levels).squaredNorm();
+namespace {
+
+// The levels at a clock beside which `levels` were fitted, and the squares they leave.
+std::optional<double> move_levels(const NormalProducts& products, Levels& levels) {
+  const auto size = static_cast<std::size_t>(levels.size());
+  const NormalFactors factors(products, size);
+  if (factors.solvable() < size) return std::nullopt;
+  Levels change(levels.size());
+  factors.solve({change.data(), size});
+  levels += change;
+  double squares = products.squares();
+  for (std::size_t k = 0; k < size; ++k) squares -= change[static_cast<Index>(k)] * products.right(k);
+  return std::max(squares, 0.0);
 }
+
+}  // namespace
 
 std::optional<Linearised> linearise(ChannelEquations& equations, const ChipClock& clock, RowRange range,
-                                    const KnownRate& known, const std::optional<Eigen::VectorXd>& nearby) {
+                                    const KnownRate& known, const std::optional<Levels>& nearby, double max_squares) {
   equations.expose(clock, range);
-  auto levels = nearby ? nearby : fit_levels(equations);
+  auto levels = nearby ? nearby : equations.fit_levels();
   if (!levels) return std::nullopt;
-  const Index clock_size = equations.clock_size(), level_size = equations.level_size();
-  equations.scale_clock(equations.swing_at(*levels));
-  const Eigen::VectorXd residual = equations.values() - equations.level_parts() * *levels;
-  double squares = residual.squaredNorm();
-  Eigen::MatrixXd normal = normal_of(equations.parts());
-  Eigen::VectorXd right = equations.parts().transpose() * residual;
+  const NormalProducts& of_levels = equations.level_products_about(*levels);
   const double off = known.rows_per_chip - clock.rows_per_chip;
-  normal(1, 1) += known.weight;
-  right[1] += known.weight * off;
-  if (nearby) {
-    const auto change = solve_normal(normal.bottomRightCorner(level_size, level_size), right.tail(level_size));
-    if (!change) return std::nullopt;
-    *levels += change->values;
-    squares = std::max(squares - change->values.dot(right.tail(level_size)), 0.0);
-  }
-  squares += known.weight * off * off;
-  const auto solved = clock_size == 3 ? solve_clock(normal, right) : solve_normal(normal, right);
-  if (!solved) return std::nullopt;
-  return Linearised{*levels, solved->values.head(clock_size), solved->inverse, squares};
+  auto squares = nearby ? move_levels(of_levels, *levels) : of_levels.squares();
+  if (!squares || (*squares += known.weight * off * off) > max_squares) return std::nullopt;
+  NormalProducts& products = equations.with_clock();
+  const std::size_t size = equations.unknowns(), level_size = equations.level_size(), period = level_size + 1;
+  products.normal(period, period) += known.weight;
+  products.right(period) += known.weight * off;
+  const NormalFactors factors(products, size);
+  const auto inverse = clock_inverse(factors, level_size, equations.clock_size());
+  if (!inverse) return std::nullopt;
+  std::array<double, NormalProducts::kMost> values{};
+  factors.solve({values.data(), factors.solvable()});
+  ClockStep step(static_cast<Index>(equations.clock_size()));
+  std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(level_size), step.size(), step.begin());
+  return Linearised{*levels, step, *inverse, *squares};
 }
 
 }  // namespace ocisac

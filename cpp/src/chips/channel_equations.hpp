@@ -4,11 +4,14 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "chips/exposed_chips.hpp"
+#include "chips/normal_factors.hpp"
 #include "core/legendre.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
 
@@ -20,51 +23,68 @@ void check_model(const ChannelModel& model);
 double along_frame(double row, std::size_t rows);
 double polynomial(std::span<const double> coefficients, double x);
 
-// Least squares of one column against the model's derivatives, by normal equations with a unit diagonal.
-// Unknowns: phase, rows per chip, exposure (the first `clock_size` of them), dark levels, swings.
+inline constexpr Eigen::Index kMaxLevels = 2 * (static_cast<Eigen::Index>(kHighestDegree) + 1), kMaxClock = 3;
+using Levels = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxLevels, 1>;  // of dark, then of swing
+using ClockStep = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxClock, 1>;
+
+// Least squares of one column against the model's derivatives, by normal equations.
+// Unknowns: dark levels, swings, phase, rows per chip, exposure (unless it is known).
 class ChannelEquations {
  public:
-  using Index = Eigen::Index;
-
   ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model,
                    std::size_t rows);
 
   [[nodiscard]] std::ptrdiff_t origin() const { return origin_; }
-  [[nodiscard]] Index unknowns() const { return clock_size_ + level_size(); }
-  [[nodiscard]] Index clock_size() const { return clock_size_; }
-  [[nodiscard]] Index level_size() const { return dark_size_ + swing_size_; }
+  [[nodiscard]] std::size_t unknowns() const { return level_size() + clock_size_; }
+  [[nodiscard]] std::size_t clock_size() const { return clock_size_; }
+  [[nodiscard]] std::size_t level_size() const { return dark_size_ + swing_size_; }
   [[nodiscard]] std::span<const double> signal() const { return signal_; }
 
   // Computes s of each row of `range` and its derivatives for `clock`.
   void expose(const ChipClock& clock, RowRange range);
-  // Swing of each exposed row.
-  [[nodiscard]] Eigen::VectorXd swing_at(const Eigen::VectorXd& levels) const;
-  // Scales the derivatives by the clock with the swing of each exposed row.
-  void scale_clock(const Eigen::Ref<const Eigen::VectorXd>& swing);
 
-  // Derivatives of the exposed rows, (rows × unknowns); those by the clock after scale_clock. Those by the levels.
-  [[nodiscard]] auto parts() const { return parts_.topRows(count_); }
-  [[nodiscard]] auto level_parts() const { return parts_.topRightCorner(count_, level_size()); }
-  // The exposed rows of the signal.
-  [[nodiscard]] Eigen::Map<const Eigen::VectorXd> values() const { return {signal_.data() + first_, count_}; }
+  // Of the exposed rows: least-squares levels, of as many degrees as asked for; squares that levels leave.
+  [[nodiscard]] std::optional<Levels> fit_levels(std::size_t dark_size, std::size_t swing_size);
+  [[nodiscard]] std::optional<Levels> fit_levels() { return fit_levels(dark_size_, swing_size_); }
+  [[nodiscard]] double squares_left(const Levels& levels, std::size_t dark_size);
 
-  [[nodiscard]] std::vector<double> dark(const Eigen::VectorXd& levels) const {
-    return {levels.begin(), levels.begin() + dark_size_};
+  // Inner products of the derivatives with each other and with what `levels` leave of the exposed rows: first those by
+  // the levels, then those by the clock as well. Valid until the next call.
+  [[nodiscard]] NormalProducts& level_products_about(const Levels& levels);
+  [[nodiscard]] NormalProducts& with_clock();
+  // All of them for a swing of each row of the frame, and nothing left.
+  [[nodiscard]] NormalProducts& products_of(std::span<const double> swing);
+
+  [[nodiscard]] std::vector<double> dark(const Levels& levels) const {
+    return {levels.begin(), levels.begin() + static_cast<Eigen::Index>(dark_size_)};
   }
-  [[nodiscard]] std::vector<double> swing(const Eigen::VectorXd& levels) const {
-    return {levels.begin() + dark_size_, levels.end()};
+  [[nodiscard]] std::vector<double> swing(const Levels& levels) const {
+    return {levels.begin() + static_cast<Eigen::Index>(dark_size_), levels.end()};
   }
 
  private:
+  [[nodiscard]] double* column(std::size_t k) { return columns_.get() + k * padded_; }
+  [[nodiscard]] double* basis(std::size_t degree) { return column(degree); }
+  [[nodiscard]] double* exposed(std::size_t degree) { return column(basis_size_ + degree); }  // s · basis
+  [[nodiscard]] double* by_clock(std::size_t k) { return exposed(swing_size_) + k * padded_; }
+  [[nodiscard]] double* scaled_clock(std::size_t k) { return by_clock(kMaxClock) + k * padded_; }  // by the swing
+  [[nodiscard]] double* values() { return scaled_clock(kMaxClock); }
+  [[nodiscard]] double* left() { return values() + padded_; }
+  [[nodiscard]] double* swing() { return left() + padded_; }
+
+  void use_rows(RowRange range);
+  void fill_left(const Levels& levels, std::size_t dark_size);
+  NormalProducts& multiply(const double* explained, std::size_t dark_size, std::size_t swing_size, bool with_clock);
+
   std::span<const double> signal_;
   KnownChips chips_;
   ChipBox box_;
   std::ptrdiff_t origin_;
-  Index clock_size_, dark_size_, swing_size_;
-  Index first_ = 0, count_ = 0;  // exposed rows
-  Eigen::MatrixXd basis_;        // (rows × levels of dark or swing) Legendre polynomials
-  Eigen::MatrixXd by_clock_;     // (rows × clock) derivatives of s
-  Eigen::MatrixXd parts_;        // (rows × unknowns)
+  std::size_t frame_rows_, clock_size_, dark_size_, swing_size_, basis_size_;
+  RowRange rows_{};         // exposed
+  std::size_t padded_ = 0;  // a multiple of what kernels ask for; beyond the rows all columns that are multiplied are 0
+  std::unique_ptr<double[]> columns_;
+  NormalProducts products_;
 };
 
 // Solution of normal equations scaled to a unit diagonal; absent where columns are dependent.
@@ -75,23 +95,15 @@ struct Solved {
 
 std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
 
-// Solution with the exposure as third unknown. If the rows do not separate it from the phase (for example, all edges at
-// the same fraction of a row) it is kept, with infinite variance.
-std::optional<Solved> solve_clock(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
-
 // PᵀP of parts P, (rows × unknowns).
 Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>& parts);
 
-// Least-squares levels at the last exposed clock.
-std::optional<Eigen::VectorXd> fit_levels(const ChannelEquations& equations);
-
-// Residual squares of the best levels at the last exposed clock.
-std::optional<double> squares_left(const ChannelEquations& equations);
-
-// Levels for a clock, their residual squares, and the Gauss–Newton step of the clock.
+// Levels for a clock, their residual squares, and the Gauss–Newton step of the clock. If the rows do not separate the
+// exposure from the phase (for example, all edges at the same fraction of a row) it is kept, with infinite variance.
 struct Linearised {
-  Eigen::VectorXd levels, step;
-  Eigen::MatrixXd inverse;  // of all unknowns
+  Levels levels;
+  ClockStep step;
+  LastInverse clock_inverse;  // of the normal matrix of all unknowns, at the clock's
   double squares = 0;
 };
 
@@ -101,7 +113,12 @@ struct KnownRate {
 };
 
 // `nearby`: levels for a similar clock, at which the derivatives by the clock are evaluated; absent: estimated first.
+// Absent where more than `max_squares` are left, too.
 std::optional<Linearised> linearise(ChannelEquations& equations, const ChipClock& clock, RowRange range,
-                                    const KnownRate& known, const std::optional<Eigen::VectorXd>& nearby = {});
+                                    const KnownRate& known, const std::optional<Levels>& nearby = {},
+                                    double max_squares = std::numeric_limits<double>::infinity());
+
+// Inverse of the normal matrix at the clock, as of Linearised; absent where other unknowns depend on each other.
+std::optional<LastInverse> clock_inverse(const NormalFactors& factors, std::size_t level_size, std::size_t clock_size);
 
 }  // namespace ocisac

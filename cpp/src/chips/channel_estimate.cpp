@@ -22,7 +22,7 @@ constexpr double kSettled = 1e-9;        // chips; a smaller step is the last
 constexpr double kLongestExposure = 24;  // chips
 
 // The clock after a fraction of the step, limited to the range where the model is nearly linear.
-ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double share, double half_chips) {
+ChipClock stepped(const ChipClock& clock, const ClockStep& step, double share, double half_chips) {
   const double reach = std::max({std::abs(step[0]) / (0.4 * clock.rows_per_chip),
                                  std::abs(step[1]) * half_chips / (0.4 * clock.rows_per_chip), 1.0});
   const double part = share / reach;
@@ -38,9 +38,10 @@ ChipClock stepped(const ChipClock& clock, const Eigen::VectorXd& step, double sh
 }
 
 // True if a step is below this many standard errors.
-bool is_small(const Eigen::VectorXd& step, const Linearised& at, double variance, double errors) {
-  for (Eigen::Index k = 0; k < step.size(); ++k)
-    if (!(std::abs(step[k]) <= errors * std::sqrt(variance * at.inverse(k, k)))) return false;
+bool is_small(const ClockStep& step, const Linearised& at, double variance, double errors) {
+  for (std::size_t k = 0; k < static_cast<std::size_t>(step.size()); ++k)
+    if (!(std::abs(step[static_cast<Eigen::Index>(k)]) <= errors * std::sqrt(variance * at.clock_inverse[k][k])))
+      return false;
   return true;
 }
 
@@ -63,8 +64,9 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
     for (double share = 1; share > kMinShare; share *= 0.5) {
       if (!effort.take(rows)) return Descent{clock, range, std::move(*here), false};
       const ChipClock next = stepped(clock, here->step, share, half_chips);
-      auto there = next.rows_per_chip > 0 ? linearise(equations, next, range, known, here->levels) : std::nullopt;
-      if (!there || there->squares > here->squares) {
+      auto there =
+          next.rows_per_chip > 0 ? linearise(equations, next, range, known, here->levels, here->squares) : std::nullopt;
+      if (!there) {
         if (is_small(share * here->step, *here, here->squares / rows, vain_step)) break;
         continue;
       }
@@ -85,11 +87,10 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
   return Descent{clock, range, std::move(*here), false};
 }
 
-ClockErrors errors_of(const ChannelEquations& equations, const Eigen::MatrixXd& inverse, double variance) {
+ClockErrors errors_of(const ChannelEquations& equations, const LastInverse& inverse, double variance) {
   ClockErrors errors{equations.origin(), {}};
-  for (Eigen::Index i = 0; i < equations.clock_size(); ++i)
-    for (Eigen::Index j = 0; j < equations.clock_size(); ++j)
-      errors.covariance[static_cast<std::size_t>(3 * i + j)] = variance * inverse(i, j);
+  for (std::size_t i = 0; i < equations.clock_size(); ++i)
+    for (std::size_t j = 0; j < equations.clock_size(); ++j) errors.covariance[3 * i + j] = variance * inverse[i][j];
   return errors;
 }
 
@@ -126,7 +127,7 @@ std::optional<Descent> descend_on_known_rows(ChannelEquations& equations, const 
   KnownRate known{start.rows_per_chip, 0};
   for (int pass = 0; pass < kPasses; ++pass) {
     const RowRange now = rows_of(chips, clock, equations.signal().size());
-    if (now.size() <= static_cast<std::size_t>(equations.unknowns())) return std::nullopt;
+    if (now.size() <= equations.unknowns()) return std::nullopt;
     const bool same = found && now.begin == found->rows.begin && now.end == found->rows.end;
     if (same && (rate_std == 0 || pass == kPasses - 1)) break;
     if (rate_std > 0) {
@@ -157,7 +158,7 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
   const auto freedom = static_cast<double>(found->rows.size()) - static_cast<double>(equations.unknowns());
   const double variance = found->last.squares / freedom;
   return ChannelEstimate{moved_to(found->clock, -equations.origin()),
-                         errors_of(equations, found->last.inverse, variance),
+                         errors_of(equations, found->last.clock_inverse, variance),
                          equations.dark(found->last.levels),
                          equations.swing(found->last.levels),
                          std::sqrt(variance),
@@ -173,11 +174,11 @@ std::optional<LevelSquares> level_squares(std::span<const double> signal, const 
   const ChipClock used = with_min_exposure(clock);
   const RowRange range = rows_of(chips, used, signal.size());
   ChannelEquations equations(signal, chips, model, signal.size());
-  if (range.size() <= static_cast<std::size_t>(equations.level_size())) return std::nullopt;
+  if (range.size() <= equations.level_size()) return std::nullopt;
   equations.expose(moved_to(used, equations.origin()), range);
-  const auto squares = squares_left(equations);
-  if (!squares) return std::nullopt;
-  return LevelSquares{*squares, range.size()};
+  const auto levels = equations.fit_levels();
+  if (!levels) return std::nullopt;
+  return LevelSquares{equations.squares_left(*levels, model.dark_degree + 1), range.size()};
 }
 
 std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock& clock, std::span<const double> swing,
@@ -189,17 +190,14 @@ std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock
   const ChipClock used = with_min_exposure(clock);
   const RowRange range = rows_of(chips, used, swing.size());
   ChannelEquations equations({}, chips, model, swing.size());
+  const std::size_t size = equations.unknowns(), period = equations.level_size() + 1;
+  if (range.size() < size) return std::nullopt;
   equations.expose(moved_to(used, equations.origin()), range);
-  const Eigen::Index size = equations.unknowns();
-  if (range.size() < static_cast<std::size_t>(size)) return std::nullopt;
-  equations.scale_clock(
-      Eigen::Map<const Eigen::VectorXd>(swing.data() + range.begin, static_cast<Eigen::Index>(range.size())));
-  Eigen::MatrixXd normal = normal_of(equations.parts());
-  const Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
-  if (model.rate_std > 0) normal(1, 1) += noise * noise / (model.rate_std * model.rate_std);
-  const auto solved = model.exposure_known ? solve_normal(normal, right) : solve_clock(normal, right);
-  if (!solved) return std::nullopt;
-  return errors_of(equations, solved->inverse, noise * noise);
+  NormalProducts& products = equations.products_of(swing);
+  if (model.rate_std > 0) products.normal(period, period) += noise * noise / (model.rate_std * model.rate_std);
+  const auto inverse = clock_inverse(NormalFactors(products, size), equations.level_size(), equations.clock_size());
+  if (!inverse) return std::nullopt;
+  return errors_of(equations, *inverse, noise * noise);
 }
 
 Pooled pool_estimates(std::span<const double> values, std::span<const double> errors) {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "chips/channel_equations.hpp"
 #include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -25,7 +26,7 @@ constexpr double kLevelFits = 2;                      // cost of the choice of l
 
 // The channel's levels, constant beyond a short extrapolation. ChipRows uses them unlimited: its channel is that of the
 // whole frame, and a swing that falls to 0 there is an error of the caller.
-struct Levels {
+struct HeldLevels {
   const ChannelEstimate& channel;
   std::size_t frame_rows;
 
@@ -57,17 +58,21 @@ ChannelModel choose_levels(const IterationContext& context, const FoundChips& ch
   ChannelModel best{0, 0, options.exposure_known};
   double lowest = std::numeric_limits<double>::infinity();
   const std::size_t highest = covers_frame ? options.highest_degree : std::min<std::size_t>(options.highest_degree, 1);
+  ChannelEquations equations(context.signal, chips.known(), {highest, highest, true}, context.signal.size());
+  const RowRange range = rows_of(chips.known(), with_min_exposure(clock), context.signal.size());
+  if (range.size() > 0) equations.expose(moved_to(with_min_exposure(clock), equations.origin()), range);
   for (std::size_t degree = 0; degree <= highest; ++degree)
     for (const std::size_t swing_degree : {std::size_t{0}, degree}) {
       if (swing_degree == 0 && degree > 1) continue;  // a light with gradients also lights its surroundings
-      const ChannelModel model{degree, swing_degree, options.exposure_known};
-      const auto left = level_squares(context.signal, chips.known(), clock, model);
-      if (!left) return best;
-      const auto count = static_cast<double>(left->rows), unknowns = static_cast<double>(degree + swing_degree);
-      const double criterion = count * std::log(std::max(left->squares, 1e-300) / count) + unknowns * std::log(count);
+      if (range.size() <= degree + swing_degree + 2) return best;
+      const auto levels = equations.fit_levels(degree + 1, swing_degree + 1);
+      if (!levels) return best;
+      const double squares = equations.squares_left(*levels, degree + 1);
+      const auto count = static_cast<double>(range.size()), unknowns = static_cast<double>(degree + swing_degree);
+      const double criterion = count * std::log(std::max(squares, 1e-300) / count) + unknowns * std::log(count);
       if (criterion < lowest) {
         lowest = criterion;
-        best = model;
+        best = {degree, swing_degree, options.exposure_known};
       }
     }
   return best;
@@ -77,7 +82,7 @@ ChannelModel choose_levels(const IterationContext& context, const FoundChips& ch
 
 std::optional<FoundChips> detect_rows(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
   const auto signal = context.signal;
-  const Levels levels{channel, signal.size()};
+  const HeldLevels levels{channel, signal.size()};
   double lowest = std::numeric_limits<double>::infinity();
   std::vector<double> rows;
   for (std::size_t n = range.begin; n < range.end; ++n) {

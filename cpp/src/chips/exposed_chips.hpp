@@ -39,6 +39,10 @@ class ChipBox {
   }
 
   [[nodiscard]] bool has_shape_of(const ChipClock& clock) const { return clock.rise == rise_ && clock.fall == fall_; }
+  [[nodiscard]] bool is_at_once() const { return starts_.empty(); }
+  [[nodiscard]] std::span<const double> targets() const { return targets_; }
+  [[nodiscard]] std::span<const double> sums() const { return sums_; }  // over the chips before each
+  [[nodiscard]] double first() const { return first_; }
 
   // With clock.phase that of chip `origin`.
   [[nodiscard]] Exposed at(double row, const ChipClock& clock, double origin) const {

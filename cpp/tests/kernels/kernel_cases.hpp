@@ -35,6 +35,7 @@ std::vector<KernelCase> column_dft_cases();
 std::vector<KernelCase> folding_cases();
 std::vector<KernelCase> waveform_cases();
 std::vector<KernelCase> sequence_cases();
+std::vector<KernelCase> channel_cases();
 std::vector<KernelCase> frequency_cases();
 std::vector<KernelCase> packed_cases();
 
@@ -42,7 +43,7 @@ inline std::vector<KernelCase> all() {
   std::vector<KernelCase> cases;
   for (const auto& some :
        {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases, column_dft_cases,
-        folding_cases, waveform_cases, sequence_cases, frequency_cases, packed_cases})
+        folding_cases, waveform_cases, sequence_cases, channel_cases, frequency_cases, packed_cases})
     for (auto& one : some()) cases.push_back(std::move(one));
   return cases;
 }
