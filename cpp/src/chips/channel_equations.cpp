@@ -124,18 +124,10 @@ void ChannelEquations::expose(const ChipClock& clock, RowRange range) {
     std::transform(exposed(0), exposed(1), basis(k), exposed(k), std::multiplies{});
 }
 
-// What levels leave of the values, and their swing.
-void ChannelEquations::fill_left(const Levels& levels, std::size_t dark_size) {
-  const double* const of_dark = levels.data();
-  const double* const of_swing = of_dark + dark_size;
-  double *const height = swing(), *const rest = left();
-  std::fill_n(height, padded_, of_swing[0]);
-  for (std::size_t k = 1; k < static_cast<std::size_t>(levels.size()) - dark_size; ++k)
-    for (std::size_t n = 0; n < padded_; ++n) height[n] += of_swing[k] * basis(k)[n];
-  for (std::size_t n = 0; n < padded_; ++n)
-    rest[n] = values()[n] - of_dark[0] * basis(0)[n] - height[n] * exposed(0)[n];
-  for (std::size_t k = 1; k < dark_size; ++k)
-    for (std::size_t n = 0; n < padded_; ++n) rest[n] -= of_dark[k] * basis(k)[n];
+void ChannelEquations::subtract(const Levels& levels, std::size_t dark_size) {
+  const std::span<const double> all(levels.data(), static_cast<std::size_t>(levels.size()));
+  kernels::subtract_levels({basis(0), exposed(0), values(), padded_, all.first(dark_size), all.subspan(dark_size)},
+                           padded_, swing(), left());
 }
 
 // With the clock: adds its products to those of all levels.
@@ -161,14 +153,14 @@ std::optional<Levels> ChannelEquations::fit_levels(std::size_t dark_size, std::s
 }
 
 double ChannelEquations::squares_left(const Levels& levels, std::size_t dark_size) {
-  fill_left(levels, dark_size);
+  subtract(levels, dark_size);
   double squares = 0;
   for (std::size_t n = 0; n < rows_.size(); ++n) squares += left()[n] * left()[n];
   return squares;
 }
 
 NormalProducts& ChannelEquations::level_products_about(const Levels& levels) {
-  fill_left(levels, dark_size_);
+  subtract(levels, dark_size_);
   return multiply(left(), dark_size_, swing_size_, false);
 }
 

@@ -73,7 +73,7 @@ class ChannelEquations {
   [[nodiscard]] double* swing() { return left() + padded_; }
 
   void use_rows(RowRange range);
-  void fill_left(const Levels& levels, std::size_t dark_size);
+  void subtract(const Levels& levels, std::size_t dark_size);  // fills left() and swing()
   NormalProducts& multiply(const double* explained, std::size_t dark_size, std::size_t swing_size, bool with_clock);
 
   std::span<const double> signal_;

@@ -1,7 +1,7 @@
 #include "chips/channel_kernels.hpp"
 
 #include <algorithm>
-#include <cstdint>
+#include <array>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "chips/channel_kernels.cpp"
@@ -51,7 +51,8 @@ template <bool kNear>
 void expose_rows(const ChipSteps& chips, const ExposureClock& clock, std::size_t rows, const ExposedRows& to) {
   const Rows half = hn::Set(d64, 0.5 * clock.exposure_rows), per_row = hn::Set(d64, 1 / clock.exposure_rows);
   const Rows phase = hn::Set(d64, clock.phase), period = hn::Set(d64, clock.rows_per_chip);
-  const Rows exposure = hn::Set(d64, clock.exposure_rows), origin = hn::Set(d64, clock.chip);
+  const Rows exposure_chips = hn::Set(d64, clock.exposure_rows / clock.rows_per_chip);
+  const Rows origin = hn::Set(d64, clock.chip);
   const Rows value_scale = hn::Set(d64, clock.rows_per_chip * (1 / clock.exposure_rows));
   for (std::size_t n = 0; n < rows; n += hn::Lanes(d64)) {
     const Rows row = hn::Iota(d64, clock.first + static_cast<double>(n));
@@ -60,7 +61,7 @@ void expose_rows(const ChipSteps& chips, const ExposureClock& clock, std::size_t
     const Places begin = places_at<kNear>(chips, hn::Add(chips_begin, origin));
     const Places end = places_at<kNear>(chips, hn::Add(chips_end, origin));
     const Rows between = hn::Sub(hn::Add(hn::Sub(end.sum, begin.sum), end.integral), begin.integral);
-    const Rows within = hn::Div(hn::Mul(end.level, exposure), period);
+    const Rows within = hn::Mul(end.level, exposure_chips);
     const Rows area = hn::IfThenElse(hn::Eq(begin.chip, end.chip), within, between);
     const Rows value = hn::Mul(value_scale, area);
     const Rows moved = hn::Add(hn::Sub(area, hn::Mul(end.level, chips_end)), hn::Mul(begin.level, chips_begin));
@@ -81,31 +82,55 @@ void ExposeRows(const ChipSteps& chips, const ExposureClock& clock, std::size_t 
     expose_rows<false>(chips, clock, rows, to);
 }
 
-// Two columns by two: four sums in registers, a load for each product.
+void SubtractLevels(const LevelColumns& columns, std::size_t rows, double* HWY_RESTRICT swing,
+                    double* HWY_RESTRICT left) {
+  const auto sum_at = [&](std::span<const double> levels, std::size_t n) HWY_ATTR {
+    Rows sum = hn::Set(d64, levels[0]);
+    for (std::size_t k = 1; k < levels.size(); ++k)
+      sum = hn::MulAdd(hn::Set(d64, levels[k]), hn::LoadU(d64, columns.basis + k * columns.stride + n), sum);
+    return sum;
+  };
+  for (std::size_t n = 0; n < rows; n += hn::Lanes(d64)) {
+    const Rows of_swing = sum_at(columns.swing, n);
+    const Rows dark = hn::Mul(sum_at(columns.dark, n), hn::LoadU(d64, columns.basis + n));
+    const Rows rest = hn::Sub(hn::LoadU(d64, columns.values + n), dark);
+    hn::StoreU(of_swing, d64, swing + n);
+    hn::StoreU(hn::NegMulAdd(of_swing, hn::LoadU(d64, columns.exposed + n), rest), d64, left + n);
+  }
+}
+
+constexpr std::size_t kMostAtOnce = 6;  // sums in registers
+
+// Of one column with kCount others.
+template <std::size_t kCount>
+HWY_INLINE void multiply(const double* column, const double* const* others, std::size_t rows,
+                         double* HWY_RESTRICT products) {
+  std::array<Rows, kCount> sums;
+  for (Rows& sum : sums) sum = hn::Zero(d64);
+  for (std::size_t n = 0; n < rows; n += hn::Lanes(d64)) {
+    const Rows values = hn::LoadU(d64, column + n);
+    for (std::size_t k = 0; k < kCount; ++k) sums[k] = hn::MulAdd(values, hn::LoadU(d64, others[k] + n), sums[k]);
+  }
+  for (std::size_t k = 0; k < kCount; ++k) products[k] = hn::GetLane(hn::SumOfLanes(d64, sums[k]));
+}
+
 void InnerProducts(std::span<const double* const> columns, std::size_t first, std::size_t rows,
                    double* HWY_RESTRICT products, std::size_t stride) {
-  const std::size_t last = columns.size() - 1;
-  const auto put = [&](std::size_t i, std::size_t j, Rows sum) {
-    products[i * stride + j] = products[j * stride + i] = hn::GetLane(hn::SumOfLanes(d64, sum));
-  };
-  for (std::size_t i = first; i <= last; i += 2)
-    for (std::size_t j = 0; j <= std::min(i + 1, last); j += 2) {
-      const std::size_t next_i = std::min(i + 1, last), next_j = std::min(j + 1, last);
-      const double *a = columns[i], *b = columns[next_i], *c = columns[j], *d = columns[next_j];
-      Rows ac = hn::Zero(d64), ad = ac, bc = ac, bd = ac;
-      for (std::size_t n = 0; n < rows; n += hn::Lanes(d64)) {
-        const Rows of_a = hn::LoadU(d64, a + n), of_b = hn::LoadU(d64, b + n);
-        const Rows of_c = hn::LoadU(d64, c + n), of_d = hn::LoadU(d64, d + n);
-        ac = hn::MulAdd(of_a, of_c, ac);
-        ad = hn::MulAdd(of_a, of_d, ad);
-        bc = hn::MulAdd(of_b, of_c, bc);
-        bd = hn::MulAdd(of_b, of_d, bd);
+  for (std::size_t i = first; i < columns.size(); ++i) {
+    double* const row = products + i * stride;
+    for (std::size_t j = 0; j <= i; j += kMostAtOnce) {
+      const double* const* const others = &columns[j];
+      switch (std::min(i + 1 - j, kMostAtOnce)) {
+        case 1: multiply<1>(columns[i], others, rows, row + j); break;
+        case 2: multiply<2>(columns[i], others, rows, row + j); break;
+        case 3: multiply<3>(columns[i], others, rows, row + j); break;
+        case 4: multiply<4>(columns[i], others, rows, row + j); break;
+        case 5: multiply<5>(columns[i], others, rows, row + j); break;
+        default: multiply<kMostAtOnce>(columns[i], others, rows, row + j); break;
       }
-      put(i, j, ac);
-      put(i, next_j, ad);
-      put(next_i, j, bc);
-      put(next_i, next_j, bd);
     }
+    for (std::size_t j = 0; j < i; ++j) products[j * stride + i] = row[j];
+  }
 }
 
 }  // namespace HWY_NAMESPACE
@@ -116,10 +141,15 @@ HWY_AFTER_NAMESPACE();
 namespace ocisac::kernels {
 
 HWY_EXPORT(ExposeRows);
+HWY_EXPORT(SubtractLevels);
 HWY_EXPORT(InnerProducts);
 
 void expose_rows(const ChipSteps& chips, const ExposureClock& clock, std::size_t rows, const ExposedRows& to) {
   HWY_DYNAMIC_DISPATCH(ExposeRows)(chips, clock, rows, to);
+}
+
+void subtract_levels(const LevelColumns& columns, std::size_t rows, double* swing, double* left) {
+  HWY_DYNAMIC_DISPATCH(SubtractLevels)(columns, rows, swing, left);
 }
 
 void inner_products(std::span<const double* const> columns, std::size_t first, std::size_t rows, double* products,

@@ -232,9 +232,15 @@ class Trellis {
     return {grouped_, costs_.data()};
   }
 
+  // A check takes as long as a small trellis takes for a chip.
+  void check_interrupt_at(std::size_t chip) const {
+    constexpr std::size_t kStatesPerCheck = 2048;
+    if (chip % std::max<std::size_t>(kStatesPerCheck / states_, 1) == 0) check_interrupt();
+  }
+
   // to[s]: min cost of the rows up to the chip, given the last chips s, from the same up to the previous chip.
   void go_forward(std::size_t chip, const float* from, float* to) {
-    check_interrupt();
+    check_interrupt_at(chip);
     kernels::step_forward(from, weigh(chip), states_, to);
   }
 
@@ -260,7 +266,7 @@ class Trellis {
     for (std::size_t b = blocks; b-- > 0;) {
       fill_block(b);
       for (std::size_t chip = first_of(b + 1); chip-- > first_of(b);) {
-        check_interrupt();
+        check_interrupt_at(chip);
         const auto best = kernels::step_backward(&costs[(chip - first_of(b)) * states_], weigh(chip), after.data(),
                                                  states_, before.data());
         llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);

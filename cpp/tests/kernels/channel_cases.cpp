@@ -36,6 +36,29 @@ KernelCase exposure_case(std::size_t chips, std::size_t rows, double rows_per_ch
       [levels, run](bool plain, double* out) { run(plain, out); }, rows > 100);
 }
 
+// swing, left; basis_0 is 0 in the last rows.
+KernelCase levels_case(std::size_t dark_size, std::size_t swing_size, std::size_t rows) {
+  const std::size_t stride = rows + 3;
+  const auto basis = std::make_shared<Misaligned<double>>(random_rows<double>(8, rows, stride));
+  for (std::size_t n = 0; n < rows; ++n) basis->data()[n] = n + 5 < rows ? 1 : 0;
+  const auto levels = std::make_shared<std::vector<double>>(std::vector<double>{3, -0.4, 0.2, 0.1, -0.3, 0.7});
+  const auto run = [=](bool plain, double* out) {
+    const std::span<const double> dark(levels->data(), dark_size), swing(levels->data() + 1, swing_size);
+    const double *const columns = basis->data(), *exposed = columns + 6 * stride, *values = columns + 7 * stride;
+    if (!plain)
+      return ocisac::kernels::subtract_levels({columns, exposed, values, stride, dark, swing}, rows, out, out + rows);
+    for (std::size_t n = 0; n < rows; ++n) {
+      double of_dark = dark[0];
+      out[n] = swing[0];
+      for (std::size_t k = 1; k < dark_size; ++k) of_dark += dark[k] * columns[k * stride + n];
+      for (std::size_t k = 1; k < swing_size; ++k) out[n] += swing[k] * columns[k * stride + n];
+      out[rows + n] = values[n] - columns[n] * of_dark - exposed[n] * out[n];
+    }
+  };
+  return kernel_case<double>("subtract_levels of " + std::to_string(dark_size) + " and " + std::to_string(swing_size),
+                             1e-14, {2, rows, rows}, run, rows > 100);
+}
+
 // (columns × columns), from a row on.
 KernelCase products_case(std::size_t count, std::size_t first, std::size_t rows) {
   const auto values = std::make_shared<Misaligned<double>>(random_rows<double>(count, rows, rows));
@@ -66,6 +89,9 @@ std::vector<KernelCase> channel_cases() {
         cases.push_back(exposure_case(chips, 3 * kRowGroup, rows_per_chip, exposure_chips * rows_per_chip));
     cases.push_back(exposure_case(chips, 29 * kRowGroup, 5.63, 28.0));
   }
+  for (const std::size_t dark : {1, 2, 5})
+    for (const std::size_t swing : {std::size_t{1}, dark})
+      for (const std::size_t rows : {kRowGroup, 29 * kRowGroup}) cases.push_back(levels_case(dark, swing, rows));
   for (const std::size_t count : {1, 2, 5, 8, 18})
     for (const std::size_t first : {std::size_t{0}, count / 2, count - 1})
       for (const std::size_t rows : {kRowGroup, 5 * kRowGroup, 29 * kRowGroup})
