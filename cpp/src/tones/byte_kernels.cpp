@@ -202,15 +202,19 @@ std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::pt
   return runs;
 }
 
-// The lowest of the rows to prefetch and of their mirror images, and the next run of both; null: no runs.
+// The lowest of the rows to prefetch and of their mirror images, and the next run of both, or kNoRun: with narrow
+// vectors the first line over and over, which costs less than a comparison for each pair.
 struct RowsAhead {
   const std::uint8_t *near, *far;
   const std::ptrdiff_t* run;
 };
 
+constexpr std::array<std::ptrdiff_t, kRowsForMore> kFirstLine{};
+constexpr const std::ptrdiff_t* kNoRun = kWide ? nullptr : kFirstLine.data();
+
 template <int kGroup, bool kNear, bool kFar>
 HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
-  if (!ahead.run) return;
+  if (kWide && ahead.run == kNoRun) return;
   if (kNear) ask_for<kLinesPerPair<kGroup>, kWide>(ahead.near + ahead.run[pair]);
   if (kFar) ask_for<kLinesPerPair<kGroup>, kWide>(ahead.far + ahead.run[pair]);
 }
@@ -670,7 +674,7 @@ class LoneGroup {
 template <int kGroup, bool kFold, bool kMore, class Mode>
 void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
   const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>(2 * kGroup * plan.count) * rows.stride;
-  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run ? plan.count : 0) {
+  for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run == kNoRun ? 0 : plan.count) {
     const std::ptrdiff_t first = strips.grid.first(i);
     Rows<Mode::kLines> here{rows.near + first, rows.far + first, rows.stride};
     for (std::size_t n = 0; n < Mode::kLines; ++n) {
@@ -759,7 +763,7 @@ class BlockProjector {
     const auto rows = static_cast<std::ptrdiff_t>(rows_ahead_);
     const auto total = static_cast<std::ptrdiff_t>(whole_.groups * kGroup);
     const bool is_next_frame = row_ahead_ >= total;
-    if (runs_.empty() || (is_next_frame && whole_.to_next == 0)) return {whole_.pixels, whole_.pixels, nullptr};
+    if (runs_.empty() || (is_next_frame && whole_.to_next == 0)) return {whole_.pixels, whole_.pixels, kNoRun};
     const std::ptrdiff_t first = std::min(is_next_frame ? row_ahead_ % total / rows * rows : row_ahead_, total - rows);
     row_ahead_ += rows;
     const std::ptrdiff_t to_lowest =

@@ -30,32 +30,33 @@ void put_weight(std::int32_t& pair, std::size_t group, int weight) {
   pair = static_cast<std::int32_t>(static_cast<std::uint32_t>(pair) | (group % 2 == 0 ? half : half << 16));
 }
 
-// Magnitudes of an output's weights.
-struct Magnitudes {
-  double sum, largest;
-};
-
-Magnitudes magnitudes(std::span<const double> weights) {
-  Magnitudes found{};
-  for (const double weight : weights) {
-    found.sum += std::abs(weight);
-    found.largest = std::max(found.largest, std::abs(weight));
-  }
-  return found;
+double largest_magnitude(std::span<const double> weights) {
+  double largest = 0;
+  for (const double weight : weights) largest = std::max(largest, std::abs(weight));
+  return largest;
 }
 
-// Largest integer of a limb that keeps the sums within range.
-double largest_integer(const std::vector<Magnitudes>& outputs, std::size_t rows, int row_group, int limbs) {
+double sum_of_magnitudes(std::span<const double> weights) {
+  double sum = 0;
+  for (const double weight : weights) sum += std::abs(weight);
+  return sum;
+}
+
+// Largest integer of a limb that keeps the sums within range; `largest` magnitude of each output's weights.
+double largest_integer(std::span<const double> weights, std::span<const double> largest, std::size_t rows,
+                       int row_group, int limbs) {
   if (rows > kernels::kRowsPerChunk) return kernels::kMaxWeight;
   const std::size_t whole_groups = rows / static_cast<std::size_t>(row_group);
   const auto groups = static_cast<double>(whole_groups);
   // rounding: up to half a unit per row
   const double room = kernels::kMaxSum / (255.0 * row_group) - 0.5 * groups;
-  double largest = kernels::kMaxOfFewRows;
-  if (limbs > 1) largest = std::min(largest, room / groups);  // the shape of further limbs is arbitrary
-  for (const Magnitudes& of : outputs)
-    if (of.sum > 0) largest = std::min(largest, room * of.largest / of.sum);
-  return std::max<double>(std::floor(largest), kernels::kMaxWeight);
+  double integer = kernels::kMaxOfFewRows;
+  if (limbs > 1) integer = std::min(integer, room / groups);  // the shape of further limbs is arbitrary
+  for (std::size_t o = 0; o < largest.size(); ++o)
+    if (largest[o] > 0)
+      integer =
+          std::min(integer, room * largest[o] / sum_of_magnitudes(weights.subspan(o * whole_groups, whole_groups)));
+  return std::max<double>(std::floor(integer), kernels::kMaxWeight);
 }
 
 }  // namespace
@@ -68,14 +69,14 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
   require(groups_ > 0, "rows", rows, "at least row_group");
   require(weights.size() == outputs * groups_, "weights", weights.size(), "outputs·(rows/row_group) values");
   for (const double w : weights) require_finite("weights", w);
-  fold_exactly();
+  std::vector<double> largest;
+  for (std::size_t o = 0; o < outputs; ++o) largest.push_back(largest_magnitude(weights.subspan(o * groups_, groups_)));
+  fold_exactly(largest);
 
-  std::vector<Magnitudes> of_outputs;
-  for (std::size_t o = 0; o < outputs; ++o) of_outputs.push_back(magnitudes(weights.subspan(o * groups_, groups_)));
-  const double integer = largest_integer(of_outputs, rows, row_group, limbs);
+  const double integer = largest_integer(weights, largest, rows, row_group, limbs);
   pairs_.assign(outputs * static_cast<std::size_t>(limbs) * pair_count(), 0);
   for (std::size_t o = 0; o < outputs; ++o) {
-    const double scale = of_outputs[o].largest > 0 ? of_outputs[o].largest / integer : 1.0;
+    const double scale = largest[o] > 0 ? largest[o] / integer : 1.0;
     const std::size_t first = units_.size();
     for (int limb = 0; limb < limbs; ++limb) units_.push_back(scale * std::pow(2 * integer, -limb));
     for (std::size_t g = 0; g < groups_; ++g) {
@@ -91,7 +92,7 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
 }
 
 // Weights that are symmetric or antisymmetric but for rounding become so.
-void RowWeights::fold_exactly() {
+void RowWeights::fold_exactly(std::span<const double> largest) {
   constexpr double kRounding = 1e-12;  // of the largest weight
   output_order_.resize(outputs_);
   std::iota(output_order_.begin(), output_order_.end(), std::size_t{0});
@@ -105,7 +106,7 @@ void RowWeights::fold_exactly() {
   };
   std::vector<double> signs;
   for (std::size_t o = 0; o < outputs_; ++o) {
-    const double allowed = kRounding * magnitudes(std::span(weights_).subspan(o * groups_, groups_)).largest;
+    const double allowed = kRounding * largest[o];
     const bool even = deviation(o, 1) <= allowed;
     if (!even && !(deviation(o, -1) <= allowed)) return;
     signs.push_back(even ? 1 : -1);

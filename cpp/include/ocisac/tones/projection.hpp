@@ -55,7 +55,7 @@ class RowWeights {
   [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
   [[nodiscard]] bool has_symmetry(std::size_t part, int sign) const;
   void fold();
-  void fold_exactly();
+  void fold_exactly(std::span<const double> largest);
   std::vector<double> units_;
   std::vector<std::size_t> order_, folded_order_;
   std::vector<std::int32_t> pairs_, folded_pairs_;
