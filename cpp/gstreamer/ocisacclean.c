@@ -111,7 +111,11 @@ static GstFlowReturn transform_frame_ip(GstVideoFilter* filter, GstVideoFrame* f
   const guint count = planes_of(frame, planes);
   ocisac_cleaned cleaned;
   ocisac_cleaned_init(&cleaned);
-  if (ocisac_cleaner_push(self->cleaner, planes, count, &cleaned) != OCISAC_OK) return ocisac_fail(GST_ELEMENT(self));
+  ocisac_stamp stamp;
+  ocisac_stamp_init(&stamp);
+  stamp.time = time;
+  if (ocisac_cleaner_push_stamped(self->cleaner, planes, count, &stamp, &cleaned) != OCISAC_OK)
+    return ocisac_fail(GST_ELEMENT(self));
   post(self, &cleaned, frame->buffer);
   ++self->next;
   self->last_time = time;

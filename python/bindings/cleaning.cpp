@@ -181,9 +181,9 @@ py::tuple run_restored(const HeldScene& held, std::size_t frame, std::size_t col
                   : restored_as<std::uint16_t>(held.scene, frame, colour, shares, to);
 }
 
-py::tuple run_push(Shared<StreamCleaner>& cleaner, const std::vector<py::array>& colours) {
+py::tuple run_push(Shared<StreamCleaner>& cleaner, const std::vector<py::array>& colours, std::optional<double> time) {
   const std::vector<AnyFramesView> views = scene_views(colours);
-  StreamCleaner::Frame frame = cleaner.call([&](StreamCleaner& one) { return one.push(views); });
+  StreamCleaner::Frame frame = cleaner.call([&](StreamCleaner& one) { return one.push(views, time); });
   return tuple_of(colours, std::move(frame.stored), std::move(frame.light));
 }
 
@@ -212,7 +212,7 @@ void register_scene_light(py::module_& module) {
              return Shared<StreamCleaner>(StreamCleaner(camera, {row_model(model), noise, toe}));
            }),
            arg("camera"), arg("model"), arg("noise"), arg("toe"))
-      .def("push", &run_push, arg("colours"))
+      .def("push", &run_push, arg("colours"), arg("time"))
       .def("forget", [](Shared<StreamCleaner>& cleaner) { cleaner.call([](StreamCleaner& one) { one.forget(); }); });
   module.def(
       "fully_modulated_rows", [](const Doubles& rows) { return array_of(fully_modulated_rows(span_of(rows))); },
@@ -236,7 +236,8 @@ std::vector<SlowLight> run_find_slow_lights(const Doubles& light, const Doubles&
       const auto plane = [&](const std::vector<double>& all) { return std::span(all).subspan(first, pixels); };
       frames[frame].push_back({plane(of_light), plane(of_variance), 1, rows, columns});
     }
-  return unlocked([&] { return find_slow_lights(frames, camera, earlier, near); });
+  const EarlierFrames before{earlier, earlier.empty() ? 0 : earlier.back().place + 1};
+  return unlocked([&] { return find_slow_lights(frames, camera, before, near); });
 }
 
 void register_slow_light(py::module_& module) {

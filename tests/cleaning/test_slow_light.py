@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+from pathlib import Path
+
+import av
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import example, given, strategies as st
+from click.testing import CliRunner
+from hypothesis import example, given, settings, strategies as st
 
 from ocisac_fast import Camera, _core, reference, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
+from ocisac_fast.cli.application import ocisac
+from ocisac_fast.files import open_recording
 
 Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 400, 200
@@ -118,6 +125,65 @@ def test_a_video_is_cleaned_once_its_frames_show_the_bands() -> None:
         if k >= 3:
             assert not done.unchanged[0]
             assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 5
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+@settings(max_examples=8)
+def test_time_stamps_tell_the_frames_that_are_missing(seed: int, frame_time_is_known: bool) -> None:
+    """The phase advances meanwhile: without stamps it would be another frame's. Up to half of them are missing."""
+    random = np.random.default_rng(seed)
+    picture = boxes(5) * np.where(np.arange(ROWS) < 180, 1.0, 0.5)[:, None]
+    period = float(random.uniform(0.01, 0.1))
+    cleaner = VideoCleaner(Camera(1e-5, frame_time=period) if frame_time_is_known else CAMERA)
+    numbers = np.concatenate([np.arange(5), 4 + np.cumsum(random.integers(1, 3, 5))])
+    for k, number in enumerate(numbers):
+        stored = under(picture, 1.2, 0.12, 0.3 * number, seed=int(number))
+        jitter = random.uniform(-0.05, 0.05)
+        done = cleaner.push(stored, time=1000.0 + period * (number + jitter))
+        if k >= 4:
+            assert not done.unchanged[0]
+            assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 4
+
+
+def test_the_command_takes_the_time_stamps_of_a_video(tmp_path: Path) -> None:
+    numbers = [0, 1, 2, 3, 5, 6, 8]
+    with av.open(str(tmp_path / "gaps.mkv"), "w") as container:
+        stream = container.add_stream("ffv1", rate=30)
+        stream.width, stream.height, stream.pix_fmt = COLUMNS, ROWS, "gray"
+        for number in numbers:
+            frame = av.VideoFrame.from_ndarray(under(boxes(5), 1.2, 0.12, 0.3 * number, seed=number), format="gray")
+            frame.pts, frame.time_base = number, Fraction(1, 30)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    line = ["clean", str(tmp_path / "gaps.mkv"), str(tmp_path / "clean.npy"), "--row-time", "10us", "--channel", "y"]
+    CliRunner().invoke(ocisac, line, catch_exceptions=False)
+    with open_recording(tmp_path / "gaps.mkv", colour=False) as stored:
+        rate = stored.frame_rate
+        assert rate is not None
+        cleaner = VideoCleaner(Camera(1e-5, frame_time=1 / rate, white_level=255.0))
+        for frame, number, cleaned in zip(stored, numbers, np.load(tmp_path / "clean.npy"), strict=True):
+            values = np.rint(frame).astype(np.uint8)
+            np.testing.assert_array_equal(cleaned, cleaner.push(values, time=number / 30).frames)
+
+
+def test_regular_stamps_change_nothing() -> None:
+    frames = [under(boxes(5), 1.2, 0.12, 0.3 * k, seed=k) for k in range(6)]
+    stamped, counted = (VideoCleaner(Camera(1e-5, frame_time=1 / 30)) for _ in range(2))
+    for k, frame in enumerate(frames):
+        np.testing.assert_array_equal(stamped.push(frame, time=k / 30).frames, counted.push(frame).frames)
+
+
+@pytest.mark.parametrize("times", [[0, 1, 2, 3, 2], [0, 1, 2, 3, 3.5], [0, 1, 2, 3, 100], [0, 1, 2, 3, None]])
+def test_after_stamps_that_do_not_tell_slow_light_is_searched_again(times: list[float | None]) -> None:
+    """As in a first frame: earlier ones would be compared at wrong phases."""
+    frames = [under(boxes(5), 1.2, 0.12, 0.3 * k, seed=k) for k in range(5)]
+    cleaner = VideoCleaner(Camera(1e-5, frame_time=1.0))
+    for frame, time in zip(frames, times, strict=True):
+        done = cleaner.push(frame, time=time)
+    first = VideoCleaner(Camera(1e-5, frame_time=1.0)).push(frames[-1])
+    np.testing.assert_array_equal(done.frames, first.frames)
+    with pytest.raises(ValueError, match="time: got inf"):
+        cleaner.push(frames[0], time=np.inf)
 
 
 @given(st.integers(0, 2**32 - 1))

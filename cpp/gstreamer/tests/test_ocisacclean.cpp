@@ -82,8 +82,11 @@ class Direct {
   Direct& operator=(const Direct&) = delete;
   ~Direct() { ocisac_cleaner_destroy(cleaner_); }
 
-  void push(const ocisac_plane* planes, std::size_t count) const {
-    REQUIRE(ocisac_cleaner_push(cleaner_, planes, count, nullptr) == OCISAC_OK);
+  void push(const ocisac_plane* planes, std::size_t count, double time = NAN) const {
+    ocisac_stamp stamp;
+    ocisac_stamp_init(&stamp);
+    stamp.time = time;
+    REQUIRE(ocisac_cleaner_push_stamped(cleaner_, planes, count, &stamp, nullptr) == OCISAC_OK);
   }
 
   // The first `planes` components are cleaned.
@@ -360,6 +363,48 @@ TEST_CASE("time that jumps back and discontinuities begin another stream, and so
 
   seek("videotestsrc num-buffers=300 ! video/x-raw,format=GRAY8,width=32,height=240 ! " + kClean + "! fakesink",
        {2, 1});
+}
+
+TEST_CASE("the phase of slow bands advances in frames that are missing") {
+  constexpr int rows = 240, columns = 64;
+  const auto scene = [](std::size_t row, std::size_t column) {  // boxes without a period
+    const auto place = static_cast<std::uint32_t>(row / 29 * 100 + column / 8);
+    return 60 + 10 * static_cast<double>((place * 2654435761U >> 13U) % 6);
+  };
+  std::vector<Picture> outputs;
+  Stream stream(kSource + kClean + kSink);
+  stream.probe("sink", "sink", collect, &outputs);
+  const Direct direct;
+  std::vector<Picture> stored, cleaned;
+  for (const int number : {0, 1, 2, 3, 4, 6, 7, 10, 11}) {
+    const Pixels pixels = [&](std::size_t row, std::size_t column, unsigned) {
+      const double angle = 2 * std::numbers::pi * (1.2 * static_cast<double>(row) / rows + 0.3 * number);
+      const double noise = static_cast<double>((row * 7919 + column * 104729 + static_cast<std::size_t>(number)) % 5);
+      return static_cast<unsigned>(
+          std::lround(scene(row, column) * (1 + 0.3 * std::cos(angle)) / 1.3 + noise / 4 - 0.5));
+    };
+    send(stream.source.get(), {"GRAY8", columns, rows}, number, pixels);
+    stored.push_back(picture(pixels, 1, rows, columns));
+    std::vector<std::uint8_t> bytes(stored.back()[0].begin(), stored.back()[0].end());
+    const ocisac_plane plane = {bytes.data(), OCISAC_GRAY8, columns, rows, columns, 1};
+    direct.push(&plane, 1,
+                static_cast<double>(gst_util_uint64_scale(static_cast<guint64>(number), GST_SECOND, 30)) / GST_SECOND);
+    cleaned.push_back({{bytes.begin(), bytes.end()}});
+  }
+  CHECK(frames_in(stream.finish()) == std::vector{0, 1, 2, 3, 4, 5, 6, 7, 8});
+  CHECK(outputs == cleaned);
+  // Root of the mean square of the deviation from the scene, after the best gain.
+  const auto error = [&](const Picture& picture) {
+    double both = 0, own = 0, all = 0;
+    for (std::size_t i = 0; i < picture[0].size(); ++i) {
+      const double truth = scene(i / columns, i % columns), value = picture[0][i];
+      both += value * truth;
+      own += value * value;
+      all += truth * truth;
+    }
+    return std::sqrt(all - both * both / own);
+  };
+  for (std::size_t k = 5; k < outputs.size(); ++k) CHECK(error(outputs[k]) < 0.5 * error(stored[k]));
 }
 
 TEST_CASE("frames without time stamps are one stream") {

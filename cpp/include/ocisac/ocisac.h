@@ -273,6 +273,10 @@ int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner*
  * pixels are as before. */
 int ocisac_cleaner_push(ocisac_cleaner* cleaner, const ocisac_plane* planes, size_t count, ocisac_cleaned* cleaned);
 
+/* The same with a stamp, whose time tells the frames that are missing: the phase of a slow light advances meanwhile. */
+int ocisac_cleaner_push_stamped(ocisac_cleaner* cleaner, const ocisac_plane* planes, size_t count,
+                                const ocisac_stamp* stamp, ocisac_cleaned* cleaned);
+
 /* Cleans the next frame without what is known of those before, as after a seek. */
 int ocisac_cleaner_forget(ocisac_cleaner* cleaner);
 

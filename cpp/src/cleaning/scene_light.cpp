@@ -254,7 +254,7 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
 }
 
 SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
-                            std::span<const ColourLights> given, std::span<const CommonCourse> earlier) {
+                            std::span<const ColourLights> given, const EarlierFrames& earlier) {
   if (given.empty() && has_equal_rows(scene)) return without_bands(scene);
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());

@@ -24,7 +24,7 @@ double square(double value) { return value * value; }
 
 // The course of one group of columns.
 CommonCourse course_of(const CommonCourse& course, std::size_t group) {
-  CommonCourse own{course.groups[group], course.variance, course.groups};
+  CommonCourse own{course.groups[group], course.variance, course.groups, course.place};
   for (double& value : own.variance) value *= static_cast<double>(course.groups.size());
   return own;
 }
@@ -116,7 +116,7 @@ bool SlowTone::is_sure() const {
   return log_odds > std::log(sure) && amplitude() > clear * error && cycles > 1.1 * least_cycles;
 }
 
-SlowTone SlowTone::in_frame(std::size_t frame) const {
+SlowTone SlowTone::in_frame(std::ptrdiff_t frame) const {
   SlowTone turned = *this;
   for (std::size_t harmonic = 0; harmonic < 2; ++harmonic) {
     const double angle = static_cast<double>(harmonic + 1) * step * static_cast<double>(frame);
@@ -147,13 +147,14 @@ double SlowTone::depth(std::size_t rows) const {
 }
 
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
-                                        std::span<const CommonCourse> earlier, const std::optional<SlowTone>& near) {
+                                        const EarlierFrames& earlier, const std::optional<SlowTone>& near) {
   require(!frames.empty(), "frames", 0, "at least one");
   const std::size_t rows = frames.front().empty() ? 0 : frames.front().front().rows;
-  std::vector<CommonCourse> courses(earlier.begin(), earlier.end());
+  std::vector<CommonCourse> courses = earlier.courses;
   std::vector<std::vector<CommonCourse>> of_colours;
   for (const std::vector<BandedPicture>& colours : frames) {
     FrameCourses found = courses_of(colours);
+    found.all.place = earlier.next + static_cast<std::ptrdiff_t>(of_colours.size());
     courses.push_back(std::move(found.all));
     of_colours.push_back(std::move(found.colours));
   }
@@ -165,7 +166,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   SlowTone first;
   SlowVerdict verdict;
   std::vector<SlowLight> result;
-  for (std::size_t frame = earlier.size(); frame < courses.size(); ++frame) {
+  for (std::size_t frame = earlier.courses.size(); frame < courses.size(); ++frame) {
     check_interrupt();
     const std::size_t last = courses.size() - std::min(courses.size(), most_slow_frames);
     const std::size_t start = std::min(frame - std::min(frame, most_slow_frames / 2), last);
@@ -177,9 +178,9 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
       known = first.is_sure() ? std::optional(first) : std::nullopt;
       compared = start;
     }
-    const SlowTone tone = first.in_frame(frame - start);
-    result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.size()], tone), courses[frame],
-                      tone.log_odds > std::log(likely) ? tone.amplitude() : 0, verdict,
+    const SlowTone tone = first.in_frame(courses[frame].place - courses[start].place);
+    result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tone),
+                      courses[frame], tone.log_odds > std::log(likely) ? tone.amplitude() : 0, verdict,
                       tone.is_sure() ? objection_to(verdict) : not_sure});
   }
   return result;

@@ -194,6 +194,7 @@ struct Evidence {
   std::vector<double> none_of_change;  // log evidence, by S of the changes
   std::vector<VectorXd> weight;        // of the changes of the modes
   MatrixXd rest;                       // (modes × frames) less their mean
+  std::vector<double> places;          // of the frames, after the first
 };
 
 // (modes × trends) modes of the slow courses of pictures, scaled by their standard deviations.
@@ -238,6 +239,8 @@ Evidence evidence_of(std::span<const CommonCourse> courses) {
   const auto count = static_cast<Index>(courses.front().modes.size()), frames = static_cast<Index>(courses.size());
   const auto number = static_cast<double>(frames);
   Evidence evidence;
+  for (const CommonCourse& course : courses)
+    evidence.places.push_back(static_cast<double>(course.place - courses.front().place));
   evidence.rest.resize(count, frames);
   VectorXd variance = VectorXd::Zero(count);
   for (Index frame = 0; frame < frames; ++frame)
@@ -320,12 +323,11 @@ void add_to(const Matrix4d& matrix, const Vector4d& right, std::size_t size, Sma
 
 OfTone compared(double step, const OfCycles& of_cycles, const Evidence& evidence, std::span<const double> sizes) {
   const std::size_t size = sizes.size();
-  const Index frames = evidence.rest.cols();
   std::vector<Matrix4d> turns;
   Matrix4d still = Matrix4d::Zero();
-  for (Index frame = 0; frame < frames; ++frame) {
-    turns.push_back(rotation(step * static_cast<double>(frame)));
-    still += turns.back() / static_cast<double>(frames);
+  for (const double place : evidence.places) {
+    turns.push_back(rotation(step * place));
+    still += turns.back() / static_cast<double>(evidence.places.size());
   }
   std::vector<Small> of_changes(evidence.none_of_change.size());
   double log_sizes = 0;
@@ -383,12 +385,11 @@ struct Compared {
 
 // Mean square by which the terms of tones that differ by their phase steps differ from those of the likeliest one, in
 // the first or the last frame: two frames show the difference of two phasors, which has several solutions.
-double ambiguity(std::span<const Compared> all, const Compared& best, Index frames) {
+double ambiguity(std::span<const Compared> all, const Compared& best, double last) {
   double most = 0;
-  for (const Index frame : {Index{0}, frames - 1}) {
+  for (const double frame : {0.0, last}) {
     const auto terms_of = [&](const Compared& one) {
-      return Vector4d(rotation(one.tone->step * static_cast<double>(frame)) *
-                      Eigen::Map<const Vector4d>(one.terms.mean.data()));
+      return Vector4d(rotation(one.tone->step * frame) * Eigen::Map<const Vector4d>(one.terms.mean.data()));
     };
     const Vector4d expected = terms_of(best);
     double sum = 0, weights = 0;
@@ -425,7 +426,7 @@ SlowTone likeliest(std::span<const CommonCourse> courses, const Hypotheses& trie
     for (const double change : evidence.none_of_change) nothing.push_back(still + change);
   const Compared& best = *std::max_element(
       all.begin(), all.end(), [](const Compared& a, const Compared& b) { return a.likelihood < b.likelihood; });
-  const double doubt = ambiguity(all, best, evidence.rest.cols());
+  const double doubt = ambiguity(all, best, evidence.places.back());
   return {best.tone->cycles,
           best.tone->step,
           best.terms.mean,

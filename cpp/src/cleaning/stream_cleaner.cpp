@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/means_of_rows.hpp"
@@ -26,6 +27,7 @@ constexpr std::size_t judged_columns = 64;
 constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
 constexpr double floor_of_light = 0.02;       // of the mean light, below which logarithms show noise
 constexpr double min_left = 0.1;              // lower bound of a light that is a divisor
+constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
 Blocks copy_of(const BandedPicture& picture) {
   return {picture.rows,
@@ -155,17 +157,23 @@ bool is_due(const Values& estimates, std::size_t frames) {
 
 }  // namespace
 
-StreamCleaner::StreamCleaner(const Camera& camera, const StreamOptions& options) : camera_(camera), options_(options) {
+StreamCleaner::StreamCleaner(const Camera& camera, const StreamOptions& options)
+    : camera_(camera), options_(options), frame_time_(camera.frame_time) {
   check(camera);
   if (options.noise) require_positive("noise", *options.noise);
   if (options.toe) require(*options.toe >= 0 && *options.toe <= 1, "toe", *options.toe, "0 to 1");
   require(options.model != RowModel::given, "model", name_of(options.model), "auto, tone, chips or rows");
 }
 
-StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours) {
+StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std::optional<double> time) {
   require(!colours.empty(), "colours", 0, "at least one");
+  if (time) require_finite("time", *time);
   const std::size_t frames = shape_of(colours.front()).frames;
   require(frames == 1, "frame", frames, "one frame");
+  if (const auto since = frames_since_last(time))
+    leave_room(*since - 1);
+  else
+    forget_slow();
   if (auto found = followed(colours)) return *std::move(found);
   if (auto found = slowly(colours)) return *std::move(found);
   return alone(colours);
@@ -173,21 +181,51 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours) {
 
 void StreamCleaner::forget() {
   before_.reset();
-  courses_.clear();
+  forget_slow();
+  time_.reset();
+  frame_time_ = camera_.frame_time;
+  frames_ = 0;
+}
+
+void StreamCleaner::forget_slow() {
+  earlier_ = {};
   slow_.reset();
+}
+
+// A whole number, 1 without time stamps; none if those do not tell: time stands still, goes back, begins or ends, or is
+// not that of a regular frame.
+std::optional<double> StreamCleaner::frames_since_last(std::optional<double> time) {
+  const std::optional<double> last = std::exchange(time_, time);
+  if (!time && !last) return 1;
+  if (!time || !last || !(*time > *last)) return {};
+  const double since = *time - *last, frames = std::nearbyint(since / frame_time_.value_or(since));
+  const bool is_regular = frames >= 1 && std::abs(since / frame_time_.value_or(since) - frames) <= most_jitter;
+  if (!camera_.frame_time) {  // the mean since the last irregular frame
+    frames_ = is_regular ? frames_ + frames : 1;
+    frame_time_ = is_regular && frame_time_ ? *frame_time_ + (since - frames * *frame_time_) / frames_ : since;
+  }
+  return is_regular ? std::optional(frames) : std::nullopt;
+}
+
+// Of frames that are missing, so that the phases of slow tones advance meanwhile.
+void StreamCleaner::leave_room(double missing) {
+  earlier_.next += static_cast<std::ptrdiff_t>(std::min(missing, static_cast<double>(most_slow_frames)));
+  std::erase_if(earlier_.courses, [&](const CommonCourse& course) {
+    return earlier_.next - course.place >= static_cast<std::ptrdiff_t>(most_slow_frames);
+  });
 }
 
 StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colours) {
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
-  if (!courses_.empty() && courses_.front().modes.size() != mode_count(stored.rows())) courses_.clear();
-  SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, courses_);
+  if (!compares_with(stored.rows())) earlier_ = {};
+  SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_);
   before_.reset();
   slow_.reset();
   if (!light.slow.empty()) {
     keep_slow(light);
     return {std::move(stored), std::move(light)};
   }
-  courses_.clear();
+  earlier_ = {};
   if (light.verdicts.front().energy > 0) {
     const std::vector<Blocks> blocks = all_in_blocks(stored, light.shares.front());
     before_ = Before{light.lights.front(),
@@ -204,19 +242,23 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
 }
 
 void StreamCleaner::keep_slow(const SceneLight& light) {
-  courses_.push_back(light.slow.back().course);
-  if (courses_.size() >= most_slow_frames) courses_.erase(courses_.begin());
+  earlier_.courses.push_back(light.slow.back().course);
+  earlier_.next = light.slow.back().course.place + 1;
   slow_.reset();
   if (light.unchanged.empty()) slow_ = light.slow.back().tones.front();
 }
 
+bool StreamCleaner::compares_with(std::size_t rows) const {
+  return !earlier_.courses.empty() && earlier_.courses.front().modes.size() == mode_count(rows);
+}
+
 std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyFramesView>& colours) {
-  if (!slow_ || courses_.front().modes.size() != mode_count(shape_of(colours.front()).rows)) return {};
+  if (!slow_ || !compares_with(shape_of(colours.front()).rows)) return {};
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
   if (has_equal_rows(stored)) return {};
   std::vector<std::vector<BandedPicture>> frame(1);
   for (std::size_t colour = 0; colour < colours.size(); ++colour) frame.front().push_back(stored.picture(0, colour));
-  std::vector<SlowLight> slow = find_slow_lights(frame, camera_, courses_, slow_);
+  std::vector<SlowLight> slow = find_slow_lights(frame, camera_, earlier_, slow_);
   if (!slow.back().objection.empty()) return {};
   SceneLight light = light_of_slow(stored, std::move(slow));
   keep_slow(light);

@@ -148,11 +148,21 @@ int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner*
 }
 
 int ocisac_cleaner_push(ocisac_cleaner* cleaner, const ocisac_plane* planes, size_t count, ocisac_cleaned* cleaned) {
+  ocisac_stamp stamp;
+  ocisac_stamp_init(&stamp);
+  return ocisac_cleaner_push_stamped(cleaner, planes, count, &stamp, cleaned);
+}
+
+int ocisac_cleaner_push_stamped(ocisac_cleaner* cleaner, const ocisac_plane* planes, size_t count,
+                                const ocisac_stamp* stamp, ocisac_cleaned* cleaned) {
   return guarded([&] {
     ocisac::require(cleaner != nullptr && planes != nullptr, "cleaner or planes", "NULL", "both");
+    ocisac_stamp unknown;
+    ocisac_stamp_init(&unknown);
+    const ocisac_stamp stated = completed(stamp, unknown, "stamp");
     if (cleaned != nullptr) completed(cleaned, empty_cleaned(), "cleaned");  // refuses a wrong size before any change
     const std::vector<ocisac::AnyFramesView> views = views_of(planes, count, cleaner->axis);
-    const ocisac::StreamCleaner::Frame frame = cleaner->stream.push(views);
+    const ocisac::StreamCleaner::Frame frame = cleaner->stream.push(views, known(stated.time));
     cleaner->unchanged = frame.light.unchanged;
     if (frame.light.unchanged.empty()) {
       if (planes->format == OCISAC_GRAY8)

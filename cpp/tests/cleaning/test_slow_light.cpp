@@ -63,7 +63,7 @@ TEST_CASE("the phase advances from frame to frame, and courses before help") {
   const std::vector<SlowLight> found = find_slow_lights(frames, camera());
   REQUIRE(found.size() == 3);
   for (const SlowLight& one : found) CHECK(one.objection.empty());
-  const std::vector<CommonCourse> earlier{found[0].course, found[1].course};
+  const EarlierFrames earlier{{found[0].course, found[1].course}, 2};
   const std::vector<std::vector<BandedPicture>> last{third.colours()};
   const SlowLight again = find_slow_lights(last, camera(), earlier).front();
   for (std::size_t k = 0; k < 2; ++k)
@@ -83,7 +83,7 @@ TEST_CASE("a tone's light has mean 1, and turns once in a cycle of steps") {
 TEST_CASE("courses of other lengths and missing frames are refused") {
   const Boxes boxes(2, 0.5, 0);
   const std::vector<std::vector<BandedPicture>> frames{boxes.colours()}, none, empty{{}};
-  const std::vector<CommonCourse> other{{{1, 2}, {1, 1}, {{1, 2}}}};
+  const EarlierFrames other{{{{1, 2}, {1, 1}, {{1, 2}}}}, 1};
   CHECK_THROWS_AS(find_slow_lights(none, camera()), std::invalid_argument);
   CHECK_THROWS_AS(find_slow_lights(empty, camera()), std::invalid_argument);
   CHECK_THROWS_AS(find_slow_lights(frames, camera(), other), std::invalid_argument);

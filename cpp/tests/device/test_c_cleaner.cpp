@@ -5,8 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ocisac/cleaning/stream_cleaner.hpp"
@@ -90,6 +92,40 @@ TEST_CASE("C: a stream is cleaned in place, as by the core") {
     CHECK(pixels == found.stored.restored<std::uint8_t>(0, 0, found.light.shares.front(), {light.light, 1, 8}).picture);
     CHECK(cleaned.light_left == found.light.verdicts.front().light_left);
   }
+}
+
+TEST_CASE("C: a stamp's time reaches the core") {
+  const Cleaner cleaner;
+  ocisac::Camera camera;
+  camera.row_time = kRowTime;
+  ocisac::StreamCleaner core(camera);
+  ocisac_stamp stamp;
+  ocisac_stamp_init(&stamp);
+  for (const int number : {0, 1, 2, 4, 5}) {
+    std::vector<std::uint8_t> stored;
+    for (std::size_t i = 0; i < std::size_t{kRows} * kColumns; ++i) {
+      const std::size_t n = i / kColumns, k = i % kColumns;
+      const double angle = 2 * std::numbers::pi * (1.2 * static_cast<double>(n) / kRows + 0.3 * number);
+      const double box = 60 + 30 * static_cast<double>((n / 41 + k / 23 + (n / 17) * (k / 31)) % 4);
+      stored.push_back(static_cast<std::uint8_t>(std::lround(box * (1 + 0.3 * std::cos(angle)))));
+    }
+    auto pixels = stored;
+    const ocisac_plane plane = plane_of(pixels);
+    stamp.time = number / 30.0;
+    ocisac_cleaned cleaned;
+    ocisac_cleaned_init(&cleaned);
+    REQUIRE(ocisac_cleaner_push_stamped(cleaner.made, &plane, 1, &stamp, &cleaned) == OCISAC_OK);
+    const ocisac::AnyFramesView view = ocisac::dense_view(std::as_const(stored).data(), 1, kRows, kColumns);
+    const auto found = core.push({view}, stamp.time);
+    CHECK(cleaned.slow_bands == found.light.verdicts.front().slow_bands);
+    CHECK(cleaned.light_left == found.light.verdicts.front().light_left);
+    CHECK(std::string(cleaned.unchanged) == found.light.unchanged);
+  }
+  stamp.time = std::numeric_limits<double>::infinity();
+  auto pixels = picture<std::uint8_t>(0);
+  const ocisac_plane plane = plane_of(pixels);
+  CHECK(ocisac_cleaner_push_stamped(cleaner.made, &plane, 1, &stamp, nullptr) == OCISAC_BAD_ARGUMENT);
+  CHECK(ocisac_cleaner_push_stamped(cleaner.made, &plane, 1, nullptr, nullptr) == OCISAC_BAD_ARGUMENT);
 }
 
 TEST_CASE("C: colours beside each other, sixteen bits, and rows from below are cleaned") {

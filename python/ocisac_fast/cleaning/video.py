@@ -50,8 +50,12 @@ class VideoCleaner:
         self._stream = _core.StreamCleaner(camera._handle, model, self._task.options.noise, self._task.options.toe)
 
     @checked
-    def push(self, frame: npt.ArrayLike) -> CleanedFrames:
+    def push(self, frame: npt.ArrayLike, *, time: float | None = None) -> CleanedFrames:
         """Clean the next frame, (rows, columns) or (1, rows, columns, colours), rows in time order.
+
+        Args:
+            frame: its pixels.
+            time: time stamp, s: tells how many frames are missing. Without, none is.
 
         Returns:
             :class:`CleanedFrames` of this frame.
@@ -62,7 +66,7 @@ class VideoCleaner:
         stack = stacked(frame, "frame", self._camera.scan_axis)
         if len(stack) != 1:
             raise ValueError(f"frame: got {len(stack)} frames, allowed: one")
-        found = estimate_of(stack, self._stream.push(colours_of(stack)))
+        found = estimate_of(stack, self._stream.push(colours_of(stack), time))
         return collected([finished(found, self._camera, self._task)], self._camera, np.ndim(frame))
 
     def forget(self) -> None:

@@ -14,7 +14,7 @@ from ocisac_fast.cli.output import emit_json, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
-from ocisac_fast.files.recording import Frame
+from ocisac_fast.files.recording import Frame, RecordingStream
 
 if TYPE_CHECKING:
     from ocisac_fast.cleaning import VideoCleaner
@@ -80,7 +80,7 @@ def clean(
 
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
     with open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream:
-        cleaner = _Cleaner(picture, marks is not None, stream.kind == "video" and not each, options)
+        cleaner = _Cleaner(picture, marks is not None, stream if stream.kind == "video" and not each else None, options)
         shown = progress(stream, "cleaning", stream.frame_count)
         rate = stream.frame_rate
         frames = cleaner.frames(shown, lambda first: _camera(picture, stream.response, rate, first))
@@ -106,12 +106,15 @@ def _camera(picture: PictureOptions, response: Any, rate: float | None, first: F
 class _Cleaner:
     """Cleans frames in stored order; collects the results."""
 
-    def __init__(self, picture: PictureOptions, mark: bool, carries: bool, options: dict[str, Any]) -> None:
+    def __init__(
+        self, picture: PictureOptions, mark: bool, carried: RecordingStream | None, options: dict[str, Any]
+    ) -> None:
+        """``carried``: the video through which the light is carried from frame to frame."""
         self.facts: list[dict[str, Any]] = []
         self.marks: list[Frame] = []
         self._picture = picture
         self._mark = mark
-        self._carries = carries
+        self._carried = carried
         self._options = options
         self._video: VideoCleaner | None = None
 
@@ -135,10 +138,12 @@ class _Cleaner:
     def _cleaned(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
         from ocisac_fast.cleaning import Mark, VideoCleaner, remove_bands
 
-        if self._carries and not self._options["still"]:
+        if self._carried is not None and not self._options["still"]:
             options = {name: value for name, value in self._options.items() if name != "still"}
             self._video = self._video or VideoCleaner(camera, **options)
-            done = self._video.push(stack(views))
+            number = len(self.facts)
+            time = self._carried.times[number] if number < len(self._carried.times) else None
+            done = self._video.push(stack(views), time=None if time is None else float(time))
         else:
             done = remove_bands(stack(views), camera, **self._options)
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):

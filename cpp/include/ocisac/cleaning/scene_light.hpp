@@ -24,9 +24,9 @@ struct SceneLight {
 };
 
 // Estimates the light. `scene`: its toe is set to the one found, unless `toe_is_known`. `given`: the light of each
-// frame, which is not searched then; empty: none. `earlier`: courses of the frames before the first one.
+// frame, which is not searched then; empty: none.
 SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
-                            std::span<const ColourLights> given = {}, std::span<const CommonCourse> earlier = {});
+                            std::span<const ColourLights> given = {}, const EarlierFrames& earlier = {});
 
 // The rows of every picture are equal, as in a black one: there is nothing to remove.
 bool has_equal_rows(const StoredScene& scene);

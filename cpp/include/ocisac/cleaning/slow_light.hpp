@@ -18,13 +18,14 @@
 
 namespace ocisac {
 
-constexpr std::size_t most_slow_frames = 8;  // that are compared
+constexpr std::size_t most_slow_frames = 8;  // that are compared, missing ones counted
 
 // Cosine modes 1 to K of the log light that the columns of a picture have in common.
 struct CommonCourse {
   std::vector<double> modes;
   std::vector<double> variance;             // of what the groups of columns have not in common
   std::vector<std::vector<double>> groups;  // the modes of each group of columns
+  std::ptrdiff_t place = 0;                 // number of the frame, missing ones counted
 };
 
 // Differences of blocks of pixels along the rows are fitted with a redescending weight, since edges are few.
@@ -44,7 +45,7 @@ struct SlowTone {
   [[nodiscard]] double amplitude() const;  // of the fundamental, relative to the light
   // The evidence is enough to remove it: the rest is smaller than the tone, and there is a tone.
   [[nodiscard]] bool is_sure() const;
-  [[nodiscard]] SlowTone in_frame(std::size_t frame) const;         // with its phase in a later frame
+  [[nodiscard]] SlowTone in_frame(std::ptrdiff_t frame) const;      // with its phase in a later frame
   [[nodiscard]] std::vector<double> light(std::size_t rows) const;  // mean 1
   [[nodiscard]] double depth(std::size_t rows) const;               // how far the darkest row is below the mean light
 };
@@ -65,10 +66,15 @@ struct SlowLight {
   std::string objection;  // why it is not removed, or empty
 };
 
-// Of consecutive frames of one scene, each with the pictures of its colours. `earlier`: courses of the frames before
-// the first one; `near`: the tone of those, if it is known.
+// Frames before others.
+struct EarlierFrames {
+  std::vector<CommonCourse> courses;
+  std::ptrdiff_t next = 0;  // the place of the first of the others
+};
+
+// Of consecutive frames of one scene, each with the pictures of its colours. `near`: the tone of the earlier ones, if
+// it is known.
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
-                                        std::span<const CommonCourse> earlier = {},
-                                        const std::optional<SlowTone>& near = {});
+                                        const EarlierFrames& earlier = {}, const std::optional<SlowTone>& near = {});
 
 }  // namespace ocisac

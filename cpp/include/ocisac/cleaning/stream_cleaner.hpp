@@ -20,8 +20,8 @@ struct StreamOptions {
 // The first frame is cleaned as a picture. In the following ones a tone keeps its frequency, which becomes more precise
 // from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move with the
 // picture, and become the mean of several estimates. A slow tone is compared with up to 7 frames before, in which the
-// picture stays and the phase advances. A frame for which that fails, such as the first of another scene, is cleaned as
-// a picture again.
+// picture stays and the phase advances; time stamps tell how many frames are missing among them. A frame for which that
+// fails, such as the first of another scene, is cleaned as a picture again.
 class StreamCleaner {
  public:
   struct Frame {
@@ -32,8 +32,8 @@ class StreamCleaner {
   explicit StreamCleaner(const Camera& camera, const StreamOptions& options = {});
 
   // Estimates the light of the next frame. `colours`: one view each, of one frame; their memory must outlive the
-  // result.
-  Frame push(std::vector<AnyFramesView> colours);
+  // result. `time`: s.
+  Frame push(std::vector<AnyFramesView> colours, std::optional<double> time = {});
 
   void forget();  // cleans the next frame as a picture
 
@@ -49,6 +49,10 @@ class StreamCleaner {
     std::vector<double> estimates;  // number of them in each block's share
   };
 
+  std::optional<double> frames_since_last(std::optional<double> time);
+  void leave_room(double missing);
+  void forget_slow();
+  [[nodiscard]] bool compares_with(std::size_t rows) const;
   std::optional<Frame> followed(const std::vector<AnyFramesView>& colours);
   std::optional<Frame> slowly(const std::vector<AnyFramesView>& colours);
   Frame alone(const std::vector<AnyFramesView>& colours);
@@ -58,8 +62,10 @@ class StreamCleaner {
   Camera camera_;
   StreamOptions options_;
   std::optional<Before> before_;
-  std::vector<CommonCourse> courses_;  // of the last frames, while no other light is found
+  EarlierFrames earlier_;  // while no other light is found
   std::optional<SlowTone> slow_;
+  std::optional<double> time_, frame_time_;  // of the last frame, and from frame to frame, s
+  double frames_ = 0;                        // that frame_time_ is the mean of, where the camera's is unknown
 };
 
 }  // namespace ocisac
