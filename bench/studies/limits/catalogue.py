@@ -29,7 +29,7 @@ class Point:
         x: the swept quantity.
         plain: error of the plain method, RMS over the columns; inf or NaN without a result.
         library: error of the library; NaN if it gives no estimate.
-        stated: standard error that the library reports, RMS over the columns; 0 if it reports none.
+        stated: standard error that the library reports, RMS over the columns; 0: as good as rounding, NaN: none.
         flags: those of at least half of the columns.
         lost: the report says that it is not restored: the light's frequency (equaliser), or the picture (remarks).
     """

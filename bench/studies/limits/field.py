@@ -55,7 +55,7 @@ def _hum() -> list[Point]:
             assert found is not None
             plain.append(np.std(signal - exposed))
             library.append(np.std(np.asarray(found[0]) - exposed))
-        points.append(Point(share, _without_noise(plain), _without_noise(library), 0.0))
+        points.append(Point(share, _without_noise(plain), _without_noise(library), math.nan))
     return points
 
 
@@ -117,7 +117,7 @@ def _oblique_lamp() -> list[Point]:
         shifts = np.rint(slope * (np.arange(_ROWS) - (_ROWS - 1) / 2)).astype(int)
         columns = (np.arange(_COLUMNS) + shifts[:, None]) % _COLUMNS
         upright = np.take_along_axis(lamp, columns, axis=1)
-        points.append(Point(degrees, _noise_over_best(lamp), _noise_over_best(upright), 0.0))
+        points.append(Point(degrees, _noise_over_best(lamp), _noise_over_best(upright), math.nan))
     return points
 
 
@@ -153,7 +153,7 @@ def _part_of_rows() -> list[Point]:
             (begin, end), _ = _core.lit_rows(signal, _NOISE, (0, _ROWS))
             found = (np.arange(_ROWS) >= begin) & (np.arange(_ROWS) < end)
             errors.append(np.mean(found != inside))
-        points.append(Point(share, 1 - share, rms(errors), 0.0))
+        points.append(Point(share, 1 - share, rms(errors), math.nan))
     return points
 
 

@@ -37,7 +37,8 @@ def figures(measured: Measured) -> str:
 
 def stated(point: Point) -> str:
     """Standard error and flags that the library reports."""
-    parts = [] if math.isnan(point.stated) else [f"± {number(point.stated)}"]
+    spread = number(point.stated) if point.stated != 0.0 else "rounding"
+    parts = [] if math.isnan(point.stated) else [f"± {spread}"]
     parts += [name.upper() for name in point.flags.names()]
     return ", ".join(parts + ["frequency reported lost"] * point.lost)
 

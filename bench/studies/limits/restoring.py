@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
@@ -108,7 +109,7 @@ def _cleaned(cycles: float, seeds: tuple[int, ...] = (1, 2, 3)) -> Point:
         for values, errors in ((stored / stored.mean(axis=1, keepdims=True), plain), (done.frames * 1.0, library)):
             gain = (values * clean).sum() / (values * values).sum()
             errors.append(rms((gain * values - clean) / clean.mean()))
-    return Point(cycles, rms(plain), rms(library), 0.0, lost=2 * said > len(seeds))
+    return Point(cycles, rms(plain), rms(library), math.nan, lost=2 * said > len(seeds))
 
 
 @limit(
