@@ -7,7 +7,7 @@ printed coefficients, with scikit-image's sample photographs, are those of cpp/s
 tones in their whole boxes and of their own pixels;
 calibration is judged fold by fold, with fits to the other folds, which have other photographs.
 
-usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--only tones|data] [--json]
+usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--only tones|data] [--json]
 """
 
 from __future__ import annotations
@@ -274,6 +274,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     photographs.add_option(parser)
     parser.add_argument("--scenes", type=int, default=4000)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first scene; the fit's are 0 to 3999")
     parser.add_argument("--only", choices=("tones", "data"))
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
@@ -281,7 +282,7 @@ def main() -> None:
     report: dict[str, Any] = {"photographs": len(pictures)}
     for kind, names in (("tones", NAMES), ("data", DATA_NAMES)):
         if options.only in (None, kind):
-            found = candidates(options.scenes, pictures, kind == "data")
+            found = candidates(options.scenes, pictures, kind == "data", options.first)
             report[kind] = fit(found.part(found.listed & ~found.inside), names)
             if kind == "tones":
                 report["own pixels"] = fit(found.part(found.listed & found.inside), names)

@@ -331,13 +331,15 @@ class Look {
     search({0, 0, shape.columns, shape.rows});
     if (data) return data_candidates_;
     std::vector<LightCandidate> all;
-    const auto add = [&](const Found& one, bool listed) {
-      if (!one.data) all.push_back(candidate(one.light, one.probability, features_now(one), listed));
-    };
-    for (Found& one : tried_) {
+    // With the box and the frequency that lights() gives it, and the features of its probability.
+    const auto add = [&](Found one, bool listed) {
+      if (one.data) return;
       update(one);
-      add(one, false);
-    }
+      const ToneFeatures features = features_now(one);
+      const bool inside = one.light.inside;
+      if (sharpen(one)) all.push_back(candidate(one.light, one.probability, features, inside, listed));
+    };
+    for (const Found& one : tried_) add(one, false);
     auto tones = without_doubles(found_);
     std::ranges::stable_sort(refused_, std::greater{}, &Found::probability);
     for (const Found& one : refused_)
@@ -462,10 +464,10 @@ class Look {
 
   template <class Features>
   [[nodiscard]] LightCandidate candidate(const RefinedLight& light, double probability, const Features& features,
-                                         bool listed) const {
-    return {light.box,    light.frequency / camera_.row_time,
-            probability,  {features.begin(), features.end()},
-            light.inside, listed};
+                                         bool inside, bool listed) const {
+    return {light.box,   light.frequency / camera_.row_time,
+            probability, {features.begin(), features.end()},
+            inside,      listed};
   }
 
   // A measurable tone with its probability.
@@ -588,7 +590,7 @@ class Look {
       const DataFeatures features = features_of(*data, suspects.size());
       const double probability = with_odds(probability_of(features),
                                            waveform_odds(frames_, frame_, stored_.dark_level, floor_, part_of(light)));
-      data_candidates_.push_back(candidate(light, probability, features, true));
+      data_candidates_.push_back(candidate(light, probability, features, false, true));
       if (probability < probability_for(data_odds, options_.false_alarms)) continue;
       if (made_of_tones(light)) {
         tones.push_back(light);
