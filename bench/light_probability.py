@@ -3,9 +3,9 @@
 
 Grounds of light_scenes.py, half of them without a light, with lamps of 2.5 cycles and more; crops of photographs in
 both directions, half of them with lamps put onto them; and, one in eleven, whole scenes of light_scenes.py. The
-printed coefficients, with scikit-image's sample photographs, are those of cpp/src/lights/light_probability.cpp, of
-tones in their whole boxes and of their own pixels;
-calibration is judged fold by fold, with fits to the other folds, which have other photographs.
+printed coefficients are of tones in their whole boxes and of their own pixels; calibration is judged fold by fold, with
+fits to the other folds, which have other photographs, and of the code. The code's coefficients
+(cpp/src/lights/light_probability.cpp) are of an earlier version of the own pixels, see docs/explanation/lights.md.
 
 usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--only tones|data] [--json]
 """
@@ -266,7 +266,16 @@ def fit(found: Candidates, names: tuple[str, ...]) -> dict[str, Any]:
         "linear": dict(zip(names, np.round(values[1 : 1 + len(names)], 3).tolist(), strict=True)),
         "square": dict(zip(names, np.round(values[1 + len(names) :], 3).tolist(), strict=True)),
         "calibration": calibration(fresh, found.light),
+        **of_the_code(found),
+    }
+
+
+def of_the_code(found: Candidates) -> dict[str, Any]:
+    """Calibration of the code's probabilities: of all scenes, and of those with up to 20 lights."""
+    many = found.part(found.seed % BENCH_SCENES == 0)
+    return {
         "calibration_of_the_code": calibration(found.told, found.light),
+        "calibration_of_the_code_many_lights": calibration(many.told, many.light),
     }
 
 
@@ -286,6 +295,7 @@ def main() -> None:
             report[kind] = fit(found.part(found.listed & ~found.inside), names)
             if kind == "tones":
                 report["own pixels"] = fit(found.part(found.listed & found.inside), names)
+                report["both"] = of_the_code(found.part(found.listed))
     if options.json:
         print(json.dumps(report))
         return

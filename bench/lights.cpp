@@ -1,4 +1,5 @@
-// Outline and tone of a short light in log light, the slowest step of a lamp's detection; checked by truth before timing.
+// Outline and tone of a short light in log light, the slowest step of a lamp's detection; checked by truth before
+// timing.
 #include <benchmark/benchmark.h>
 
 #include <cmath>

@@ -164,8 +164,8 @@ def _part_of_rows() -> list[Point]:
     error="RMS error of its height / height",
     plain="where the swing exceeds 15 % of the largest",
     why="The swing at a row is that of a window of two cycles, which looks beyond the lamp by one.",
-    then="`detect_sources` fits outline and tone of a lamp of at most 12 cycles alternately: its rows are those that the "
-    "tone explains better than texture and than what lies around.",
+    then="`detect_sources` fits outline and tone of a lamp of at most 12 cycles alternately: its rows are those that "
+    "the tone explains better than texture and than what lies around.",
     spot=3.0,
     fails_by=0.25,
     good=0.04,
@@ -186,7 +186,8 @@ def _short_lamp() -> list[Point]:
             found = _core.fit_outline(light, wide[:, None] & (groups >= 1) & (groups < 11), cycles / height)
             assert found is not None
             errors.append([own.sum() / height - 1 for own in (wide, found[1].any(axis=1))])
-        points.append(Point(cycles, *(rms(values) for values in np.transpose(errors)), 0.0))
+        of_swing, of_outline = np.transpose(errors)
+        points.append(Point(cycles, rms(of_swing), rms(of_outline), 0.0))
     return points
 
 

@@ -465,9 +465,8 @@ class Look {
   template <class Features>
   [[nodiscard]] LightCandidate candidate(const RefinedLight& light, double probability, const Features& features,
                                          bool inside, bool listed) const {
-    return {light.box,   light.frequency / camera_.row_time,
-            probability, {features.begin(), features.end()},
-            inside,      listed};
+    return {light.box, light.frequency / camera_.row_time, probability, {features.begin(), features.end()}, inside,
+            listed};
   }
 
   // A measurable tone with its probability.

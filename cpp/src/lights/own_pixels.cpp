@@ -100,7 +100,8 @@ class ToneFit {
     double energy = products[k];
     for (std::size_t i = 0; i < k; ++i) {
       if (!used_[i]) continue;
-      row[i] = (products[i] - std::inner_product(row.begin(), row.begin() + i, factor_[i].begin(), 0.0)) / factor_[i][i];
+      row[i] =
+          (products[i] - std::inner_product(row.begin(), row.begin() + i, factor_[i].begin(), 0.0)) / factor_[i][i];
       energy -= squared(row[i]), sum -= row[i] * amounts_[i];
     }
     if (!(energy > dependent * products[k])) return row.fill(0);
@@ -128,7 +129,7 @@ class ToneFit {
     return out;
   }
 
-  std::vector<Terms> terms_;                 // of each row
+  std::vector<Terms> terms_;                  // of each row
   std::array<Terms, max_terms> factor_ = {};  // lower triangle
   Terms amounts_ = {}, of_slow_ = {}, of_all_ = {};
   std::array<bool, max_terms> used_ = {};
