@@ -15,6 +15,8 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// No operation is fused and sums are split alike on every target: searches compare residuals that differ by rounding
+// alone, and read the same bits everywhere.
 const hn::CappedTag<double, kRowGroup> d64;
 using Rows = hn::Vec<decltype(d64)>;
 
@@ -87,7 +89,7 @@ void SubtractLevels(const LevelColumns& columns, std::size_t rows, double* HWY_R
   const auto sum_at = [&](std::span<const double> levels, std::size_t n) HWY_ATTR {
     Rows sum = hn::Set(d64, levels[0]);
     for (std::size_t k = 1; k < levels.size(); ++k)
-      sum = hn::MulAdd(hn::Set(d64, levels[k]), hn::LoadU(d64, columns.basis + k * columns.stride + n), sum);
+      sum = hn::Add(hn::Mul(hn::Set(d64, levels[k]), hn::LoadU(d64, columns.basis + k * columns.stride + n)), sum);
     return sum;
   };
   for (std::size_t n = 0; n < rows; n += hn::Lanes(d64)) {
@@ -95,23 +97,34 @@ void SubtractLevels(const LevelColumns& columns, std::size_t rows, double* HWY_R
     const Rows dark = hn::Mul(sum_at(columns.dark, n), hn::LoadU(d64, columns.basis + n));
     const Rows rest = hn::Sub(hn::LoadU(d64, columns.values + n), dark);
     hn::StoreU(of_swing, d64, swing + n);
-    hn::StoreU(hn::NegMulAdd(of_swing, hn::LoadU(d64, columns.exposed + n), rest), d64, left + n);
+    hn::StoreU(hn::Sub(rest, hn::Mul(of_swing, hn::LoadU(d64, columns.exposed + n))), d64, left + n);
   }
 }
 
-constexpr std::size_t kMostAtOnce = 6;  // sums in registers
+constexpr std::size_t kPartialSums = 4;
+const hn::CappedTag<double, kPartialSums> d_sums;
+using Sums = hn::Vec<decltype(d_sums)>;
+constexpr std::size_t kVectors = kPartialSums / hn::MaxLanes(d_sums);  // of partial sums
+constexpr std::size_t kMostAtOnce = kVectors > 1 ? 4 : 6;              // products, whose sums are in registers
 
 // Of one column with kCount others.
 template <std::size_t kCount>
 HWY_INLINE void multiply(const double* column, const double* const* others, std::size_t rows,
                          double* HWY_RESTRICT products) {
-  std::array<Rows, kCount> sums;
-  for (Rows& sum : sums) sum = hn::Zero(d64);
-  for (std::size_t n = 0; n < rows; n += hn::Lanes(d64)) {
-    const Rows values = hn::LoadU(d64, column + n);
-    for (std::size_t k = 0; k < kCount; ++k) sums[k] = hn::MulAdd(values, hn::LoadU(d64, others[k] + n), sums[k]);
+  std::array<std::array<Sums, kVectors>, kCount> sums;
+  for (auto& of_other : sums) of_other.fill(hn::Zero(d_sums));
+  for (std::size_t n = 0; n < rows; n += kPartialSums)
+    for (std::size_t v = 0; v < kVectors; ++v) {
+      const std::size_t at = n + v * hn::MaxLanes(d_sums);
+      const Sums values = hn::LoadU(d_sums, column + at);
+      for (std::size_t k = 0; k < kCount; ++k)
+        sums[k][v] = hn::Add(hn::Mul(values, hn::LoadU(d_sums, others[k] + at)), sums[k][v]);
+    }
+  for (std::size_t k = 0; k < kCount; ++k) {
+    std::array<double, kPartialSums> parts;
+    for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sums[k][v], d_sums, parts.data() + v * hn::MaxLanes(d_sums));
+    products[k] = (parts[0] + parts[1]) + (parts[2] + parts[3]);
   }
-  for (std::size_t k = 0; k < kCount; ++k) products[k] = hn::GetLane(hn::SumOfLanes(d64, sums[k]));
 }
 
 void InnerProducts(std::span<const double* const> columns, std::size_t first, std::size_t rows,

@@ -9,6 +9,7 @@
 
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/chips/preamble.hpp"
+#include "ocisac/tones/projection.hpp"
 
 namespace {
 
@@ -93,4 +94,23 @@ TEST_CASE("estimates are pooled by their errors") {
   CHECK(pooled.count == 2);
   CHECK(pooled.value == doctest::Approx(1.8));
   CHECK(pooled.std == doctest::Approx(1 / std::sqrt(5.0)));
+}
+
+TEST_CASE("a channel is the same to the last bit on every SIMD target") {
+  const auto chips = random_chips(5, 150);
+  const ocisac::ChipClock clock{5.63, 20.2, 27.0};
+  const auto rows = make_rows({chips, -3}, clock, 5);
+  const ocisac::ChipClock start{5.64, 20.9, 25.0};
+  const auto fit = [&] {
+    const auto found = ocisac::fit_channel(rows, {chips, -3}, start, {2, 1, false});
+    REQUIRE(found);
+    return std::array{found->clock.phase, found->clock.rows_per_chip, found->clock.exposure_rows, found->noise};
+  };
+  const auto expected = fit();
+  for (const auto& target : ocisac::simd_targets()) {
+    CAPTURE(target);
+    ocisac::force_simd_target(target);
+    CHECK(fit() == expected);
+  }
+  ocisac::force_simd_target("");
 }
