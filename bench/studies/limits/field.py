@@ -187,7 +187,7 @@ def _short_lamp() -> list[Point]:
             assert found is not None
             errors.append([own.sum() / height - 1 for own in (wide, found[1].any(axis=1))])
         of_swing, of_outline = np.transpose(errors)
-        points.append(Point(cycles, rms(of_swing), rms(of_outline), 0.0))
+        points.append(Point(cycles, rms(of_swing), rms(of_outline), math.nan))
     return points
 
 
