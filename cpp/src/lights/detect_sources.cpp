@@ -6,6 +6,7 @@
 #include <iterator>
 #include <numbers>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "core/check_interrupt.hpp"
@@ -321,7 +322,9 @@ class Look {
     find_tones(suspects, frequencies, {0, shape_of(frames_).columns});
     judge_again(suspects, earlier);
     if (!frequencies.empty()) return;
-    for (std::size_t i = 0; i < found_.size(); ++i) search_beside(found_[i].light);
+    for (std::size_t i = 0; i < found_.size(); ++i)
+      if (std::ranges::none_of(std::span(found_).first(i), [&](const Found& one) { return doubles(one, found_[i]); }))
+        search_beside(found_[i].light);
     find_data(suspects);
   }
 
@@ -389,7 +392,9 @@ class Look {
       if (end < first + min_columns) return;
       for (const Suspect& suspect : suspects_in({first, near.y, end - first, near.height}, Coarsening::rows)) {
         const bool known =
-            std::ranges::any_of(found_, [&](const Found& one) { return covers(one.light.box, suspect.box); }) ||
+            std::ranges::any_of(
+                found_,
+                [&](const Found& one) { return covers(one.light.box, suspect.box) || holds(suspect, one.light); }) ||
             one_light_across(frames_, frame_, stored_.dark_level, floor_, part_of(light),
                              {suspect.box, suspect.frequency});
         const auto other = known ? std::nullopt : refine(suspect, within, whole_box);
