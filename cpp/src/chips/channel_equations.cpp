@@ -83,10 +83,10 @@ ChannelEquations::ChannelEquations(std::span<const double> signal, const KnownCh
 
 // Legendre polynomials and the signal at the rows of a range.
 void ChannelEquations::use_rows(RowRange range) {
-  if (columns_ && range.begin == rows_.begin && range.end == rows_.end) return;
+  if (columns_ != nullptr && range.begin == rows_.begin && range.end == rows_.end) return;
   rows_ = range;
   padded_ = (range.size() + kernels::kRowGroup - 1) / kernels::kRowGroup * kernels::kRowGroup;
-  columns_ = std::make_unique_for_overwrite<double[]>(padded_ * (basis_size_ + swing_size_ + 2 * kMaxClock + 3));
+  columns_ = memory_.at_least(padded_ * (basis_size_ + swing_size_ + 2 * kMaxClock + 3));
   for (std::size_t k = 0; k < basis_size_; ++k) std::fill(basis(k) + range.size(), basis(k + 1), 0.0);
   std::fill_n(basis(0), range.size(), 1.0);
   std::array<double, kHighestDegree + 1> polynomials{};

@@ -5,13 +5,13 @@
 #include <array>
 #include <cstddef>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "chips/exposed_chips.hpp"
 #include "chips/normal_factors.hpp"
+#include "core/aligned_memory.hpp"
 #include "core/legendre.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
 
@@ -63,7 +63,7 @@ class ChannelEquations {
   }
 
  private:
-  [[nodiscard]] double* column(std::size_t k) { return columns_.get() + k * padded_; }
+  [[nodiscard]] double* column(std::size_t k) { return columns_ + k * padded_; }
   [[nodiscard]] double* basis(std::size_t degree) { return column(degree); }
   [[nodiscard]] double* exposed(std::size_t degree) { return column(basis_size_ + degree); }  // s · basis
   [[nodiscard]] double* by_clock(std::size_t k) { return exposed(swing_size_) + k * padded_; }
@@ -83,7 +83,8 @@ class ChannelEquations {
   std::size_t frame_rows_, clock_size_, dark_size_, swing_size_, basis_size_;
   RowRange rows_{};         // exposed
   std::size_t padded_ = 0;  // a multiple of what kernels ask for; beyond the rows all columns that are multiplied are 0
-  std::unique_ptr<double[]> columns_;
+  AlignedMemory<double> memory_;
+  double* columns_ = nullptr;
   NormalProducts products_;
 };
 
