@@ -111,8 +111,9 @@ constexpr std::size_t kMostAtOnce = kVectors > 1 ? 4 : 6;              // produc
 template <std::size_t kCount>
 HWY_INLINE void multiply(const double* column, const double* const* others, std::size_t rows,
                          double* HWY_RESTRICT products) {
-  std::array<std::array<Sums, kVectors>, kCount> sums;
-  for (auto& of_other : sums) of_other.fill(hn::Zero(d_sums));
+  Sums sums[kCount][kVectors];
+  for (auto& of_other : sums)
+    for (Sums& sum : of_other) sum = hn::Zero(d_sums);
   for (std::size_t n = 0; n < rows; n += kPartialSums)
     for (std::size_t v = 0; v < kVectors; ++v) {
       const std::size_t at = n + v * hn::MaxLanes(d_sums);
