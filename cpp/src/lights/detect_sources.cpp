@@ -391,12 +391,12 @@ class Look {
     const auto search = [&](std::size_t first, std::size_t end, const Columns& within) {
       if (end < first + min_columns) return;
       for (const Suspect& suspect : suspects_in({first, near.y, end - first, near.height}, Coarsening::rows)) {
-        const bool known =
-            std::ranges::any_of(
-                found_,
-                [&](const Found& one) { return covers(one.light.box, suspect.box) || holds(suspect, one.light); }) ||
-            one_light_across(frames_, frame_, stored_.dark_level, floor_, part_of(light),
-                             {suspect.box, suspect.frequency});
+        const bool known = std::ranges::any_of(found_,
+                                               [&](const Found& one) {
+                                                 return covers(one.light.box, suspect.box) || holds(suspect, one.light);
+                                               }) ||
+                           one_light_across(frames_, frame_, stored_.dark_level, floor_, part_of(light),
+                                            {suspect.box, suspect.frequency});
         const auto other = known ? std::nullopt : refine(suspect, within, whole_box);
         const auto one = other && !same_frequency(*other, light) ? judged(*other) : std::nullopt;
         if (one && convincing(*one) &&
