@@ -43,7 +43,8 @@ class ChannelEquations {
   // Computes s of each row of `range` and its derivatives for `clock`.
   void expose(const ChipClock& clock, RowRange range);
 
-  // Of the exposed rows: least-squares levels, of as many degrees as asked for; squares that levels leave.
+  // Fits levels of the given numbers of degrees to the exposed rows, by least squares; sums the squares of the rows
+  // that levels leave.
   [[nodiscard]] std::optional<Levels> fit_levels(std::size_t dark_size, std::size_t swing_size);
   [[nodiscard]] std::optional<Levels> fit_levels() { return fit_levels(dark_size_, swing_size_); }
   [[nodiscard]] double squares_left(const Levels& levels, std::size_t dark_size);

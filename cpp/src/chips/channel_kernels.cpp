@@ -109,7 +109,7 @@ using Sums = hn::Vec<decltype(d_sums)>;
 constexpr std::size_t kVectors = kPartialSums / hn::MaxLanes(d_sums);  // of partial sums
 constexpr std::size_t kMostAtOnce = kVectors > 1 ? 4 : 6;              // products, whose sums are in registers
 
-// Of one column with kCount others.
+// Multiplies one column with kCount others.
 template <std::size_t kCount>
 HWY_INLINE void multiply(const double* column, const double* const* others, std::size_t rows,
                          double* HWY_RESTRICT products) {

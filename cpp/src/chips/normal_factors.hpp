@@ -7,7 +7,7 @@
 
 namespace ocisac {
 
-// Inner products of columns: at 0 what the others are to explain.
+// Inner products of columns; the others explain column 0.
 class NormalProducts {
  public:
   static constexpr std::size_t kMost = 17;  // unknowns: a clock, and levels of the highest degree
@@ -15,7 +15,7 @@ class NormalProducts {
 
   [[nodiscard]] double* data() { return values_.data(); }
   [[nodiscard]] double squares() const { return values_[0]; }
-  // Of unknowns, and of one with what they explain.
+  // Element (i, j) of the normal matrix, and element i of its right-hand side.
   [[nodiscard]] double& normal(std::size_t i, std::size_t j) { return values_[(i + 1) * kStride + j + 1]; }
   [[nodiscard]] double normal(std::size_t i, std::size_t j) const { return values_[(i + 1) * kStride + j + 1]; }
   [[nodiscard]] double& right(std::size_t i) { return values_[(i + 1) * kStride]; }

@@ -207,7 +207,7 @@ std::optional<double> StreamCleaner::frames_since_last(std::optional<double> tim
   return is_regular ? std::optional(frames) : std::nullopt;
 }
 
-// Of frames that are missing, so that the phases of slow tones advance meanwhile.
+// Counts missing frames, in which the phases of slow tones advance, and drops courses that are too old.
 void StreamCleaner::leave_room(double missing) {
   earlier_.next += static_cast<std::ptrdiff_t>(std::min(missing, static_cast<double>(most_slow_frames)));
   std::erase_if(earlier_.courses, [&](const CommonCourse& course) {

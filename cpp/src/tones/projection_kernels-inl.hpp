@@ -1,4 +1,4 @@
-// What the loops over bytes and over other samples share, in the namespace of each SIMD target.
+// Parts that loops over bytes and over other samples share, in the namespace of each SIMD target.
 #if defined(OCISAC_PROJECTION_KERNELS_INL_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef OCISAC_PROJECTION_KERNELS_INL_HPP
 #undef OCISAC_PROJECTION_KERNELS_INL_HPP

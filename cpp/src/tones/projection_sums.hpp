@@ -1,4 +1,4 @@
-// What the inner loops of project() add to.
+// Sums to which the inner loops of project() add.
 #pragma once
 
 #include <cstddef>

@@ -72,8 +72,8 @@ struct EarlierFrames {
   std::ptrdiff_t next = 0;  // the place of the first of the others
 };
 
-// Of consecutive frames of one scene, each with the pictures of its colours. `near`: the tone of the earlier ones, if
-// it is known.
+// Finds the slow light of each of consecutive frames of one scene. `frames`: of each frame, the pictures of its
+// colours. `near`: the tone of the earlier frames, if it is known.
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
                                         const EarlierFrames& earlier = {}, const std::optional<SlowTone>& near = {});
 
