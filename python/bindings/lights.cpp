@@ -22,9 +22,10 @@ py::list as_list(const std::vector<LightSource>& sources) {
 }
 
 py::list detect(const py::array& frames, const Camera& camera, double false_alarms, double min_cycles,
-                std::size_t max_sources) {
+                std::size_t max_sources, std::optional<std::size_t> frame) {
   const AnyFramesView view = any_view(frames);
-  return as_list(unlocked([&] { return detect_sources(view, camera, {false_alarms, min_cycles, max_sources}); }));
+  const DetectOptions options{false_alarms, min_cycles, max_sources, frame};
+  return as_list(unlocked([&] { return detect_sources(view, camera, options); }));
 }
 
 // In the order of LightCandidate.
@@ -73,7 +74,7 @@ std::size_t colour_of(const std::vector<py::array>& colours, const Camera& camer
 void register_lights(py::module_& module) {
   using py::arg;
   module.def("detect_sources", &detect, arg("frames"), arg("camera"), arg("false_alarms"), arg("min_cycles"),
-             arg("max_sources"));
+             arg("max_sources"), arg("frame"));
   module.def("light_candidates", &candidates, arg("frame"), arg("camera"), arg("data"));
   module.def("follow_sources", &follow, arg("frame"), arg("camera"), arg("expected"), arg("false_alarms"),
              arg("min_cycles"));

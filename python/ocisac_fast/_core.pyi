@@ -213,7 +213,12 @@ class ClockTracker:
 
 def pool_estimates(values: npt.NDArray[np.float64], errors: npt.NDArray[np.float64]) -> tuple[float, float, int]: ...
 def detect_sources(
-    frames: npt.NDArray[Any], camera: Camera, false_alarms: float, min_cycles: float, max_sources: int
+    frames: npt.NDArray[Any],
+    camera: Camera,
+    false_alarms: float,
+    min_cycles: float,
+    max_sources: int,
+    frame: int | None,
 ) -> list[tuple[Any, ...]]: ...
 def light_candidates(
     frame: npt.NDArray[Any], camera: Camera, data: bool

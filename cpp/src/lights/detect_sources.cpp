@@ -684,7 +684,9 @@ std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camer
   check(options);
   std::vector<LightSource> sources;
   const Shape shape = shape_of(frames);
-  for (std::size_t frame = 0; frame < shape.frames; ++frame) {
+  require(options.frame.value_or(0) < shape.frames, "frame", options.frame.value_or(0), "a frame of those given");
+  const std::size_t first = options.frame.value_or(0), end = options.frame ? first + 1 : shape.frames;
+  for (std::size_t frame = first; frame < end; ++frame) {
     Look look(frames, frame, camera, options);
     look.search({0, 0, shape.columns, shape.rows});
     for (const Found& found : look.lights()) sources.push_back(source_of(frames, frame, camera, found));

@@ -60,6 +60,8 @@ _LIGHT = (
     Field("reflection_of", "int64", "", "index of the light that it reflects"),
     Field("reason", "string", "", "why it is a reflection or a merged light"),
     _FLAGS,
+    Field("light", "int64", "", "its number: in a frame here, in the recording by `ocisac detect`"),
+    Field("searched", "bool", "", "true if the whole frame was searched, false if lights were followed"),
 )
 
 _REGION = (

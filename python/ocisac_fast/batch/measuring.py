@@ -142,7 +142,7 @@ def _detected(path: str, arguments: dict[str, Any], picture: PictureOptions, par
     from ocisac_fast.cli.detect import detected_lights
 
     options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
-    return detected_lights(path, picture, options, part=part, group=1)  # the same in any stretch
+    return detected_lights(path, picture, options, part=part, group=1)  # each by itself: the same in any stretch
 
 
 def _gains(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None, light: Any) -> Any:

@@ -17,8 +17,8 @@ from ocisac_fast.core.checks import shown
 from ocisac_fast.files import LightResponse
 
 IN_STRETCHES = ("gain", "detect")  # each frame has an answer of its own
-# Output and input of a single call.
-_NOT_FOR_MANY = ("plot", "as_json", "csv", "per_column", "marks", "pulses", "force")
+# Output and input of a single call, and following from frame to frame, which stretches interrupt.
+_NOT_FOR_MANY = ("plot", "as_json", "csv", "per_column", "marks", "pulses", "force", "search_every")
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from ocisac_fast.cli.output import decibels, emit_json, emit_table, flag_names, number, progress, quantity, rate
 from ocisac_fast.cli.outputs import writes
@@ -20,9 +19,10 @@ from ocisac_fast.cli.pictures import (
     plot_option,
 )
 from ocisac_fast.files import Part
-from ocisac_fast.files.recording import Frame
 
-_GROUP = 4  # frames
+if TYPE_CHECKING:
+    from ocisac_fast.lights import LightSource
+
 _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "gain", "SNR", "data", "remark")
 
 
@@ -36,28 +36,45 @@ _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "ga
     help="Max. expected number in a picture without a light; up to 1.",
 )
 @click.option("--min-cycles", type=float, default=2.5, show_default=True, help="Min. cycles in a light's box.")
+@click.option(
+    "--search-every",
+    type=click.IntRange(1),
+    default=30,
+    show_default=True,
+    help="Frames between searches for new lights; lights found are followed. 1: search every frame by itself.",
+)
 @picture_options
 @plot_option("the first frame with the boxes of its lights")
 @writes("plot")
 @json_option
 def detect(
-    file: str, false_alarms: float, min_cycles: float, picture: PictureOptions, plot: str | None, as_json: bool
+    file: str,
+    false_alarms: float,
+    min_cycles: float,
+    search_every: int,
+    picture: PictureOptions,
+    plot: str | None,
+    as_json: bool,
 ) -> None:
     """Detect every modulated light in FILE (a picture, a video, a .npy array, or -).
 
     Colours are averaged unless --channel selects one. x, y are the top left corner of a light's box in stored pixels.
-    Each frame gives one object; the most probable light comes first.
+    Each frame gives one object; the most probable light comes first, and a light keeps its number.
+
+    All of a frame is searched at first and again where the picture beside the lights changed, at intervals of
+    --search-every frames or more, or else ten times as many: new lights appear that much later. Between searches each
+    light is measured in its box where it stands; box, frequency and probability stay. Where it moves, it is refined.
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True
-    for found in detected_lights(file, picture, options, plot):
+    for found in detected_lights(file, picture, options, plot, search_every=search_every):
         if as_json:
             emit_json(found)
             continue
         title = "" if found["frames"] == 1 else f"frame {found['frame']}"
         if picture.names(found["scan_axis"]) and found["frame"] == 0:
             title = f"{title}, scan axis {found['scan_axis']}".removeprefix(", ")
-        rows = [_row(k, source, picture) for k, source in enumerate(found["sources"])]
+        rows = [_row(source, found["sources"], picture) for source in found["sources"]]
         if rows or header:
             emit_table(title, _HEADER, rows, left=("remark",))
         header = False
@@ -69,44 +86,33 @@ def detected_lights(
     options: dict[str, Any],
     plot: str | None = None,
     part: Part | None = None,
-    group: int = _GROUP,
+    search_every: int = 1,
+    group: int = 4,
 ) -> Iterator[dict[str, Any]]:
-    """The JSON object of each frame, of all frames or of a part; ``group``: number of frames that are compared."""
-    from ocisac_fast.lights import detect_sources
+    """The JSON object of each frame, of all frames or of a part, as ``watch_lights`` sees them."""
+    from ocisac_fast.lights.watch import watch_lights
 
     first = 0 if part is None else part.first
     with open_pictures(file, picture, part) as pictures:
         count = pictures.frame_count
-        index = first
-        for greys in _groups((grey_of(frame) for frame in progress(pictures.frames, "detecting", count)), group):
-            found = detect_sources(np.stack(greys), pictures.camera, **options)
-            if plot is not None and index == 0:
+        greys = (grey_of(frame) for frame in progress(pictures.frames, "detecting", count))
+        for seen in watch_lights(greys, pictures.camera, search_every, group, **options):
+            if plot is not None and first + seen.frame == 0:
                 from ocisac_fast.plots import plot_sources
 
-                of_first = [source for source in found if source.frame == 0]
-                plot_sources(greys[0], pictures.camera, path=plot, sources=of_first)
-            for k in range(len(greys)):
-                sources = [_facts(source, picture) for source in found if source.frame == k]
-                yield {"frame": index + k, "frames": count, "sources": sources, "scan_axis": pictures.camera.scan_axis}
-            index += len(greys)
+                plot_sources(seen.pixels, pictures.camera, path=plot, sources=seen.sources)
+            yield {
+                "frame": first + seen.frame,
+                "frames": count,
+                "sources": [
+                    _facts(one, {"light": number, "searched": seen.searched}, picture)
+                    for one, number in zip(seen.sources, seen.numbers, strict=True)
+                ],
+                "scan_axis": pictures.camera.scan_axis,
+            }
 
 
-def _groups(frames: Iterator[Frame], count: int) -> Iterator[list[Frame]]:
-    """Frames of one shape and type in groups, the last by up to one larger: neighbours tell lights from textures."""
-    waiting: list[Frame] = []
-    for frame in frames:
-        if waiting and (frame.shape, frame.dtype) != (waiting[0].shape, waiting[0].dtype):
-            yield waiting
-            waiting = []
-        elif len(waiting) > count or (count == 1 and waiting):
-            yield waiting[:count]
-            waiting = waiting[count:]
-        waiting.append(frame)
-    if waiting:
-        yield waiting
-
-
-def _facts(source: Any, picture: PictureOptions) -> dict[str, Any]:
+def _facts(source: LightSource, seen: dict[str, Any], picture: PictureOptions) -> dict[str, Any]:
     facts = {
         **picture.in_picture(source.region)._asdict(),
         "probability": source.probability,
@@ -121,19 +127,20 @@ def _facts(source: Any, picture: PictureOptions) -> dict[str, Any]:
         "reflection_of": source.reflection_of,
         "reason": source.reason,
         "flags": flag_names(source.flags),
+        **seen,
     }
     return picture.in_units(facts)
 
 
-def _row(index: int, source: dict[str, Any], picture: PictureOptions) -> list[str]:
+def _row(source: dict[str, Any], every: list[dict[str, Any]], picture: PictureOptions) -> list[str]:
     unit = "hz" if picture.in_hertz else "cycles_per_row"
     remark = source["reason"]
     if source["reflection_of"] is not None:
-        remark = f"reflection of {source['reflection_of']} (by {remark})"
+        remark = f"reflection of {every[source['reflection_of']]['light']} (by {remark})"
     elif remark:
         remark = f"parts merged ({remark})"
     return [
-        str(index),
+        str(source["light"]),
         *(str(source[name]) for name in ("x", "y", "width", "height")),
         f"{source['probability']:.2f}",
         rate(source[f"frequency_{unit}"], source[f"frequency_std_{unit}"], picture.in_hertz, 5),

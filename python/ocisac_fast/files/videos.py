@@ -198,11 +198,17 @@ def _is_limited(name: str, stated: int) -> bool:
 
 
 def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
-    """Copy the luma of plane 0 without line padding; the decoder reuses its memory."""
+    """The luma of plane 0, contiguous: in the decoder's memory where its lines follow each other, else a copy.
+
+    The array keeps its frame, so the decoder does not reuse that memory; it may still predict other frames from it,
+    hence nobody may write.
+    """
     plane = frame.planes[0]
     lines = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: frame.height]
     values = lines[:, : frame.width * step * dtype.itemsize].view(dtype)[:, first::step]
-    return np.array(values, dtype=dtype.newbyteorder("="), order="C")
+    luma = np.ascontiguousarray(values, dtype=dtype.newbyteorder("="))
+    luma.flags.writeable = False
+    return luma
 
 
 def _frames(

@@ -78,6 +78,7 @@ def detect_sources(
     false_alarms: float = 0.02,
     min_cycles: float = 2.5,
     max_sources: int = 64,
+    frame: int | None = None,
 ) -> list[LightSource]:
     """Detect every modulated light in a picture, frame by frame.
 
@@ -97,6 +98,7 @@ def detect_sources(
             rows of pins, may show more. In a single picture a grating of bars is detected as a light.
         min_cycles: min. cycles of the light in its box, 2 or above; with fewer, edges and blinds resemble lights.
         max_sources: max. lights per frame, the strongest; 1 or above.
+        frame: index of the only frame that is searched; its neighbours are compared with it. None: all are searched.
 
     Returns:
         The lights of all frames; within a frame the most probable first. Of two frames or more, the phase of a light
@@ -106,7 +108,7 @@ def detect_sources(
         ValueError: wrong shape or type, samples that are not finite, or an option out of range.
     """
     pictures = as_grey_frames(frames, "frames", camera.scan_axis)
-    found = _core.detect_sources(pictures, camera._handle, false_alarms, min_cycles, max_sources)
+    found = _core.detect_sources(pictures, camera._handle, false_alarms, min_cycles, max_sources, frame)
     return [source_of(values, pictures.shape[1:], camera.scan_axis) for values in found]
 
 

@@ -15,10 +15,12 @@ from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored
 from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.core.regions import Region
 from ocisac_fast.lights.sources import LightSource, detect_sources, source_of
+from ocisac_fast.lights.standing import StandingLight
 
 _SMOOTHING = 0.5  # weight of the latest step in a track's velocity, and of the latest frequency
 _SETTLED, _SETTLED_REACH = 3, 0.5  # frames after which a track's velocity is reliable, and its reach from then on
 _DEVIATIONS = 4.0  # standard errors within which two frequencies are equal
+_RESOLVED = 0.2  # cycles over a box that they may differ by in any case: texture biases the frequency of few cycles
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -56,8 +58,9 @@ class SourceTracker:
 
     A detection is assigned to the nearest predicted track of its frequency, or of tracks that carry data if it does. A
     hidden track moves on with its velocity for ``patience`` frames while its region grows. Between searches of the
-    whole frame, a visible light is measured at its predicted place, to within two of its cycles; its region is searched
-    only if this fails or the light carries data.
+    whole frame, a light that stands where it was found is measured in its box, which takes a twentieth of the time of a
+    refinement; probability, frequency and box stay then. Other visible lights are refined at their predicted place, to
+    within two of their cycles; their region is searched only if this fails or the light carries data.
 
     Args:
         camera: as for :func:`detect_sources`.
@@ -67,6 +70,7 @@ class SourceTracker:
         full_every: frames between searches of the whole frame, 1 or above. New lights are detected only by these, so
             at most that many frames late.
         false_alarms, min_cycles: as for :func:`detect_sources`.
+        reflections: track reflections as well.
 
     Raises:
         ValueError: a value out of range; errors of the detection are raised at the first frame.
@@ -81,6 +85,7 @@ class SourceTracker:
         full_every: int = 1,
         false_alarms: float = 0.02,
         min_cycles: float = 2.5,
+        reflections: bool = False,
     ) -> None:
         if patience < 0:
             raise ValueError(f"patience: got {patience}, allowed: 0 or above")
@@ -91,7 +96,9 @@ class SourceTracker:
         self._camera = camera
         self._patience, self._reach, self._full_every = patience, reach, full_every
         self._false_alarms, self._min_cycles = false_alarms, min_cycles
+        self._reflections = reflections
         self._frame = -1
+        self._standing: dict[int, StandingLight] = {}  # by identity
         self._identities = itertools.count()
         self._tracks: list[Track] = []
 
@@ -101,35 +108,68 @@ class SourceTracker:
         return list(self._tracks)
 
     @checked
-    def update(self, frame: npt.ArrayLike) -> list[Track]:
-        """Process the next frame, (rows, columns); returns all active tracks, the oldest first."""
+    def update(self, frame: npt.ArrayLike, sources: list[LightSource] | None = None) -> list[Track]:
+        """Process the next frame, (rows, columns); returns all active tracks, the oldest first.
+
+        ``sources``: its lights, where it has been searched already, with its neighbours for instance.
+        """
         if np.ndim(frame) == 1:
             raise ValueError("frame: got 1 dimension, allowed: (rows, columns)")
         axis = self._camera.scan_axis
         pixels = as_grey_frames(frame, "frame", axis, single=True)[0]
         shape = (pixels.shape[1], pixels.shape[0]) if axis.endswith("x") else (pixels.shape[0], pixels.shape[1])
-        if self._tracks and (self._frame + 1) % self._full_every:
-            expected = [_looked_for(track, shape, pixels.shape, axis) for track in self._tracks]
-            seen = _core.follow_sources(pixels, self._camera._handle, expected, self._false_alarms, self._min_cycles)
-            found = [source_of(values, pixels.shape, axis) for values in seen]
-        else:
+        stay: dict[int, LightSource] = {}
+        if sources is None and self._tracks and (self._frame + 1) % self._full_every:
+            stay = self._measured(pixels)
+            sources = self._followed(pixels, shape, stay)
+        elif sources is None:
             picture = in_stored_order(pixels, axis)
-            found = detect_sources(picture, self._camera, false_alarms=self._false_alarms, min_cycles=self._min_cycles)
-        return self.follow(found, shape)
+            sources = detect_sources(
+                picture, self._camera, false_alarms=self._false_alarms, min_cycles=self._min_cycles
+            )
+        self._advance(sources, shape, stay)
+        fresh = (track for track in self._tracks if track.visible and track.identity not in stay)
+        kept = {identity: self._standing[identity] for identity in stay}
+        self._standing = kept | {t.identity: StandingLight(pixels, self._camera, t.source) for t in fresh}
+        return self.tracks
 
     @checked
     def follow(self, sources: list[LightSource], shape: tuple[int, int]) -> list[Track]:
-        """:meth:`update` with the lights of the next frame already detected; reflections are ignored.
+        """:meth:`update` with the lights of the next frame already detected, without its pixels.
 
         Args:
-            sources: lights of one frame.
+            sources: lights of one frame; reflections among them are ignored unless they are tracked.
             shape: rows and columns of the frame.
         """
+        self._standing = {}
+        self._advance(sources, shape, {})
+        return self.tracks
+
+    def _measured(self, pixels: npt.NDArray[np.generic]) -> dict[int, LightSource]:
+        """By identity: the lights that stand where they were."""
+        found = {identity: standing.measure(pixels) for identity, standing in self._standing.items()}
+        return {identity: source for identity, source in found.items() if source is not None}
+
+    def _followed(
+        self, pixels: npt.NDArray[np.generic], shape: tuple[int, int], stay: dict[int, LightSource]
+    ) -> list[LightSource]:
+        """The lights found at or near the predicted places of those that do not stand."""
+        axis = self._camera.scan_axis
+        expected = [_looked_for(t, shape, pixels.shape, axis) for t in self._tracks if t.identity not in stay]
+        if not expected:
+            return []
+        seen = _core.follow_sources(pixels, self._camera._handle, expected, self._false_alarms, self._min_cycles)
+        found = [source_of(values, pixels.shape, axis) for values in seen]
+        return [one for one in found if not any(_doubles(one.region, other.region) for other in stay.values())]
+
+    def _advance(self, sources: list[LightSource], shape: tuple[int, int], stay: dict[int, LightSource]) -> None:
+        """The next frame: ``stay``, by identity, and lights to be assigned to the other tracks."""
         self._frame += 1
-        lights = [source for source in sources if source.reflection_of is None]
+        lights = [source for source in sources if self._reflections or source.reflection_of is None]
         pairs = sorted(
             (distance, i, k)
             for i, track in enumerate(self._tracks)
+            if track.identity not in stay
             for k, source in enumerate(lights)
             if (distance := self._distance(track, source)) <= 1.0
         )
@@ -137,10 +177,10 @@ class SourceTracker:
         for _, i, k in pairs:
             if i not in taken and k not in taken.values():
                 taken[i] = k
-        old = [self._next(t, lights[taken[i]] if i in taken else None, shape) for i, t in enumerate(self._tracks)]
+        found = {self._tracks[i].identity: lights[k] for i, k in taken.items()} | stay
+        old = [self._next(track, found.get(track.identity), shape) for track in self._tracks]
         new = [self._begun(light, shape) for k, light in enumerate(lights) if k not in taken.values()]
         self._tracks = [track for track in old if track.hidden <= self._patience] + new
-        return self.tracks
 
     def _distance(self, track: Track, source: LightSource) -> float:
         """Distance from the predicted place, as a share of the allowed one; infinite for another frequency.
@@ -148,6 +188,8 @@ class SourceTracker:
         Lights that carry data have no frequency: between data and a tone half of the allowed distance is added.
         """
         spread = _DEVIATIONS * math.hypot(track.frequency_std, source.frequency_std) + 0.005 * track.frequency
+        rows = source.width if self._camera.scan_axis.endswith("x") else source.height
+        spread = max(spread, _RESOLVED / (rows * self._camera.row_period))
         data = track.source.carries_data, source.carries_data
         if not any(data) and abs(source.frequency - track.frequency) > spread:
             return math.inf
@@ -169,7 +211,7 @@ class SourceTracker:
         newest = ((x1 - x0) / steps, (y1 - y0) / steps)
         kept = 0.0 if track.age == 0 else 1.0 - _SMOOTHING  # the first step has no predecessor
         velocity = tuple(kept * a + (1.0 - kept) * b for a, b in zip(track.velocity, newest, strict=True))
-        share = _SMOOTHING
+        share = 0.0 if source.frequency == track.source.frequency else _SMOOTHING  # measured where it stands: not new
         track = dataclasses.replace(
             track,
             frame=self._frame,
@@ -221,6 +263,11 @@ def _looked_for(
     box = box_in_time_order(source.region._replace(x=x, y=y).moved_into(columns, rows), turned, scan_axis)
     region = box_in_time_order(track.region.moved_into(columns, rows), turned, scan_axis)
     return box, track.frequency, region, track.visible, source.carries_data
+
+
+def _doubles(a: Region, b: Region) -> bool:
+    """True if two boxes share half of the smaller one."""
+    return 2 * a.shared_pixels(b) > min(a.pixels, b.pixels)
 
 
 def _centre(source: LightSource) -> tuple[float, float]:

@@ -1,0 +1,210 @@
+"""The lights of every frame of a video, searched now and then and followed in between."""
+
+import numpy as np
+import pytest
+from test_sources import CAMERA, add_lamp, scene, stored
+
+from ocisac_fast import Camera, Chips, SquareWave, detect_sources
+from ocisac_fast.lights import tracker
+from ocisac_fast.lights.standing import StandingLight
+from ocisac_fast.lights.watch import watch_lights
+
+SHAPE = (360, 480)
+
+
+def frame_of(places, seed=0, texture=0.0, shape=SHAPE):
+    """Lamps (row, column, frequency, swing) of 50 rows before a still texture, with a phase and noise of this frame."""
+    picture, random = scene(*shape, seed=seed)
+    blocks = np.random.default_rng(99).normal(0.0, texture, (shape[0] // 20 + 1, shape[1] // 20 + 1))
+    picture += np.kron(blocks, np.ones((20, 20)))[: shape[0], : shape[1]]
+    for row, column, frequency, swing in places:
+        if swing:
+            add_lamp(picture, row, column, 25, SquareWave(frequency, phase=random.uniform(-3, 3)), swing=swing)
+    return stored(picture)
+
+
+def video(places_of, frames, **options):
+    return [frame_of(places_of(k), seed=k, **options) for k in range(frames)]
+
+
+def watch(frames, search_every=30, camera=CAMERA):
+    return list(watch_lights(frames, camera, search_every))
+
+
+def at(seen, column):
+    """The light of a frame at a column and its number; None without one."""
+    found = [(s, n) for s, n in zip(seen.sources, seen.numbers, strict=True) if abs(s.x + s.width / 2 - column) < 25]
+    return found[0] if found else None
+
+
+def assert_agrees(one, other, edge=12):
+    """Two measurements of a light agree within their standard errors; boxes by the outline's uncertainty, pixels."""
+    assert abs(one.gain - other.gain) < 4 * np.hypot(one.gain_std, other.gain_std)
+    assert abs(one.frequency - other.frequency) < 4 * np.hypot(one.frequency_std, other.frequency_std)
+    for a, b in zip(one.region, other.region, strict=True):
+        assert abs(a - b) <= edge
+
+
+@pytest.mark.parametrize("texture", [0.0, 10.0])
+@pytest.mark.parametrize("speed", [0.0, 0.2, 4.0])
+def test_followed_lights_are_those_of_a_search_of_each_frame(speed, texture):
+    frames = video(
+        lambda k: [(120 + speed * k / 2, 100 + speed * k, 9000.0, 120.0), (240, 330 - speed * k, 13000.0, 60.0)],
+        20,
+        texture=texture,
+    )
+    followed, each = watch(frames), watch(frames, 1)
+    assert [one.searched for one in followed] == [True] + [False] * 19
+    assert all(one.searched for one in each)
+    for one, other in zip(followed, each, strict=True):
+        for column in (100 + speed * one.frame, 330 - speed * one.frame):
+            assert_agrees(at(one, column)[0], at(other, column)[0], 22 if texture else 12)  # two cycles, one
+        assert at(one, 100 + speed * one.frame)[1] == at(followed[0], 100)[1]
+
+
+def test_phases_of_a_standing_light_advance_with_the_clock():
+    camera = Camera(CAMERA.row_time, CAMERA.exposure, frame_time=0.011)
+    found = watch(video(lambda k: [(180, 240, 9000.0, 120.0)], 6), camera=camera)
+    phases = [np.random.default_rng(k) for k in range(6)]
+    for seen, random in zip(found, phases, strict=True):
+        random.standard_normal(SHAPE)  # the noise, drawn first
+        (source,) = seen.sources
+        away = source.phase - random.uniform(-3, 3)
+        drift = 2 * np.pi * 180 * camera.row_time * (source.frequency - 9000.0)  # extrapolated from the box to row 0
+        assert abs(np.angle(np.exp(1j * (away + drift)))) < 0.15
+
+
+@pytest.mark.parametrize("appears", [9, 11, 45])
+def test_a_light_that_appears_in_a_still_picture_is_found_within_eight_frames(appears):
+    places = [(120, 100, 9000.0, 120.0), (240, 330, 13000.0, 60.0)]
+    found = watch(video(lambda k: places[: 1 + (k >= appears)], appears + 10))
+    first = next(seen.frame for seen in found if at(seen, 330))
+    assert appears <= first <= appears + 8
+    assert sum(seen.searched for seen in found) == 2
+    assert at(found[-1], 100)[1] == at(found[0], 100)[1] != at(found[-1], 330)[1]
+
+
+def test_searches_of_a_picture_that_moves_are_as_many_as_wanted():
+    background = np.random.default_rng(0).normal(0.0, 10.0, (60, 90))
+
+    def moving(k):
+        texture = np.kron(background, np.ones((12, 12)))[: SHAPE[0], 4 * k : 4 * k + SHAPE[1]]
+        return stored(frame_of([(120, 100, 9000.0, 120.0)] + [(240, 330, 13000.0, 120.0)] * (k > 62), seed=k) + texture)
+
+    found = watch([moving(k) for k in range(100)], 20)
+    searches = [seen.frame for seen in found if seen.searched]
+    assert len(searches) <= 100 / 20 + 3
+    assert max(np.diff([*searches, 100])) <= 24
+    assert all(at(seen, 330) for seen in found if seen.frame >= 62 + 24)
+
+
+def test_a_picture_that_seems_unchanged_is_searched_after_ten_intervals():
+    found = watch(video(lambda _: [(120, 100, 9000.0, 120.0)], 45), 2)
+    assert [seen.frame for seen in found if seen.searched] == [0, 20, 40]
+
+
+def test_a_video_without_lights_is_searched_as_rarely(monkeypatch):
+    searched = []
+    monkeypatch.setattr(tracker, "detect_sources", lambda *_, **__: searched.append(1) or [])
+    found = watch(video(lambda _: [], 24))
+    assert [seen.searched for seen in found] == [True] + [False] * 23
+    assert not searched
+
+
+def test_a_light_that_vanishes_is_gone_at_once():
+    found = watch(video(lambda k: [(120, 100, 9000.0, 120.0), (240, 330, 13000.0, 60.0 * (k < 6))], 16))
+    assert [at(seen, 330) is not None for seen in found] == [k < 6 for k in range(16)]
+    assert len({at(seen, 100)[1] for seen in found}) == 1
+    assert sum(seen.searched for seen in found) <= 3
+
+
+def test_a_light_that_changes_its_frequency_is_another():
+    found = watch(video(lambda k: [(180, 240, 9000.0 if k < 6 else 12000.0, 120.0)], 16))
+    for seen in found[:6] + found[8:]:
+        (source,) = seen.sources
+        assert source.frequency == pytest.approx(9000.0 if seen.frame < 6 else 12000.0, rel=0.02)
+    assert found[-1].numbers != found[0].numbers
+
+
+def test_a_light_that_sends_data_is_followed():
+    random = np.random.default_rng(0)
+    bits = random.integers(0, 2, (12, 100)).astype(float)
+
+    def sending(k):
+        picture, _ = scene(480, 480, seed=k)
+        add_lamp(picture, 240, 220, 110, Chips(bits[k].tolist(), 1 / (6 * CAMERA.row_time)))
+        return stored(picture)
+
+    found = watch([sending(k) for k in range(12)])
+    assert [seen.searched for seen in found] == [True] + [False] * 11
+    for seen in found:
+        (source,) = seen.sources
+        assert source.carries_data
+        assert seen.numbers == [0]
+        assert abs(source.x + source.width / 2 - 220) < 20
+
+
+def test_a_reflection_stays_one():
+    def mirrored(k):
+        picture, random = scene(seed=k)
+        waveform = SquareWave(8000.0, phase=random.uniform(-3, 3))
+        add_lamp(picture, 300, 400, 50, waveform, swing=150.0)
+        add_lamp(picture, 250, 150, 26, waveform, swing=25.0)
+        return stored(picture)
+
+    for seen in watch([mirrored(k) for k in range(6)]):
+        (reflection,) = [s for s in seen.sources if s.reflection_of is not None]
+        assert abs(seen.sources[reflection.reflection_of].x - 350) < 12
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 9])
+def test_each_frame_is_told_once(count):
+    frames = video(lambda _: [(120, 100, 9000.0, 120.0)], count)
+    for search_every in (1, 30):
+        found = watch(iter(frames), search_every)
+        assert [seen.frame for seen in found] == list(range(count))
+        assert all(np.array_equal(seen.pixels, frame) for seen, frame in zip(found, frames, strict=True))
+        assert all(len(seen.sources) == 1 for seen in found)
+
+
+def test_one_picture_is_searched_as_by_detect_sources():
+    frame = frame_of([(120, 100, 9000.0, 120.0), (240, 330, 13000.0, 60.0)])
+    (seen,) = watch([frame])
+    assert seen.sources == detect_sources(frame, CAMERA)
+
+
+def test_a_frame_of_another_shape_or_type_is_searched():
+    places = [(120, 100, 9000.0, 120.0)]
+    frames = [*video(lambda _: places, 3), frame_of(places, shape=(300, 400)), frame_of(places).astype(np.uint16)]
+    found = watch(frames)
+    assert [seen.searched for seen in found] == [True, False, False, True, True]
+    assert all(len(seen.sources) == 1 for seen in found)
+
+
+def test_only_the_frame_asked_for_is_searched_and_compared():
+    frames = np.stack(video(lambda _: [(120, 100, 9000.0, 120.0)], 4))
+    every = detect_sources(frames, CAMERA)
+    for frame in range(4):
+        assert detect_sources(frames, CAMERA, frame=frame) == [one for one in every if one.frame == frame]
+    with pytest.raises(ValueError, match="frame: got 4, allowed: a frame of those given"):
+        detect_sources(frames, CAMERA, frame=4)
+
+
+@pytest.mark.parametrize("axis", ["y", "-y", "x", "-x"])
+def test_a_light_stands_along_any_axis(axis):
+    camera = Camera(CAMERA.row_time, CAMERA.exposure, scan_axis=axis)
+    turn = {"y": lambda p: p, "-y": lambda p: p[::-1], "x": lambda p: p.T, "-x": lambda p: p.T[:, ::-1]}[axis]
+    found = watch([turn(frame) for frame in video(lambda _: [(120, 100, 9000.0, 120.0)], 5)], camera=camera)
+    plain = watch(video(lambda _: [(120, 100, 9000.0, 120.0)], 5))
+    for seen, other in zip(found, plain, strict=True):
+        assert seen.sources[0].gain == pytest.approx(other.sources[0].gain, rel=1e-9)
+        assert seen.sources[0].phase == pytest.approx(other.sources[0].phase, abs=1e-9)
+
+
+@pytest.mark.parametrize("moved", [(0, 0), (0, 3), (3, 0), (0, -3), (-3, 0)])
+def test_a_light_that_moved_by_a_sixteenth_of_its_size_does_not_stand(moved):
+    frame = frame_of([(180, 240, 9000.0, 120.0)])
+    (source,) = detect_sources(frame, CAMERA)
+    later = frame_of([(180 + moved[0], 240 + moved[1], 9000.0, 120.0)], seed=1)
+    stands = StandingLight(frame, CAMERA, source).measure(later)
+    assert (stands is not None) == (moved == (0, 0))
