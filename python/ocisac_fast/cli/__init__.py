@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
@@ -12,6 +13,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Exit code 0; 2 for invalid input; 3 if some of several files failed; 130 or 143 if interrupted; 141 for a closed
     pipe.
     """
+    # Read when NumPy is imported: its products are small here, and threads that wait for their share of one use time.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from ocisac_fast.cli.application import run
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,9 @@ _SEARCHED = 8  # max. number of blocks of 64 columns in a search
 _STEPS = 12
 _RIDES = 3
 _SETTLED = 1e-3  # of the mean light
+_TREND, _WANDER = 4, 12  # degrees: of the slow light, and of what changes a tone's frequency and shape
+_NEAR = 1e-9  # relative: weights within a basis
+_FEW = 4  # rows for each wave of a basis that is worth its while
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +31,7 @@ class Model:
 
     Attributes:
         cycles: of the tone per row.
+        tones: cycles per row of its harmonics and of the other tones.
         harmonics: of the tone, 1 first.
         shape: (rows,) envelope of the tones, mean 1.
         design: (rows, parameters): Legendre polynomials, then ``shape`` times cosine and sine of each harmonic, then of
@@ -39,6 +43,7 @@ class Model:
     """
 
     cycles: float
+    tones: tuple[float, ...]
     harmonics: tuple[int, ...]
     shape: Float64s
     design: Float64s
@@ -114,7 +119,8 @@ def make_model(
     steering = tuple(harmonics) if steering is None else tuple(steering)
     shape = np.ones(rows) if shape is None else shape
     first = degree + 1
-    design = _core.tone_design(rows, [*(h * cycles for h in harmonics), *others], degree)
+    tones = (*(h * cycles for h in harmonics), *others)
+    design = _core.tone_design(rows, list(tones), degree)
     design[:, first:] *= shape[:, None]
     from_middle = np.arange(rows) - 0.5 * (rows - 1)
     slope = np.zeros_like(design)
@@ -123,11 +129,11 @@ def make_model(
         lever = 2.0 * np.pi * harmonic * from_middle if harmonic in steering else np.zeros(rows)
         slope[:, cosine] = -lever * design[:, cosine + 1]
         slope[:, cosine + 1] = lever * design[:, cosine]
-    return Model(cycles, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, first)
+    return Model(cycles, tones, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, first)
 
 
 def with_tones_shaped_by_light(
-    frames: npt.NDArray[Any], camera: Camera, model: Model, background: float, others: Sequence[float]
+    columns: Columns, model: Model, background: float, others: Sequence[float]
 ) -> Model:
     """The model with tones modulated by the slow light that all columns and frames share: where the light decreases
     along the rows, the tones do too. ``shape`` is constant if that light comes near 0.
@@ -135,7 +141,7 @@ def with_tones_shaped_by_light(
     Tones fitted with a wrong shape bias the slow light; three iterations converge for a ratio of 7 to 1.
     """
     for _ in range(_RIDES if model.first > 1 else 0):
-        parameters, _squares = project(frames, camera, model.weights)
+        parameters, _squares = columns.project(model.weights, model.tones)
         slow = model.design[:, : model.first] @ parameters[:, : model.first].mean(axis=(0, 2)) - background
         if not slow.min() > 0.1 * slow.mean():
             break
@@ -170,44 +176,96 @@ def pseudo_inverse(design: Float64s) -> Float64s:
     return np.asarray(np.linalg.solve(r, q.T))
 
 
-def light_of(frames: npt.NDArray[Any], camera: Camera, index: int) -> Float64s:
-    """Linear light of frame ``index`` of (frames, rows, columns), float64."""
-    return linear_light(frames[index], camera)
+class Columns:
+    """The columns of a region over frames, and sums over their rows.
+
+    A model is fitted by several rounds of sums whose weights differ little. ``repeated`` sums are computed from those
+    with a basis of all weights near the first ones: polynomials, alone and times its tones. Frames are read once.
+
+    Args:
+        frames: (frames, rows, columns) as stored.
+        camera: their response, rows in time order.
+        repeated: sums are wanted several times.
+    """
+
+    def __init__(self, frames: npt.NDArray[Any], camera: Camera, *, repeated: bool = False) -> None:
+        self.frames, self.camera = frames, camera
+        self._repeated = repeated
+        self._basis: Float64s | None = None  # (rows, waves), orthonormal
+        self._sums = self._squares = np.empty(0)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return int(self.frames.shape[1])
+
+    def light(self) -> Iterator[Float64s]:
+        """Linear light of each frame, (rows, columns)."""
+        return (linear_light(frame, self.camera) for frame in self.frames)
+
+    def project(self, weights: Float64s, tones: Sequence[float]) -> tuple[Float64s, Float64s]:
+        """(frames, outputs, columns) weighted sums over the rows, and (frames, columns) sums of squares.
+
+        ``tones``: cycles per row of those in the weights.
+        """
+        if self._repeated and self._within_basis(weights) is None and self.rows >= _FEW * _waves(len(tones)):
+            self._basis = _basis(self.rows, tones)
+            self._sums, self._squares = self._read(self._basis.T)
+        within = self._within_basis(weights)
+        return self._read(weights) if within is None else (within @ self._sums, self._squares)
+
+    def _within_basis(self, weights: Float64s) -> Float64s | None:
+        """The weights in terms of the basis; None where it does not contain them."""
+        if self._basis is None:
+            return None
+        within = np.asarray(weights @ self._basis)
+        rest = np.linalg.norm(weights - within @ self._basis.T, axis=1)
+        return within if bool((rest <= _NEAR * np.linalg.norm(weights, axis=1)).all()) else None
+
+    def _read(self, weights: Float64s) -> tuple[Float64s, Float64s]:
+        sums, squares = [], []
+        for light in self.light():
+            sums.append(weights @ light)
+            squares.append(np.einsum("nk,nk->k", light, light))
+        return np.stack(sums), np.stack(squares)
 
 
-def project(frames: npt.NDArray[Any], camera: Camera, weights: Float64s) -> tuple[Float64s, Float64s]:
-    """(frames, outputs, columns) weighted sums over the rows, and (frames, columns) sums of squares."""
-    sums, squares = [], []
-    for index in range(len(frames)):
-        light = light_of(frames, camera, index)
-        sums.append(weights @ light)
-        squares.append(np.einsum("nk,nk->k", light, light))
-    return np.stack(sums), np.stack(squares)
+def _waves(tones: int) -> int:
+    """Size of the basis."""
+    return _TREND + 1 + 2 * tones * (_WANDER + 1)
 
 
-def fit(frames: npt.NDArray[Any], camera: Camera, model: Model, cycles_std: float = 0.0) -> Fitted:
+def _basis(rows: int, tones: Sequence[float]) -> Float64s:
+    """(rows, waves) orthonormal: a tone whose frequency or shape changes a little is itself times a polynomial."""
+    powers = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rows), _WANDER)
+    carriers = _core.tone_design(rows, list(tones), 0)[:, 1:]
+    products = (carriers[:, :, None] * powers[:, None, :]).reshape(rows, -1)
+    return np.ascontiguousarray(np.linalg.qr(np.hstack([powers[:, : _TREND + 1], products]))[0])
+
+
+def fit(columns: Columns, model: Model, cycles_std: float = 0.0) -> Fitted:
     """Fit amplitudes and noise of every column at the model's frequency."""
-    parameters, squares = project(frames, camera, model.weights)
+    parameters, squares = columns.project(model.weights, model.tones)
     gram = model.design.T @ model.design
-    explained = np.einsum("jpk,pq,jqk->jk", parameters, gram, parameters)
-    spare = frames.shape[1] - model.design.shape[1]
+    explained = np.einsum("jpk,jpk->jk", parameters, gram @ parameters)
+    spare = columns.rows - model.design.shape[1]
     noise = np.maximum(squares - explained, 0.0) / spare if spare > 0 else np.full_like(squares, np.nan)
     return Fitted(model, parameters, noise, cycles_std)
 
 
-def refine(frames: npt.NDArray[Any], camera: Camera, model: Model, others: Sequence[float]) -> Model:
+def refine(columns: Columns, model: Model, others: Sequence[float]) -> Model:
     """Refine the frequency by least squares over all columns and frames: Gauss-Newton from a start within its basin.
 
     The amplitudes of each column are projected out (variable projection), so a step needs only the products of a few
     row weights with the columns.
     """
-    rows, best = frames.shape[1], model
+    rows, best = columns.rows, model
     reach = 0.25 / (rows * model.steering[-1])
     for _ in range(_STEPS):
         away = best.stiffening
-        products, _ = project(frames, camera, np.vstack([best.weights, away.T]))
+        products, _ = columns.project(np.vstack([best.weights, away.T]), best.tones)
         parameters, forces = np.split(products, 2, axis=1)
-        stiffness = float(np.einsum("jpk,pq,jqk->", parameters, away.T @ away, parameters))
+        stiffness = float(np.einsum("jpk,jpk->", parameters, (away.T @ away) @ parameters))
         step = float((parameters * forces).sum()) / stiffness if stiffness > 0 else 0.0
         step = min(max(step, -reach), reach)
         best = make_model(rows, best.cycles + step, best.harmonics, others, best.first - 1, best.steering, best.shape)
@@ -216,23 +274,22 @@ def refine(frames: npt.NDArray[Any], camera: Camera, model: Model, others: Seque
     return best
 
 
-def frequency_std(frames: npt.NDArray[Any], camera: Camera, fitted: Fitted) -> float:
+def frequency_std(columns: Columns, fitted: Fitted) -> float:
     """Standard error of the cycles per row: that of white noise or that of the residual row by row, whichever is
     larger, since columns may share their noise."""
     model = fitted.model
-    away = model.stiffening
-    spread = energy = 0.0
+    away, design = model.stiffening, model.design
+    spread = 0.0
     stiffness = -float(fitted.noise.sum() * np.einsum("np,nq,pq->", away, away, model.covariance))  # bias by noise
-    for index, parameters in enumerate(fitted.parameters):
-        residual = light_of(frames, camera, index) - model.design @ parameters
-        force = away @ parameters
-        spread += float((np.einsum("nk,nk->n", force, residual) ** 2).sum())
-        stiffness += float((force**2).sum())
-        energy += float((residual**2).sum())
-    rows, unknowns = model.design.shape
+    for light, parameters in zip(columns.light(), fitted.parameters, strict=True):
+        products = parameters @ parameters.T
+        force = np.einsum("np,np->n", away, light @ parameters.T - design @ products)  # on the residual of a row
+        spread += float(force @ force)
+        stiffness += float(np.einsum("np,np->", away @ products, away))
+    rows, unknowns = design.shape
     if not (stiffness > 0.0 and rows > unknowns):
         return float("nan")
-    white = energy / (fitted.noise.size * (rows - unknowns)) * stiffness
+    white = float(fitted.noise.mean()) * stiffness
     return float(np.sqrt(max(spread * rows / (rows - unknowns), white)) / stiffness)
 
 

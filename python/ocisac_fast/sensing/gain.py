@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.sensing.fit import Fitted, fit, make_model
+from ocisac_fast.sensing.fit import Columns, Fitted, fit, make_model
 
 Float64s = npt.NDArray[np.float64]
 
@@ -106,7 +106,8 @@ def over_frames(region: npt.NDArray[Any], camera: Camera, advance: float, fitted
     model = make_model(count, at, (1,), (), degree=0)
     step = max(1, _CHUNK // (count * columns))
     parts = [
-        fit(_course(region, camera, fitted, slice(top, top + step)), Camera(1.0), model) for top in range(0, rows, step)
+        fit(Columns(_course(region, camera, fitted, slice(top, top + step)), Camera(1.0)), model)
+        for top in range(0, rows, step)
     ]
     parameters = np.concatenate([part.parameters for part in parts], axis=2)
     return Fitted(model, parameters, np.concatenate([part.noise for part in parts], axis=1), 0.0)

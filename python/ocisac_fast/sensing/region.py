@@ -16,6 +16,7 @@ from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.sensing.fit import (
+    Columns,
     Fitted,
     PhaseAdvance,
     fit,
@@ -297,7 +298,7 @@ def background_light(
     camera = camera.in_time_order
     frequencies = _frequencies("tones", tones)
     model = make_model(region.shape[1], 0.0, (), [f * camera.row_period for f in frequencies])
-    fitted = fit(region, camera, model)
+    fitted = fit(Columns(region, camera), model)
     columns = fitted.mean.mean(axis=0)
     std = np.sqrt(fitted.noise.mean(axis=0) * model.covariance[0, 0] / len(region))
     if not pooled:
@@ -349,12 +350,13 @@ def _fitted(
     model = make_model(rows, cycles, harmonics_of(request.waveform, request.duty, cycles, rows), tones)
     if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < 1e-12:
         return None, flags | Flag.UNRESOLVABLE
-    model = with_tones_shaped_by_light(region, camera, model, background, tones)
+    lit = Columns(region, camera, repeated=True)
+    model = with_tones_shaped_by_light(lit, model, background, tones)
     if request.frequency is not None:
-        return fit(region, camera, model), flags
-    model = refine(region, camera, with_harmonics_above_noise(fit(region, camera, model), tones), tones)
-    fitted = fit(region, camera, model)
-    return dataclasses.replace(fitted, cycles_std=frequency_std(region, camera, fitted)), flags
+        return fit(lit, model), flags
+    model = refine(lit, with_harmonics_above_noise(fit(lit, model), tones), tones)
+    fitted = fit(lit, model)
+    return dataclasses.replace(fitted, cycles_std=frequency_std(lit, fitted)), flags
 
 
 def _component_variance(fitted: Fitted) -> float:
