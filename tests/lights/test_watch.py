@@ -6,7 +6,7 @@ from test_sources import CAMERA, add_lamp, scene, stored
 
 from ocisac_fast import Camera, Chips, SquareWave, detect_sources
 from ocisac_fast.lights import tracker
-from ocisac_fast.lights.standing import StandingLight
+from ocisac_fast.lights.recognition import KnownLight
 from ocisac_fast.lights.watch import watch_lights
 
 SHAPE = (360, 480)
@@ -201,10 +201,26 @@ def test_a_light_stands_along_any_axis(axis):
         assert seen.sources[0].phase == pytest.approx(other.sources[0].phase, abs=1e-9)
 
 
-@pytest.mark.parametrize("moved", [(0, 0), (0, 3), (3, 0), (0, -3), (-3, 0)])
-def test_a_light_that_moved_by_a_sixteenth_of_its_size_does_not_stand(moved):
+@pytest.mark.parametrize("moved", [(0, 0), (0, 3), (3, 0), (0, -9), (-9, 0), (5, -5)])
+def test_a_light_is_recognised_where_it_moved(moved):
     frame = frame_of([(180, 240, 9000.0, 120.0)])
     (source,) = detect_sources(frame, CAMERA)
     later = frame_of([(180 + moved[0], 240 + moved[1], 9000.0, 120.0)], seed=1)
-    stands = StandingLight(frame, CAMERA, source).measure(later)
-    assert (stands is not None) == (moved == (0, 0))
+    found = KnownLight(frame, CAMERA, source).measure(later, (source.x, source.y))
+    assert abs(found.y - source.y - moved[0]) <= 1
+    assert abs(found.x - source.x - moved[1]) <= 1
+    assert found.gain == pytest.approx(source.gain, abs=4 * np.hypot(found.gain_std, source.gain_std))
+
+
+@pytest.mark.parametrize(
+    "places",
+    [[], [(180, 300, 9000.0, 120.0)], [(180, 240, 10000.0, 120.0)], [(180, 240, 9000.0, 50.0)], [(30, 60, 9e3, 120.0)]],
+)
+def test_what_looks_otherwise_is_not_recognised(places):
+    """Nothing, too far away, another frequency, much fainter; and a box that would lie outside of the frame."""
+    frame = frame_of([(180, 240, 9000.0, 120.0)])
+    (source,) = detect_sources(frame, CAMERA)
+    light = KnownLight(frame, CAMERA, source)
+    assert light.measure(frame_of(places, seed=1), (source.x, source.y)) is None
+    assert light.measure(frame, (-3, source.y)) is None
+    assert light.measure(frame[:-1], (source.x, source.y)) is None

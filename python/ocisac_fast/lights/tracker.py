@@ -14,8 +14,8 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.core.regions import Region
+from ocisac_fast.lights.recognition import KnownLight
 from ocisac_fast.lights.sources import LightSource, detect_sources, source_of
-from ocisac_fast.lights.standing import StandingLight
 
 _SMOOTHING = 0.5  # weight of the latest step in a track's velocity, and of the latest frequency
 _SETTLED, _SETTLED_REACH = 3, 0.5  # frames after which a track's velocity is reliable, and its reach from then on
@@ -58,9 +58,10 @@ class SourceTracker:
 
     A detection is assigned to the nearest predicted track of its frequency, or of tracks that carry data if it does. A
     hidden track moves on with its velocity for ``patience`` frames while its region grows. Between searches of the
-    whole frame, a light that stands where it was found is measured in its box, which takes a twentieth of the time of a
-    refinement; probability, frequency and box stay then. Other visible lights are refined at their predicted place, to
-    within two of their cycles; their region is searched only if this fails or the light carries data.
+    whole frame, a light that looks as when it was found, near its predicted place, is measured there, which takes a
+    fiftieth of the time of a refinement; probability, frequency and the size of its box stay. Other visible lights are
+    refined at their predicted place, to within two of their cycles; their region is searched only if this fails or the
+    light carries data.
 
     Args:
         camera: as for :func:`detect_sources`.
@@ -71,6 +72,7 @@ class SourceTracker:
             at most that many frames late.
         false_alarms, min_cycles: as for :func:`detect_sources`.
         reflections: track reflections as well.
+        search_hidden: search the regions of hidden tracks; else they are only recognised near their predicted places.
 
     Raises:
         ValueError: a value out of range; errors of the detection are raised at the first frame.
@@ -86,6 +88,7 @@ class SourceTracker:
         false_alarms: float = 0.02,
         min_cycles: float = 2.5,
         reflections: bool = False,
+        search_hidden: bool = True,
     ) -> None:
         if patience < 0:
             raise ValueError(f"patience: got {patience}, allowed: 0 or above")
@@ -96,9 +99,9 @@ class SourceTracker:
         self._camera = camera
         self._patience, self._reach, self._full_every = patience, reach, full_every
         self._false_alarms, self._min_cycles = false_alarms, min_cycles
-        self._reflections = reflections
+        self._reflections, self._search_hidden = reflections, search_hidden
         self._frame = -1
-        self._standing: dict[int, StandingLight] = {}  # by identity
+        self._known: dict[int, KnownLight] = {}  # by identity
         self._identities = itertools.count()
         self._tracks: list[Track] = []
 
@@ -118,19 +121,19 @@ class SourceTracker:
         axis = self._camera.scan_axis
         pixels = as_grey_frames(frame, "frame", axis, single=True)[0]
         shape = (pixels.shape[1], pixels.shape[0]) if axis.endswith("x") else (pixels.shape[0], pixels.shape[1])
-        stay: dict[int, LightSource] = {}
+        known: dict[int, LightSource] = {}
         if sources is None and self._tracks and (self._frame + 1) % self._full_every:
-            stay = self._measured(pixels)
-            sources = self._followed(pixels, shape, stay)
+            known = self._recognised(pixels)
+            sources = self._followed(pixels, shape, known)
         elif sources is None:
             picture = in_stored_order(pixels, axis)
             sources = detect_sources(
                 picture, self._camera, false_alarms=self._false_alarms, min_cycles=self._min_cycles
             )
-        self._advance(sources, shape, stay)
-        fresh = (track for track in self._tracks if track.visible and track.identity not in stay)
-        kept = {identity: self._standing[identity] for identity in stay}
-        self._standing = kept | {t.identity: StandingLight(pixels, self._camera, t.source) for t in fresh}
+        self._advance(sources, shape, known)
+        fresh = (track for track in self._tracks if track.visible and track.identity not in known)
+        kept = {t.identity: self._known[t.identity] for t in self._tracks if t.identity in self._known}
+        self._known = kept | {t.identity: KnownLight(pixels, self._camera, t.source) for t in fresh}
         return self.tracks
 
     @checked
@@ -141,35 +144,37 @@ class SourceTracker:
             sources: lights of one frame; reflections among them are ignored unless they are tracked.
             shape: rows and columns of the frame.
         """
-        self._standing = {}
+        self._known = {}
         self._advance(sources, shape, {})
         return self.tracks
 
-    def _measured(self, pixels: npt.NDArray[np.generic]) -> dict[int, LightSource]:
-        """By identity: the lights that stand where they were."""
-        found = {identity: standing.measure(pixels) for identity, standing in self._standing.items()}
+    def _recognised(self, pixels: npt.NDArray[np.generic]) -> dict[int, LightSource]:
+        """By identity: the lights that look as when they were found, near their expected places."""
+        places = {track.identity: _expected_place(track) for track in self._tracks}
+        found = {identity: light.measure(pixels, places[identity]) for identity, light in self._known.items()}
         return {identity: source for identity, source in found.items() if source is not None}
 
     def _followed(
-        self, pixels: npt.NDArray[np.generic], shape: tuple[int, int], stay: dict[int, LightSource]
+        self, pixels: npt.NDArray[np.generic], shape: tuple[int, int], known: dict[int, LightSource]
     ) -> list[LightSource]:
-        """The lights found at or near the predicted places of those that do not stand."""
+        """The lights found at or near the predicted places of those that are not recognised."""
         axis = self._camera.scan_axis
-        expected = [_looked_for(t, shape, pixels.shape, axis) for t in self._tracks if t.identity not in stay]
+        sought = [t for t in self._tracks if t.identity not in known and (t.visible or self._search_hidden)]
+        expected = [_looked_for(track, shape, pixels.shape, axis) for track in sought]
         if not expected:
             return []
         seen = _core.follow_sources(pixels, self._camera._handle, expected, self._false_alarms, self._min_cycles)
         found = [source_of(values, pixels.shape, axis) for values in seen]
-        return [one for one in found if not any(_doubles(one.region, other.region) for other in stay.values())]
+        return [one for one in found if not any(_doubles(one.region, other.region) for other in known.values())]
 
-    def _advance(self, sources: list[LightSource], shape: tuple[int, int], stay: dict[int, LightSource]) -> None:
-        """The next frame: ``stay``, by identity, and lights to be assigned to the other tracks."""
+    def _advance(self, sources: list[LightSource], shape: tuple[int, int], known: dict[int, LightSource]) -> None:
+        """The next frame: those recognised, by identity, and lights to be assigned to the other tracks."""
         self._frame += 1
         lights = [source for source in sources if self._reflections or source.reflection_of is None]
         pairs = sorted(
             (distance, i, k)
             for i, track in enumerate(self._tracks)
-            if track.identity not in stay
+            if track.identity not in known
             for k, source in enumerate(lights)
             if (distance := self._distance(track, source)) <= 1.0
         )
@@ -177,7 +182,7 @@ class SourceTracker:
         for _, i, k in pairs:
             if i not in taken and k not in taken.values():
                 taken[i] = k
-        found = {self._tracks[i].identity: lights[k] for i, k in taken.items()} | stay
+        found = {self._tracks[i].identity: lights[k] for i, k in taken.items()} | known
         old = [self._next(track, found.get(track.identity), shape) for track in self._tracks]
         new = [self._begun(light, shape) for k, light in enumerate(lights) if k not in taken.values()]
         self._tracks = [track for track in old if track.hidden <= self._patience] + new
@@ -211,7 +216,7 @@ class SourceTracker:
         newest = ((x1 - x0) / steps, (y1 - y0) / steps)
         kept = 0.0 if track.age == 0 else 1.0 - _SMOOTHING  # the first step has no predecessor
         velocity = tuple(kept * a + (1.0 - kept) * b for a, b in zip(track.velocity, newest, strict=True))
-        share = 0.0 if source.frequency == track.source.frequency else _SMOOTHING  # measured where it stands: not new
+        share = 0.0 if source.frequency == track.source.frequency else _SMOOTHING  # measured there: nothing new
         track = dataclasses.replace(
             track,
             frame=self._frame,
@@ -259,10 +264,16 @@ def _looked_for(
 ) -> tuple[Region, float, Region, bool, bool]:
     """Box, frequency and region in the next frame; True if visible; True if it carries data."""
     source, (rows, columns) = track.source, shape
-    x, y = round(source.x + track.velocity[0]), round(source.y + track.velocity[1])
+    x, y = _expected_place(track)
     box = box_in_time_order(source.region._replace(x=x, y=y).moved_into(columns, rows), turned, scan_axis)
     region = box_in_time_order(track.region.moved_into(columns, rows), turned, scan_axis)
     return box, track.frequency, region, track.visible, source.carries_data
+
+
+def _expected_place(track: Track) -> tuple[int, int]:
+    """x and y of its box in the next frame."""
+    steps, source = track.hidden + 1, track.source
+    return round(source.x + steps * track.velocity[0]), round(source.y + steps * track.velocity[1])
 
 
 def _doubles(a: Region, b: Region) -> bool:

@@ -95,7 +95,8 @@ class _Watch:
     """The lights of now, and the picture in which they were searched."""
 
     def __init__(self, camera: Camera, options: dict[str, Any]) -> None:
-        self._camera, self._tracker = camera, SourceTracker(camera, full_every=_FOREVER, reflections=True, **options)
+        self._camera = camera
+        self._tracker = SourceTracker(camera, full_every=_FOREVER, reflections=True, search_hidden=False, **options)
         self._origins: dict[int, int] = {}  # number of a reflection: that of its light
         self._overview: _Overview | None = None
         self._places: list[Region] = []  # of the lights in it

@@ -132,9 +132,7 @@ def make_model(
     return Model(cycles, tones, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, first)
 
 
-def with_tones_shaped_by_light(
-    columns: Columns, model: Model, background: float, others: Sequence[float]
-) -> Model:
+def with_tones_shaped_by_light(columns: Columns, model: Model, background: float, others: Sequence[float]) -> Model:
     """The model with tones modulated by the slow light that all columns and frames share: where the light decreases
     along the rows, the tones do too. ``shape`` is constant if that light comes near 0.
 

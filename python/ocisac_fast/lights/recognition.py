@@ -1,4 +1,4 @@
-"""Lights that stand where they were found: a test of that, and their measures in place."""
+"""Recognition of lights in later frames by how they looked when they were found."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import box_in_time_order
+from ocisac_fast.core.arrays import box_in_time_order, stored_box
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.lights.sources import LightSource
@@ -31,16 +31,19 @@ _UNLIKE = 0.8  # ratio of the shares of a waveform that all cells have in common
 _ENDS_UNLIKE = 4.0  # ratio of a waveform's energies in the first or last quarter of a box
 _TREND = 3  # degree of the slow light beside a waveform
 _PADDED = 8  # times the rows: spectrum of a waveform
+_STEPS = 6  # to the place of a light
+_FLAT = 1e-3  # determinant over squared trace: means that change along one direction only
 
 
-class StandingLight:
-    """A light in the frame in which it was found, to be recognised and measured at the same place in later ones.
+class KnownLight:
+    """A light as it looked in the frame in which it was found, to be recognised and measured in later ones.
 
-    A box is divided into 2 x 8 cells. A light stands if the mean of no cell, relative to that of the box, changes by
-    more than 0.15 of the light's amplitude (and 4 standard errors), if the box swings 0.7 to 1.4 times as much, and if
-    the phases of its halves differ as before; so it neither moves, vanishes nor changes its frequency. Small movements
-    add up, since the reference stays. Of a light that sends data, all cells show one waveform, from the first quarter
-    of the box to the last.
+    Its box is divided into 2 x 8 cells. A box of this size shows the light if the mean of no cell, relative to that of
+    the box, differs by more than 0.15 of the light's amplitude (and 4 standard errors), if the box swings 0.7 to 1.4
+    times as much, and if the phases of its halves differ as before; so the light neither vanished nor changed its
+    frequency or shape. Its place is where the means agree best, to a pixel. Errors do not add up, since the first frame
+    stays the reference. Of a light that sends data, all cells show one waveform, from the first quarter of the box to
+    the last; it is recognised at the expected place only.
 
     Args:
         pixels: (rows, columns) in time order.
@@ -50,34 +53,39 @@ class StandingLight:
 
     def __init__(self, pixels: Pixels, camera: Camera, source: LightSource) -> None:
         self.source = source
-        self._shape, self._camera = pixels.shape, camera.in_time_order
+        self._shape, self._camera, self._axis = pixels.shape, camera.in_time_order, camera.scan_axis
         self._box = box_in_time_order(source.region, pixels.shape, camera.scan_axis)
-        frequency = source.frequency * camera.row_period
-        dark = camera.dark_level
+        frequency, dark = source.frequency * camera.row_period, camera.dark_level
         self._view: _View = _Waveform(self._box, dark) if source.carries_data else _Tone(self._box, dark, frequency)
-        self._look = self._view.look(pixels)
-        self._measured = self._measures(pixels, source.frequency)
+        self._look = self._view.look(pixels, self._box)
+        self._gradient = self._view.gradient(pixels, self._box)
+        self._measured = self._measures(pixels, self._box, source.frequency)
 
-    def measure(self, pixels: Pixels) -> LightSource | None:
-        """The light in another frame; None if it does not stand there as before.
+    def measure(self, pixels: Pixels, expected: tuple[int, int]) -> LightSource | None:
+        """The light in another frame, x and y of its box ``expected`` in stored pixels; None if it is not recognised.
 
-        Gain, phase, mean and flags are measured; amplitude and signal-to-noise ratio follow the swing; frequency (but
-        of data), box and the other values stay.
+        Place, gain, phase, mean and flags are measured; amplitude and signal-to-noise ratio follow the swing; frequency
+        (but of data), size and the other values stay.
         """
         if pixels.shape != self._shape:
             return None
-        look = self._view.look(pixels)
-        swing = self._view.swing_where_standing(look, self._look)
-        if swing is None:
+        source, then = self.source, self._measured
+        x, y = expected
+        found = self._found(pixels, box_in_time_order(source.region._replace(x=x, y=y), pixels.shape, self._axis))
+        if found is None:
             return None
-        frequency = self.source.frequency if look.frequency is None else look.frequency / self._camera.row_period
-        now, then, source = self._measures(pixels, frequency), self._measured, self.source
+        box, look, swing = found
+        frequency = source.frequency if look.frequency is None else look.frequency / self._camera.row_period
+        now = self._measures(pixels, box, frequency)
         if not (now.mean > 0.0 and then.mean > 0.0):
             return None
         part = 1.0 if source.carries_data or not then.gain > 0.0 else source.gain / then.gain  # the source in its box
         brighter = now.mean / then.mean
+        place = stored_box(box, pixels.shape, self._axis)
         return dataclasses.replace(
             source,
+            x=place.x,
+            y=place.y,
             frequency=frequency,
             gain=now.gain * part,
             gain_std=now.gain_std * part,
@@ -88,9 +96,23 @@ class StandingLight:
             flags=now.flags,
         )
 
-    def _measures(self, pixels: Pixels, frequency: float) -> _Measures:
-        found = tone_gain(self._box.cut(pixels), self._camera, frequency, pooled=True)
-        turned = 2.0 * math.pi * (frequency * self._camera.row_period * self._box.y % 1.0)
+    def _found(self, pixels: Pixels, box: Region) -> tuple[Region, _Look, float] | None:
+        """Box, look and swing where the light is, near the box; None if it is not there."""
+        rows, columns = self._shape
+        for _ in range(_STEPS):
+            if not box.is_inside(columns, rows):
+                return None
+            look = self._view.look(pixels, box)
+            right, down = _shift(look, self._look, self._gradient)
+            if right == down == 0:
+                swing = self._view.swing_where_alike(look, self._look)
+                return None if swing is None else (box, look, swing)
+            box = box._replace(x=box.x + right, y=box.y + down)
+        return None
+
+    def _measures(self, pixels: Pixels, box: Region, frequency: float) -> _Measures:
+        found = tone_gain(box.cut(pixels), self._camera, frequency, pooled=True)
+        turned = 2.0 * math.pi * (frequency * self._camera.row_period * box.y % 1.0)
         phase = math.remainder(float(found.phase) - turned, 2.0 * math.pi)
         return _Measures(float(found.gain), float(found.gain_std), phase, float(found.mean), Flag(int(found.flags)))
 
@@ -128,10 +150,14 @@ class _Look:
 
 
 class _View(Protocol):
-    def look(self, pixels: Pixels) -> _Look: ...
+    def look(self, pixels: Pixels, box: Region) -> _Look: ...
 
-    def swing_where_standing(self, now: _Look, then: _Look) -> float | None:
-        """Amplitude relative to the reference; None if the light does not stand."""
+    def gradient(self, pixels: Pixels, box: Region) -> Float64s | None:
+        """(2, halves, cells) change of the means by a step of the box to the right and down; None: not known."""
+        ...
+
+    def swing_where_alike(self, now: _Look, then: _Look) -> float | None:
+        """Amplitude relative to the reference; None if it is not the same light."""
         ...
 
 
@@ -139,17 +165,16 @@ class _Cells:
     """Rows of a box, every ``row_step``-th, in cells of columns."""
 
     def __init__(self, box: Region, dark: float, row_step: int = 1) -> None:
-        step = -(-box.width // _SAMPLED)
-        columns = -(-box.width // step)
+        self._column_step, self._row_step, self._dark = -(-box.width // _SAMPLED), row_step, dark
+        columns = -(-box.width // self._column_step)
         cells = max(min(_CELLS, columns // 2), 1)
         cell = np.arange(columns) * cells // columns
-        self._rows, self._columns = slice(box.y, box.bottom, row_step), slice(box.x, box.right, step)
-        self._dark = dark
         self._mean = ((cell[:, None] == np.arange(cells)) / np.bincount(cell)).astype(np.float32)
 
-    def rows(self, pixels: Pixels) -> Float64s:
+    def rows(self, pixels: Pixels, box: Region) -> Float64s:
         """(rows, cells) mean light above dark."""
-        return np.asarray(pixels[self._rows, self._columns].astype(np.float32) @ self._mean, np.float64) - self._dark
+        part = pixels[box.y : box.bottom : self._row_step, box.x : box.right : self._column_step]
+        return np.asarray(part.astype(np.float32) @ self._mean, np.float64) - self._dark
 
 
 class _Tone:
@@ -163,14 +188,26 @@ class _Tone:
         self._design[:middle, :3], self._design[middle:, 3:] = waves[:middle], waves[middle:]
         self._weights = np.linalg.pinv(self._design)
 
-    def look(self, pixels: Pixels) -> _Look:
-        rows = self._cells.rows(pixels)
+    def look(self, pixels: Pixels, box: Region) -> _Look:
+        rows = self._cells.rows(pixels, box)
         found = self._weights @ rows
         mean, cosine, sine = found[0::3], found[1::3], found[2::3]
         spread = float(np.linalg.norm(self._weights[0::3], axis=1).max())
         return _Look(mean, spread * _row_noise(rows - self._design @ found), cosine - 1j * sine)
 
-    def swing_where_standing(self, now: _Look, then: _Look) -> float | None:
+    def gradient(self, pixels: Pixels, box: Region) -> Float64s:
+        steps = max(box.width // (4 * _CELLS), 1), max(box.height // (8 * _HALVES), 1)
+        rows, columns = pixels.shape
+        slopes = []
+        for step, (right, down) in zip(steps, ((1, 0), (0, 1)), strict=True):
+            ends = [box._replace(x=box.x + k * right, y=box.y + k * down) for k in (-step, step)]
+            inside = [end if end.is_inside(columns, rows) else box for end in ends]
+            way = max(sum(step for end in inside if end != box), 1)
+            before, after = (self.look(pixels, one).mean for one in inside)
+            slopes.append((after - before) / way)
+        return np.stack(slopes)
+
+    def swing_where_alike(self, now: _Look, then: _Look) -> float | None:
         halves, before = now.swing.sum(axis=1), then.swing.sum(axis=1)
         turned = np.angle(halves[1:] * np.conj(halves[:1]) * np.conj(before[1:]) * before[:1])
         swing = _ratio(abs(halves.sum()), abs(before.sum()))
@@ -185,8 +222,8 @@ class _Waveform:
         self._slow = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, box.height), _TREND))[0]
         self._lowest = 2 * _PADDED  # two cycles in the box
 
-    def look(self, pixels: Pixels) -> _Look:
-        rows = self._cells.rows(pixels)
+    def look(self, pixels: Pixels, box: Region) -> _Look:
+        rows = self._cells.rows(pixels, box)
         fast = rows - self._slow @ (self._slow.T @ rows)
         waveform = fast.mean(axis=1)
         energy, every = float(waveform @ waveform), float((fast**2).sum())
@@ -197,12 +234,15 @@ class _Waveform:
         common = rows.shape[1] * energy / every
         return _Look(rows.mean(axis=0), noise, waveform, common, follow, self._strongest(waveform))
 
+    def gradient(self, pixels: Pixels, box: Region) -> Float64s | None:
+        return None
+
     def _strongest(self, waveform: Float64s) -> float:
         length = _PADDED * len(waveform)
         power = np.abs(np.fft.rfft(waveform, length)) ** 2
         return float(self._lowest + power[self._lowest : -_PADDED].argmax()) / length
 
-    def swing_where_standing(self, now: _Look, then: _Look) -> float | None:
+    def swing_where_alike(self, now: _Look, then: _Look) -> float | None:
         swing = _ratio(float(np.linalg.norm(now.swing)), float(np.linalg.norm(then.swing)))
         if swing is None or now.common < _UNLIKE * then.common or not _ends_alike(now.swing, then.swing):
             return None
@@ -213,6 +253,19 @@ class _Waveform:
 def _row_noise(rest: Float64s) -> float:
     """Standard deviation of a row from its differences, which texture larger than a row hardly enters."""
     return math.sqrt(0.5 * float(np.mean(np.diff(rest, axis=0) ** 2)))
+
+
+def _shift(now: _Look, then: _Look, gradient: Float64s | None) -> tuple[int, int]:
+    """Columns and rows by which the light lies right of and below the box, by least squares of the cells' means."""
+    if gradient is None or not (now.mean.sum() > 0.0 and then.mean.sum() > 0.0):
+        return 0, 0
+    slope = gradient.reshape(2, -1)
+    change = (then.mean - now.mean * (then.mean.sum() / now.mean.sum())).ravel()
+    squares = slope @ slope.T
+    if not np.linalg.det(squares) > _FLAT * np.trace(squares) ** 2:
+        return 0, 0
+    right, down = np.linalg.solve(squares, slope @ change)
+    return int(right), int(down)  # to less than a pixel
 
 
 def _ratio(now: float, then: float) -> float | None:
