@@ -37,12 +37,13 @@ def at(seen, column):
     return found[0] if found else None
 
 
-def assert_agrees(one, other, edge=12):
-    """Two measurements of a light agree within their standard errors; boxes by the outline's uncertainty, pixels."""
+def assert_agrees(one, other, row, column):
+    """Measurements of a light agree within their standard errors; its box is that of a lamp of 50 rows, to a cycle."""
     assert abs(one.gain - other.gain) < 4 * np.hypot(one.gain_std, other.gain_std)
     assert abs(one.frequency - other.frequency) < 4 * np.hypot(one.frequency_std, other.frequency_std)
-    for a, b in zip(one.region, other.region, strict=True):
-        assert abs(a - b) <= edge
+    edges = one.x, one.y, one.x + one.width, one.y + one.height
+    for a, b in zip(edges, (column - 25, row - 25, column + 25, row + 25), strict=True):
+        assert abs(a - b) <= 12
 
 
 @pytest.mark.parametrize("texture", [0.0, 10.0])
@@ -57,8 +58,9 @@ def test_followed_lights_are_those_of_a_search_of_each_frame(speed, texture):
     assert [one.searched for one in followed] == [True] + [False] * 19
     assert all(one.searched for one in each)
     for one, other in zip(followed, each, strict=True):
-        for column in (100 + speed * one.frame, 330 - speed * one.frame):
-            assert_agrees(at(one, column)[0], at(other, column)[0], 22 if texture else 12)  # two cycles, one
+        k = one.frame
+        for row, column in ((120 + speed * k / 2, 100 + speed * k), (240, 330 - speed * k)):
+            assert_agrees(at(one, column)[0], at(other, column)[0], row, column)
         assert at(one, 100 + speed * one.frame)[1] == at(followed[0], 100)[1]
 
 
@@ -142,6 +144,20 @@ def test_a_light_that_sends_data_is_followed():
         assert source.carries_data
         assert seen.numbers == [0]
         assert abs(source.x + source.width / 2 - 220) < 20
+
+
+def test_bursts_of_data_at_other_rows_are_found_in_each_frame():
+    random = np.random.default_rng(0)
+    bits = random.integers(0, 2, (12, 100)).astype(float)
+
+    def burst(k):
+        picture, _ = scene(480, 480, seed=k)
+        add_lamp(picture, 110 + 130 * (k % 3), 220, 100, Chips(bits[k].tolist(), 1 / (6 * CAMERA.row_time)))
+        return stored(picture)
+
+    frames = [burst(k) for k in range(12)]
+    for one, other in zip(watch(frames), watch(frames, 1), strict=True):
+        assert [s.region for s in one.sources] == [s.region for s in other.sources]
 
 
 def test_a_reflection_stays_one():

@@ -21,29 +21,37 @@ Float64s = npt.NDArray[np.float64]
 Pixels = npt.NDArray[Any]
 
 _CELLS, _HALVES = 8, 2  # of a box: beside and above each other
+_INNER = slice(1, -1)  # without what is around the box
 _SAMPLED = 64  # columns of a box
 _ROWS_A_CYCLE = 16  # of a tone
 _MOVED = 0.15  # change of a cell's mean that movement makes, relative to the light's amplitude
 _DEVIATIONS = 4.0  # standard errors
 _LEAST, _MOST = 0.7, 1.4  # ratio of amplitudes, and of means, of a light that stays the same
+_GROWN = 0.4  # of its amplitude, beside the box: it shows more of itself than before
 _TURNED = 0.5  # rad between the halves of a box: another frequency
 _UNLIKE = 0.8  # ratio of the shares of a waveform that all cells have in common
 _ENDS_UNLIKE = 4.0  # ratio of a waveform's energies in the first or last quarter of a box
 _TREND = 3  # degree of the slow light beside a waveform
 _PADDED = 8  # times the rows: spectrum of a waveform
 _STEPS = 6  # to the place of a light
+_PLACES = 64  # in a box: a smaller distance is no movement
 _FLAT = 1e-3  # determinant over squared trace: means that change along one direction only
 
 
 class KnownLight:
     """A light as it looked in the frame in which it was found, to be recognised and measured in later ones.
 
-    Its box is divided into 2 x 8 cells. A box of this size shows the light if the mean of no cell, relative to that of
-    the box, differs by more than 0.15 of the light's amplitude (and 4 standard errors), if the box swings 0.7 to 1.4
-    times as much, and if the phases of its halves differ as before; so the light neither vanished nor changed its
-    frequency or shape. Its place is where the means agree best, to a pixel. Errors do not add up, since the first frame
-    stays the reference. Of a light that sends data, all cells show one waveform, from the first quarter of the box to
-    the last; it is recognised at the expected place only.
+    Its box is divided into 2 x 8 cells. A box of this size shows the light if
+
+    * the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
+      standard errors),
+    * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before,
+    * beside it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
+
+    So the light neither vanished nor changed its frequency or shape. Its place is where the means agree best, to a
+    pixel or a 64th of its size. Errors do not add up, since the first frame stays the reference. Of a light that sends
+    data, all cells show one waveform, from the first quarter of the box to the last; it is recognised at the expected
+    place only.
 
     Args:
         pixels: (rows, columns) in time order.
@@ -103,7 +111,7 @@ class KnownLight:
             if not box.is_inside(columns, rows):
                 return None
             look = self._view.look(pixels, box)
-            right, down = _shift(look, self._look, self._gradient)
+            right, down = _shift(look, self._look, self._gradient, box)
             if right == down == 0:
                 swing = self._view.swing_where_alike(look, self._look)
                 return None if swing is None else (box, look, swing)
@@ -136,6 +144,7 @@ class _Look:
         mean: light of the cells, DN.
         noise: standard error of a cell's mean, DN.
         swing: complex amplitudes of the cells' tone, or the waveform of all cells (rows,).
+        beside: amplitude left, right, above and below the box, DN; of a waveform left and right, relative.
         common: share of the cells' swing that is this waveform; 1 for a tone.
         follow: (cells,) how much of the waveform each cell has, 1 on average.
         frequency: cycles per row of the waveform's strongest tone; None for a known tone.
@@ -144,6 +153,7 @@ class _Look:
     mean: Float64s
     noise: float
     swing: npt.NDArray[Any]
+    beside: Float64s
     common: float = 1.0
     follow: Float64s | None = None
     frequency: float | None = None
@@ -162,38 +172,60 @@ class _View(Protocol):
 
 
 class _Cells:
-    """Rows of a box, every ``row_step``-th, in cells of columns."""
+    """Every ``row_step``-th row and some columns of a box and around it, in cells of columns, the first and the last
+    beside the box.
 
-    def __init__(self, box: Region, dark: float, row_step: int = 1) -> None:
-        self._column_step, self._row_step, self._dark = -(-box.width // _SAMPLED), row_step, dark
-        columns = -(-box.width // self._column_step)
-        cells = max(min(_CELLS, columns // 2), 1)
-        cell = np.arange(columns) * cells // columns
-        self._mean = ((cell[:, None] == np.arange(cells)) / np.bincount(cell)).astype(np.float32)
+    Attributes:
+        rows: those taken, 0 the first of the box.
+    """
 
-    def rows(self, pixels: Pixels, box: Region) -> Float64s:
-        """(rows, cells) mean light above dark."""
-        part = pixels[box.y : box.bottom : self._row_step, box.x : box.right : self._column_step]
+    def __init__(self, box: Region, dark: float, row_step: int = 1, above: int = 0) -> None:
+        step = -(-box.width // _SAMPLED)
+        inner = -(-box.width // step)
+        rim = max(inner // _CELLS, 1)
+        cells = max(min(_CELLS, inner // 2), 1)
+        cell = np.concatenate([np.zeros(rim, int), 1 + np.arange(inner) * cells // inner, np.full(rim, cells + 1)])
+        self._mean = ((cell[:, None] == np.arange(cells + 2)) / np.bincount(cell)).astype(np.float32)
+        more = -(-above // row_step)
+        self.rows = row_step * np.arange(-more, -(-box.height // row_step) + more)
+        self._columns, self._dark = step * np.arange(-rim, inner + rim), dark
+
+    def look(self, pixels: Pixels, box: Region) -> Float64s:
+        """(rows, cells) mean light above dark; outside of the frame that of its edge."""
+        part = _taken(_taken(pixels, box.y + self.rows).T, box.x + self._columns).T
         return np.asarray(part.astype(np.float32) @ self._mean, np.float64) - self._dark
 
 
+def _taken(pixels: Pixels, rows: npt.NDArray[np.int64]) -> Pixels:
+    """Evenly spaced rows, those outside of the frame at its edge; a view if there are none."""
+    if rows[0] >= 0 and rows[-1] < len(pixels):
+        return pixels[rows[0] : rows[-1] + 1 : rows[1] - rows[0] if len(rows) > 1 else 1]
+    return pixels[np.clip(rows, 0, len(pixels) - 1)]
+
+
 class _Tone:
+    """Mean and tone of each cell in both halves of the box and in a cycle above and below it."""
+
     def __init__(self, box: Region, dark: float, frequency: float) -> None:
-        step = max(int(1.0 / (_ROWS_A_CYCLE * frequency)), 1)
-        self._cells = _Cells(box, dark, step)
-        angle = 2.0 * np.pi * frequency * np.arange(0, box.height, step)
-        waves = np.stack([np.ones(len(angle)), np.cos(angle), np.sin(angle)], axis=1)
-        middle = len(angle) // _HALVES
-        self._design = np.zeros((len(angle), 3 * _HALVES))
-        self._design[:middle, :3], self._design[middle:, 3:] = waves[:middle], waves[middle:]
+        cycle = max(round(1.0 / frequency), 1)
+        self._cells = _Cells(box, dark, max(int(1.0 / (_ROWS_A_CYCLE * frequency)), 1), cycle)
+        rows = self._cells.rows
+        angle = 2.0 * np.pi * frequency * rows
+        waves = np.stack([np.ones(len(rows)), np.cos(angle), np.sin(angle)], axis=1)
+        part = np.searchsorted([0, box.height // _HALVES, box.height], rows, side="right")
+        self._design = np.hstack([waves * (part == k)[:, None] for k in range(_HALVES + 2)])
         self._weights = np.linalg.pinv(self._design)
 
     def look(self, pixels: Pixels, box: Region) -> _Look:
-        rows = self._cells.rows(pixels, box)
+        rows = self._cells.look(pixels, box)
         found = self._weights @ rows
         mean, cosine, sine = found[0::3], found[1::3], found[2::3]
-        spread = float(np.linalg.norm(self._weights[0::3], axis=1).max())
-        return _Look(mean, spread * _row_noise(rows - self._design @ found), cosine - 1j * sine)
+        spread = float(np.linalg.norm(self._weights[0::3][_INNER], axis=1).max())
+        swing = cosine - 1j * sine
+        sides = swing[_INNER, 0], swing[_INNER, -1], swing[0, _INNER], swing[-1, _INNER]
+        beside = np.array([abs(side.mean()) for side in sides])
+        noise = spread * _row_noise((rows - self._design @ found)[:, _INNER])
+        return _Look(mean[_INNER, _INNER], noise, swing[_INNER, _INNER], beside)
 
     def gradient(self, pixels: Pixels, box: Region) -> Float64s:
         steps = max(box.width // (4 * _CELLS), 1), max(box.height // (8 * _HALVES), 1)
@@ -211,9 +243,10 @@ class _Tone:
         halves, before = now.swing.sum(axis=1), then.swing.sum(axis=1)
         turned = np.angle(halves[1:] * np.conj(halves[:1]) * np.conj(before[1:]) * before[:1])
         swing = _ratio(abs(halves.sum()), abs(before.sum()))
-        if swing is None or np.abs(turned).max() > _TURNED:
+        amplitude = float(np.sqrt(np.mean(np.abs(then.swing) ** 2)))
+        if swing is None or np.abs(turned).max() > _TURNED or (now.beside - then.beside).max() > _GROWN * amplitude:
             return None
-        return swing if _stays(now, then, float(np.sqrt(np.mean(np.abs(then.swing) ** 2)))) else None
+        return swing if _stays(now, then, amplitude) else None
 
 
 class _Waveform:
@@ -223,16 +256,17 @@ class _Waveform:
         self._lowest = 2 * _PADDED  # two cycles in the box
 
     def look(self, pixels: Pixels, box: Region) -> _Look:
-        rows = self._cells.rows(pixels, box)
-        fast = rows - self._slow @ (self._slow.T @ rows)
-        waveform = fast.mean(axis=1)
-        energy, every = float(waveform @ waveform), float((fast**2).sum())
+        every = self._cells.look(pixels, box)
+        fast = every - self._slow @ (self._slow.T @ every)
+        mean, inner = every[:, _INNER].mean(axis=0), fast[:, _INNER]
+        waveform = inner.mean(axis=1)
+        energy = float(waveform @ waveform)
         if not energy > 0.0:
-            return _Look(rows.mean(axis=0), 0.0, waveform, 0.0, np.ones(rows.shape[1]))
+            return _Look(mean, 0.0, waveform, np.zeros(2), 0.0, np.ones(inner.shape[1]))
         follow = fast.T @ waveform / energy
-        noise = _row_noise(fast - waveform[:, None] * follow) / math.sqrt(len(rows))
-        common = rows.shape[1] * energy / every
-        return _Look(rows.mean(axis=0), noise, waveform, common, follow, self._strongest(waveform))
+        noise = _row_noise(inner - waveform[:, None] * follow[_INNER]) / math.sqrt(len(inner))
+        common = inner.shape[1] * energy / float((inner**2).sum())
+        return _Look(mean, noise, waveform, follow[[0, -1]], common, follow[_INNER], self._strongest(waveform))
 
     def gradient(self, pixels: Pixels, box: Region) -> Float64s | None:
         return None
@@ -244,7 +278,9 @@ class _Waveform:
 
     def swing_where_alike(self, now: _Look, then: _Look) -> float | None:
         swing = _ratio(float(np.linalg.norm(now.swing)), float(np.linalg.norm(then.swing)))
-        if swing is None or now.common < _UNLIKE * then.common or not _ends_alike(now.swing, then.swing):
+        if swing is None or now.common < _UNLIKE * then.common or (now.beside - then.beside).max() > _GROWN:
+            return None
+        if not _ends_alike(now.swing, then.swing):
             return None
         amplitude = math.sqrt(2.0 / len(then.swing)) * float(np.linalg.norm(then.swing))
         return swing if _stays(now, then, amplitude) else None
@@ -255,7 +291,7 @@ def _row_noise(rest: Float64s) -> float:
     return math.sqrt(0.5 * float(np.mean(np.diff(rest, axis=0) ** 2)))
 
 
-def _shift(now: _Look, then: _Look, gradient: Float64s | None) -> tuple[int, int]:
+def _shift(now: _Look, then: _Look, gradient: Float64s | None, box: Region) -> tuple[int, int]:
     """Columns and rows by which the light lies right of and below the box, by least squares of the cells' means."""
     if gradient is None or not (now.mean.sum() > 0.0 and then.mean.sum() > 0.0):
         return 0, 0
@@ -264,8 +300,9 @@ def _shift(now: _Look, then: _Look, gradient: Float64s | None) -> tuple[int, int
     squares = slope @ slope.T
     if not np.linalg.det(squares) > _FLAT * np.trace(squares) ** 2:
         return 0, 0
-    right, down = np.linalg.solve(squares, slope @ change)
-    return int(right), int(down)  # to less than a pixel
+    ways = zip(np.linalg.solve(squares, slope @ change), (box.width, box.height), strict=True)
+    right, down = (0 if abs(way) < max(size / _PLACES, 1.0) else round(way) for way, size in ways)
+    return right, down
 
 
 def _ratio(now: float, then: float) -> float | None:

@@ -60,7 +60,8 @@ def watch_lights(
     followed (:class:`SourceTracker`). A search needs a reason: the picture beside the lights has changed since the last
     one, which is tested in every eighth frame, or the frame before misses a light. There is one in ``search_every``
     frames on average; up to three that were saved while there was no reason come at once. Without a reason a search
-    comes after ten times as many frames, and in any case in a frame of another shape or type.
+    comes after ten times as many frames, and in any case in a frame of another shape or type. Where a light that sends
+    data is missing, the next eight frames are searched: bursts begin at other rows in each frame.
 
     Args:
         frames: (rows, columns) as stored.
@@ -100,19 +101,21 @@ class _Watch:
         self._origins: dict[int, int] = {}  # number of a reflection: that of its light
         self._overview: _Overview | None = None
         self._places: list[Region] = []  # of the lights in it
-        self._since, self._saved = 0, float(SAVED)
+        self._since, self._alert, self._saved = 0, 0, float(SAVED)
         self._kind: tuple[Any, ...] = ()
 
     def is_due(self, frame: Frame, search_every: int) -> bool:
         """True if the frame is to be searched."""
         self._since, self._saved = self._since + 1, min(self._saved + 1.0 / search_every, SAVED)
+        missing = [track for track in self._tracker.tracks if track.hidden == 1]  # seen in the frame before the last
+        self._alert = _LOOKS if any(track.source.carries_data for track in missing) else max(self._alert - 1, 0)
         if self._overview is None or (frame.shape, frame.dtype) != self._kind:
             return True
-        if self._since >= UNCHANGED * search_every:
+        if self._since >= UNCHANGED * search_every or self._alert:
             return True
         if self._saved < 1.0:
             return False
-        if any(track.hidden == 1 for track in self._tracker.tracks):  # the last frame does not show it
+        if missing:
             return True
         if self._since % min(_LOOKS, search_every):
             return False
