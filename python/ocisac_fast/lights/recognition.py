@@ -34,7 +34,7 @@ _ENDS_UNLIKE = 4.0  # ratio of a waveform's energies in the first or last quarte
 _TREND = 3  # degree of the slow light beside a waveform
 _PADDED = 8  # times the rows: spectrum of a waveform
 _STEPS = 6  # to the place of a light
-_PLACES = 64  # in a box: a smaller distance is no movement
+_PLACES = 32  # in a box: a smaller distance is no movement
 _FLAT = 1e-3  # determinant over squared trace: means that change along one direction only
 
 
@@ -49,7 +49,7 @@ class KnownLight:
     * beside it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
 
     So the light neither vanished nor changed its frequency or shape. Its place is where the means agree best, to a
-    pixel or a 64th of its size. Errors do not add up, since the first frame stays the reference. Of a light that sends
+    pixel or a 32nd of its size. Errors do not add up, since the first frame stays the reference. Of a light that sends
     data, all cells show one waveform, from the first quarter of the box to the last; it is recognised at the expected
     place only.
 
@@ -215,16 +215,16 @@ class _Tone:
         part = np.searchsorted([0, box.height // _HALVES, box.height], rows, side="right")
         self._design = np.hstack([waves * (part == k)[:, None] for k in range(_HALVES + 2)])
         self._weights = np.linalg.pinv(self._design)
+        self._spread = float(np.linalg.norm(self._weights[0::3][_INNER], axis=1).max())
 
     def look(self, pixels: Pixels, box: Region) -> _Look:
         rows = self._cells.look(pixels, box)
         found = self._weights @ rows
         mean, cosine, sine = found[0::3], found[1::3], found[2::3]
-        spread = float(np.linalg.norm(self._weights[0::3][_INNER], axis=1).max())
         swing = cosine - 1j * sine
         sides = swing[_INNER, 0], swing[_INNER, -1], swing[0, _INNER], swing[-1, _INNER]
-        beside = np.array([abs(side.mean()) for side in sides])
-        noise = spread * _row_noise((rows - self._design @ found)[:, _INNER])
+        beside = np.abs([side.sum() / len(side) for side in sides])
+        noise = self._spread * _row_noise((rows - self._design @ found)[:, _INNER])
         return _Look(mean[_INNER, _INNER], noise, swing[_INNER, _INNER], beside)
 
     def gradient(self, pixels: Pixels, box: Region) -> Float64s:
@@ -288,7 +288,8 @@ class _Waveform:
 
 def _row_noise(rest: Float64s) -> float:
     """Standard deviation of a row from its differences, which texture larger than a row hardly enters."""
-    return math.sqrt(0.5 * float(np.mean(np.diff(rest, axis=0) ** 2)))
+    steps = (rest[1:] - rest[:-1]).ravel()
+    return math.sqrt(0.5 * float(steps @ steps) / max(len(steps), 1))
 
 
 def _shift(now: _Look, then: _Look, gradient: Float64s | None, box: Region) -> tuple[int, int]:
