@@ -116,5 +116,7 @@ def over_frames(region: npt.NDArray[Any], camera: Camera, advance: float, fitted
 def _course(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, rows: slice) -> Float64s:
     """(1, frames, pixels) linear light of some rows, without harmonics and other tones."""
     beside = fitted.model.first + 2
-    light = linear_light(region[:, rows], camera) - fitted.model.design[rows, beside:] @ fitted.parameters[:, beside:]
+    light = linear_light(region[:, rows], camera)
+    if beside < fitted.model.design.shape[1]:
+        light -= fitted.model.design[rows, beside:] @ fitted.parameters[:, beside:]
     return light.reshape(1, len(region), -1)
