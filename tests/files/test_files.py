@@ -137,6 +137,23 @@ def test_colour_of_a_video_on_request(tmp_path):
     assert max(green, blue) < 20
 
 
+@pytest.mark.parametrize("width", [128, 100])
+def test_frames_of_a_video_stay_as_they_were_while_others_are_decoded(tmp_path, width):
+    """Also where they are read in the decoder's memory, which predicts later frames from earlier ones."""
+    frames = np.random.default_rng(0).integers(0, 256, (24, 96, width)).astype(np.uint8)
+    path = tmp_path / "v.mkv"
+    with av.open(path, "w") as file:
+        stream = file.add_stream("libx264", rate=30, options={"qp": "0", "bf": "3", "g": "12"})
+        stream.width, stream.height, stream.pix_fmt = width, 96, "gray"
+        for frame in frames:
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="gray")))
+        file.mux(stream.encode())
+    with open_recording(path) as opened:
+        read = list(opened)
+    assert all(frame.flags.c_contiguous and not frame.flags.writeable for frame in read)
+    np.testing.assert_array_equal(np.stack(read), frames)
+
+
 def test_a_long_video_is_read_frame_by_frame(tmp_path):
     frames = random_frames((7, 32, 32), np.uint8)
     write_frames(tmp_path / "v.mkv", frames)

@@ -1,5 +1,7 @@
 """The lights of every frame of a video, searched now and then and followed in between."""
 
+import json
+
 import numpy as np
 import pytest
 from test_sources import CAMERA, add_lamp, scene, stored
@@ -171,6 +173,34 @@ def test_a_reflection_stays_one():
     for seen in watch([mirrored(k) for k in range(6)]):
         (reflection,) = [s for s in seen.sources if s.reflection_of is not None]
         assert abs(seen.sources[reflection.reflection_of].x - 350) < 12
+
+
+def test_the_command_line_says_which_lights_were_followed(tmp_path, capsys):
+    for module in ("click", "rich"):
+        pytest.importorskip(module)
+    from ocisac_fast.cli import main
+
+    np.save(tmp_path / "v.npy", np.stack(video(lambda _: [(120, 100, 9000.0, 120.0), (240, 330, 13000.0, 60.0)], 6)))
+    command = [
+        "detect",
+        str(tmp_path / "v.npy"),
+        "--row-time",
+        "10us",
+        "--exposure",
+        "30us",
+        "--scan-axis",
+        "y",
+        "--json",
+    ]
+    for options, searched in (([], [True] + [False] * 5), (["--search-every", "1"], [True] * 6)):
+        assert main([*command, *options]) == 0
+        frames = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+        assert [frame["frame"] for frame in frames] == list(range(6))
+        for frame, whole in zip(frames, searched, strict=True):
+            assert sorted(source["light"] for source in frame["sources"]) == [0, 1]
+            assert all(source["searched"] is whole for source in frame["sources"])
+    assert main([*command, "--search-every", "0"]) == 2
+    assert "--search-every" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 9])
