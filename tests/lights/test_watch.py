@@ -33,6 +33,11 @@ def watch(frames, search_every=30, camera=CAMERA):
     return list(watch_lights(frames, camera, search_every))
 
 
+def searched(count):
+    """The first four frames are."""
+    return [k < 4 for k in range(count)]
+
+
 def at(seen, column):
     """The light of a frame at a column and its number; None without one."""
     found = [(s, n) for s, n in zip(seen.sources, seen.numbers, strict=True) if abs(s.x + s.width / 2 - column) < 25]
@@ -57,7 +62,7 @@ def test_followed_lights_are_those_of_a_search_of_each_frame(speed, texture):
         texture=texture,
     )
     followed, each = watch(frames), watch(frames, 1)
-    assert [one.searched for one in followed] == [True] + [False] * 19
+    assert [one.searched for one in followed] == searched(20)
     assert all(one.searched for one in each)
     for one, other in zip(followed, each, strict=True):
         k = one.frame
@@ -84,7 +89,7 @@ def test_a_light_that_appears_in_a_still_picture_is_found_within_eight_frames(ap
     found = watch(video(lambda k: places[: 1 + (k >= appears)], appears + 10))
     first = next(seen.frame for seen in found if at(seen, 330))
     assert appears <= first <= appears + 8
-    assert sum(seen.searched for seen in found) == 2
+    assert sum(seen.searched for seen in found) == 4 + 1
     assert at(found[-1], 100)[1] == at(found[0], 100)[1] != at(found[-1], 330)[1]
 
 
@@ -97,29 +102,35 @@ def test_searches_of_a_picture_that_moves_are_as_many_as_wanted():
 
     found = watch([moving(k) for k in range(100)], 20)
     searches = [seen.frame for seen in found if seen.searched]
-    assert len(searches) <= 100 / 20 + 3
+    assert len(searches) <= 4 + 3 + 100 / 20
     assert max(np.diff([*searches, 100])) <= 24
     assert all(at(seen, 330) for seen in found if seen.frame >= 62 + 24)
 
 
 def test_a_picture_that_seems_unchanged_is_searched_after_ten_intervals():
     found = watch(video(lambda _: [(120, 100, 9000.0, 120.0)], 45), 2)
-    assert [seen.frame for seen in found if seen.searched] == [0, 20, 40]
+    assert [seen.frame for seen in found if seen.searched] == [0, 1, 2, 3, 23, 43]
+
+
+def test_a_light_that_the_first_frame_hides_is_found_in_the_next():
+    found = watch(video(lambda k: [(120, 100, 9000.0, 120.0 * (k > 0))], 12))
+    assert [len(seen.sources) for seen in found] == [0] + [1] * 11
+    assert [seen.searched for seen in found] == searched(12)
 
 
 def test_a_video_without_lights_is_searched_as_rarely(monkeypatch):
-    searched = []
-    monkeypatch.setattr(tracker, "detect_sources", lambda *_, **__: searched.append(1) or [])
+    searches = []
+    monkeypatch.setattr(tracker, "detect_sources", lambda *_, **__: searches.append(1) or [])
     found = watch(video(lambda _: [], 24))
-    assert [seen.searched for seen in found] == [True] + [False] * 23
-    assert not searched
+    assert [seen.searched for seen in found] == searched(24)
+    assert not searches
 
 
 def test_a_light_that_vanishes_is_gone_at_once():
     found = watch(video(lambda k: [(120, 100, 9000.0, 120.0), (240, 330, 13000.0, 60.0 * (k < 6))], 16))
     assert [at(seen, 330) is not None for seen in found] == [k < 6 for k in range(16)]
     assert len({at(seen, 100)[1] for seen in found}) == 1
-    assert sum(seen.searched for seen in found) <= 3
+    assert sum(seen.searched for seen in found) <= 4 + 3
 
 
 def test_a_light_that_changes_its_frequency_is_another():
@@ -140,7 +151,7 @@ def test_a_light_that_sends_data_is_followed():
         return stored(picture)
 
     found = watch([sending(k) for k in range(12)])
-    assert [seen.searched for seen in found] == [True] + [False] * 11
+    assert [seen.searched for seen in found] == searched(12)
     for seen in found:
         (source,) = seen.sources
         assert source.carries_data
@@ -170,7 +181,7 @@ def test_a_reflection_stays_one():
         add_lamp(picture, 250, 150, 26, waveform, swing=25.0)
         return stored(picture)
 
-    for seen in watch([mirrored(k) for k in range(6)]):
+    for seen in watch([mirrored(k) for k in range(8)]):
         (reflection,) = [s for s in seen.sources if s.reflection_of is not None]
         assert abs(seen.sources[reflection.reflection_of].x - 350) < 12
 
@@ -192,11 +203,11 @@ def test_the_command_line_says_which_lights_were_followed(tmp_path, capsys):
         "y",
         "--json",
     ]
-    for options, searched in (([], [True] + [False] * 5), (["--search-every", "1"], [True] * 6)):
+    for options, expected in (([], searched(6)), (["--search-every", "1"], [True] * 6)):
         assert main([*command, *options]) == 0
         frames = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
         assert [frame["frame"] for frame in frames] == list(range(6))
-        for frame, whole in zip(frames, searched, strict=True):
+        for frame, whole in zip(frames, expected, strict=True):
             assert sorted(source["light"] for source in frame["sources"]) == [0, 1]
             assert all(source["searched"] is whole for source in frame["sources"])
     assert main([*command, "--search-every", "0"]) == 2
@@ -221,9 +232,9 @@ def test_one_picture_is_searched_as_by_detect_sources():
 
 def test_a_frame_of_another_shape_or_type_is_searched():
     places = [(120, 100, 9000.0, 120.0)]
-    frames = [*video(lambda _: places, 3), frame_of(places, shape=(300, 400)), frame_of(places).astype(np.uint16)]
-    found = watch(frames)
-    assert [seen.searched for seen in found] == [True, False, False, True, True]
+    others = frame_of(places, shape=(300, 400)), frame_of(places).astype(np.uint16)
+    found = watch([*video(lambda _: places, 6), *others])
+    assert [seen.searched for seen in found] == [*searched(6), True, True]
     assert all(len(seen.sources) == 1 for seen in found)
 
 

@@ -56,12 +56,13 @@ def watch_lights(
 ) -> Iterator[SeenLights]:
     """Yield the lights of each frame.
 
-    A search covers a whole frame and compares it with its neighbours in a group. Between searches the lights found are
-    followed (:class:`SourceTracker`). A search needs a reason: the picture beside the lights has changed since the last
-    one, which is tested in every eighth frame, or the frame before misses a light. There is one in ``search_every``
-    frames on average; up to three that were saved while there was no reason come at once. Without a reason a search
-    comes after ten times as many frames, and in any case in a frame of another shape or type. Where a light that sends
-    data is missing, the next eight frames are searched: bursts begin at other rows in each frame.
+    A search covers a whole frame and compares it with its neighbours in a group. The first four frames are searched,
+    also those of another shape or type, so that a light is found that not every frame shows. Between searches the
+    lights found are followed (:class:`SourceTracker`). A further search needs a reason: the picture beside the lights
+    has changed since the last one, which is tested in every eighth frame, or the frame before misses a light. There is
+    one in ``search_every`` frames on average; up to three that were saved while there was no reason come at once.
+    Without a reason a search comes after ten times as many frames. Where a light that sends data is missing, the next
+    eight frames are searched: bursts begin at other rows in each frame.
 
     Args:
         frames: (rows, columns) as stored.
@@ -101,7 +102,7 @@ class _Watch:
         self._origins: dict[int, int] = {}  # number of a reflection: that of its light
         self._overview: _Overview | None = None
         self._places: list[Region] = []  # of the lights in it
-        self._since, self._alert, self._saved = 0, 0, float(SAVED)
+        self._since, self._alert, self._saved, self._first = 0, 0, float(SAVED), GROUP
         self._kind: tuple[Any, ...] = ()
 
     def is_due(self, frame: Frame, search_every: int) -> bool:
@@ -109,9 +110,9 @@ class _Watch:
         self._since, self._saved = self._since + 1, min(self._saved + 1.0 / search_every, SAVED)
         missing = [track for track in self._tracker.tracks if track.hidden == 1]  # seen in the frame before the last
         self._alert = _LOOKS if any(track.source.carries_data for track in missing) else max(self._alert - 1, 0)
-        if self._overview is None or (frame.shape, frame.dtype) != self._kind:
-            return True
-        if self._since >= UNCHANGED * search_every or self._alert:
+        if (frame.shape, frame.dtype) != self._kind:
+            self._first = GROUP
+        if self._first or self._alert or self._since >= UNCHANGED * search_every:
             return True
         if self._saved < 1.0:
             return False
@@ -120,7 +121,9 @@ class _Watch:
         if self._since % min(_LOOKS, search_every):
             return False
         lights = [track.source.region for track in self._tracker.tracks if track.visible]
-        return self._overview.is_changed(_Overview(frame, self._camera), [*self._places, *lights])
+        return self._overview is not None and self._overview.is_changed(
+            _Overview(frame, self._camera), [*self._places, *lights]
+        )
 
     def searched(self, index: int, frame: Frame, sources: list[LightSource]) -> SeenLights:
         """Go on with the lights of a search."""
@@ -132,7 +135,11 @@ class _Watch:
         }
         self._overview, self._kind = _Overview(frame, self._camera), (frame.shape, frame.dtype)
         self._places = [one.region for one in sources]
-        self._since, self._saved = 0, max(self._saved - 1.0, 0.0)
+        self._since = 0
+        if self._first:
+            self._first -= 1
+        else:
+            self._saved = max(self._saved - 1.0, 0.0)
         return self._seen(index, frame, True)
 
     def followed(self, index: int, frame: Frame) -> SeenLights:
