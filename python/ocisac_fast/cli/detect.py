@@ -61,9 +61,9 @@ def detect(
     Colours are averaged unless --channel selects one. x, y are the top left corner of a light's box in stored pixels.
     Each frame gives one object; the most probable light comes first, and a light keeps its number.
 
-    The first four frames are searched, later ones where the picture beside the lights changed or a light is missing,
-    about one in --search-every, else one in ten times as many: new lights appear that much later. Between searches a
-    light that looks as before is measured where it is; frequency, size and probability stay. Other lights are refined.
+    The first four frames are searched, and eight after one that misses a light; others where the picture beside the
+    lights changed, one in --search-every, else one in ten times as many: new lights appear that much later. In between
+    a light that looks as before is measured where it is; frequency, size and probability stay. Others are refined.
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True

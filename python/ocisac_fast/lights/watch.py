@@ -58,11 +58,11 @@ def watch_lights(
 
     A search covers a whole frame and compares it with its neighbours in a group. The first four frames are searched,
     also those of another shape or type, so that a light is found that not every frame shows. Between searches the
-    lights found are followed (:class:`SourceTracker`). A further search needs a reason: the picture beside the lights
-    has changed since the last one, which is tested in every eighth frame, or the frame before misses a light. There is
-    one in ``search_every`` frames on average; up to three that were saved while there was no reason come at once.
-    Without a reason a search comes after ten times as many frames. Where a light that sends data is missing, the next
-    eight frames are searched: bursts begin at other rows in each frame.
+    lights found are followed (:class:`SourceTracker`). After a frame that misses one the next eight are searched: it
+    may be faint, or a burst of data that begins at other rows in each frame. Another search needs a reason: the picture
+    beside the lights has changed since the last one, which is tested in every eighth frame. There is one such search in
+    ``search_every`` frames on average; up to three that were saved while there was no reason come at once. Without a
+    reason a search comes after ten times as many frames.
 
     Args:
         frames: (rows, columns) as stored.
@@ -108,17 +108,13 @@ class _Watch:
     def is_due(self, frame: Frame, search_every: int) -> bool:
         """True if the frame is to be searched."""
         self._since, self._saved = self._since + 1, min(self._saved + 1.0 / search_every, SAVED)
-        missing = [track for track in self._tracker.tracks if track.hidden == 1]  # seen in the frame before the last
-        self._alert = _LOOKS if any(track.source.carries_data for track in missing) else max(self._alert - 1, 0)
+        missing = any(track.hidden == 1 for track in self._tracker.tracks)  # seen in the frame before the last
+        self._alert = _LOOKS if missing else max(self._alert - 1, 0)
         if (frame.shape, frame.dtype) != self._kind:
             self._first = GROUP
         if self._first or self._alert or self._since >= UNCHANGED * search_every:
             return True
-        if self._saved < 1.0:
-            return False
-        if missing:
-            return True
-        if self._since % min(_LOOKS, search_every):
+        if self._saved < 1.0 or self._since % min(_LOOKS, search_every):
             return False
         lights = [track.source.region for track in self._tracker.tracks if track.visible]
         return self._overview is not None and self._overview.is_changed(
@@ -136,10 +132,9 @@ class _Watch:
         self._overview, self._kind = _Overview(frame, self._camera), (frame.shape, frame.dtype)
         self._places = [one.region for one in sources]
         self._since = 0
-        if self._first:
-            self._first -= 1
-        else:
+        if not (self._first or self._alert):
             self._saved = max(self._saved - 1.0, 0.0)
+        self._first = max(self._first - 1, 0)
         return self._seen(index, frame, True)
 
     def followed(self, index: int, frame: Frame) -> SeenLights:
