@@ -111,7 +111,7 @@ class SourceTracker:
         return list(self._tracks)
 
     @checked
-    def update(self, frame: npt.ArrayLike, sources: list[LightSource] | None = None) -> list[Track]:
+    def update(self, frame: npt.ArrayLike, *, sources: list[LightSource] | None = None) -> list[Track]:
         """Process the next frame, (rows, columns); returns all active tracks, the oldest first.
 
         ``sources``: its lights, where it has been searched already, with its neighbours for instance.

@@ -123,7 +123,7 @@ class _Watch:
 
     def searched(self, index: int, frame: Frame, sources: list[LightSource]) -> SeenLights:
         """Go on with the lights of a search."""
-        numbers = {id(track.source): track.identity for track in self._tracker.update(frame, sources)}
+        numbers = {id(track.source): track.identity for track in self._tracker.update(frame, sources=sources)}
         self._origins = {
             numbers[id(one)]: numbers[id(sources[one.reflection_of])]
             for one in sources
@@ -139,7 +139,7 @@ class _Watch:
 
     def followed(self, index: int, frame: Frame) -> SeenLights:
         """Go on without a search."""
-        self._tracker.update(frame, None if self._tracker.tracks else [])
+        self._tracker.update(frame, sources=None if self._tracker.tracks else [])
         return self._seen(index, frame, False)
 
     def _seen(self, index: int, frame: Frame, searched: bool) -> SeenLights:
