@@ -50,8 +50,8 @@ class KnownLight:
 
     So the light neither vanished nor changed its frequency or shape. Its place is where the means agree best, to a
     pixel or a 32nd of its size. Errors do not add up, since the first frame stays the reference. Of a light that sends
-    data, all cells show one waveform, from the first quarter of the box to the last; it is recognised at the expected
-    place only.
+    data, all cells show one waveform, from the first quarter of the box to the last; it is recognised at the given
+    places only.
 
     Args:
         pixels: (rows, columns) in time order.
@@ -69,8 +69,8 @@ class KnownLight:
         self._gradient = self._view.gradient(pixels, self._box)
         self._measured = self._measures(pixels, self._box, source.frequency)
 
-    def measure(self, pixels: Pixels, expected: tuple[int, int]) -> LightSource | None:
-        """The light in another frame, x and y of its box ``expected`` in stored pixels; None if it is not recognised.
+    def measure(self, pixels: Pixels, *places: tuple[int, int]) -> LightSource | None:
+        """The light in another frame, near one of the places of its box, x and y as stored; None if not recognised.
 
         Place, gain, phase, mean and flags are measured; amplitude and signal-to-noise ratio follow the swing; frequency
         (but of data), size and the other values stay.
@@ -78,8 +78,9 @@ class KnownLight:
         if pixels.shape != self._shape:
             return None
         source, then = self.source, self._measured
-        x, y = expected
-        found = self._found(pixels, box_in_time_order(source.region._replace(x=x, y=y), pixels.shape, self._axis))
+        boxes = (source.region._replace(x=x, y=y) for x, y in dict.fromkeys(places))
+        tries = (self._found(pixels, box_in_time_order(box, pixels.shape, self._axis)) for box in boxes)
+        found = next((one for one in tries if one is not None), None)
         if found is None:
             return None
         box, look, swing = found

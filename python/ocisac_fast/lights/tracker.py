@@ -149,9 +149,12 @@ class SourceTracker:
         return self.tracks
 
     def _recognised(self, pixels: npt.NDArray[np.generic]) -> dict[int, LightSource]:
-        """By identity: the lights that look as when they were found, near their expected places."""
-        places = {track.identity: _expected_place(track) for track in self._tracks}
-        found = {identity: light.measure(pixels, places[identity]) for identity, light in self._known.items()}
+        """By identity: the lights that look as when they were found, near their last or expected places."""
+        found = {}
+        for track in self._tracks:
+            if track.identity in self._known:
+                last = track.source.x, track.source.y
+                found[track.identity] = self._known[track.identity].measure(pixels, last, _expected_place(track))
         return {identity: source for identity, source in found.items() if source is not None}
 
     def _followed(
