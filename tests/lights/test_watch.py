@@ -215,7 +215,7 @@ def test_the_command_line_says_which_lights_were_followed(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 9])
-def test_each_frame_is_told_once(count):
+def test_each_frame_comes_once(count):
     frames = video(lambda _: [(120, 100, 9000.0, 120.0)], count)
     for search_every in (1, 30):
         found = watch(iter(frames), search_every)

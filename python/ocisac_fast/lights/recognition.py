@@ -49,8 +49,8 @@ class KnownLight:
     * beside it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
 
     So the light neither vanished nor changed its frequency or shape. Its place is where the means agree best, to a
-    pixel or a 32nd of its size. Errors do not add up, since the first frame stays the reference. Of a light that sends
-    data, all cells show one waveform, from the first quarter of the box to the last; it is recognised at the given
+    pixel or a 32nd of its size. Errors do not add up, since the first frame stays the reference. A light that sends
+    data shows one waveform in all cells, from the first quarter of the box to the last; it is recognised at the given
     places only.
 
     Args:
